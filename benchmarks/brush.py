@@ -37,7 +37,7 @@ def runge_kutta(
     """Return the states at the samples by scipy's RK45."""
     contact, motion = contact_constants(parameters), motion_constants(parameters, False)
     nodes = rim.rim_nodes(rim_points(parameters))
-    found, room = rim.scratch(nodes.shape[1]), np.zeros((3, rim.LOADS))
+    found, room = rim.work_array(nodes.shape[1]), np.zeros((3, rim.LOADS))
 
     def rate(t, state):
         result = np.zeros(disc.STATES)

@@ -17,7 +17,7 @@ import numpy as np
 import robustpolish as rp
 from benchmarks.plain_lmi import plain_lmi_cvxpy, plain_lmi_picos
 from robustpolish.synthesis.backends.slycot_backend import synthesise
-from robustpolish.synthesis.lmi.program import run_limited
+from robustpolish.synthesis.lmi.program import run_with_time_limit
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT.parent / "shared" / "data" / "compleib" / "compleib24.npz"
@@ -93,7 +93,7 @@ def judge(plant: rp.GeneralizedPlant, infimum: float | None, solve: Callable) ->
             return "refused", type(error).__name__
 
     start = time.perf_counter()
-    outcome = run_limited(attempt, SECONDS) or ("refused", "time")
+    outcome = run_with_time_limit(attempt, SECONDS) or ("refused", "time")
     seconds = time.perf_counter() - start
     if outcome[0] != "answer":
         right = outcome[0] == "infeasible" and infimum is None

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from robustpolish.synthesis.lmi.program import run_limited
+from robustpolish.synthesis.lmi.program import run_with_time_limit
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def limited(seconds: float, call: Callable[..., Any], *given: Any) -> tuple[floa
         except Exception as error:
             return None, type(error).__name__
 
-    return run_limited(attempt, seconds) or (None, f"no answer in {seconds:g} s")
+    return run_with_time_limit(attempt, seconds) or (None, f"no answer in {seconds:g} s")
 
 
 def differ(ours: float, theirs: float) -> str:

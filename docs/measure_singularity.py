@@ -14,7 +14,7 @@ from robustpolish.synthesis.lmi.mixed import (
 )
 from robustpolish.synthesis.nonsmooth import Loop, augmented
 from robustpolish.synthesis.nonsmooth.measures import HinfMeasure
-from robustpolish.synthesis.problem.preflight import noisy, priced
+from robustpolish.synthesis.problem.preflight import with_control_penalty, with_measurement_noise
 from robustpolish.synthesis.problem.scaling import decoupled_parts, scale_plant
 
 
@@ -47,7 +47,9 @@ def main():
     for actuation in ("displacement", "force"):
         for weight in (0.0, 1e-8):
             whole = air_bearing(actuation=actuation, measured="displacement")
-            part = decoupled_parts(noisy(priced(whole, weight), weight))[0].plant
+            part = decoupled_parts(
+                with_measurement_noise(with_control_penalty(whole, weight), weight)
+            )[0].plant
             ranks = [int(np.linalg.matrix_rank(D)) for D in (part.D12, part.D21)]
             print(f"{actuation}, price and noise {weight:g}: ranks of D12 and D21 {ranks}")
             scaled = scale_plant(part)

@@ -20,7 +20,7 @@ from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, S
 # The files beside this module, and how they become datasets.
 
 
-def stored(name: str) -> dict[str, NDArray[Any]]:
+def load_arrays(name: str) -> dict[str, NDArray[Any]]:
     """Return the arrays of a file of this folder."""
     with (
         files("robustpolish").joinpath("data", name).open("rb") as file,
@@ -95,7 +95,7 @@ def friction_damper(frequency: float = 1.0, amplitude: float = 1.5) -> xr.Datase
     >>> print(f"{float(abs(test['F']).max()):.0f} {test['F'].attrs['units']}")
     25518 N
     """
-    arrays = stored("friction_damper.npz")
+    arrays = load_arrays("friction_damper.npz")
     name = f"{frequency:g}Hz{amplitude:g}in"
     if name not in arrays:
         listed = ", ".join(key.replace("Hz", " Hz ").replace("in", " inch") for key in arrays)
@@ -153,7 +153,7 @@ def magnetic_beam() -> xr.Dataset:
     >>> beam.sizes["time"], beam["strain_beam"].attrs["units"]
     (3500, '1')
     """
-    arrays = stored("magnetic_beam.npz")
+    arrays = load_arrays("magnetic_beam.npz")
     return dataset(
         {name: (np.asarray(arrays[name], dtype=float), "1") for name in arrays},
         _BEAM_RATE,
@@ -201,7 +201,7 @@ def mr_damper() -> xr.Dataset:
     >>> print(f"{float(abs(test['F']).max()):.0f} {test['F'].attrs['units']}")
     140 N
     """
-    arrays = stored("mr_damper.npz")
+    arrays = load_arrays("mr_damper.npz")
     return dataset(
         {name: (np.asarray(arrays[name], dtype=float), unit) for name, unit in _UNITS.items()},
         _MR_DAMPER_RATE,
@@ -259,7 +259,7 @@ def pendulum_decay(part: str = "first") -> xr.Dataset:
     >>> print(f"{float(abs(swing['theta']).max()):.2f} {swing['theta'].attrs['units']}")
     1.62 rad
     """
-    arrays = stored("pendulum_decay.npz")
+    arrays = load_arrays("pendulum_decay.npz")
     theta = arrays[one_of("part", part, _PARTS)]
     return dataset(
         {"theta": (np.asarray(theta, dtype=float), "rad")},

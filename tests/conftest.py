@@ -24,8 +24,10 @@ def buildable_job() -> BuildableBrushDesign:
     """The default design against the brush, of one relaxed limit instead of four."""
     job = rp.design_against_brush(duration=0.02)
     assert isinstance(job, BuildableBrushDesign)
-    all_relaxed = limits_of_hardware.relaxed
+    all_relaxed = limits_of_hardware.relaxed_hardware
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(limits_of_hardware, "relaxed", lambda hardware: [*all_relaxed(hardware)][-1:])
+        patch.setattr(
+            limits_of_hardware, "relaxed_hardware", lambda hardware: [*all_relaxed(hardware)][-1:]
+        )
         assert job.limits  # they stay with the job
     return job

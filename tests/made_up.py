@@ -5,8 +5,8 @@ import xarray as xr
 
 import robustpolish as rp
 from robustpolish.identification.diagnosis.findings import (
-    Confusion,
     FoundEffect,
+    IndistinguishablePair,
     Ledger,
     RankedCandidate,
     Value,
@@ -44,7 +44,7 @@ def diagnosis() -> Diagnosis:
             RankedCandidate("quadratic_damping", PLACE, np.inf, 9.1, 1, {}, "not sensible"),
         ),
         indistinguishable=(
-            Confusion(
+            IndistinguishablePair(
                 Effect("coulomb_friction", PLACE),
                 Effect("stribeck_friction", PLACE),
                 "Move slowly, <1 mm/s, and change the speed.",

@@ -9,11 +9,11 @@ import robustpolish as rp
 from robustpolish.base import budget as deadline
 from robustpolish.base.budget import (
     Budget,
-    OutOfTimeError,
-    clock_stands,
-    ends_with,
-    for_a_part,
-    look_at_the_clock,
+    DeadlineError,
+    check_deadline,
+    enforce_deadline,
+    partial_deadline,
+    paused_clock,
 )
 
 
@@ -28,49 +28,49 @@ def clock(monkeypatch):
 def test_the_time_is_over_half_a_second_after_the_limit(clock):
     with (
         pytest.raises(rp.SolverError, match=r"time limit of 10 s .* Raise time_limit"),
-        ends_with(Budget(seconds=10.0)),
+        enforce_deadline(Budget(seconds=10.0)),
     ):
         clock[0] += 10.0 + deadline.GRACE
-        look_at_the_clock()
+        check_deadline()
         clock[0] += 0.01
-        look_at_the_clock()
-    look_at_the_clock()  # outside nothing is cut
+        check_deadline()
+    check_deadline()  # outside nothing is cut
 
 
 def test_what_takes_longer_than_is_left_is_not_begun(clock):
-    with ends_with(Budget(seconds=10.0)):
-        look_at_the_clock(needed=10.0)
-        with pytest.raises(OutOfTimeError):
-            look_at_the_clock(needed=11.0)
+    with enforce_deadline(Budget(seconds=10.0)):
+        check_deadline(needed=10.0)
+        with pytest.raises(DeadlineError):
+            check_deadline(needed=11.0)
 
 
 def test_a_call_inside_does_not_outlive_the_one_around_it(clock):
-    with ends_with(Budget(seconds=1.0)), ends_with(Budget(seconds=50.0)):
+    with enforce_deadline(Budget(seconds=1.0)), enforce_deadline(Budget(seconds=50.0)):
         clock[0] += 2.0
-        with pytest.raises(OutOfTimeError):
-            look_at_the_clock()
+        with pytest.raises(DeadlineError):
+            check_deadline()
 
 
 def test_a_part_of_the_time_leaves_the_rest(clock):
-    with ends_with(Budget(seconds=9.5)):
+    with enforce_deadline(Budget(seconds=9.5)):
         clock[0] += 4.0
-        with for_a_part(0.5):
-            look_at_the_clock(needed=2.9)
-            with pytest.raises(OutOfTimeError):
-                look_at_the_clock(needed=3.1)
-        look_at_the_clock(needed=5.9)
-    with for_a_part(0.5):
-        look_at_the_clock(needed=1e9)
+        with partial_deadline(0.5):
+            check_deadline(needed=2.9)
+            with pytest.raises(DeadlineError):
+                check_deadline(needed=3.1)
+        check_deadline(needed=5.9)
+    with partial_deadline(0.5):
+        check_deadline(needed=1e9)
 
 
 def test_other_threads_keep_their_own_time(clock):
     seen = []
 
     def elsewhere():
-        look_at_the_clock()
+        check_deadline()
         seen.append("not cut")
 
-    with ends_with(Budget(seconds=1.0)):
+    with enforce_deadline(Budget(seconds=1.0)):
         clock[0] += 5.0
         thread = threading.Thread(target=elsewhere)
         thread.start()
@@ -79,26 +79,26 @@ def test_other_threads_keep_their_own_time(clock):
 
 
 def test_a_search_stops_before_the_time_of_its_proof(clock):
-    budget = Budget.before_a_proof(100.0, 8.0)
+    budget = Budget.with_certificate_reserve(100.0, 8.0)
     share = budget.share(0.5)
     assert (budget.kept, share.seconds_left) == (2.0, 6.0)
     clock[0] += 5.9
     assert not share.late
     clock[0] += 0.2
     assert share.late
-    assert budget.stopped
-    assert Budget.before_a_proof(1.0, 300.0).kept == 5.0
+    assert budget.was_late
+    assert Budget.with_certificate_reserve(1.0, 300.0).kept == 5.0
 
 
 def test_compiling_takes_no_time_of_a_limit(clock):
-    with ends_with(Budget(seconds=1.0)):
-        with clock_stands():
+    with enforce_deadline(Budget(seconds=1.0)):
+        with paused_clock():
             clock[0] += 20.0
-            look_at_the_clock(needed=1.4)
-        look_at_the_clock(needed=1.4)
+            check_deadline(needed=1.4)
+        check_deadline(needed=1.4)
         clock[0] += 1.6
-        with pytest.raises(OutOfTimeError):
-            look_at_the_clock()
+        with pytest.raises(DeadlineError):
+            check_deadline()
 
 
 def test_without_a_complete_certificate_there_is_no_design(monkeypatch):

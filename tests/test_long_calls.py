@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from robustpolish.base.budget import Budget, on_all_cores, same_bits, step_cost
+from robustpolish.base.budget import Budget, parallel_map, single_threaded_blas, step_cost
 
 
 def test_work_ends_a_search_whatever_the_time():
@@ -91,14 +91,14 @@ def threads():
 def test_threads_are_given_back_even_after_an_error():
     seen = []
 
-    @same_bits
+    @single_threaded_blas
     def inner(fail):
         seen.append(threads())
         if fail:
             raise ValueError("as asked")
         return 5
 
-    @same_bits
+    @single_threaded_blas
     def outer():
         inner(False)
         return threads()
@@ -116,7 +116,7 @@ def test_threads_are_given_back_even_after_an_error():
 def test_large_equations_round_alike():
     rng = np.random.default_rng(0)
     A, B = rng.standard_normal((2, 240, 240))
-    solve = same_bits(np.linalg.solve)
+    solve = single_threaded_blas(np.linalg.solve)
     with threadpool_limits(2, user_api="blas"):
         two = solve(A, B)
     with threadpool_limits(1, user_api="blas"):
@@ -132,10 +132,10 @@ def test_several_threads_run_at_a_time_and_answers_keep_their_order(monkeypatch)
         both.wait(timeout=30)  # one alone would wait in vain
         return 10 * item
 
-    assert on_all_cores(waits, iter([3, 1, 2, 4])) == [30, 10, 20, 40]
-    assert on_all_cores(waits, []) == []
+    assert parallel_map(waits, iter([3, 1, 2, 4])) == [30, 10, 20, 40]
+    assert parallel_map(waits, []) == []
 
 
 def test_an_error_in_a_thread_is_raised():
     with pytest.raises(ZeroDivisionError):
-        on_all_cores(lambda item: 1 / item, [1, 0])
+        parallel_map(lambda item: 1 / item, [1, 0])

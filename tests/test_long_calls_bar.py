@@ -23,7 +23,7 @@ def terminal(monkeypatch):
         # Not before the test runs: between fixture and test pytest sets stderr anew.
         stream = Terminal()
         monkeypatch.setattr(sys, "stderr", stream)
-        monkeypatch.setattr(long_calls, "PATIENCE", 0.05)
+        monkeypatch.setattr(long_calls, "PROGRESS_DELAY", 0.05)
         return stream
 
     return open_terminal
@@ -31,7 +31,7 @@ def terminal(monkeypatch):
 
 def test_a_bar_appears_after_a_while_and_leaves_no_trace(terminal):
     stream = terminal()
-    with long_calls.working("Polishing", total=4) as tell:
+    with long_calls.progress_bar("Polishing", total=4) as tell:
         for i in range(3):
             tell(f"place {i}")
         time.sleep(0.8)
@@ -44,21 +44,21 @@ def test_a_bar_appears_after_a_while_and_leaves_no_trace(terminal):
 
 def test_without_steps_the_time_is_shown(terminal):
     stream = terminal()
-    with long_calls.working("Polishing"):
+    with long_calls.progress_bar("Polishing"):
         time.sleep(0.8)
     assert "Polishing 00:00" in stream.getvalue()
 
 
 def test_quick_work_shows_nothing(terminal):
     stream = terminal()
-    with long_calls.working("Polishing"):
+    with long_calls.progress_bar("Polishing"):
         pass
     assert stream.getvalue() == ""
 
 
 def test_only_the_outermost_has_a_bar(terminal):
     stream = terminal()
-    with long_calls.working("Outer"), long_calls.working("Inner") as tell:
+    with long_calls.progress_bar("Outer"), long_calls.progress_bar("Inner") as tell:
         tell("unheard")
         time.sleep(0.5)
     assert "Inner" not in stream.getvalue()
@@ -66,9 +66,9 @@ def test_only_the_outermost_has_a_bar(terminal):
 
 def test_blocks_inside_are_stages_where_that_is_asked_for(terminal):
     stream = terminal()
-    with long_calls.working("Outer", stages=True) as tell:
+    with long_calls.progress_bar("Outer", stages=True) as tell:
         tell("by itself")
-        with long_calls.working("Inner") as tell_inner:
+        with long_calls.progress_bar("Inner") as tell_inner:
             tell_inner("heard")
             time.sleep(0.8)
         time.sleep(0.6)
@@ -80,17 +80,17 @@ def test_blocks_inside_are_stages_where_that_is_asked_for(terminal):
 def test_pipes_stay_silent(monkeypatch):
     stream = io.StringIO()
     monkeypatch.setattr(sys, "stderr", stream)
-    monkeypatch.setattr(long_calls, "PATIENCE", 0.01)
-    with long_calls.working("Polishing"):
+    monkeypatch.setattr(long_calls, "PROGRESS_DELAY", 0.01)
+    with long_calls.progress_bar("Polishing"):
         time.sleep(0.2)
     assert stream.getvalue() == ""
 
 
 def test_an_error_ends_the_bar(terminal):
     stream = terminal()
-    with pytest.raises(ArithmeticError), long_calls.working("Polishing"):
+    with pytest.raises(ArithmeticError), long_calls.progress_bar("Polishing"):
         raise ArithmeticError
-    with long_calls.working("Again"):
+    with long_calls.progress_bar("Again"):
         time.sleep(0.5)
     assert "Again" in stream.getvalue()
 
@@ -131,12 +131,12 @@ def test_a_terminal_without_a_size_shows_a_bar(monkeypatch):
     """A new pseudo-terminal has no rows and columns until somebody says how many."""
     ours, theirs = os.openpty()
     os.set_blocking(ours, False)
-    monkeypatch.setattr(long_calls, "PATIENCE", 0.05)
+    monkeypatch.setattr(long_calls, "PROGRESS_DELAY", 0.05)
     monkeypatch.delenv("TQDM_DISABLE", raising=False)
     with open(theirs, "w", encoding="utf-8") as stream:
         assert os.get_terminal_size(stream.fileno()).columns == 0
         monkeypatch.setattr(sys, "stderr", stream)
-        with long_calls.working("Waiting", total=3) as tell:
+        with long_calls.progress_bar("Waiting", total=3) as tell:
             tell("")
             time.sleep(0.8)
         shown = os.read(ours, 10_000).decode()

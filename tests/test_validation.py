@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from robustpolish.base.checks import (
+    closest_name_remedy,
     described,
     inside,
     invalid,
@@ -13,7 +14,6 @@ from robustpolish.base.checks import (
     one_of,
     positive,
     source_of,
-    spelled,
     state_space,
 )
 from robustpolish.errors import InvalidInputError
@@ -116,7 +116,7 @@ def test_unknown_keys_are_told_with_the_nearest_right_one():
         known_keys(("spring", 1), {"stifness": 3}, ("between", "stiffness"))
     with pytest.raises(InvalidInputError, match="no table dof"):
         known_keys((), {}, ("dof",), ("dof",))
-    assert spelled("quite else", ("dof", "spring")) == "Check its spelling."
+    assert closest_name_remedy("quite else", ("dof", "spring")) == "Check its spelling."
 
 
 def test_what_is_wrong_inside_says_where():

@@ -13,6 +13,7 @@ import numpy as np
 from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import (
     Key,
+    closest_name_remedy,
     described,
     inside,
     instance_of,
@@ -21,7 +22,6 @@ from robustpolish.base.checks import (
     known_keys,
     one_of,
     positive,
-    spelled,
 )
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.machines.mechanical.model import MechanicalModel
@@ -246,7 +246,7 @@ def _places(
         if place is None:
             short = [_bare(one, prefixes) for one in known]
             want = f"one of {', '.join(dict.fromkeys(short)) or 'none'}"
-            raise invalid(argument, name, want, spelled(name, short))
+            raise invalid(argument, name, want, closest_name_remedy(name, short))
         if place in found:
             shown = described(f"{name} twice")
             raise invalid(argument, shown, "different names", "Name each signal once.")

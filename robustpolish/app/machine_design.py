@@ -21,7 +21,7 @@ from robustpolish.linear.norms.singular_values import singular_values
 from robustpolish.loops.analysis import LoopAnalysis, model_analysis
 from robustpolish.loops.requirements import LoopRequirements
 from robustpolish.machines.mechanical.model import MechanicalModel
-from robustpolish.machines.mechanical.toml import design_section, located
+from robustpolish.machines.mechanical.toml import design_section, toml_with_line_numbers
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plots.frequency import plot_gains
 from robustpolish.signals.frequency_response import ratio_unit
@@ -96,7 +96,7 @@ def read_design_task(
         known_keys((), changes, _KEYS)
         return replace(machine, **changes)
     if section is not None:
-        with located(section) as table:
+        with toml_with_line_numbers(section) as table:
             known_keys((), table, ("design", "weights"))
             return _task(_loaded(machine), design_section(table), changes)
     if not isinstance(machine, str | Path) or Path(machine).suffix == ".json":
@@ -104,7 +104,7 @@ def read_design_task(
         own = given.design if isinstance(given, MechanicalModel) else {}
         return _task(given, own, changes)
     model = MechanicalModel.from_toml(machine)
-    with located(machine):
+    with toml_with_line_numbers(machine):
         return _task(model, model.design, changes)
 
 

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from robustpolish.base.checks import invalid
-from robustpolish.base.input_files import tells_of_disk
+from robustpolish.base.input_files import reports_write_errors
 from robustpolish.errors import InvalidInputError
 
 # Renames that replace nothing by accident, and that exchange two folders at once.
@@ -26,7 +26,7 @@ _NOREPLACE, _EXCHANGE = 1, 2
 _UNKNOWN = (errno.ENOSYS, errno.EINVAL, errno.ENOTSUP)
 
 
-def rename_new(draft: Path, target: Path) -> None:
+def rename_noreplace(draft: Path, target: Path) -> None:
     """Rename a file or a folder to a name that nothing has.
 
     Raises
@@ -110,7 +110,7 @@ _NEW, _OLD, _MANIFEST = "new", "old", "replacing"
 _held: dict[Path, int | None] = {}
 
 
-def _let_go() -> None:
+def _release_inherited_locks() -> None:
     """Close the locks that a forked process inherits, lest it outlives their owner with them."""
     for lock in filter(None, _held.values()):
         os.close(lock)
@@ -118,7 +118,7 @@ def _let_go() -> None:
 
 
 if fcntl is not None:
-    os.register_at_fork(after_in_child=_let_go)
+    os.register_at_fork(after_in_child=_release_inherited_locks)
 
 
 @contextmanager
@@ -144,12 +144,12 @@ def stage(target: Path) -> Iterator[Path]:
                 os.close(lock)
 
 
-def put_new(draft: Path, target: Path) -> None:
+def move_new(draft: Path, target: Path) -> None:
     """Put a draft where nothing is; `FileExistsError` if something is there after all."""
-    rename_new(draft, target)
+    rename_noreplace(draft, target)
 
 
-def put_instead(draft: Path, target: Path) -> None:
+def replace_folder(draft: Path, target: Path) -> None:
     """Put a folder in place of another one, which is then in the stage.
 
     Raises
@@ -171,7 +171,7 @@ def put_instead(draft: Path, target: Path) -> None:
         manifest.unlink()
         raise
     try:
-        rename_new(draft, target)
+        rename_noreplace(draft, target)
     except FileExistsError:
         _finish(home)
         if draft.exists():  # otherwise the place was free again, and the draft has taken it
@@ -180,15 +180,15 @@ def put_instead(draft: Path, target: Path) -> None:
         _finish(home)
 
 
-def sweep(folder: Path) -> None:
+def remove_stale_stages(folder: Path) -> None:
     """Remove the stages in a folder whose processes were ended, and finish what they had begun."""
     with contextlib.suppress(OSError):
         for found in sorted(folder.iterdir()):
             if _NAME.fullmatch(found.name) and found.is_dir() and not found.is_symlink():
-                _swept(found)
+                _remove_stale_stage(found)
 
 
-def _swept(home: Path) -> None:
+def _remove_stale_stage(home: Path) -> None:
     """Remove a stage unless it is somebody's."""
     with contextlib.suppress(OSError):
         lock = _locked(home, wait=False)
@@ -214,7 +214,7 @@ def _finish(home: Path) -> None:
     for source in (home / _NEW / name, home / _OLD):
         if not os.path.lexists(target) and source.exists():
             with contextlib.suppress(FileExistsError):
-                rename_new(source, target)
+                rename_noreplace(source, target)
     manifest.unlink()
 
 
@@ -247,7 +247,7 @@ def _locked(home: Path, wait: bool) -> int | None:
 # Folders of results that appear whole or not at all.
 
 
-@tells_of_disk
+@reports_write_errors
 @contextmanager
 def new_folder(path: str | os.PathLike[str], force: bool = False) -> Iterator[Path]:
     """Fill a folder beside its final place and move it there at the end.
@@ -275,7 +275,9 @@ def new_folder(path: str | os.PathLike[str], force: bool = False) -> Iterator[Pa
         If the disk is full, or the place may not be written to.
     """
     target = Path(path)
-    sweep(target.parent)  # what a run that was ended had begun may have to be finished first
+    remove_stale_stages(
+        target.parent
+    )  # what a run that was ended had begun may have to be finished first
     _check(target, force)
     target.parent.mkdir(parents=True, exist_ok=True)
     with stage(target) as draft:
@@ -291,9 +293,9 @@ def _put(draft: Path, target: Path, force: bool) -> None:
         _check(target, force)
         try:
             if target.exists():
-                put_instead(draft, target)
+                replace_folder(draft, target)
             else:
-                put_new(draft, target)
+                move_new(draft, target)
         except (FileExistsError, FileNotFoundError):
             continue  # another writer was quicker
         return
@@ -337,7 +339,7 @@ def _refused(target: Path, expected: str, remedy: str) -> InvalidInputError:
     return invalid("out", str(target), expected, remedy)
 
 
-@tells_of_disk
+@reports_write_errors
 @contextmanager
 def new_file(
     path: str | os.PathLike[str], force: bool = False, suffixes: tuple[str, ...] = ()
@@ -375,7 +377,7 @@ def new_file(
             draft.replace(target)
             return
         try:
-            put_new(draft, target)
+            move_new(draft, target)
         except FileExistsError:
             raise _file_exists(target) from None
 
@@ -388,7 +390,7 @@ def check_new_file(
     What a run that was killed left beside it is removed, whether it is refused or not.
     """
     target = Path(path)
-    sweep(target.parent)
+    remove_stale_stages(target.parent)
     if suffixes and target.suffix not in suffixes:
         raise _refused(target, f"a name that ends in {' or '.join(suffixes)}", "Rename the file.")
     if target.exists() and not force:

@@ -37,9 +37,9 @@ Result = TypeVar("Result")
 
 _lock = threading.Lock()
 _limit = ExitStack()
-_inside = 0
-_stood = 0.0
-_stands_since: float | None = None
+_open_blas_blocks = 0
+_paused_seconds = 0.0
+_paused_since: float | None = None
 
 
 def now() -> float:
@@ -51,27 +51,27 @@ def now() -> float:
     >>> now() >= before
     True
     """
-    return (time.monotonic() if _stands_since is None else _stands_since) - _stood
+    return (time.monotonic() if _paused_since is None else _paused_since) - _paused_seconds
 
 
 @contextmanager
-def clock_stands() -> Iterator[None]:
+def paused_clock() -> Iterator[None]:
     """Let the clock stand in the block, for all threads; blocks do not overlap or nest.
 
     Examples
     --------
-    >>> with clock_stands():
+    >>> with paused_clock():
     ...     before = now()
     ...     now() == before
     True
     """
-    global _stands_since, _stood
-    _stands_since = start = time.monotonic()
+    global _paused_since, _paused_seconds
+    _paused_since = start = time.monotonic()
     try:
         yield
     finally:
-        _stood += time.monotonic() - start
-        _stands_since = None
+        _paused_seconds += time.monotonic() - start
+        _paused_since = None
 
 
 def step_cost(states: int) -> float:
@@ -134,7 +134,7 @@ class Budget:
         return own
 
     @classmethod
-    def before_a_proof(cls, work: float, seconds: float) -> Budget:
+    def with_certificate_reserve(cls, work: float, seconds: float) -> Budget:
         """Return a budget that keeps a quarter of the time, at most 5 s, for the certificate."""
         return cls(work, seconds, min(5.0, seconds / 4))
 
@@ -152,10 +152,10 @@ class Budget:
     @property
     def late(self) -> bool:
         """Whether the safety net was reached; once it was, that stays so."""
-        self.look()
+        self.update_late()
         return self._late
 
-    def look(self) -> None:
+    def update_late(self) -> None:
         """Look at the clock, after a call that ends with the safety net by itself."""
         reached: Budget | None = self
         if not self._late and self.elapsed >= self.seconds - self.kept:
@@ -163,7 +163,7 @@ class Budget:
                 reached._late, reached = True, reached._parent
 
     @property
-    def stopped(self) -> bool:
+    def was_late(self) -> bool:
         """Whether a search has seen that it was late, and so may have ended for that reason."""
         return self._late
 
@@ -183,7 +183,7 @@ class Budget:
         return max(0.0, self.seconds - self.kept - self.elapsed)
 
 
-def same_bits(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+def single_threaded_blas(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
     """Run the linear algebra of `function` on one thread, so that no sum changes its order.
 
     From about 100 rows on, OpenBLAS shares the work of solving equations and finding eigenvalues
@@ -193,7 +193,7 @@ def same_bits(function: Callable[Arguments, Result]) -> Callable[Arguments, Resu
     Examples
     --------
     >>> import numpy as np
-    >>> @same_bits
+    >>> @single_threaded_blas
     ... def largest(M):
     ...     return float(np.linalg.norm(M, 2))
     >>> largest([[3.0]])
@@ -205,17 +205,17 @@ def same_bits(function: Callable[Arguments, Result]) -> Callable[Arguments, Resu
 @contextmanager
 def _one_thread() -> Iterator[None]:
     """Limit linear algebra to one thread until the last of the blocks that overlap is done."""
-    global _inside
+    global _open_blas_blocks
     with _lock:
-        if _inside == 0:
+        if _open_blas_blocks == 0:
             _limit.enter_context(_libraries().limit(limits=1, user_api="blas"))
-        _inside += 1
+        _open_blas_blocks += 1
     try:
         yield
     finally:
         with _lock:
-            _inside -= 1
-            if _inside == 0:
+            _open_blas_blocks -= 1
+            if _open_blas_blocks == 0:
                 _limit.close()
 
 
@@ -225,7 +225,7 @@ def _libraries() -> ThreadpoolController:
     return ThreadpoolController()
 
 
-def on_all_cores(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+def parallel_map(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
     """Return what a function gives for each item, in their order; threads run several at a time.
 
     Worth it where compiled loops or linear algebra take most of the time, and of the same bits on
@@ -233,24 +233,24 @@ def on_all_cores(function: Callable[[Item], Result], items: Iterable[Item]) -> l
 
     Examples
     --------
-    >>> on_all_cores(abs, [-2, 1])
+    >>> parallel_map(abs, [-2, 1])
     [2, 1]
     """
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         return list(pool.map(function, items))
 
 
-PATIENCE = 2.0
+PROGRESS_DELAY = 2.0
 """Seconds after which a bar appears."""
 
 _REFRESH = 0.5
-_busy = threading.Lock()
-_told: list[_Bar] = []
+_bar_lock = threading.Lock()
+_staged_bars: list[_Bar] = []
 """The bar of a block that names its stages, if there is one."""
 
 
 @contextmanager
-def working(
+def progress_bar(
     what: str, total: int | None = None, stages: bool = False
 ) -> Iterator[Callable[[str], None]]:
     """Show a bar on standard error while the block takes longer than two seconds.
@@ -276,26 +276,26 @@ def working(
 
     Examples
     --------
-    >>> with working("Adding", total=3) as tell:
+    >>> with progress_bar("Adding", total=3) as tell:
     ...     for i in range(3):
     ...         tell(f"number {i}")
     """
-    if not someone_looks():
+    if not is_interactive():
         yield lambda _: None
-    elif not _busy.acquire(blocking=False):
-        with _told[0].stage(what) if _told else nullcontext(lambda _: None) as tell:
+    elif not _bar_lock.acquire(blocking=False):
+        with _staged_bars[0].stage(what) if _staged_bars else nullcontext(lambda _: None) as tell:
             yield tell
     else:
         try:
             with _Bar(what, total) as bar:
-                _told[:] = [bar] if stages else []
+                _staged_bars[:] = [bar] if stages else []
                 yield bar.tell
         finally:
-            _told.clear()
-            _busy.release()
+            _staged_bars.clear()
+            _bar_lock.release()
 
 
-def someone_looks() -> bool:
+def is_interactive() -> bool:
     """Tell whether standard error is a terminal, or this is a notebook; never if bars are off."""
     if os.environ.get("TQDM_DISABLE", "0") not in ("", "0"):
         return False
@@ -349,14 +349,14 @@ class _Bar:
             self._remark = before
 
     def _run(self) -> None:
-        if self._over.wait(PATIENCE):
+        if self._over.wait(PROGRESS_DELAY):
             return
         form = None if self._total else "{desc} {elapsed}{postfix}"
         bar: Any = self._make(
             total=self._total, desc=self._what, bar_format=form, leave=False, file=self._file,
             **_size_if_unknown(self._file),
         )  # fmt: skip
-        bar.start_t -= PATIENCE  # the time that is shown is that of the work
+        bar.start_t -= PROGRESS_DELAY  # the time that is shown is that of the work
         while True:
             if self._total:
                 bar.n = min(max(self._steps - 1, 0), self._total)
@@ -413,15 +413,15 @@ class _NotebookLine:
 GRACE = 0.5
 """Seconds beyond its limit that a call may take for a proof that is nearly complete."""
 
-_until: ContextVar[float] = ContextVar("until", default=math.inf)
+_deadline: ContextVar[float] = ContextVar("until", default=math.inf)
 
 
-class OutOfTimeError(SolverError):
+class DeadlineError(SolverError):
     """The time of a call was over before its result was proven."""
 
 
 @contextmanager
-def ends_with(budget: Budget, grace: float | None = None) -> Iterator[None]:
+def enforce_deadline(budget: Budget, grace: float | None = None) -> Iterator[None]:
     """Cut what the block proves some time after the safety net of a budget is reached.
 
     Parameters
@@ -433,49 +433,49 @@ def ends_with(budget: Budget, grace: float | None = None) -> Iterator[None]:
     Raises
     ------
     SolverError
-        If :func:`look_at_the_clock` was called in the block after that.
+        If :func:`check_deadline` was called in the block after that.
 
     Examples
     --------
     >>> from robustpolish.base.budget import Budget
-    >>> with ends_with(Budget(seconds=10.0)):
-    ...     look_at_the_clock()
+    >>> with enforce_deadline(Budget(seconds=10.0)):
+    ...     check_deadline()
     """
     ends = now() + budget.seconds - budget.elapsed
     ends += GRACE if grace is None else grace
-    token = _until.set(min(_until.get(), ends))
+    token = _deadline.set(min(_deadline.get(), ends))
     try:
         yield
-    except OutOfTimeError:
+    except DeadlineError:
         raise SolverError(
             f"The time limit of {budget.seconds:g} s was reached before the controller that was "
             "found had a complete certificate. Raise time_limit."
         ) from None
     finally:
-        _until.reset(token)
+        _deadline.reset(token)
 
 
 @contextmanager
-def for_a_part(part: float) -> Iterator[None]:
+def partial_deadline(part: float) -> Iterator[None]:
     """Leave the block a part of the time that is left, so that something else can follow it."""
     begins = now()
-    token = _until.set(begins + part * (_until.get() - begins))
+    token = _deadline.set(begins + part * (_deadline.get() - begins))
     try:
         yield
     finally:
-        _until.reset(token)
+        _deadline.reset(token)
 
 
-def look_at_the_clock(needed: float = 0.0) -> None:
+def check_deadline(needed: float = 0.0) -> None:
     """Raise an error if the time is over, or less than the seconds that are needed is left.
 
     To be called before every step that cannot be cut; a few microseconds outside of calls that
     have to end.
     """
-    if is_over(needed):
-        raise OutOfTimeError("The time was over before the proof was complete.")
+    if deadline_passed(needed):
+        raise DeadlineError("The time was over before the proof was complete.")
 
 
-def is_over(needed: float = 0.0) -> bool:
+def deadline_passed(needed: float = 0.0) -> bool:
     """Return whether the time is over, for what may end with as much as it has proven."""
-    return now() + needed > _until.get()
+    return now() + needed > _deadline.get()

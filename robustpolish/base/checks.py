@@ -92,12 +92,14 @@ def inside(where: Key) -> Iterator[None]:
         raise InvalidInputError(message, (*where, *error.key)) from None
 
 
-def spelled(name: object, known: Iterable[str]) -> str:
+def closest_name_remedy(name: object, known: Iterable[str]) -> str:
     """Return the remedy for a name that is not known: the nearest one that is.
 
     Examples
     --------
-    >>> spelled("crossover", ["low", "crossover_hz"]), spelled("quite else", ["low"])
+    >>> closest_name_remedy(
+    ...     "crossover", ["low", "crossover_hz"]), closest_name_remedy("quite else", ["low"]
+    ... )
     ('Write crossover_hz.', 'Check its spelling.')
     """
     near = get_close_matches(str(name), list(known), 1)
@@ -125,7 +127,7 @@ def known_keys(
     for key in table:
         if key not in known:
             one_of_these, shown = f"one of {', '.join(known)}", described("an unknown key")
-            raise invalid((*where, key), shown, one_of_these, spelled(key, known))
+            raise invalid((*where, key), shown, one_of_these, closest_name_remedy(key, known))
     for key in required:
         if key not in table:
             what = f"no {key}" if where else f"no table {key}"

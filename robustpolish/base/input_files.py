@@ -39,7 +39,7 @@ _REMEDIES = {
 
 
 @contextmanager
-def told_of_disk(path: str | os.PathLike[str]) -> Iterator[None]:
+def write_errors_as_storage_errors(path: str | os.PathLike[str]) -> Iterator[None]:
     """Turn the system's refusal to write into an error of the package.
 
     Parameters
@@ -57,7 +57,7 @@ def told_of_disk(path: str | os.PathLike[str]) -> Iterator[None]:
     Examples
     --------
     >>> import errno
-    >>> with told_of_disk("results"):
+    >>> with write_errors_as_storage_errors("results"):
     ...     raise OSError(errno.ENOSPC, "No space left on device")
     Traceback (most recent call last):
     ...
@@ -70,10 +70,10 @@ def told_of_disk(path: str | os.PathLike[str]) -> Iterator[None]:
     except OSError as error:
         if isinstance(error, StorageError) or error.errno not in _REMEDIES:
             raise
-        raise refusal(path, error) from None
+        raise storage_error(path, error) from None
 
 
-def refusal(path: object, error: OSError) -> StorageError:
+def storage_error(path: object, error: OSError) -> StorageError:
     """Return the error for what the system did not write.
 
     Parameters
@@ -95,7 +95,7 @@ def refusal(path: object, error: OSError) -> StorageError:
     return made
 
 
-def is_refusal(error: OSError) -> bool:
+def is_write_error(error: OSError) -> bool:
     """Return whether it is the disk that refuses, rather than a defect of the program.
 
     Parameters
@@ -109,10 +109,10 @@ def is_refusal(error: OSError) -> bool:
     return error.errno in _REMEDIES
 
 
-def tells_of_disk(
+def reports_write_errors(
     manager: Callable[P, AbstractContextManager[Path]],
 ) -> Callable[P, AbstractContextManager[Path]]:
-    """Decorate a context manager whose first argument is what it writes; see `told_of_disk`.
+    """Decorate a context manager whose first argument is what it writes.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def tells_of_disk(
     @contextmanager
     def told(*args: P.args, **kwargs: P.kwargs) -> Iterator[Path]:
         path = args[0] if args else kwargs["path"]
-        with told_of_disk(path), manager(*args, **kwargs) as draft:  # type: ignore[arg-type]
+        with write_errors_as_storage_errors(path), manager(*args, **kwargs) as draft:  # type: ignore[arg-type]
             yield draft
 
     return functools.wraps(manager)(told)
@@ -151,7 +151,7 @@ _SHOWN = 80
 
 
 @dataclass(frozen=True)
-class Wanted:
+class FileSpec:
     """What a file shall be, for the checks and their messages.
 
     Attributes
@@ -169,7 +169,7 @@ class Wanted:
     remedy: str
     largest: int
 
-    def limited(self, max_bytes: float | None) -> Wanted:
+    def limited(self, max_bytes: float | None) -> FileSpec:
         """Return the same with another limit, if one is given.
 
         Parameters
@@ -178,7 +178,7 @@ class Wanted:
 
         Returns
         -------
-        Wanted
+        FileSpec
 
         Raises
         ------
@@ -188,7 +188,7 @@ class Wanted:
         if max_bytes is None:
             return self
         largest = int(positive("max_bytes", max_bytes))
-        return Wanted(self.argument, self.expected, self.remedy, largest)
+        return FileSpec(self.argument, self.expected, self.remedy, largest)
 
     def too_large(self, path: Any, size: int, packed: bool = False) -> InvalidInputError:
         """Build the error for a file of more bytes than the limit.
@@ -228,13 +228,13 @@ class Wanted:
         return invalid(self.argument, described(f"{name} ({reason})"), self.expected, self.remedy)
 
 
-def size_of(path: Any, wanted: Wanted) -> int:
+def file_size(path: Any, wanted: FileSpec) -> int:
     """Return the size of a regular file, without opening it.
 
     Parameters
     ----------
     path : path
-    wanted : Wanted
+    wanted : FileSpec
 
     Returns
     -------
@@ -257,13 +257,13 @@ def size_of(path: Any, wanted: Wanted) -> int:
 
 
 @contextmanager
-def opened(path: Any, wanted: Wanted) -> Iterator[BinaryIO]:
+def open_checked(path: Any, wanted: FileSpec) -> Iterator[BinaryIO]:
     """Open a regular file of bounded size for reading.
 
     Parameters
     ----------
     path : path
-    wanted : Wanted
+    wanted : FileSpec
 
     Yields
     ------
@@ -278,14 +278,14 @@ def opened(path: Any, wanted: Wanted) -> Iterator[BinaryIO]:
     Examples
     --------
     >>> import os
-    >>> wanted = Wanted("path", "a file", "Check the path.", 1000)
-    >>> with opened(os.devnull, wanted):
+    >>> wanted = FileSpec("path", "a file", "Check the path.", 1000)
+    >>> with open_checked(os.devnull, wanted):
     ...     pass
     Traceback (most recent call last):
     ...
     robustpolish.errors.InvalidInputError: path: got /dev/null (a device), expected a file...
     """
-    size_of(path, wanted)  # asked first: opening a device may move it
+    file_size(path, wanted)  # asked first: opening a device may move it
     try:
         descriptor = os.open(path, _FLAGS)
     except OSError as error:
@@ -298,13 +298,13 @@ def opened(path: Any, wanted: Wanted) -> Iterator[BinaryIO]:
         yield file
 
 
-def content(path: Any, wanted: Wanted) -> bytes:
-    """Return the bytes of a file; see :func:`opened`.
+def content(path: Any, wanted: FileSpec) -> bytes:
+    """Return the bytes of a file; see :func:`open_checked`.
 
     Parameters
     ----------
     path : path
-    wanted : Wanted
+    wanted : FileSpec
 
     Returns
     -------
@@ -313,9 +313,9 @@ def content(path: Any, wanted: Wanted) -> bytes:
     Raises
     ------
     InvalidInputError
-        As `opened`, and if the file grows beyond the limit while it is read.
+        As `open_checked`, and if the file grows beyond the limit while it is read.
     """
-    with opened(path, wanted) as file:
+    with open_checked(path, wanted) as file:
         try:
             found = file.read(wanted.largest + 1)
         except OSError as error:
@@ -325,13 +325,13 @@ def content(path: Any, wanted: Wanted) -> bytes:
     return found
 
 
-def text(path: Any, wanted: Wanted, encoding: str = "utf-8") -> str:
+def text(path: Any, wanted: FileSpec, encoding: str = "utf-8") -> str:
     """Return the text of a file; see :func:`content`.
 
     Parameters
     ----------
     path : path
-    wanted : Wanted
+    wanted : FileSpec
     encoding : str, optional
 
     Returns
@@ -349,7 +349,7 @@ def text(path: Any, wanted: Wanted, encoding: str = "utf-8") -> str:
         raise wanted.refused(path, "not text in UTF-8") from None
 
 
-def _check_regular(path: Any, status: os.stat_result, wanted: Wanted) -> None:
+def _check_regular(path: Any, status: os.stat_result, wanted: FileSpec) -> None:
     if not stat.S_ISREG(status.st_mode):
         raise wanted.refused(path, _OTHERS.get(stat.S_IFMT(status.st_mode), "no regular file"))
 
@@ -364,7 +364,7 @@ _MOST = 10_000
 """Members of an archive that are looked at."""
 
 
-def members(file: BinaryIO, path: Any, wanted: Wanted) -> list[zipfile.ZipInfo]:
+def members(file: BinaryIO, path: Any, wanted: FileSpec) -> list[zipfile.ZipInfo]:
     """Return the members of a zip archive, which together unpack to no more than is allowed.
 
     Python's reader stops at the size that the archive states, so that the statement binds.
@@ -375,7 +375,7 @@ def members(file: BinaryIO, path: Any, wanted: Wanted) -> list[zipfile.ZipInfo]:
         Opened by :func:`robustpolish.base.input_files.opened`.
     path : path
         For the message.
-    wanted : Wanted
+    wanted : FileSpec
 
     Returns
     -------

@@ -24,7 +24,7 @@ import numba
 import numpy as np
 from numba.core import config, event
 
-from robustpolish.base.budget import clock_stands, working
+from robustpolish.base.budget import paused_clock, progress_bar
 from robustpolish.base.versions import __version__
 
 _lock = threading.RLock()
@@ -51,7 +51,7 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     return decorated
 
 
-class _Aside(event.Listener):
+class _CompileListener(event.Listener):
     """Says that compiling happens once, and lets the clock of all limits stand meanwhile.
 
     Numba compiles in one thread at a time, and tells of the functions inside a function too.
@@ -65,10 +65,10 @@ class _Aside(event.Listener):
         """Begin with the outermost of the functions that are being compiled."""
         self._depth += 1
         if self._depth == 1:
-            self._block.enter_context(clock_stands())
+            self._block.enter_context(paused_clock())
             function = getattr(event.data["dispatcher"], "py_func", None)
             if getattr(function, "__module__", "").startswith(_PACKAGE):
-                self._block.enter_context(working("Compiling (once)"))
+                self._block.enter_context(progress_bar("Compiling (once)"))
 
     def on_end(self, event: Any) -> None:
         """End with it."""
@@ -78,7 +78,7 @@ class _Aside(event.Listener):
             self._block.close()
 
 
-event.register("numba:compile", _Aside())
+event.register("numba:compile", _CompileListener())
 
 
 @contextmanager

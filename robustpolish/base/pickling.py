@@ -20,7 +20,7 @@ import flint
 Part = tuple[int, int] | float
 """An integer times a power of two, or what is not finite."""
 
-_MADE_ANEW = frozenset({"updfcn", "outfcn"})
+_REBUILT_ATTRIBUTES = frozenset({"updfcn", "outfcn"})
 _MORE_THAN_RADIUS_BITS = 38
 
 
@@ -34,7 +34,7 @@ def _reduced_mapping(mapping: Any) -> tuple[Any, ...]:
 
 def _reduced_system(system: control.StateSpace) -> tuple[Any, ...]:
     # A new system of the same matrices brings functions of its own; all else is as it was.
-    kept = {name: value for name, value in vars(system).items() if name not in _MADE_ANEW}
+    kept = {name: value for name, value in vars(system).items() if name not in _REBUILT_ATTRIBUTES}
     return _system, (system.A, system.B, system.C, system.D, system.dt), kept
 
 

@@ -101,12 +101,12 @@ def quantities(*rows: tuple[str, Any], caption: str = "", digits: int = 6) -> Ta
     return Table(caption, (), rows, digits)
 
 
-class Worded(float):
+class FormattedNumber(float):
     """A number that brings its own text, and sorts and calculates as a number."""
 
     text: str
 
-    def __new__(cls, value: float, text: str) -> Worded:
+    def __new__(cls, value: float, text: str) -> FormattedNumber:
         """Join a number and its text."""
         self = super().__new__(cls, value)
         self.text = text
@@ -134,7 +134,7 @@ def estimate(value: float, error: float) -> tuple[float, float]:
         text, short = f"{value:.{-last}f}", f"{error:.{-last}f}"
     else:
         text, short = f"{value:.{min(first - last, 9)}e}", f"{error:.1e}"
-    return Worded(value, text), Worded(error, short)
+    return FormattedNumber(value, text), FormattedNumber(error, short)
 
 
 def plus_minus(value: float, error: float, digits: int = 5) -> str:
@@ -157,7 +157,7 @@ def shown(value: Any, digits: int = 4, missing: str = "-") -> str:
         return missing
     if isinstance(value, bool):
         return "yes" if value else "no"
-    if isinstance(value, Worded):
+    if isinstance(value, FormattedNumber):
         return value.text
     if isinstance(value, float | complex):
         return f"{value:.{digits}g}"

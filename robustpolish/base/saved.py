@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 
 from robustpolish.base.atomic_writes import new_file
 from robustpolish.base.checks import described, invalid
-from robustpolish.base.input_files import Wanted, check_tree, text
+from robustpolish.base.input_files import FileSpec, check_tree, text
 from robustpolish.base.versions import __version__
 
 FORMAT = 1
 """Raised when an older version of the package could not read the files any more."""
 
-SAME_NORM = 1e-6
+NORM_TOLERANCE = 1e-6
 """How far, relative, a norm computed anew may lie from the one in a file."""
 
-_SAVED = Wanted("path", "a file", "Save one with .save(path).", 200_000_000)
+_SAVED = FileSpec("path", "a file", "Save one with .save(path).", 200_000_000)
 
 _WORDS = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
 
@@ -181,7 +181,7 @@ class Fields:
         value = self.raw(key)
         want = f"numbers of shape {shape}".replace("None", "any")
         try:
-            array = np.array(_words_out(value), dtype=float)
+            array = np.array(_encode_nonfinite(value), dtype=float)
         except (TypeError, ValueError):
             raise self._bad(key, value, want) from None
         if array.size == 0 and 0 in shape:  # a list of nothing does not tell how wide it is
@@ -231,9 +231,9 @@ def plain(value: Any, nan: str | None = "nan") -> Any:
     return value
 
 
-def _words_out(value: Any) -> Any:
+def _encode_nonfinite(value: Any) -> Any:
     if isinstance(value, list):
-        return [_words_out(item) for item in value]
+        return [_encode_nonfinite(item) for item in value]
     if isinstance(value, str):
         return _WORDS.get(value, value)
     if value is None or isinstance(value, bool):
@@ -265,7 +265,7 @@ def confirm_norm(fields: Fields, certificate: Any, remedy: str) -> float:
         shown = described(f"a controller without a valid certificate: {certificate.reasons[0]}")
         raise invalid(fields.where, shown, "a controller that keeps its promise", remedy)
     told = fields.number("achieved")
-    if not math.isclose(told, certificate.achieved, rel_tol=SAME_NORM):
+    if not math.isclose(told, certificate.achieved, rel_tol=NORM_TOLERANCE):
         shown = described(f"a norm of {told:.6g} for a loop that has {certificate.achieved:.6g}")
         raise invalid(f"{fields.where}: achieved", shown, "the norm of the loop", remedy)
     return told

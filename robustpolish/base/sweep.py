@@ -40,7 +40,7 @@ import control
 import numpy as np
 import xarray as xr
 
-from robustpolish.base.budget import same_bits, working
+from robustpolish.base.budget import progress_bar, single_threaded_blas
 from robustpolish.base.checks import described, invalid, is_whole
 from robustpolish.errors import InvalidInputError
 
@@ -192,7 +192,7 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Done:
+class ChunkResult:
     """Finished points and what they took; `unknown` says why the function was not found."""
 
     finished: list[tuple[int, Outcome]]
@@ -200,16 +200,16 @@ class Done:
     unknown: str = ""
 
 
-@same_bits
-def run_chunk(job: Job, chunk: Sequence[tuple[int, dict[str, Any]]]) -> Done:
+@single_threaded_blas
+def run_chunk(job: Job, chunk: Sequence[tuple[int, dict[str, Any]]]) -> ChunkResult:
     """Call the function at some points, given with their places."""
     try:
         function = _loaded(job.function) if isinstance(job.function, bytes) else job.function
     except Exception as error:
-        return Done([], unknown=f"{type(error).__name__}: {error}")
+        return ChunkResult([], unknown=f"{type(error).__name__}: {error}")
     start = time.perf_counter()
     finished = [(i, _run(job, function, i, point)) for i, point in chunk]
-    return Done(finished, time.perf_counter() - start)
+    return ChunkResult(finished, time.perf_counter() - start)
 
 
 def _run(job: Job, function: Callable[..., Any], i: int, point: dict[str, Any]) -> Outcome:
@@ -363,7 +363,7 @@ def _column(name: Any, values: Any, taken: tuple[str, ...] = ()) -> np.ndarray:
 # Outcomes of all points as one Dataset over the parameters.
 
 
-def assembled(points: Points, outcomes: Mapping[int, Outcome]) -> xr.Dataset:
+def assemble_dataset(points: Points, outcomes: Mapping[int, Outcome]) -> xr.Dataset:
     """Return one Dataset; points that do not have the first one's form count as failures."""
     count = len(points.each)
     failures = [outcomes[i].failure for i in range(count)]
@@ -407,7 +407,7 @@ def _with_gaps(values: np.ndarray, good: list[int], count: int) -> np.ndarray:
 FORMAT = "robustpolish sweep 1"
 
 
-class Record:
+class SweepRecord:
     """Finished points, appended to a file as they come.
 
     Parameters
@@ -433,7 +433,7 @@ class Record:
         if not self.path.stat().st_size:
             self._write([self._head])
 
-    def __enter__(self) -> Record:
+    def __enter__(self) -> SweepRecord:
         return self
 
     def __exit__(
@@ -573,20 +573,20 @@ _PRELOADED = ["robustpolish.base.sweep", "robustpolish.closed_loop.simulate"]
 Chunk = list[tuple[int, dict[str, Any]]]
 
 
-def serially(job: Job, todo: Chunk) -> Iterator[Done]:
+def run_serially(job: Job, todo: Chunk) -> Iterator[ChunkResult]:
     """Do the points in this process, one by one."""
     for point in todo:
         yield run_chunk(job, [point])
 
 
-def on_executor(job: Job, todo: Chunk, executor: Executor) -> Iterator[Done]:
+def run_on_executor(job: Job, todo: Chunk, executor: Executor) -> Iterator[ChunkResult]:
     """Do the points on an executor of the caller, which stays open."""
     workers = getattr(executor, "_max_workers", None) or _UNKNOWN_WORKERS
     queue = deque(todo)
     yield from _flow(job, queue, executor, workers, {})
 
 
-def on_processes(job: Job, todo: Chunk) -> Iterator[Done]:
+def run_on_processes(job: Job, todo: Chunk) -> Iterator[ChunkResult]:
     """Do the points in local processes, one per core that this process may use.
 
     When a worker dies, what was under way is done again point by point, so that only the point
@@ -597,7 +597,7 @@ def on_processes(job: Job, todo: Chunk) -> Iterator[Done]:
     attempts: dict[int, int] = {}
     while queue or suspects:
         pool = _pool(workers)
-        under_way: dict[Future[Done], Chunk] = {}
+        under_way: dict[Future[ChunkResult], Chunk] = {}
         try:
             _check_start(pool)
             while suspects:
@@ -615,7 +615,7 @@ def on_processes(job: Job, todo: Chunk) -> Iterator[Done]:
                 if attempts[place] >= ATTEMPTS:
                     suspects.popleft()
                     reason = f"its worker process died {ATTEMPTS} times while it ran"
-                    yield Done([(place, Outcome(failure=reason))])
+                    yield ChunkResult([(place, Outcome(failure=reason))])
             else:
                 suspects.extend(sorted(lost, key=lambda point: point[0]))
         finally:
@@ -627,8 +627,8 @@ def _flow(
     queue: deque[tuple[int, dict[str, Any]]],
     executor: Executor,
     workers: int,
-    under_way: dict[Future[Done], Chunk],
-) -> Iterator[Done]:
+    under_way: dict[Future[ChunkResult], Chunk],
+) -> Iterator[ChunkResult]:
     """Keep all workers busy; what is lost when one dies stands in `under_way`."""
     size = 1
     while queue or under_way:
@@ -647,7 +647,7 @@ def _flow(
             yield done
 
 
-def _first(futures: Sequence[Future[Done]]) -> list[Future[Done]]:
+def _first(futures: Sequence[Future[ChunkResult]]) -> list[Future[ChunkResult]]:
     ended = wait(futures, return_when=FIRST_COMPLETED).done
     # Those that were lost last, so that all that was finished is kept.
     return sorted(ended, key=lambda future: future.exception() is not None)
@@ -692,7 +692,7 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-def not_found(why: str) -> InvalidInputError:
+def function_not_found_error(why: str) -> InvalidInputError:
     """Build the error for a function that the workers do not find."""
     expected = "a function that a worker process can import"
     remedy = 'Put it into a module (.py file), or write executor="serial".'
@@ -782,28 +782,28 @@ def sweep(
     sent = function if here or pickled is None else pickled
     job = Job(sent, seed, _takes_rng(function), (*asked.coords, *asked.dims, FAILURE))
     identity = _checksum(function, pickled, asked, seed) if pickled is not None else ""
-    record = Record(file, identity, len(asked.each)) if file is not None else None
+    record = SweepRecord(file, identity, len(asked.each)) if file is not None else None
     with record or nullcontext():
         outcomes = dict(record.found) if record else {}
         todo = [(i, point) for i, point in enumerate(asked.each) if i not in outcomes]
-        bar = working("Sweeping", len(todo)) if progress else nullcontext(_silent)
+        bar = progress_bar("Sweeping", len(todo)) if progress else nullcontext(_silent)
         with bar as tell:
             for done in _work(job, todo, executor):
                 if done.unknown:
-                    raise not_found(done.unknown)
+                    raise function_not_found_error(done.unknown)
                 if record:
                     record.add(done.finished)
                 _collect(done, outcomes, tell)
-    return assembled(asked, outcomes)
+    return assemble_dataset(asked, outcomes)
 
 
 def _work(job: Job, todo: list, executor: Any) -> Any:
     if executor == "serial":
-        return serially(job, todo)
-    return on_processes(job, todo) if executor is None else on_executor(job, todo, executor)
+        return run_serially(job, todo)
+    return run_on_processes(job, todo) if executor is None else run_on_executor(job, todo, executor)
 
 
-def _collect(done: Done, outcomes: dict[int, Outcome], tell: Callable[[str], None]) -> None:
+def _collect(done: ChunkResult, outcomes: dict[int, Outcome], tell: Callable[[str], None]) -> None:
     for i, outcome in done.finished:
         outcomes[i] = outcome
         tell("")

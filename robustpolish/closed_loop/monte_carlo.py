@@ -17,13 +17,13 @@ from matplotlib.axes import Axes
 
 from robustpolish.base.arrays import Array, Vector
 from robustpolish.base.checks import (
+    closest_name_remedy,
     described,
     instance_of,
     invalid,
     is_whole,
     one_of,
     positive,
-    spelled,
 )
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.base.sampling import draws, percentile, percentile_limits, share_limits
@@ -41,7 +41,7 @@ from robustpolish.polishing.parameters import BrushParameters
 from robustpolish.polishing.simulate import simulate_brush
 from robustpolish.polishing.surfaces.surface import Surface
 from robustpolish.synthesis.design import Design, checked_design
-from robustpolish.synthesis.proofs.achieved_norm import quick_norm
+from robustpolish.synthesis.proofs.achieved_norm import estimate_norm
 
 # Machines that differ from a model by as much as its fit leaves open.
 
@@ -133,7 +133,7 @@ def _root(covariance: Array) -> Array:
 # A plant with other numbers in the place of the one that a design was made for.
 
 
-def in_place_of(nominal: GeneralizedPlant, other: GeneralizedPlant) -> GeneralizedPlant:
+def with_added_signals(nominal: GeneralizedPlant, other: GeneralizedPlant) -> GeneralizedPlant:
     """Return `other` with the signals that a synthesis added to `nominal`, in the same order.
 
     Prices on u and noise on y do not depend on the machine.
@@ -191,7 +191,7 @@ def loop_norm(loop: control.StateSpace, norm: str) -> float:
         return float(h2_norm(loop))
     if loop.dt == 0 and loop.nstates:
         A, B, C, D = (np.asarray(M, dtype=float) for M in (loop.A, loop.B, loop.C, loop.D))
-        found = quick_norm(A, B, C, D)
+        found = estimate_norm(A, B, C, D)
         if found.settled:
             return found.value
     return float(hinf_norm(loop))
@@ -279,7 +279,7 @@ class Trial:
         with warnings.catch_warnings():
             # an effect without a linear part has been warned of when the plant was made
             warnings.simplefilter("ignore", RobustPolishWarning)
-            return in_place_of(self.plant, self.plant_of(changed))
+            return with_added_signals(self.plant, self.plant_of(changed))
 
     def load_with(self, values: Mapping[str, Any]) -> xr.Dataset | None:
         """Return the disturbance; the brush is run if it is not the same for all."""
@@ -325,7 +325,7 @@ def check_names(names: Mapping[str, Any], machine: Machine | None, brush: BrushP
     for name in names:
         if name not in known:
             expected = "a number of the machine, brush.NAME, surface.NAME or run"
-            raise invalid(("distributions", name), name, expected, spelled(name, known))
+            raise invalid(("distributions", name), name, expected, closest_name_remedy(name, known))
 
 
 def needs_brush(name: str) -> bool:

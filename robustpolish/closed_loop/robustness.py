@@ -178,7 +178,7 @@ class RobustnessCheck(Displayed):
         return Card("Robustness over the fit's errors", (table,), (left,) if self.left_out else ())
 
 
-class Learned(Protocol):
+class FittedModel(Protocol):
     """A model that was fitted to data, such as a diagnosis or a refit."""
 
     @property
@@ -194,7 +194,7 @@ class Learned(Protocol):
 
 def check_robustness(
     design: Design,
-    learned: Learned | MechanicalModel,
+    learned: FittedModel | MechanicalModel,
     *,
     standard_errors: Mapping[str, float] | None = None,
     plant_of: PlantOf | None = None,

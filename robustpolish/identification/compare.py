@@ -15,14 +15,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robustpolish.base.arrays import Array
-from robustpolish.base.budget import same_bits
+from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import described, invalid, one_of, positive
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.identification.free_runs import (
+    ErrorsByOutput,
     OutputError,
-    OverOutputs,
     RecordError,
-    Simulated,
+    SimulatedPieces,
     output_errors,
     parameter_band,
     predict,
@@ -46,7 +46,7 @@ from robustpolish.signals.frequency_response import holds_frequency_response
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparison(OverOutputs, Displayed):
+class Comparison(ErrorsByOutput, Displayed):
     """A model held against data.
 
     Attributes
@@ -197,7 +197,7 @@ class Comparison(OverOutputs, Displayed):
 
 
 @overload
-@same_bits
+@single_threaded_blas
 def compare(
     model: MechanicalModel, data: xr.DataArray | control.FrequencyResponseData
 ) -> FrequencyComparison: ...
@@ -356,7 +356,7 @@ def _over_time_only(**given: Any) -> None:
 
 
 def _again(
-    record: Record, found: Sequence[Simulated], horizon: float | None
+    record: Record, found: Sequence[SimulatedPieces], horizon: float | None
 ) -> Callable[[MechanicalModel], Array]:
     """How to simulate a changed model in the same way, from the same starts."""
 

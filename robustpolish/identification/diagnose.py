@@ -9,28 +9,28 @@ from typing import Any
 
 import numpy as np
 
-from robustpolish.base.budget import same_bits, working
+from robustpolish.base.budget import progress_bar, single_threaded_blas
 from robustpolish.identification.diagnosis.result import Diagnosis
-from robustpolish.identification.fit.prepared import PreparedRecord, prepare, taken
+from robustpolish.identification.fit.prepared import PreparedRecord, prepare, reduce_record
 from robustpolish.identification.policy import POLICY, Policy
-from robustpolish.identification.record import long_enough, over_time, record_of
+from robustpolish.identification.record import record_of, require_length, require_time_data
 from robustpolish.identification.refit import (
-    refit_own,
+    collect_warnings,
+    fit_own_parameters,
     split_holds,
-    warned,
-    with_holds,
-    with_other_holds,
+    with_reselected_holds,
+    with_selected_holds,
 )
-from robustpolish.identification.structure.moves_add import add_one
-from robustpolish.identification.structure.moves_backtrack import Followed, second_look
-from robustpolish.identification.structure.moves_special import add_wrong_gains, settle_damping
-from robustpolish.identification.structure.score import more_left
+from robustpolish.identification.structure.moves_add import forward_step
+from robustpolish.identification.structure.moves_backtrack import VisitedSearches, backtrack
+from robustpolish.identification.structure.moves_special import add_gain_errors, select_damping_laws
+from robustpolish.identification.structure.score import log_error_ratio
 from robustpolish.identification.structure.state import Search
-from robustpolish.identification.structure.verdict import conclude, conclude_with_one_curve
+from robustpolish.identification.structure.verdict import conclude, conclude_with_single_curve
 from robustpolish.machines.mechanical.model import MechanicalModel
 
 
-@same_bits
+@single_threaded_blas
 def diagnose(
     model: MechanicalModel,
     data: Any,
@@ -94,70 +94,78 @@ def diagnose(
     >>> diagnosis.verdict, effect.kind, round(effect.parameters["force"].value, 1)
     ('missing_effect', 'coulomb_friction', 3.0)
     """
-    over_time(data)
+    require_time_data(data)
     if progress is not None:
         return _diagnose(model, data, progress, _policy)
-    with working("Diagnosing") as tell:
+    with progress_bar("Diagnosing") as tell:
         return _diagnose(model, data, tell, _policy)
 
 
 def _diagnose(
     model: MechanicalModel, data: Any, say: Callable[[str], None], policy: Policy
 ) -> Diagnosis:
-    fewer = taken(model, long_enough(model, record_of(model, data)), policy)
+    fewer = reduce_record(model, require_length(model, record_of(model, data)), policy)
     model, prepared = fewer.model, prepare(fewer.model, fewer.record, policy)
     say("how inputs act between their samples")
     # what its file says of the inputs is known
-    known = fewer.thinned or bool(_orders(model))
-    held = model if known else with_holds(model, prepared)
+    known = fewer.thinned or bool(_hold_orders(model))
+    held = model if known else with_selected_holds(model, prepared)
 
-    begin = partial(_begun, model, prepared=prepared, say=say, known=known)
+    begin = partial(_start_search, model, prepared=prepared, say=say, known=known)
     anew: dict[tuple[float, ...], Search] = {}
-    begun = {_orders(held)}
+    begun = {_hold_orders(held)}
     settled = known
 
-    def grown(search: Search, followed: Followed | None = None) -> Search:
+    def grown(search: Search, followed: VisitedSearches | None = None) -> Search:
         while search.added < policy.most_effects:
-            if (followed is not None and followed.came_here(search)) or not add_one(search):
+            if (followed is not None and followed.already_visited(search)) or not forward_step(
+                search
+            ):
                 break
             # noise alone asks for nothing: what its fine structure looks like is luck
-            late = None if settled or search.at_floor(search.stage) else _late_holds(search)
+            late = (
+                None
+                if settled or search.at_noise_floor(search.stage)
+                else _holds_beside_effects(search)
+            )
             if late is None:
                 continue
-            if _orders(late) not in begun:
-                begun.add(_orders(late))
-                anew[_orders(late)] = grown(begin(late))
-            if _orders(late) in anew and not _worse(anew[_orders(late)], search):
-                return anew[_orders(late)].copy()
+            if _hold_orders(late) not in begun:
+                begun.add(_hold_orders(late))
+                anew[_hold_orders(late)] = grown(begin(late))
+            if _hold_orders(late) in anew and not _significantly_worse(
+                anew[_hold_orders(late)], search
+            ):
+                return anew[_hold_orders(late)].copy()
         return search
 
-    search = grown(_first(model, held, begin))
+    search = grown(_search_with_holds(model, held, begin))
     if search.added and not known:
         say("how inputs act between their samples, beside what was found")
         # where more than noise is left, likelihood believes whatever bends to that
-        fall = 0.0 if search.noise_alone(policy.shape_above) else policy.visible_fall
-        other = with_other_holds(search.stage.model, search.reference, prepared, fall)
+        fall = 0.0 if search.residual_is_noise(policy.shape_above) else policy.visible_fall
+        other = with_reselected_holds(search.stage.model, search.reference, prepared, fall)
         if other is not None:
             settled = True
             again = grown(begin(other))
-            search = search if _worse(again, search) else again
-    found = conclude_with_one_curve(search)
+            search = search if _significantly_worse(again, search) else again
+    found = conclude_with_single_curve(search)
     if found is None:
-        search = second_look(search, grown)
+        search = backtrack(search, grown)
         # only now: as long as something is missing, a fit bends masses and springs alike
-        add_wrong_gains(search)
-        search = settle_damping(search)
+        add_gain_errors(search)
+        search = select_damping_laws(search)
         found = conclude(search, model)
-    notes = (*fewer.notes, *warned(model, found.model, prepared))
-    return replace(found, model=fewer.as_given(found.model), notes=notes)
+    notes = (*fewer.notes, *collect_warnings(model, found.model, prepared))
+    return replace(found, model=fewer.with_original_holds(found.model), notes=notes)
 
 
-def _worse(one: Search, other: Search) -> bool:
+def _significantly_worse(one: Search, other: Search) -> bool:
     """Return whether a search has come less far than another: it leaves visibly more."""
-    return more_left(one.stage, other.stage) > -np.log(1 - one.policy.visible_fall)
+    return log_error_ratio(one.stage, other.stage) > -np.log(1 - one.policy.visible_fall)
 
 
-def _first(
+def _search_with_holds(
     model: MechanicalModel, held: MechanicalModel, begin: Callable[[MechanicalModel], Search]
 ) -> Search:
     """Return the search with the holds that innovations ask for, unless free runs speak against it.
@@ -166,14 +174,14 @@ def _first(
     may look like a late input. Over many swings it does not.
     """
     search = begin(held)
-    if held is model or search.at_floor(search.stage):
+    if held is model or search.at_noise_floor(search.stage):
         return search
     linear = begin(model)
     less = np.log(linear.stage.error) - np.log(search.stage.error)
     return linear if np.mean(less) < np.log(1 - search.policy.visible_fall) else search
 
 
-def _begun(
+def _start_search(
     model: MechanicalModel,
     held: MechanicalModel,
     prepared: PreparedRecord,
@@ -185,19 +193,26 @@ def _begun(
     It may begin again with other holds, unless they are known.
     """
     say("refit of the model's own parameters")
-    own, guided = refit_own(held, prepared)
+    own, short_window_model = fit_own_parameters(held, prepared)
     steps = [("base", model), ("refit", own.model)]
-    begin = None if known else partial(_begun, model, prepared=prepared, say=say)
+    begin = None if known else partial(_start_search, model, prepared=prepared, say=say)
     search = Search(
-        prepared, held, say, linear=own, stage=own, guided=guided, steps=steps, begin=begin
+        prepared,
+        held,
+        say,
+        linear=own,
+        stage=own,
+        short_window_model=short_window_model,
+        steps=steps,
+        begin=begin,
     )
-    search.reasons += _of_records(prepared)
+    search.reasons += _describe_held_out(prepared)
     return search
 
 
-def _late_holds(search: Search) -> MechanicalModel | None:
+def _holds_beside_effects(search: Search) -> MechanicalModel | None:
     """Return the reference with other holds of its inputs, if they show beside an effect."""
-    found, reference = with_holds(search.stage.model, search.prepared), search.reference
+    found, reference = with_selected_holds(search.stage.model, search.prepared), search.reference
     if found is search.stage.model:
         return None
     holds, _ = split_holds(found.effects)
@@ -205,12 +220,12 @@ def _late_holds(search: Search) -> MechanicalModel | None:
     return replace(reference, effects=(*own, *holds))
 
 
-def _orders(model: MechanicalModel) -> tuple[float, ...]:
+def _hold_orders(model: MechanicalModel) -> tuple[float, ...]:
     """Return the orders of the holds of a model's inputs; none if they are linear."""
     return tuple(hold.values["order"] for hold in split_holds(model.effects)[0])
 
 
-def _of_records(prepared: PreparedRecord) -> list[str]:
+def _describe_held_out(prepared: PreparedRecord) -> list[str]:
     """Say what several records are used for."""
     said = []
     if prepared.repeats is not None:

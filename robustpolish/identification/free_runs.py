@@ -13,26 +13,26 @@ from scipy.stats import t as student
 from robustpolish.base.arrays import Array
 from robustpolish.base.checks import described, invalid, positive
 from robustpolish.base.results import Table
-from robustpolish.identification.observer.missing_force import observed, observed_motion
+from robustpolish.identification.observer.missing_force import best_observer_run, smoothed_motion
 from robustpolish.identification.observer.runs import (
+    InitialState,
     RecordRun,
     Reproducibility,
-    Start,
     StartedPiece,
     free_run,
     reproducibility,
     rest,
 )
 from robustpolish.identification.observer.starts import (
-    closest,
+    doubling_lengths,
     fitted_start,
-    lengths,
-    squares,
+    output_weights,
+    refine_starts,
+    squared_errors_of,
     state_sizes,
     visible_sizes,
-    weights_of,
 )
-from robustpolish.identification.record import Record, long_enough
+from robustpolish.identification.record import Record, require_length
 from robustpolish.machines.mechanical.model import MechanicalModel
 
 # Runs in steps so fine that these are no visible part of the error that is judged.
@@ -44,7 +44,7 @@ _FAINT = 1e-4
 _MOST = 64
 
 
-def fine_run(
+def refine_steps(
     run: RecordRun,
     pieces: Sequence[StartedPiece],
     sizes: Array,
@@ -73,24 +73,24 @@ def fine_run(
         As it was where finer steps change nothing, or where runs part whatever the steps.
     pieces : list of StartedPiece
     """
-    finest = None if run.linear else _fine_enough(run, pieces)
+    finest = None if run.linear else _converged_run(run, pieces)
     if finest is None or finest is run:
         return run, list(pieces)
     longest = max((piece.record for piece in pieces), key=lambda record: record.samples)
-    weights = weights_of(longest)
+    weights = output_weights(longest)
 
     def left(of: RecordRun, started: Sequence[StartedPiece]) -> float:
-        return sum(squares(of, started, longest.samples, weights))
+        return sum(squared_errors_of(of, started, longest.samples, weights))
 
     found = list(pieces)
     if sizes.size:
-        found = closest(finest, pieces, longest.samples, sizes, weights)
+        found = refine_starts(finest, pieces, longest.samples, sizes, weights)
         if left(finest, found) > left(run, pieces):
             found = list(search(finest))
     return (finest, found) if left(finest, found) <= left(run, pieces) else (run, list(pieces))
 
 
-def _fine_enough(run: RecordRun, pieces: Sequence[StartedPiece]) -> RecordRun | None:
+def _converged_run(run: RecordRun, pieces: Sequence[StartedPiece]) -> RecordRun | None:
     """Return the run with as many steps as show no more; None if all that are tried do."""
     measured = np.concatenate([piece.record.Y for piece in pieces])
     size = np.std(measured, axis=0)
@@ -148,7 +148,7 @@ def predict(run: RecordRun, record: Record, horizon: float) -> tuple[Array, Star
     still = StartedPiece(record, rest(run.model))
     if not still.start.vector.size:
         return run.over(still).outputs, still
-    seen = observed(run.model, record)
+    seen = best_observer_run(run.model, record)
     if not np.isfinite(seen.outputs).all():
         raise invalid(
             "model",
@@ -159,7 +159,7 @@ def predict(run: RecordRun, record: Record, horizon: float) -> tuple[Array, Star
     n = run.run.system.states
 
     def started(k: int, end: int) -> StartedPiece:
-        return StartedPiece(record.part(k, end), Start(seen.states[k, :n], seen.internal[k]))
+        return StartedPiece(record.part(k, end), InitialState(seen.states[k, :n], seen.internal[k]))
 
     outputs = np.full(record.Y.shape, np.nan)
     for k in range(record.samples - ahead):
@@ -210,7 +210,7 @@ def parameter_band(
 # One record, simulated: in a free run, in windows, or as predictions over a horizon.
 
 
-class Simulated(NamedTuple):
+class SimulatedPieces(NamedTuple):
     """One record, simulated: its outputs, the pieces they are made of, and the first to judge."""
 
     record: Record
@@ -225,26 +225,28 @@ class Simulated(NamedTuple):
         return np.array([piece.start.vector for piece in self.pieces])
 
 
-def simulated_record(run: RecordRun, record: Record, method: str, span: float | None) -> Simulated:
+def simulated_record(
+    run: RecordRun, record: Record, method: str, span: float | None
+) -> SimulatedPieces:
     """Simulate one record in the way that was asked for."""
     skip = 0
     if method == "prediction" and span is not None:
-        simulated, first = predict(run, long_enough(run.model, record), span)
+        simulated, first = predict(run, require_length(run.model, record), span)
         pieces = [first]
         skip = int(np.argmin(np.isnan(simulated[:, 0])))  # before the first prediction
     else:
         stretches = _stretches(run, record, span)
-        pieces, sizes = _started(run, record, stretches)
-        run, pieces = fine_run(
-            run, pieces, sizes, lambda finer: _started(finer, record, stretches)[0]
+        pieces, sizes = _with_estimated_starts(run, record, stretches)
+        run, pieces = refine_steps(
+            run, pieces, sizes, lambda finer: _with_estimated_starts(finer, record, stretches)[0]
         )
         simulated = np.concatenate([run.over(piece).outputs for piece in pieces])
     whole = StartedPiece(record, pieces[0].start)
     found = reproducibility(run, whole, simulated, span, method == "prediction")
-    return Simulated(record, simulated, pieces, skip, found)
+    return SimulatedPieces(record, simulated, pieces, skip, found)
 
 
-def free_runs(model: MechanicalModel, record: Record) -> list[Simulated]:
+def free_runs(model: MechanicalModel, record: Record) -> list[SimulatedPieces]:
     """Return free runs over each of several records, from starts of their own."""
     run = free_run(model, record)
     return [simulated_record(run, part, "free run", None) for part in record.parts]
@@ -270,27 +272,27 @@ def free_run_error(model: MechanicalModel, record: Record) -> tuple[Array, bool]
     with np.errstate(over="ignore", invalid="ignore"):
         left = record.Y - np.concatenate([part.outputs for part in found])
         error = np.sqrt(np.mean(left**2, axis=0))
-    calm = all(part.found.reproducible for part in found)
-    return np.where(np.isfinite(error), error, np.inf), calm
+    predictable = all(part.found.reproducible for part in found)
+    return np.where(np.isfinite(error), error, np.inf), predictable
 
 
-def _started(
+def _with_estimated_starts(
     run: RecordRun, record: Record, stretches: list[tuple[int, int]]
 ) -> tuple[list[StartedPiece], Array]:
     """Return stretches of a record with the starts that suit a model best, and sizes of states."""
     model, still = run.model, rest(run.model)
-    observed = None if run.linear else observed_motion(model, record)
+    observed = None if run.linear else smoothed_motion(model, record)
     linear = run if run.linear else free_run(model.without_effects(), record)
     unmoved = rest(linear.model)
     pieces, sizes = [], np.zeros(0)
     for first, last in stretches:
         part, guesses = record.part(first, last), [still]
         # the linear part of a model with effects says something over a short stretch only
-        seen = part if run.linear else part.part(0, lengths(part.samples)[0])
+        seen = part if run.linear else part.part(0, doubling_lengths(part.samples)[0])
         sizes = visible_sizes(linear, seen, unmoved)
         if not run.linear:
             of_linear = fitted_start(linear, seen, [unmoved], sizes)
-            guesses.append(Start(of_linear.state, still.internal))
+            guesses.append(InitialState(of_linear.state, still.internal))
             sizes = state_sizes(model, sizes)
         if observed is not None:
             guesses.append(observed.start(model, first))
@@ -359,7 +361,7 @@ class OutputError:
         return 100 * (1 - share * self.band[1]), 100 * (1 - share * self.band[0])
 
 
-class OverOutputs:
+class ErrorsByOutput:
     """What has errors by output, in one figure."""
 
     outputs: Mapping[str, OutputError]
@@ -376,7 +378,7 @@ class OverOutputs:
 
 
 @dataclass(frozen=True, eq=False)
-class RecordError(OverOutputs):
+class RecordError(ErrorsByOutput):
     """The errors of one record, which may be one of several.
 
     Attributes
@@ -476,7 +478,9 @@ def _mean_square_band(square: Array, mean: float) -> tuple[float, float]:
 # The errors of simulated records, over all of them and of each.
 
 
-def output_errors(model: MechanicalModel, found: Sequence[Simulated]) -> dict[str, OutputError]:
+def output_errors(
+    model: MechanicalModel, found: Sequence[SimulatedPieces]
+) -> dict[str, OutputError]:
     """Return the errors of each output over records together."""
     measured = np.concatenate([part.record.Y[part.first :] for part in found])
     simulated = np.concatenate([part.outputs[part.first :] for part in found])
@@ -486,7 +490,9 @@ def output_errors(model: MechanicalModel, found: Sequence[Simulated]) -> dict[st
     }
 
 
-def record_errors(model: MechanicalModel, found: Sequence[Simulated]) -> dict[str, RecordError]:
+def record_errors(
+    model: MechanicalModel, found: Sequence[SimulatedPieces]
+) -> dict[str, RecordError]:
     """Return the errors of each record by its name."""
     return {
         part.record.name: RecordError(output_errors(model, [part]), part.starts, part.found)

@@ -225,7 +225,7 @@ class Policy:
         Level(0.0, 0.12),
     )
     coarse: tuple[Level, ...] = _levels(0.3, 0.01)
-    hardly_led: tuple[Level, ...] = (Level(0.01), FREE)
+    weak_guidance: tuple[Level, ...] = (Level(0.01), FREE)
     silent: float = 0.002
     noise_orders: tuple[int, ...] = (0, 1, 2, 4)
     finalists: int = 24
@@ -243,8 +243,8 @@ class Policy:
     most_pairs: int = 3
     most_likely: int = 2
     followed: tuple[int, ...] = (2, 1)
-    turnovers: tuple[float, ...] = (0.1, 0.03, 0.01, 0.003)
-    standing: tuple[float, float] = (0.1, 0.2)
+    smoothing_shares: tuple[float, ...] = (0.1, 0.03, 0.01, 0.003)
+    standstill: tuple[float, float] = (0.1, 0.2)
     near_error: float = 1.3
     mimicked: float = 0.5
     far: float = 3.0
@@ -299,7 +299,7 @@ class Policy:
     larger: tuple[float, ...] = (10.0, 100.0)
     rounds: int = 6
     nats: float = 0.05
-    fades: float = 2.0
+    quieter_held_out: float = 2.0
     windows: int = 25
     shortest_window: int = 60
     long_record: int = 4000
@@ -313,7 +313,7 @@ class Policy:
     undetermined: float = 1 / 3
 
     @property
-    def at_floor(self) -> float:
+    def at_noise_floor(self) -> float:
         """Times the noise below which not even the noise alone would be a visible fall."""
         return 1 / (1 - self.visible_fall)
 

@@ -22,7 +22,7 @@ from robustpolish.base.checks import described, invalid
 from robustpolish.errors import InvalidInputError
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import Input, Output
-from robustpolish.machines.simulation.run import Lines, lines, raw_outputs, signals
+from robustpolish.machines.simulation.run import IntersampleLines, lines, raw_outputs, signals
 from robustpolish.signals.filtering import decimate
 from robustpolish.signals.frequency_response import holds_frequency_response
 from robustpolish.signals.headers import same_kind
@@ -60,7 +60,7 @@ def named_records(data: Any) -> dict[str, Any]:
         If there is no record at all, or something that is none.
     """
     if isinstance(data, xr.Dataset):
-        return taken_apart(data)
+        return split_joined(data)
     if isinstance(data, Mapping):
         found = {str(name): record for name, record in data.items()}
     elif isinstance(data, list | tuple):
@@ -94,7 +94,7 @@ def _name(index: int) -> str:
     return f"record {index + 1}"
 
 
-def taken_apart(data: xr.Dataset) -> dict[str, xr.Dataset]:
+def split_joined(data: xr.Dataset) -> dict[str, xr.Dataset]:
     """Return the records of a joined dataset by name, each over its own time again.
 
     Parameters
@@ -118,7 +118,7 @@ def taken_apart(data: xr.Dataset) -> dict[str, xr.Dataset]:
     return found
 
 
-def joined(records: Mapping[str, xr.Dataset]) -> xr.Dataset:
+def join_records(records: Mapping[str, xr.Dataset]) -> xr.Dataset:
     """Return records one behind the other.
 
     Parameters
@@ -136,10 +136,10 @@ def joined(records: Mapping[str, xr.Dataset]) -> xr.Dataset:
     --------
     >>> import xarray as xr
     >>> small = xr.Dataset({"x": ("time", [0.0, 1.0])}, {"time": [0.0, 0.1]})
-    >>> both = joined({"small": small, "large": 5 * small})
+    >>> both = join_records({"small": small, "large": 5 * small})
     >>> both["x"].values.tolist(), both["record"].values.tolist()
     ([0.0, 1.0, 0.0, 5.0], ['small', 'small', 'large', 'large'])
-    >>> taken_apart(both)["large"]["time"].values.tolist()
+    >>> split_joined(both)["large"]["time"].values.tolist()
     [0.0, 0.1]
     """
     first, *others = records.values()
@@ -171,7 +171,7 @@ def joined(records: Mapping[str, xr.Dataset]) -> xr.Dataset:
     return xr.Dataset(channels, coordinates, {**first.attrs, "notes": notes})
 
 
-def of_one_step(records: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
+def with_common_step(records: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
     """Return the records sampled alike, at the step of the slowest.
 
     Parameters
@@ -221,7 +221,8 @@ class Record:
     names : tuple of str
         Of the records.
     data : xarray.Dataset
-        All of them, one behind the other, see :func:`robustpolish.identification.record.joined`.
+        All of them, one behind the other, see
+        :func:`robustpolish.identification.record.join_records`.
     times : ndarray
         Their times in s, each on its own clock.
     dt : float
@@ -299,17 +300,23 @@ class Record:
         """
         return np.concatenate([signals(model, data) for data in self.sets])
 
-    def lines(self, model: MechanicalModel) -> Lines | None:
+    def lines(self, model: MechanicalModel) -> IntersampleLines | None:
         """Return what a model's signals do between the samples, None if all are linear.
 
         See :func:`robustpolish.machines.simulation.run.lines`; over all records, as `signals`.
         """
         each = [found for data in self.sets if (found := lines(model, data)) is not None]
-        return Lines(*(np.concatenate(side) for side in zip(*each, strict=True))) if each else None
+        return (
+            IntersampleLines(*(np.concatenate(side) for side in zip(*each, strict=True)))
+            if each
+            else None
+        )
 
-    def own_lines(self, found: Lines | None) -> Lines | None:
+    def own_lines(self, found: IntersampleLines | None) -> IntersampleLines | None:
         """Return the lines of this part, of those over all records."""
-        return None if found is None else Lines(self.own(found.begin), self.own(found.end))
+        return (
+            None if found is None else IntersampleLines(self.own(found.begin), self.own(found.end))
+        )
 
     def raw_outputs(self, model: MechanicalModel) -> Array:
         """Return the measured outputs as a model without effects on signals shows them."""
@@ -342,14 +349,14 @@ def record_of(model: MechanicalModel, data: Any) -> Record:
             if len(given) == 1:
                 raise
             raise InvalidInputError(f"{name}: {error}", error.key) from error
-    sets = of_one_step(checked)
+    sets = with_common_step(checked)
     time = [np.asarray(each["time"].values, dtype=float) for each in sets.values()]
     Y = [_columns(model, each) for each in sets.values()]
     span = sum(float(t[-1] - t[0]) for t in time)
     return Record(
         sets=tuple(sets.values()),
         names=tuple(sets),
-        data=joined(sets),
+        data=join_records(sets),
         times=np.concatenate(time),
         dt=span / sum(t.size - 1 for t in time),
         Y=np.ascontiguousarray(np.concatenate(Y)),
@@ -377,7 +384,7 @@ def _check_channels(model: MechanicalModel, given: dict[str, Any]) -> None:
             )
 
 
-def over_time(data: Any) -> None:
+def require_time_data(data: Any) -> None:
     """Refuse frequency responses, for what needs signals over time.
 
     Parameters
@@ -406,7 +413,7 @@ def least_samples(model: MechanicalModel) -> int:
     return 20 * (2 * len(model.free) + 1)
 
 
-def long_enough(model: MechanicalModel, record: Record) -> Record:
+def require_length(model: MechanicalModel, record: Record) -> Record:
     """Return a record if it is long enough for observers and fits of a model.
 
     Raises
@@ -422,7 +429,7 @@ def long_enough(model: MechanicalModel, record: Record) -> Record:
     return record
 
 
-def liveliest(record: Record, most: int) -> Record:
+def most_active_part(record: Record, most: int) -> Record:
     """Return the contiguous samples in which outputs, each by its size, move most.
 
     Parameters
@@ -445,7 +452,7 @@ def liveliest(record: Record, most: int) -> Record:
     return max(found, key=lambda item: item[0])[1]
 
 
-def moving(outputs: Array, quiet: Array, least: int) -> int:
+def quiet_after(outputs: Array, quiet: Array, least: int) -> int:
     """Return after how many samples outputs are quiet for good; all if that is less than half.
 
     Parameters
@@ -465,7 +472,7 @@ def moving(outputs: Array, quiet: Array, least: int) -> int:
     return over if 2 * over < samples else samples
 
 
-def repetition(inputs: Array, dt: float) -> float | None:
+def input_period(inputs: Array, dt: float) -> float | None:
     """Return the period in s with which inputs repeat, None if they do not.
 
     Parameters
@@ -637,7 +644,7 @@ class _Alike:
     unsteady: float = 4.0
 
 
-_ALIKE = _Alike()
+_REPEAT_POLICY = _Alike()
 
 
 @dataclass(frozen=True)
@@ -680,7 +687,7 @@ def repeats(model: MechanicalModel, record: Record) -> Repeats | None:
     found, pairs = [], []
     for (one, u), (other, w) in combinations(parts, 2):
         n = min(one.samples, other.samples)
-        if n < _ALIKE.least or not _same(u[:n], w[:n]):
+        if n < _REPEAT_POLICY.least or not _same(u[:n], w[:n]):
             continue
         difference = (one.Y[:n] - other.Y[:n]) / np.sqrt(2)
         motion = (one.Y[:n] + other.Y[:n]) / 2
@@ -695,19 +702,21 @@ def repeats(model: MechanicalModel, record: Record) -> Repeats | None:
 def _same(one: Array, other: Array) -> bool:
     """Return whether two inputs are the same but for noise."""
     size = np.sqrt(np.mean(one**2 + other**2, axis=0) / 2)
-    return bool(np.all(np.std(one - other, axis=0) <= _ALIKE.inputs * size))
+    return bool(np.all(np.std(one - other, axis=0) <= _REPEAT_POLICY.inputs * size))
 
 
 def _noise_alone(difference: Array, motion: Array) -> bool:
     """Return whether the difference of two outputs is small, steady and not made by the motion."""
     power = float(np.mean(difference**2))
-    if power > _ALIKE.outputs * float(np.var(motion)):
+    if power > _REPEAT_POLICY.outputs * float(np.var(motion)):
         return False
-    blocks = [float(np.mean(block**2)) for block in np.array_split(difference, _ALIKE.blocks)]
-    if max(blocks) > _ALIKE.unsteady * float(np.median(blocks)):
+    blocks = [
+        float(np.mean(block**2)) for block in np.array_split(difference, _REPEAT_POLICY.blocks)
+    ]
+    if max(blocks) > _REPEAT_POLICY.unsteady * float(np.median(blocks)):
         return False
-    k, n = _ALIKE.lags, len(motion)
+    k, n = _REPEAT_POLICY.lags, len(motion)
     near = np.column_stack([motion[k + lag : n - k + lag] for lag in range(-k, k + 1)])
     near, inner = near - near.mean(axis=0), difference[k : n - k] - np.mean(difference[k : n - k])
-    left = inner - near @ np.linalg.lstsq(near, inner, rcond=_ALIKE.visible)[0]
-    return float(left @ left) >= (1 - _ALIKE.motion) * float(inner @ inner)
+    left = inner - near @ np.linalg.lstsq(near, inner, rcond=_REPEAT_POLICY.visible)[0]
+    return float(left @ left) >= (1 - _REPEAT_POLICY.motion) * float(inner @ inner)

@@ -10,33 +10,33 @@ import lmfit
 import numpy as np
 import xarray as xr
 
-from robustpolish.base.budget import on_all_cores, same_bits, working
+from robustpolish.base.budget import parallel_map, progress_bar, single_threaded_blas
 from robustpolish.identification.fit.least_squares import (
+    EvaluatedFit,
     Fit,
-    JudgedFit,
     Residuals,
     best_stage,
     covariance_of,
-    errors_from,
+    evaluate_fit,
+    evaluate_unfitted,
+    free_run_rms,
     homotopy,
-    judged,
     log_odds,
-    rms_over,
-    unfitted,
+    stderr_from_covariance,
 )
 from robustpolish.identification.fit.parameters import (
     chain_keys,
     connected,
-    driving,
     free_parameters,
+    inputs_of_chain,
 )
-from robustpolish.identification.fit.prepared import PreparedRecord, prepare, taken
+from robustpolish.identification.fit.prepared import PreparedRecord, prepare, reduce_record
 from robustpolish.identification.fit.result import Refit
 from robustpolish.identification.free_runs import free_run_error, free_runs, record_errors
 from robustpolish.identification.frequency.fit import refit_frequency_response
 from robustpolish.identification.policy import POLICY, Policy
-from robustpolish.identification.record import long_enough, record_of
-from robustpolish.identification.sanity import moved_numbers, sanity_warnings
+from robustpolish.identification.record import record_of, require_length
+from robustpolish.identification.sanity import implausible_changes, sanity_warnings
 from robustpolish.identification.structure.screening import null_score, screen
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import CONSTANT
@@ -59,7 +59,7 @@ _AROUND = 4
 _SHORTEST = 8
 
 
-def with_holds(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalModel:
+def with_selected_holds(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalModel:
     """Return the model with other holds of its force inputs, if the data speak for them.
 
     All inputs are taken to be of one kind, linear if nothing is said. The linear model's
@@ -74,12 +74,12 @@ def with_holds(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalMo
     bare = replace(model, effects=tuple(others))
     orders = dict.fromkeys((now, _LINEAR, *policy.hold_orders))
     tried = {o: replace(bare, effects=(*bare.effects, *_holds(names, o))) for o in orders}
-    found = on_all_cores(lambda candidate: null_score(candidate, prepared), tried.values())
+    found = parallel_map(lambda candidate: null_score(candidate, prepared), tried.values())
     scores = dict(zip(tried, found, strict=True))
     best = min(scores, key=lambda order: scores[order])
     if scores[now] - scores[best] <= 2 * policy.hold_odds:
         return model
-    if best == 0.0 and _late(bare, names, prepared) < scores[best]:
+    if best == 0.0 and _best_delay_score(bare, names, prepared) < scores[best]:
         return model  # a longer delay, of which a hold would take half a sample
     return tried[best]
 
@@ -102,7 +102,7 @@ def _order(holds: Sequence[Effect]) -> float | None:
     return orders.pop() if len(orders) == 1 else None
 
 
-def _late(model: MechanicalModel, names: list[str], prepared: PreparedRecord) -> float:
+def _best_delay_score(model: MechanicalModel, names: list[str], prepared: PreparedRecord) -> float:
     """Return the best score with one input late by some whole samples."""
     return min(
         null_score(model.with_effect("input_delay", (name,), {"delay": delay}), prepared)
@@ -111,7 +111,7 @@ def _late(model: MechanicalModel, names: list[str], prepared: PreparedRecord) ->
     )
 
 
-def with_other_holds(
+def with_reselected_holds(
     model: MechanicalModel,
     reference: MechanicalModel,
     prepared: PreparedRecord,
@@ -146,11 +146,11 @@ def with_other_holds(
 
     def fits_with(order: float) -> list[Fit]:
         later = 0.5 * prepared.record.dt * ((order == 0.0) - (order_now == 0.0))
-        effects = (*fitted, *_holds(names, order), *(_sooner(e, later) for e in added))
+        effects = (*fitted, *_holds(names, order), *(_with_shorter_delay(e, later) for e in added))
         tried = replace(model, effects=effects)
         return homotopy(tried, prepared, prepared.trial, held[order], spans)
 
-    found = on_all_cores(fits_with, orders)
+    found = parallel_map(fits_with, orders)
     left = {order: fits[-1] for order, fits in zip(orders, found, strict=True) if fits}
     if order_now not in left:
         return None
@@ -162,7 +162,7 @@ def with_other_holds(
     return held[best] if believed else None
 
 
-def timely(effect: Effect, model: MechanicalModel, prepared: PreparedRecord) -> Effect:
+def with_resolved_delay(effect: Effect, model: MechanicalModel, prepared: PreparedRecord) -> Effect:
     """Return the delay of a held input that is right within a sample; other effects as they are.
 
     What an accelerometer shows of a held force jumps with it: whatever the delay within a sample,
@@ -184,12 +184,12 @@ def timely(effect: Effect, model: MechanicalModel, prepared: PreparedRecord) -> 
 
     def left(late: Effect) -> float:
         delayed = model.with_effect(late.definition, late.at, late.values)
-        return float(np.mean(np.log(rms_over(delayed, prepared, prepared.windows))))
+        return float(np.mean(np.log(free_run_rms(delayed, prepared, prepared.windows))))
 
     return min(tried, key=left)
 
 
-def _sooner(effect: Effect, by: float) -> Effect:
+def _with_shorter_delay(effect: Effect, by: float) -> Effect:
     """Return a delay less what a hold has of it; other effects as they are."""
     if effect.kind != "input_delay":
         return effect
@@ -202,14 +202,14 @@ def _holds(names: list[str], order: float) -> list[Effect]:
     return [Effect(_HOLD, (n,), {"order": order}) for n in names] if order != _LINEAR else []
 
 
-class OwnNumbers(NamedTuple):
+class OwnParameterFit(NamedTuple):
     """The refitted model, judged, and the one whose fit was led by the data."""
 
-    stage: JudgedFit
-    guided: MechanicalModel
+    stage: EvaluatedFit
+    short_window_model: MechanicalModel
 
 
-def refit_own(model: MechanicalModel, prepared: PreparedRecord) -> OwnNumbers:
+def fit_own_parameters(model: MechanicalModel, prepared: PreparedRecord) -> OwnParameterFit:
     """Fit the numbers of a model as it is, effects of its own included.
 
     A fit that is led by the data finds numbers that are far off; one that runs freely from the
@@ -227,41 +227,47 @@ def refit_own(model: MechanicalModel, prepared: PreparedRecord) -> OwnNumbers:
     # springs that are far too stiff swing several times where the machine swings once
     stages = homotopy(model, prepared, pieces, model, [*shortest, *spans])
     stage = best_stage(stages, prepared)
-    guided = stages[min(1, len(stages) - 1)].model
+    short_window_model = stages[min(1, len(stages) - 1)].model
     if np.any(stage.error * prepared.policy.better > prepared.scales.noise):
-        stage = _directly(stage, model, prepared)
-    return OwnNumbers(_at_rest(stage, model, prepared), guided)
+        stage = _improve_by_direct_fit(stage, model, prepared)
+    return OwnParameterFit(_with_fixed_scale(stage, model, prepared), short_window_model)
 
 
-def _directly(stage: JudgedFit, model: MechanicalModel, prepared: PreparedRecord) -> JudgedFit:
+def _improve_by_direct_fit(
+    stage: EvaluatedFit, model: MechanicalModel, prepared: PreparedRecord
+) -> EvaluatedFit:
     """Return a stage whose chains are as good as those of a direct fit."""
     pieces = prepared.trial if model.free else prepared.estimation
     whole = prepared.spans(pieces)[-1:]
     direct = homotopy(model, prepared, pieces, model, whole, prepared.policy.direct_steps)
     if not direct:
         return stage
-    other = judged(direct[-1], prepared)
+    other = evaluate_fit(direct[-1], prepared)
     mixed = _best_of_chains(stage, other, prepared.policy.better)
     if mixed is None:
         return stage
     joined = homotopy(mixed, prepared, pieces, model, whole, prepared.policy.direct_steps)
-    found = [stage, other, *(judged(fitted, prepared) for fitted in joined)]
+    found = [stage, other, *(evaluate_fit(fitted, prepared) for fitted in joined)]
     return min(found, key=lambda s: float(np.mean(np.log(s.error))))
 
 
-def _at_rest(stage: JudgedFit, model: MechanicalModel, prepared: PreparedRecord) -> JudgedFit:
+def _with_fixed_scale(
+    stage: EvaluatedFit, model: MechanicalModel, prepared: PreparedRecord
+) -> EvaluatedFit:
     """Return the stage with its common factors settled, if the error does not mind."""
-    rested = settled(stage.model, model, prepared.policy.unchanged)
+    rested = scaled_to_priors(stage.model, model, prepared.policy.unchanged)
     if rested is stage.model or not stage.reproducible:
         return stage
     whole = prepared.spans(prepared.trial)[-1:]
     fits = homotopy(rested, prepared, prepared.trial, model, whole)
-    stages = [judged(fitted, prepared) for fitted in fits]
+    stages = [evaluate_fit(fitted, prepared) for fitted in fits]
     kept = [s for s in stages if np.mean(np.log(s.error / stage.error)) < prepared.policy.unchanged]
     return kept[0] if kept else stage
 
 
-def _best_of_chains(stage: JudgedFit, direct: JudgedFit, better: float) -> MechanicalModel | None:
+def _best_of_chains(
+    stage: EvaluatedFit, direct: EvaluatedFit, better: float
+) -> MechanicalModel | None:
     """Return the first model with the chains of the second where that is better; None if nowhere.
 
     Numbers of effects and of chains without an output stay.
@@ -278,7 +284,7 @@ def _best_of_chains(stage: JudgedFit, direct: JudgedFit, better: float) -> Mecha
     return model.with_parameters(taken) if taken else None
 
 
-def settled(
+def scaled_to_priors(
     model: MechanicalModel, reference: MechanicalModel, unchanged: float
 ) -> MechanicalModel:
     """Return the model with chains scaled to what is known of their masses and gains.
@@ -291,7 +297,7 @@ def settled(
     for group in connected(model):
         forces = any(o.quantity == FORCE and group.intersection(o.of) for o in model.outputs)
         bent = any(group.intersection(effect.at) for effect in model.effects)
-        if len(driving(model, group)) < 2 or forces or bent:
+        if len(inputs_of_chain(model, group)) < 2 or forces or bent:
             continue
         keys = _keys(model, group)
         told = [key for key in keys if not key.startswith(("spring", "damper")) and known[key]]
@@ -312,7 +318,7 @@ def _keys(model: MechanicalModel, chain: set[str]) -> list[str]:
 # What an engineer would say of a record and of what a fit made of a model, before believing it.
 
 
-def warned(
+def collect_warnings(
     model: MechanicalModel, fitted: MechanicalModel, prepared: PreparedRecord
 ) -> tuple[str, ...]:
     """Return the remarks of a record and the warnings that a fit gives cause for, each once.
@@ -340,13 +346,13 @@ def warned(
 
 def _free_run(model: MechanicalModel, prepared: PreparedRecord) -> xr.Dataset:
     """Return the outputs of a model over the whole record, from the starts that suit it best."""
-    run, started = prepared.closest_runs(model, prepared.everything)
+    run, started = prepared.run_with_fitted_starts(model, prepared.everything)
     with np.errstate(all="ignore"):
         outputs = run.over_all(started).outputs
     return xr.Dataset({name: ("time", outputs[:, i]) for i, name in enumerate(model.output_names)})
 
 
-@same_bits
+@single_threaded_blas
 def refit(
     model: MechanicalModel,
     data: Any,
@@ -405,27 +411,29 @@ def refit(
     True
     """
     if holds_frequency_response(data):
-        with working("Refitting"):
+        with progress_bar("Refitting"):
             found = refit_frequency_response(model, data, progress)
-        moved = moved_numbers(model.parameters, found.model.parameters)
+        moved = implausible_changes(model.parameters, found.model.parameters)
         return replace(found, notes=tuple(moved))
-    fewer = taken(model, long_enough(model, record_of(model, data)), _policy)
+    fewer = reduce_record(model, require_length(model, record_of(model, data)), _policy)
     model, prepared = fewer.model, prepare(fewer.model, fewer.record, _policy)
     started = _with_start_values(model, prepared)
     spans = prepared.spans(prepared.everything)
-    with working("Refitting"):
+    with progress_bar("Refitting"):
         last = _policy.follows(prepared.record.Y.size)
         fits = homotopy(
             started, prepared, prepared.everything, model, spans, progress=progress, last=last
         )
-        best = _no_worse(fits[-2:][::-1], [model, started], prepared)
+        best = _best_not_worse_than_start(fits[-2:][::-1], [model, started], prepared)
         found = _summarised(best, prepared)
         records = record_errors(found.model, free_runs(found.model, fewer.record))
-    notes = (*fewer.notes, *warned(started, found.model, prepared))
-    return replace(found, model=fewer.as_given(found.model), notes=notes, records=records)
+    notes = (*fewer.notes, *collect_warnings(started, found.model, prepared))
+    return replace(
+        found, model=fewer.with_original_holds(found.model), notes=notes, records=records
+    )
 
 
-def _no_worse(
+def _best_not_worse_than_start(
     fits: Sequence[Fit], starts: Sequence[MechanicalModel], prepared: PreparedRecord
 ) -> Fit:
     """Return the first fit that runs no worse than the starts do, or the best start as it is.
@@ -442,10 +450,10 @@ def _no_worse(
     best = starts[int(np.argmin(of_starts))]
     if not np.isfinite(min(of_starts)):
         raise ArithmeticError("no stage of the fit ended with finite errors")
-    _, pieces = prepared.closest_runs(best, prepared.everything)
+    _, pieces = prepared.run_with_fitted_starts(best, prepared.everything)
     free = free_parameters(best, prepared.scales.bandwidth, prepared.policy, starts[0])
     sizes = prepared.sizes(best) if pieces[0].start.vector.size else None
-    return unfitted(Residuals(best, pieces, prepared.runner(best), free, sizes))
+    return evaluate_unfitted(Residuals(best, pieces, prepared.runner(best), free, sizes))
 
 
 def _run_errors(models: Sequence[MechanicalModel], prepared: PreparedRecord) -> list[float]:
@@ -453,10 +461,10 @@ def _run_errors(models: Sequence[MechanicalModel], prepared: PreparedRecord) -> 
     size = np.std(prepared.record.Y, axis=0)
     size = np.where(size > 0, size, 1.0)
     runs = [free_run_error(model, prepared.record) for model in models]
-    if all(calm or not np.isfinite(error).all() for error, calm in runs):
+    if all(predictable or not np.isfinite(error).all() for error, predictable in runs):
         found = [error for error, _ in runs]
     else:
-        found = [rms_over(model, prepared, prepared.windows) for model in models]
+        found = [free_run_rms(model, prepared, prepared.windows) for model in models]
     return [float(np.mean((error / size) ** 2)) for error in found]
 
 
@@ -476,7 +484,7 @@ def _with_start_values(model: MechanicalModel, prepared: PreparedRecord) -> Mech
 def _summarised(fitted: Fit, prepared: PreparedRecord) -> Refit:
     """Return values, bounds and standard errors of a fit."""
     covariance = covariance_of(fitted)
-    errors = errors_from(covariance)
+    errors = stderr_from_covariance(covariance)
     parameters = lmfit.Parameters()
     units, undetermined = {}, []
     for f in fitted.free:

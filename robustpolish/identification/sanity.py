@@ -15,7 +15,7 @@ from robustpolish.base.arrays import AnyVector, Vector
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import ACCELERATION, FORCE, Output
 from robustpolish.machines.simulation.run import simulate_model
-from robustpolish.signals.quality import clipped_plateaus, runs, sampling_time
+from robustpolish.signals.quality import clipped_plateaus, marked_runs, sampling_time
 
 # From where on something is said; a false alarm costs more than one that is missing.
 
@@ -160,7 +160,7 @@ def dropouts(name: str, values: Vector, time: Vector) -> str:
     >>> dropouts("x", frozen, time)[:39]
     'x stands still for 15 samples at 7 s an'
     """
-    still = runs(np.diff(values) == 0)
+    still = marked_runs(np.diff(values) == 0)
     long = [(a, b + 1) for a, b in still if b + 2 - a >= LIMITS.held]
     share = sum(b + 1 - a for a, b in long) / values.size
     if not long or share > LIMITS.repeats:
@@ -490,7 +490,9 @@ def amplitudes(gains: Mapping[str, CoherentGain], inputs: Sequence[str]) -> list
     ]
 
 
-def exchanged(gains: Mapping[tuple[str, str], CoherentGain], kinds: Mapping[str, str]) -> list[str]:
+def swapped_outputs(
+    gains: Mapping[tuple[str, str], CoherentGain], kinds: Mapping[str, str]
+) -> list[str]:
     """Name two outputs of one kind that fit far better if they change places.
 
     Parameters
@@ -512,7 +514,7 @@ def exchanged(gains: Mapping[tuple[str, str], CoherentGain], kinds: Mapping[str,
     >>> gains = {
     ...     (a, b): coherent_gain(simulated[b], measured[a], 0.01) for a in "xy" for b in "xy"
     ... }
-    >>> exchanged(gains, {"x": "m", "y": "m"})[0][:22]
+    >>> swapped_outputs(gains, {"x": "m", "y": "m"})[0][:22]
     'x and y look exchanged'
     """
     found = []
@@ -581,7 +583,7 @@ _KINDS = {"mass": "mass", "inertia": "mass", "stiffness": "stiffness", "damping"
           "gain": "gain"}  # fmt: skip
 
 
-def moved_numbers(before: Mapping[str, float], after: Mapping[str, float]) -> list[str]:
+def implausible_changes(before: Mapping[str, float], after: Mapping[str, float]) -> list[str]:
     """Name the numbers of a machine that a fit moved so far that a unit must be wrong.
 
     Parameters
@@ -595,10 +597,10 @@ def moved_numbers(before: Mapping[str, float], after: Mapping[str, float]) -> li
 
     Examples
     --------
-    >>> moved_numbers({"spring[0].stiffness": 2.0}, {"spring[0].stiffness": 1.9e6})[0]
+    >>> implausible_changes({"spring[0].stiffness": 2.0}, {"spring[0].stiffness": 1.9e6})[0]
     'the fit moved spring[0].stiffness from 2 to 1.9e+06, by 6.0 decades, as milliseconds taken
     for seconds make it. Check the units in the model file and of the channels and the time'
-    >>> moved_numbers({"dof.x.mass": 2.0}, {"dof.x.mass": 3.0})
+    >>> implausible_changes({"dof.x.mass": 2.0}, {"dof.x.mass": 3.0})
     []
     """
     found = []
@@ -680,7 +682,7 @@ def sanity_warnings(
     if simulated is not None:
         found += _of_run(model, measured, simulated)
     if fitted is not None:
-        found += moved_numbers(model.parameters, fitted.parameters)
+        found += implausible_changes(model.parameters, fitted.parameters)
     return tuple(found)
 
 
@@ -722,7 +724,7 @@ def _of_inputs(
     }
     own = {name: gains[name, name] for name in measured}
     kinds = {item.name: f"{item.quantity} in {model.unit_of(item)}" for item in model.outputs}
-    swapped = exchanged(gains, kinds)
+    swapped = swapped_outputs(gains, kinds)
     return swapped or [*amplitudes(own, moving), *signs(own)]
 
 

@@ -17,7 +17,7 @@ from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.errors import RobustPolishError
 from robustpolish.identification.compare import Comparison, compare
 from robustpolish.identification.diagnosis.findings import Findings
-from robustpolish.identification.fit.prepared import drifts
+from robustpolish.identification.fit.prepared import has_integrator
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
 from robustpolish.machines.mechanical.model import MechanicalModel
@@ -26,7 +26,7 @@ from robustpolish.signals.quality import sampling_time
 
 
 @dataclass(frozen=True)
-class StepPicture:
+class StepPlotPolicy:
     """What a picture of a step shows.
 
     Attributes
@@ -39,7 +39,7 @@ class StepPicture:
     swings: float = 8.0
 
 
-PICTURE = StepPicture()
+STEP_PLOT = StepPlotPolicy()
 """What pictures of steps go by."""
 
 
@@ -94,10 +94,10 @@ class StepRun(Displayed):
         name = self._named(output)
         y = np.asarray(self.after.data[name].values, dtype=float)
         step = sampling_time(self.after.data)
-        samples = round(PICTURE.swings / _strongest(y, step) / step)
+        samples = round(STEP_PLOT.swings / _dominant_frequency(y, step) / step)
         if 2 * samples >= y.size:
             return None
-        gain = _gain(self, name)
+        gain = _squared_error_reduction(self, name)
         total = np.concatenate([[0.0], np.cumsum(gain)])
         first = int(np.argmax(total[samples:] - total[:-samples]))
         time = self.after.data["time"].values
@@ -192,30 +192,36 @@ def step_runs(diagnosis: Findings, data: Any) -> tuple[StepRun, ...]:
     data = record_of(diagnosis.model, data).data
     found: list[StepRun] = []
     for entry in diagnosis.ledger.entries:
-        after = None if entry.model is None else _held(entry.model, data, diagnosis.reproducible)
+        after = (
+            None
+            if entry.model is None
+            else _compare_step(entry.model, data, diagnosis.reproducible)
+        )
         if after is not None:
             found.append(StepRun(entry.step, found[-1].after if found else None, after))
     return tuple(found)
 
 
-def _held(model: MechanicalModel, data: xr.Dataset, reproducible: bool) -> Comparison | None:
+def _compare_step(
+    model: MechanicalModel, data: xr.Dataset, reproducible: bool
+) -> Comparison | None:
     """Hold a model against the data as its diagnosis did; None where that cannot be."""
     step, samples = sampling_time(data), data.sizes["time"]
     window = POLICY.window(samples) * step
-    whole = reproducible and not drifts(model, samples * step)
+    whole = reproducible and not has_integrator(model, samples * step)
     try:
         return compare(model, data, window=None if whole else window)
     except RobustPolishError:
         return None
 
 
-def _strongest(y: Array, step: float) -> float:
+def _dominant_frequency(y: Array, step: float) -> float:
     """Return the frequency of the strongest line of a signal in Hz."""
     frequency, power = periodogram(y, 1 / step, window="hann", detrend="linear")
     return float(max(frequency[1 + int(np.argmax(power[1:]))], frequency[1]))
 
 
-def _gain(run: StepRun, name: str) -> Array:
+def _squared_error_reduction(run: StepRun, name: str) -> Array:
     """Return how much squared error a step took away, sample by sample."""
     measured = run.after.data[name].values
     left = [

@@ -21,10 +21,10 @@ from robustpolish.implementation.sampled.certificate import (
     with_filter,
 )
 from robustpolish.implementation.sampled.lifting import (
-    loop_delay_taken_out,
     named_like,
     period_map,
     scaled,
+    without_loop_delay,
 )
 from robustpolish.plants.blocks import matrices_of, named_system, static_controller
 from robustpolish.plants.plant import GeneralizedPlant
@@ -158,10 +158,12 @@ def discrete_controller(
         want = f"{plant.ny} inputs (y) and {plant.nu} outputs (u)"
         remedy = "Check measurements= and controls= of the plant."
         raise invalid("controller", shown, want, remedy)
-    return in_signals_of(plant, named_like(controller, matrices_of(controller), given))
+    return with_signal_names_of(plant, named_like(controller, matrices_of(controller), given))
 
 
-def in_signals_of(plant: GeneralizedPlant, controller: control.StateSpace) -> control.StateSpace:
+def with_signal_names_of(
+    plant: GeneralizedPlant, controller: control.StateSpace
+) -> control.StateSpace:
     """Return a controller whose inputs and outputs are called as the plant's y and u."""
     names = plant.measurement_names, plant.control_names, controller.state_labels
     return named_system(matrices_of(controller), float(controller.dt), *names)
@@ -213,7 +215,7 @@ def longest_period(
     longer than the one before; where stability is lost, the limit is bisected. Beyond it a loop may
     be stable once more.
     """
-    plant, own = loop_delay_taken_out(plant)
+    plant, own = without_loop_delay(plant)
     delay += own
 
     def stable(period: float) -> bool:

@@ -18,8 +18,8 @@ from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.implementation.certify_sampled import (
     checked_delay,
     checked_plant,
-    in_signals_of,
     longest_period,
+    with_signal_names_of,
 )
 from robustpolish.implementation.emulation import emulated
 from robustpolish.implementation.sampled.certificate import (
@@ -188,7 +188,7 @@ def discretized(
     if norm == "h2" and filtered.D11.any():
         remedy = "Leave the direct path out of z, or design for norm='hinf'."
         raise invalid("plant", described("D11 that is not zero"), "D11 = 0 for 'h2'", remedy)
-    K = in_signals_of(plant, emulated(controller, period, method, prewarp_hz))
+    K = with_signal_names_of(plant, emulated(controller, period, method, prewarp_hz))
     certificate = certificate_of(filtered, K, delay, norm)
     how = f"Sampled every {duration(period)}" + (
         f" with a delay of {duration(delay)}" if delay else ""

@@ -18,7 +18,7 @@ from robustpolish.plants.plant import GeneralizedPlant
 # Gramians of a controller by itself, of its coprime factors, and inside its closed loop.
 
 
-class Weighted(NamedTuple):
+class WeightedGramians(NamedTuple):
     """A system to be reduced, with the Gramians that say which of its states matter.
 
     ``matrices`` : A, B, C, D; ``reach``, ``see`` : Gramians; ``back`` : how a reduced one becomes a
@@ -50,17 +50,17 @@ def gramian(A: Matrix, B: Matrix, discrete: bool) -> Matrix:
     return np.asarray((found + found.T) / 2, dtype=float)
 
 
-def alone(K: tuple[Matrix, Matrix, Matrix, Matrix], discrete: bool) -> list[Weighted]:
+def alone(K: tuple[Matrix, Matrix, Matrix, Matrix], discrete: bool) -> list[WeightedGramians]:
     """Weigh the states of a stable controller by what they pass on from y to u."""
     A, B, C, _ = K
     if not stable(A, discrete):
         return []
-    return [Weighted("balanced", K, gramian(A, B, discrete), gramian(A.T, C.T, discrete))]
+    return [WeightedGramians("balanced", K, gramian(A, B, discrete), gramian(A.T, C.T, discrete))]
 
 
-def in_loop(
+def loop_gramians(
     plant: GeneralizedPlant, K: tuple[Matrix, Matrix, Matrix, Matrix], loop: Matrix
-) -> list[Weighted]:
+) -> list[WeightedGramians]:
     """Weigh the states of a controller by what they do inside its loop.
 
     Parameters
@@ -106,11 +106,13 @@ def in_loop(
     for name, (into, out) in pairs.items():
         reach = gramian(loop, into, discrete)[n:, n:]
         see = gramian(loop.T, out.T, discrete)[n:, n:]
-        found.append(Weighted(name, K, reach, see))
+        found.append(WeightedGramians(name, K, reach, see))
     return found
 
 
-def coprime(K: tuple[Matrix, Matrix, Matrix, Matrix], discrete: bool) -> list[Weighted]:
+def coprime_gramians(
+    K: tuple[Matrix, Matrix, Matrix, Matrix], discrete: bool
+) -> list[WeightedGramians]:
     """Weigh the states of normalised coprime factors, which are stable whatever the controller.
 
     Notes
@@ -154,11 +156,11 @@ def _left_factor(
 
 def _factor(
     name: str, matrices: tuple[Matrix, Matrix, Matrix, Matrix], back: str
-) -> Weighted | None:
+) -> WeightedGramians | None:
     A, B, C, _ = matrices
     if not stable(A, False):
         return None
-    return Weighted(name, matrices, gramian(A, B, False), gramian(A.T, C.T, False), back)
+    return WeightedGramians(name, matrices, gramian(A, B, False), gramian(A.T, C.T, False), back)
 
 
 def from_factor(
@@ -192,7 +194,7 @@ Parts = tuple[Matrix, Matrix, Matrix, Matrix]
 _NOTHING = 1e-30
 
 
-class Candidate(NamedTuple):
+class ReducedCandidate(NamedTuple):
     """A shorter controller, and how it came about."""
 
     name: str
@@ -223,12 +225,12 @@ class Reducer:
         loop = np.asarray(plant.closed_loop(scaled).A, dtype=float)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # ill-conditioned equations: what follows is judged
-            ways = [*alone(K, plant.is_discrete), *_quietly(in_loop, plant, K, loop)]
-            ways += _quietly(coprime, K, plant.is_discrete)
+            ways = [*alone(K, plant.is_discrete), *_or_none(loop_gramians, plant, K, loop)]
+            ways += _or_none(coprime_gramians, K, plant.is_discrete)
         self._ways = [(way, *_projection(way)) for way in ways]
         self.hankel: dict[str, Vector] = {way.name: values for way, _, _, values in self._ways}
 
-    def of_order(self, order: int) -> Iterator[Candidate]:
+    def of_order(self, order: int) -> Iterator[ReducedCandidate]:
         """Yield the candidates of an order: the weak states truncated, and held at rest."""
         m, p = self._controller.ninputs, self._controller.noutputs
         for way, T, Ti, _ in self._ways:
@@ -242,7 +244,7 @@ class Reducer:
                         found = _factored(found, way.back, m, p)
                 if found is not None and all(np.isfinite(M).all() for M in found):
                     controller = named_like(self._controller, found, self._controller.dt)
-                    yield Candidate(f"{way.name}, {how}", controller)
+                    yield ReducedCandidate(f"{way.name}, {how}", controller)
 
     def _residual(self, K: Parts, order: int) -> Parts | None:
         """Hold the weak states at rest, which keeps the gain at frequency zero."""
@@ -273,7 +275,7 @@ def _factored(found: Parts, back: str, inputs: int, outputs: int) -> Parts | Non
         return None
 
 
-def _projection(way: Weighted) -> tuple[Matrix, Matrix, Vector]:
+def _projection(way: WeightedGramians) -> tuple[Matrix, Matrix, Vector]:
     """Return coordinates in which both Gramians are equal and diagonal, largest first.
 
     States that cannot be told from nothing are left out, which loses nothing that counts.
@@ -293,7 +295,7 @@ def _root(M: Matrix) -> Matrix:
     return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def _quietly(weigh: Any, *arguments: Any) -> list[Weighted]:
+def _or_none(weigh: Any, *arguments: Any) -> list[WeightedGramians]:
     """Return what a way gives; none where its equations have no solution."""
     try:
         found = weigh(*arguments)

@@ -44,7 +44,7 @@ from robustpolish.implementation.sampled.certificate import (
     SampledCertificate,
     certificate_of,
     filter_system,
-    tone_gains,
+    sinusoid_gains,
     with_filter,
 )
 from robustpolish.linear.norms.singular_values import singular_values
@@ -634,7 +634,7 @@ class SampledDesign(Displayed):
         >>> rp.given_controller(plant, [[-3.0]]).discretize(0.1).plot().get_xlabel()
         'frequency'
         """
-        sampled = tone_gains(self._filtered, self.controller, self.delay)
+        sampled = sinusoid_gains(self._filtered, self.controller, self.delay)
         open_loop = self.plant.open_loop
         without = singular_values(open_loop, sampled["frequency"].values).isel(singular_value=0)
         name = "without control" + ("" if stability(open_loop) else " (unstable)")

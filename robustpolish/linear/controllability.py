@@ -16,8 +16,8 @@ from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.linear.arithmetic.rational import EXACT_STATES, rational
 from robustpolish.linear.arithmetic.realisation import Realisation, realisation
 from robustpolish.linear.eigen import EPS, eigensystem, pair_text
-from robustpolish.linear.scaling import decoupled_blocks, even_scales, in_units
-from robustpolish.linear.stability import hidden_poles, sided_poles
+from robustpolish.linear.scaling import decoupled_blocks, equilibrating_scales, in_units
+from robustpolish.linear.stability import poles_by_side, unreachable_poles
 from robustpolish.plots.charts import plot_bars
 
 # Distance of each mode from being unreachable, and which modes are.
@@ -55,7 +55,7 @@ def _pair(model: Realisation, A: NDArray[np.float64], B: NDArray[np.float64]) ->
 def _scaled(model: Realisation) -> Realisation:
     """Scale states, time and each input on its own: none of them changes what is reachable."""
     each = [np.array([i]) for i in range(model.B.shape[1])]
-    return in_units(model, even_scales(model, each, []))
+    return in_units(model, equilibrating_scales(model, each, []))
 
 
 def _modes(model: Realisation, tolerance: float | None) -> list[Deficiency]:
@@ -64,12 +64,14 @@ def _modes(model: Realisation, tolerance: float | None) -> list[Deficiency]:
     values = spectrum.values
     size = float(np.linalg.norm(np.hstack([A, B]), 2))
     limit = (100 * n * EPS if tolerance is None else tolerance) * size
-    hidden = hidden_poles(rational(A), rational(B), model.discrete) if n <= EXACT_STATES else []
+    hidden = (
+        unreachable_poles(rational(A), rational(B), model.discrete) if n <= EXACT_STATES else []
+    )
     matched = _matched(values, hidden)
     margins = 1 - np.abs(values) if model.discrete else -values.real
     sides = {}
     if n <= EXACT_STATES and (np.abs(margins) <= spectrum.errors).any():
-        poles = sided_poles(rational(A), model.discrete)
+        poles = poles_by_side(rational(A), model.discrete)
         sides = _matched(values, [(pole, side < 0) for pole, side in poles])
     result = []
     for i, value in enumerate(values):

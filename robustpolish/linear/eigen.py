@@ -53,19 +53,19 @@ def eigensystem(M: NDArray[np.float64]) -> Eigensystem:
     if n == 0:
         none = np.empty((0, 0), complex)
         return Eigensystem(np.empty(0, complex), np.empty(0), none, none)
-    real, imag, left, right, failed = lapack.dgeev(M, lwork=_room(n))
+    real, imag, left, right, failed = lapack.dgeev(M, lwork=_lapack_workspace(n))
     if failed:
         raise np.linalg.LinAlgError("the eigenvalues did not converge")
-    from robustpolish.linear.eigenvectors import together
+    from robustpolish.linear.eigenvectors import complex_eigenpairs
 
     backward = 10 * EPS * math.sqrt(n) * math.sqrt(np.vdot(M, M))
-    values, cosines, left, right = together(real, imag, left.T, right.T)
+    values, cosines, left, right = complex_eigenpairs(real, imag, left.T, right.T)
     with np.errstate(divide="ignore"):
         return Eigensystem(values, backward / cosines, right.T, left.T)
 
 
 @lru_cache
-def _room(n: int) -> int:
+def _lapack_workspace(n: int) -> int:
     """Return the working memory with which LAPACK is quickest."""
     return int(lapack.dgeev_lwork(n)[0])
 

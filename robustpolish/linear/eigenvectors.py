@@ -8,7 +8,7 @@ from robustpolish.base.jit import njit
 
 
 @njit(cache=True, error_model="numpy")
-def together(real, imag, left, right):  # type: ignore[no-untyped-def]  # compiled
+def complex_eigenpairs(real, imag, left, right):  # type: ignore[no-untyped-def]  # compiled
     """Return complex eigenvalues and vectors, and the cosines between left and right ones.
 
     Parameters

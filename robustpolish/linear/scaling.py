@@ -18,11 +18,11 @@ from robustpolish.base.arrays import Matrix, Vector
 from robustpolish.base.checks import described, invalid, matrix, positive, square
 from robustpolish.base.results import Card, Displayed, Table, quantities
 from robustpolish.linear.arithmetic.powers_of_two import (
-    BeyondDoublesError,
-    refuse_beyond,
+    FloatRangeError,
+    range_errors_as_input_errors,
     refuse_extreme,
+    refuse_out_of_range,
     scaled,
-    within_doubles,
 )
 from robustpolish.linear.arithmetic.realisation import (
     Realisation,
@@ -456,7 +456,7 @@ def _default_band(model: Realisation) -> tuple[float, float]:
         return 0.1 / model.step, 3.0 / model.step
     low, high = float(rates.min() / 3), float(3 * rates.max())
     if not (low > 0 and math.isfinite(high)):
-        raise BeyondDoublesError
+        raise FloatRangeError
     return low, high
 
 
@@ -695,13 +695,13 @@ def scale_system(
     m, p = model.B.shape[1], model.C.shape[0]
     columns = _grouped("input_groups", input_groups, m)
     rows = _grouped("output_groups", output_groups, p)
-    scaling = even_scales(model, columns, rows)
+    scaling = equilibrating_scales(model, columns, rows)
     return scaling.apply(system), scaling
 
 
 def in_units(model: Realisation, scaling: Scaling) -> Realisation:
     """Return the matrices in scaled variables and time."""
-    with within_doubles("system", model.matrices):
+    with range_errors_as_input_errors("system", model.matrices):
         return _in_units(model, scaling)
 
 
@@ -717,13 +717,13 @@ def _in_units(model: Realisation, scaling: Scaling) -> Realisation:
     )
 
 
-def even_scales(
+def equilibrating_scales(
     model: Realisation, columns: list[NDArray[np.intp]], rows: list[NDArray[np.intp]]
 ) -> Scaling:
     """Choose the scales for plain matrices and complete groups of signals."""
-    with within_doubles("system", model.matrices):
+    with range_errors_as_input_errors("system", model.matrices):
         scaling = _even(model, columns, rows)
-        refuse_beyond(*_in_units(model, scaling).matrices.values())
+        refuse_out_of_range(*_in_units(model, scaling).matrices.values())
     return scaling
 
 

@@ -41,19 +41,19 @@ class PoleCount:
 
 def count_poles(A: fmpq_mat, discrete: bool) -> PoleCount:
     """Sort the eigenvalues of a rational matrix by the side of the stability boundary."""
-    sided = sided_poles(A, discrete)
+    sided = poles_by_side(A, discrete)
     return PoleCount(
         tuple(pole for pole, side in sided if side > 0),
         tuple(pole for pole, side in sided if side == 0),
     )
 
 
-def sided_poles(A: fmpq_mat, discrete: bool) -> list[tuple[complex, int]]:
+def poles_by_side(A: fmpq_mat, discrete: bool) -> list[tuple[complex, int]]:
     """Return the eigenvalues with -1, 0 or 1 for inside, on and beyond the stability boundary."""
     return _sided(fmpz_poly(A.charpoly().numer().coeffs()), discrete)
 
 
-def hidden_poles(A: fmpq_mat, B: fmpq_mat, discrete: bool) -> list[tuple[complex, bool]]:
+def unreachable_poles(A: fmpq_mat, B: fmpq_mat, discrete: bool) -> list[tuple[complex, bool]]:
     """Return the eigenvalues that B does not reach, and whether each is strictly stable."""
     reached, _, _ = reachable(A, B, fmpq_mat(0, A.nrows()))
     if reached.nrows() == A.nrows():

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from robustpolish.base.checks import positive
 from robustpolish.linear.arithmetic.realisation import Realisation, realisation
 from robustpolish.linear.eigen import EPS
-from robustpolish.linear.scaling import even_scales, in_units
+from robustpolish.linear.scaling import equilibrating_scales, in_units
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def zeros_on_axis(system: control.StateSpace, *, tolerance: float = 1e-9) -> tup
         return ()
     m, p = model.B.shape[1], model.C.shape[0]
     each = [np.array([i]) for i in range(m)], [np.array([i]) for i in range(p)]
-    scaled = in_units(model, even_scales(model, *each))
+    scaled = in_units(model, equilibrating_scales(model, *each))
     pencil = _Pencil.of(scaled)
     found: list[AxisZero] = []
     for start in pencil.candidates():

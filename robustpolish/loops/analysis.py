@@ -11,11 +11,11 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from robustpolish.base.budget import same_bits
+from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import described, instance_of, invalid, one_of
 from robustpolish.base.results import Card, Displayed, Table
-from robustpolish.loops.loop import PLACES, Loop, Place, given_controller, loop_of, measured_plant
-from robustpolish.loops.margins import LoopMargins, Where, margins_at_once, margins_of
+from robustpolish.loops.loop import PLACES, Loop, Place, controller_of, loop_of, measured_plant
+from robustpolish.loops.margins import LoopMargins, Where, margins_of, simultaneous_margins
 from robustpolish.loops.measured import MeasuredLoopAnalysis, measured_analysis
 from robustpolish.loops.performance import (
     bandwidths,
@@ -201,7 +201,7 @@ class LoopAnalysis(LoopFigures, Displayed):
         return Card(title, self.tables(), (self.explain(),))
 
 
-@same_bits
+@single_threaded_blas
 def loop_analysis(
     plant: Design
     | GeneralizedPlant
@@ -283,7 +283,7 @@ def loop_analysis(
         if disturbance is not None:
             shown = described("a disturbance of a measured plant")
             raise invalid("disturbance", shown, "a model to run", "Fit one, or leave it out.")
-        return measured_analysis(lines, given_controller(controller), unstable_poles, asked)
+        return measured_analysis(lines, controller_of(controller), unstable_poles, asked)
     if unstable_poles != 0:
         shown, want = described("a count for a model"), "a count for a measured plant only"
         raise invalid("unstable_poles", shown, want, "Leave it out: a model tells its poles.")
@@ -306,7 +306,7 @@ def model_analysis(
     singles = tuple(
         margins_of(loop, place, i) for place in PLACES for i in range(len(loop.names(place)))
     )
-    at_once = {where: margins_at_once(loop, where) for where in get_args(Where)}
+    at_once = {where: simultaneous_margins(loop, where) for where in get_args(Where)}
     widths = bandwidths(loop, singles)
     found = LoopAnalysis(
         loop=loop,

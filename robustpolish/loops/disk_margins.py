@@ -46,7 +46,7 @@ class DelayedIntervals:
     seconds: Vector
 
     @classmethod
-    def wired(
+    def of_loop(
         cls, loop: DelayedLoop, back: Matrix, entry: Matrix, out: tuple[Matrix, Matrix]
     ) -> DelayedIntervals:
         """Wire plant and controller: q = back o + entry w, z = out[0] o + out[1] q.

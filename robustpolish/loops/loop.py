@@ -18,7 +18,7 @@ from robustpolish.linear.delays.stability import delay_stability
 from robustpolish.linear.delays.systems import DelayedSystem
 from robustpolish.linear.norms.hinf import HinfNorm, hinf_norm
 from robustpolish.linear.stability import Stability, stability
-from robustpolish.loops.response import DelayedLoop, DelayedResponse, Response
+from robustpolish.loops.response import DelayedLoop, DelayedResponse, SystemResponse
 from robustpolish.plants.blocks import as_state_space, matrices_of, named_system
 from robustpolish.plants.blocks import closed_loop as plant_loop
 from robustpolish.plants.controllers import GivenController, controller_system
@@ -304,7 +304,7 @@ class Loop:
         labels = [names[i] for i in broken]
         return named_system(matrices, self.dt, labels, labels, self._states(place))
 
-    def response(self, place: Place, signals: Sequence[int] | None = None) -> Response:
+    def response(self, place: Place, signals: Sequence[int] | None = None) -> SystemResponse:
         """Return :meth:`opened` over frequency, delays as they are.
 
         Parameters
@@ -314,11 +314,11 @@ class Loop:
 
         Returns
         -------
-        Response
+        SystemResponse
         """
         opened, exact = self.opened(place, signals), self.delayed
         if exact is None:
-            return Response(opened, self.rates)
+            return SystemResponse(opened, self.rates)
         broken = list(range(len(self.names(place))) if signals is None else signals)
         return DelayedResponse(
             opened,
@@ -329,7 +329,7 @@ class Loop:
 
     def response_around(
         self, at: Sequence[int], weight: float = 1.0, less: float = 0.0
-    ) -> Response:
+    ) -> SystemResponse:
         """Return :meth:`around` over frequency, delays as they are.
 
         Parameters
@@ -339,11 +339,11 @@ class Loop:
 
         Returns
         -------
-        Response
+        SystemResponse
         """
         system, exact = self.around(at, weight, less), self.delayed
         if exact is None:
-            return Response(system)
+            return SystemResponse(system)
         one, at = np.eye(len(at)), list(at)
 
         def values(omega: Vector) -> AnyArray:
@@ -425,7 +425,7 @@ def loop_of(
             )
         plant, controller = plant.plant, plant.controller
     whole = _as_plant(plant)
-    controller = given_controller(controller)
+    controller = controller_of(controller)
     if whole.nu == 0 or whole.ny == 0:
         raise _lacks_signals(whole)
     _complain_about_states(whole, controller)
@@ -447,7 +447,7 @@ def loop_of(
     return loop
 
 
-def given_controller(controller: Design | GivenController | None) -> GivenController:
+def controller_of(controller: Design | GivenController | None) -> GivenController:
     """Return the controller that was given, out of its design if it is in one."""
     if isinstance(controller, Design):
         return controller.controller

@@ -19,7 +19,7 @@ from robustpolish.linear.norms.peak import cayley
 from robustpolish.loops.disk_margins import DelayedIntervals, DiskMargin, decibel, disk_of
 from robustpolish.loops.loop import Loop, Place
 from robustpolish.loops.pictures import plot_loop_nyquist
-from robustpolish.loops.response import Response, roots
+from robustpolish.loops.response import SystemResponse, roots
 from robustpolish.loops.scaled_peak import MOST_INTERVALS, best_scales, interval, scaled_peak
 
 # The margins of several loops at once: every signal of a place changed in any combination.
@@ -72,7 +72,7 @@ class MarginsAtOnce:
     any_delay_s: float
 
 
-def margins_at_once(loop: Loop, where: Where) -> MarginsAtOnce:
+def simultaneous_margins(loop: Loop, where: Where) -> MarginsAtOnce:
     """Return what a stable loop bears at all inputs, all outputs, or all of both."""
     place: Place | None = {"inputs": "input", "outputs": "output"}.get(where)  # type: ignore
     if place is None:
@@ -187,7 +187,7 @@ def _closed_delays(loop: Loop, at: list[int]) -> DelayedIntervals | None:
     every = np.eye(loop.plant.nu + loop.plant.ny)
     # z = 2 q - w: q holds w already, and o = q - w.
     some = every[at]
-    return DelayedIntervals.wired(loop.delayed, every, some.T, (some, some))
+    return DelayedIntervals.of_loop(loop.delayed, every, some.T, (some, some))
 
 
 def _opened_delays(loop: Loop, place: Place | None) -> DelayedIntervals | None:
@@ -198,12 +198,12 @@ def _opened_delays(loop: Loop, place: Place | None) -> DelayedIntervals | None:
     broken = list(range(len(every))) if place is None else loop.at(place)
     back = every.copy()
     back[broken] = 0.0
-    return DelayedIntervals.wired(
+    return DelayedIntervals.of_loop(
         loop.delayed, back, every[:, broken], (-every[broken], np.zeros((len(broken), len(every))))
     )
 
 
-def common_delay(response: Response) -> float:
+def common_delay(response: SystemResponse) -> float:
     """Return the smallest delay in s at all signals of a loop that makes it unstable.
 
     A pole is on the boundary if an eigenvalue of L, turned by the delay, is -1: the frequencies
@@ -239,7 +239,7 @@ def any_delay(balanced: _Axis, opened: _Axis, alpha: float) -> float:
     A delay turns the phase by omega tau, and the balanced disk of size alpha holds all turns up
     to 2 atan(alpha / 2). Above the frequency from which on L is small, any turn will do.
     """
-    top = _last_large(opened)
+    top = _highest_large_gain_frequency(opened)
     if top in (0.0, math.inf):
         return math.inf if top == 0.0 else 0.0
     least, end = math.inf, top
@@ -257,7 +257,7 @@ def any_delay(balanced: _Axis, opened: _Axis, alpha: float) -> float:
     return min(least, 2 * math.atan(alpha / 2) / top)
 
 
-def _last_large(opened: _Axis) -> float:
+def _highest_large_gain_frequency(opened: _Axis) -> float:
     """Return the frequency in rad/s above which no change of phases matters, L being small."""
     model = opened.model
     fastest = float(np.abs(np.linalg.eigvals(model.A)).max()) if model.states else 0.0
@@ -444,12 +444,12 @@ def margins_of(loop: Loop, place: Place, signal: int) -> LoopMargins:
     )
 
 
-def _gain_crossover(response: Response, omega: float) -> Crossing:
+def _gain_crossover(response: SystemResponse, omega: float) -> Crossing:
     lag = (float(np.angle(response.scalar(omega)[0])) + math.pi) % (2 * math.pi)
     return Crossing(omega / (2 * math.pi), 1.0, math.degrees(lag), lag / omega)
 
 
-def _phase_crossovers(response: Response) -> list[Crossing]:
+def _phase_crossovers(response: SystemResponse) -> list[Crossing]:
     """Return where L is real and negative, at both ends of the axis too."""
     found = [0.0, *response.phase_crossings()]
     if response.highest not in found:
@@ -464,7 +464,7 @@ def _phase_crossovers(response: Response) -> list[Crossing]:
     return crossings
 
 
-def _delay(response: Response, crossovers: tuple[Crossing, ...]) -> float:
+def _delay(response: SystemResponse, crossovers: tuple[Crossing, ...]) -> float:
     """Return the smallest delay; any will do if the gain stays at or above 1 for ever."""
     if not response.model.discrete and abs(response.scalar(math.inf)[0]) >= 1 - 1e-12:
         return 0.0
@@ -476,7 +476,7 @@ def _modulus(loop: Loop, place: Place, signal: int) -> float:
     return 1 / largest if largest > 0 else math.inf
 
 
-def _unstable(response: Response) -> int:
+def _unstable(response: SystemResponse) -> int:
     """Count poles beyond the boundary of stability, those that rounding leaves on it aside."""
     model = response.model
     spectrum = eigensystem(model.A)

@@ -235,7 +235,7 @@ def measured_margins(loop: MeasuredLoop, place: Place, signal: int) -> LoopMargi
     )
 
 
-def measured_at_once(loop: MeasuredLoop, where: Where) -> MarginsAtOnce:
+def measured_simultaneous_margins(loop: MeasuredLoop, where: Where) -> MarginsAtOnce:
     """Return what the loop bears at several signals at once, as far as the lines tell."""
     place: Place | None = {"inputs": "input", "outputs": "output"}.get(where)  # type: ignore
     if place is None:
@@ -571,7 +571,7 @@ def measured_analysis(
         input=at["input"],
         output=at["output"],
         margins=singles,
-        at_once={where: measured_at_once(loop, where) for where in get_args(Where)}
+        at_once={where: measured_simultaneous_margins(loop, where) for where in get_args(Where)}
         if stable
         else {},
         bandwidths=measured_bandwidths(loop, singles) if stable else (),

@@ -21,7 +21,7 @@ from robustpolish.linear.response import first_order_hold, linear_response
 from robustpolish.loops.loop import PLACES, Loop, Place, norm_of
 from robustpolish.loops.margins import LoopMargins
 from robustpolish.loops.requirements import LoopRequirements
-from robustpolish.loops.response import Response
+from robustpolish.loops.response import SystemResponse
 from robustpolish.plants.blocks import named_system
 
 # Where in frequency a loop works: bandwidths of S and T, gain crossovers, peaks.
@@ -123,7 +123,7 @@ def _bandwidth(
     )
 
 
-def _sides(response: Response) -> tuple[list[float], list[bool]]:
+def _sides(response: SystemResponse) -> tuple[list[float], list[bool]]:
     """Return the half-power frequencies, and whether the gain is above in each stretch between."""
     found = response.level_crossings(_HALF_POWER)
     last = max(found, default=1.0)
@@ -132,13 +132,13 @@ def _sides(response: Response) -> tuple[list[float], list[bool]]:
     return found, [bool(size > _HALF_POWER) for size in response.sizes(middles)[:, 0]]
 
 
-def _rising(response: Response) -> float:
+def _rising(response: SystemResponse) -> float:
     found, above = _sides(response)
     upwards = [w for w, low, high in zip(found, above[:-1], above[1:], strict=True) if high > low]
     return min(upwards, default=math.nan)
 
 
-def _falling(response: Response) -> float:
+def _falling(response: SystemResponse) -> float:
     found, above = _sides(response)
     if above[-1]:
         return math.inf

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from robustpolish.base.arrays import AnyVector, Vector
 from robustpolish.linear.norms.singular_values import frequency_grid
 from robustpolish.linear.response import linear_response
-from robustpolish.loops.response import Response
+from robustpolish.loops.response import SystemResponse
 from robustpolish.plots.frequency import plot_bode, plot_gains, plot_nichols, plot_nyquist_disks
 from robustpolish.plots.time import plot_time_series
 
@@ -23,14 +23,14 @@ _STEPS = 2000
 
 def grid_of(systems: Mapping[str, control.StateSpace], rates: AnyVector) -> Vector:
     """Return frequencies in rad/s that show all of several systems."""
-    every: Any = [Response(system).rates for system in systems.values()]
+    every: Any = [SystemResponse(system).rates for system in systems.values()]
     own: Any = np.concatenate([rates, *every])
     slowest = float(np.abs(rates).min(initial=math.inf))
     if math.isfinite(
         slowest
     ):  # what is far slower than the loop is an integrator, but for rounding
         own = own[np.abs(own) > slowest / 100]
-    highest = min(Response(system).highest for system in systems.values())
+    highest = min(SystemResponse(system).highest for system in systems.values())
     return frequency_grid(own, highest)
 
 
@@ -42,7 +42,7 @@ def responses(
     omega = grid_of(systems, rates)
     found = {}
     for name, system in systems.items():
-        values = Response(system).at(omega)
+        values = SystemResponse(system).at(omega)
         several = values.shape[1:] != (1, 1)
         for i, output in enumerate(system.output_labels):
             for j, entry in enumerate(system.input_labels):
@@ -87,7 +87,7 @@ def plot_sigma(
     rates = np.zeros(0, complex) if rates is None else rates
     omega = grid_of(systems, rates)
     gains = {
-        name: over_frequency(omega, Response(system).sizes(omega)[:, 0])
+        name: over_frequency(omega, SystemResponse(system).sizes(omega)[:, 0])
         for name, system in systems.items()
     }
     several = any(system.ninputs != 1 or system.noutputs != 1 for system in systems.values())

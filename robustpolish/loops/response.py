@@ -29,7 +29,7 @@ _NOTHING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Response:
+class SystemResponse:
     """A system over frequency: its values, and points that show all of it.
 
     Frequencies are in rad/s; without a sampling time in rad per sample.
@@ -365,7 +365,7 @@ class DelayedLoop:
 
 
 @dataclass(frozen=True, eq=False)
-class DelayedResponse(Response):
+class DelayedResponse(SystemResponse):
     """A response whose values are those of exact delays, its Pade model showing where to look.
 
     Attributes

@@ -427,7 +427,7 @@ def finite(argument: str, system: control.FrequencyResponseData) -> control.Freq
     return system
 
 
-def between_lines(system: control.FrequencyResponseData, omega: Vector) -> AnyArray:
+def interpolate_response(system: control.FrequencyResponseData, omega: Vector) -> AnyArray:
     """Return a measured response at other frequencies, drawn straight between its lines.
 
     Parameters
@@ -464,10 +464,12 @@ def between_lines(system: control.FrequencyResponseData, omega: Vector) -> AnyAr
 
 # Which signals of a system are controls or measurements: by name or by number.
 
-Chosen = int | str | Sequence[str]
+SignalChoice = int | str | Sequence[str]
 
 
-def sorted_signals(system: Any, measurements: Chosen, controls: Chosen) -> tuple[Any, int, int]:
+def sorted_signals(
+    system: Any, measurements: SignalChoice, controls: SignalChoice
+) -> tuple[Any, int, int]:
     """Put measurements behind the other outputs and controls behind the other inputs.
 
     Parameters

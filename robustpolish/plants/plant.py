@@ -27,7 +27,7 @@ from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.base.saved import Fields, read_saved, write_saved
 from robustpolish.linear.delays.systems import DelayLine
 from robustpolish.plants.blocks import (
-    Chosen,
+    SignalChoice,
     as_state_space,
     closed_loop,
     finite,
@@ -232,8 +232,8 @@ class GeneralizedPlant(WiredPlant, Displayed):
     def __init__(
         self,
         system: control.StateSpace | control.TransferFunction | control.FrequencyResponseData,
-        measurements: Chosen,
-        controls: Chosen,
+        measurements: SignalChoice,
+        controls: SignalChoice,
         units: Mapping[str, str] | None = None,
         limits: Mapping[str, float] | None = None,
         rate_limits: Mapping[str, float] | None = None,

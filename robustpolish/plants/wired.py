@@ -23,9 +23,9 @@ from robustpolish.linear.delays.systems import (
 from robustpolish.plants.blocks import (
     PlantBlocks,
     as_state_space,
-    between_lines,
     chosen_names,
     closed_loop,
+    interpolate_response,
     named_system,
 )
 from robustpolish.plants.controllers import GivenController, controller_system
@@ -525,7 +525,7 @@ class WiredPlant(PlantBlocks):
         hertz = frequencies("frequency", frequency)
         omega = 2 * np.pi * hertz
         if isinstance(self.system, control.FrequencyResponseData):
-            values = between_lines(self.system, omega)
+            values = interpolate_response(self.system, omega)
         elif self.is_discrete:
             step = 1.0 if self.dt is True else float(self.dt)
             values = resolvent_response(*self.wiring.arrays(), np.exp(1j * omega * step))

@@ -248,10 +248,10 @@ def _start(
 ) -> NDArray[np.float64]:
     """State at time zero: parallel to the surface, just touching it or pressed against it."""
     place, velocity, still = np.zeros(3), np.zeros(3), np.zeros(3)
-    disc.lead(0.0, motion, place, velocity)
+    disc.joint_motion(0.0, motion, place, velocity)
     slope_x, slope_y = (float(part) for part in parameters.surface.gradient(place[0], place[1]))
     axis = np.array([-slope_x, -slope_y, 1.0]) / sqrt(1.0 + slope_x**2 + slope_y**2)
-    load, found = np.zeros(rim.LOADS), rim.scratch(nodes.shape[1])
+    load, found = np.zeros(rim.LOADS), rim.work_array(nodes.shape[1])
     ground = float(parameters.surface.height(place[0], place[1]))
     size = parameters.radius + parameters.height
     rise = 0.5 * parameters.surface.sharpest_bend * size**2

@@ -331,7 +331,7 @@ class HardwareLimit:
     effort: float
 
 
-def relaxed(hardware: PolishingHardware) -> Iterator[tuple[str, PolishingHardware]]:
+def relaxed_hardware(hardware: PolishingHardware) -> Iterator[tuple[str, PolishingHardware]]:
     """Yield the hardware with one limit relaxed at a time, and what that is."""
     yield "ideal sensors", replace(hardware, sensor_bandwidth_hz=math.inf, sensor_noise=0.0)
     yield (
@@ -362,7 +362,7 @@ def limits_of_hardware(
         ),
         _row(BUILDABLE, design, landing),
     ]
-    for what, hardware in relaxed(problem.hardware):
+    for what, hardware in relaxed_hardware(problem.hardware):
         try:
             found = design_axis(
                 AxisProblem(axis, hardware, problem.parameters, problem.dissipation), requirements
@@ -601,12 +601,12 @@ def build_against_brush(
     tell("Designing a controller that can be built ...")
     axis = design_axis(AxisProblem("y", hardware, parameters, dissipation), asked)
     plant = polishing_plant(hardware, parameters, dissipation)
-    controller = _for_both(axis.continuous.controller, plant)
+    controller = _for_both_axes(axis.continuous.controller, plant)
     delayed = plant
     if hardware.loop_delay:
         order = POLICY.delay_order
         delayed = plant.with_delay(plant.control_names, hardware.loop_delay, order=order)
-    design = _told(given_controller(delayed, controller), axis)
+    design = _with_synthesis_message(given_controller(delayed, controller), axis)
     tell("Certifying the sampled loop ...")
     sampled = given_controller(plant, controller).discretize(
         hardware.period, hardware.computation_delay, prewarp_hz=axis.problem.prewarp_hz
@@ -652,7 +652,7 @@ def build_against_brush(
     )
 
 
-def _for_both(controller: control.StateSpace, plant: GeneralizedPlant) -> control.StateSpace:
+def _for_both_axes(controller: control.StateSpace, plant: GeneralizedPlant) -> control.StateSpace:
     """Return the controller once per axis, by the names of the plant."""
     both: Any = control.append(*[controller for _ in plant.control_names])
     states = [f"k{i + 1}" for i in range(both.nstates)]
@@ -660,7 +660,7 @@ def _for_both(controller: control.StateSpace, plant: GeneralizedPlant) -> contro
     return named_system((both.A, both.B, both.C, both.D), 0, *names)
 
 
-def _told(design: Design, axis: AxisDesign) -> Design:
+def _with_synthesis_message(design: Design, axis: AxisDesign) -> Design:
     """Return the design with words of the synthesis that it comes from."""
     weighted = axis.weighted
     message = (

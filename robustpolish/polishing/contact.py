@@ -20,7 +20,7 @@ from robustpolish.base.arrays import Array
 from robustpolish.base.jit import njit
 from robustpolish.polishing.integrator import NODES, STAGES, inside_step, stage_state, step_error
 from robustpolish.polishing.surfaces.spline import BEND, expansion
-from robustpolish.polishing.tool_path import follow
+from robustpolish.polishing.tool_path import evaluate_path
 
 # The angles by which a disc's attitude is reported, from its axis and angular velocity.
 
@@ -154,7 +154,7 @@ def rim_nodes(count: int) -> np.ndarray:
 
 
 @njit(cache=True)
-def scratch(count):  # pragma: no cover - compiled
+def work_array(count):  # pragma: no cover - compiled
     """Return room for `rim_load` to work in, with expansions that are far from everywhere."""
     return np.full((SCRATCH, count), 1e9)
 
@@ -301,7 +301,7 @@ def rim_load(
     constants, nodes : ndarray
         See the module.
     found : ndarray, shape (SCRATCH, nodes)
-        From `scratch`, to be used again; three rows of anything will do for a trough.
+        From `work_array`, to be used again; three rows of anything will do for a trough.
     load : ndarray, shape (LOADS,)
         Filled.
 
@@ -397,33 +397,33 @@ LOWEST_AXIS = 0.2  # cosine of the tilt from which the disc counts as tipped ove
 
 
 @njit(cache=True)
-def lead(time, motion, place, velocity):  # pragma: no cover - compiled
+def joint_motion(time, motion, place, velocity):  # pragma: no cover - compiled
     """Write the joint's horizontal place and velocity at a time (eqs. 9.2 and 9.3, or a path)."""
     if motion.size > COURSE:
-        follow(time, motion[COURSE:], place, velocity)
+        evaluate_path(time, motion[COURSE:], place, velocity)
         return
-    turn = motion[RATE] * time
-    place[0] = motion[CIRCLE] * cos(turn) + motion[FEED] * time + motion[START]
-    place[1] = motion[CIRCLE] * sin(turn)
-    velocity[0] = motion[FEED] - motion[CIRCLE] * motion[RATE] * sin(turn)
-    velocity[1] = motion[CIRCLE] * motion[RATE] * cos(turn)
+    disc_derivative = motion[RATE] * time
+    place[0] = motion[CIRCLE] * cos(disc_derivative) + motion[FEED] * time + motion[START]
+    place[1] = motion[CIRCLE] * sin(disc_derivative)
+    velocity[0] = motion[FEED] - motion[CIRCLE] * motion[RATE] * sin(disc_derivative)
+    velocity[1] = motion[CIRCLE] * motion[RATE] * cos(disc_derivative)
 
 
 @njit(cache=True, error_model="numpy")
 def slope(time, state, motion, contact, nodes, found, room, result):  # pragma: no cover - compiled
     """Write the time derivative of the state; `room` is scratch of shape (3, LOADS)."""
     place, velocity, load = room[0], room[1], room[2]
-    lead(time, motion, place, velocity)
+    joint_motion(time, motion, place, velocity)
     place[2], velocity[2] = state[HEIGHT], state[CLIMB]
     axis, turning = state[AXIS : AXIS + 3], state[TURNING : TURNING + 3]
     rim_load(place, velocity, axis, turning, state[SPIN], contact, nodes, found, load)
     result[HEIGHT] = state[CLIMB]
     result[CLIMB] = (load[FORCE + 2] - motion[FORCE_P]) / motion[MASS]
-    turn(state, load, motion, result)
+    disc_derivative(state, load, motion, result)
 
 
 @njit(cache=True, error_model="numpy")
-def turn(state, load, motion, result):  # pragma: no cover - compiled
+def disc_derivative(state, load, motion, result):  # pragma: no cover - compiled
     """Write the time derivative of all but the height, under given loads."""
     axis, turning = state[AXIS : AXIS + 3], state[TURNING : TURNING + 3]
     result[AXIS] = turning[1] * axis[2] - turning[2] * axis[1]
@@ -446,7 +446,7 @@ def turn(state, load, motion, result):  # pragma: no cover - compiled
 
 
 @njit(cache=True)
-def straighten(state):  # pragma: no cover - compiled
+def renormalise_axis(state):  # pragma: no cover - compiled
     """Bring the axis back to length 1 and the turning back across it; both drift by rounding."""
     kx, ky, kz = state[AXIS], state[AXIS + 1], state[AXIS + 2]
     length = sqrt(kx * kx + ky * ky + kz * kz)
@@ -491,7 +491,7 @@ def advance(
     slopes = np.zeros((STAGES, STATES))
     stage = np.zeros(STATES)
     room = np.zeros((3, LOADS))
-    found = scratch(nodes.shape[1])
+    found = work_array(nodes.shape[1])
     accepted, refused = 0, 0
     wish = largest_step
     track[0] = state
@@ -524,7 +524,7 @@ def advance(
             slopes[0] = slopes[STAGES - 1]
             if state[AXIS + 2] < LOWEST_AXIS:
                 return TIPPED_OVER, accepted, refused, i
-        straighten(state)
+        renormalise_axis(state)
         track[i + 1] = state
     return RUNNING, accepted, refused, midway.shape[0]
 
@@ -533,10 +533,10 @@ def advance(
 def loads_along(time, track, motion, contact, nodes, loads):  # pragma: no cover - compiled
     """Evaluate the contact at recorded states; the share of the rim that touches in column 0."""
     place, velocity = np.zeros(3), np.zeros(3)
-    found = scratch(nodes.shape[1])
+    found = work_array(nodes.shape[1])
     for i in range(time.size):
         state = track[i]
-        lead(time[i], motion, place, velocity)
+        joint_motion(time[i], motion, place, velocity)
         place[2], velocity[2] = state[HEIGHT], state[CLIMB]
         touching = rim_load(
             place,

@@ -41,10 +41,10 @@ from robustpolish.polishing.contact import (
     TIPPED_OVER,
     TURNING,
     axis_and_turning,
+    disc_derivative,
+    renormalise_axis,
     rim_load,
-    scratch,
-    straighten,
-    turn,
+    work_array,
 )
 from robustpolish.polishing.dataset import parameters_from_attributes, tool_velocity
 from robustpolish.polishing.parameters import BrushParameters
@@ -199,7 +199,9 @@ CONTACT_IMPULSE = slice(10, 13)
 
 
 @njit(cache=True)
-def _led(track, rate, interval, index, within, place, velocity):  # pragma: no cover - compiled
+def _reference(
+    track, rate, interval, index, within, place, velocity
+):  # pragma: no cover - compiled
     """Write the reference between two samples, the cubic through places and velocities."""
     s = within / interval
     for i in range(3):
@@ -218,7 +220,7 @@ def _rates(
 ):  # pragma: no cover - compiled  # fmt: skip
     """Write the disc's derivative and the push (f, 1) on the machine; nodes that touch."""
     place, velocity, load = room[0], room[1], room[2]
-    _led(reference, rate, interval, index, within, place, velocity)
+    _reference(reference, rate, interval, index, within, place, velocity)
     for i in range(3):
         yielded, speed = -origin[i], 0.0
         for j in range(x.size):
@@ -230,7 +232,7 @@ def _rates(
     touching = rim_load(place, velocity, axis, turning, disc[SPIN], contact, nodes, found, load)
     disc[HEIGHT], disc[CLIMB] = place[2], velocity[2]
     result[HEIGHT] = result[CLIMB] = 0.0
-    turn(disc, load, motion, result)
+    disc_derivative(disc, load, motion, result)
     push[0], push[1], push[2], push[3] = load[FORCE], load[FORCE + 1], load[FORCE + 2], 1.0
     return touching
 
@@ -281,7 +283,7 @@ def advance_coupled(
     """
     n = x.size
     step = interval / steps
-    room, found = np.zeros((3, LOADS)), scratch(nodes.shape[1])
+    room, found = np.zeros((3, LOADS)), work_array(nodes.shape[1])
     slopes, push = np.zeros((4, STATES)), np.zeros((4, 4))
     stage, stage_x = np.zeros(STATES), np.zeros(n)
     first_x, free, again = np.zeros(n), np.zeros(n), np.zeros(n)
@@ -344,7 +346,7 @@ def advance_coupled(
                 disc[k] += step / 6.0 * (slopes[0, k] + middle + slopes[3, k])
             if 2 * (part + 1) == steps:
                 midway[i] = disc[CONTACT_IMPULSE]
-        straighten(disc)
+        renormalise_axis(disc)
         if not np.isfinite(disc[AXIS + 2] + x[0]):
             return STUCK, i
         if disc[AXIS + 2] < LOWEST_AXIS:
@@ -479,7 +481,7 @@ def contact_load(
         As `rim_load` fills it.
     """
     nodes = contact.rim_nodes(_FINER * rim_points(parameters))
-    load, found = np.zeros(contact.LOADS), contact.scratch(nodes.shape[1])
+    load, found = np.zeros(contact.LOADS), contact.work_array(nodes.shape[1])
     constants = contact_constants(parameters)
     contact.rim_load(place, velocity, axis, turning, parameters.spin, constants, nodes, found, load)
     return load

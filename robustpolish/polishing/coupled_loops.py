@@ -11,7 +11,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from robustpolish.base.arrays import Matrix, Vector
-from robustpolish.base.budget import working
+from robustpolish.base.budget import progress_bar
 from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.closed_loop.simulate import loop_with_units
@@ -48,7 +48,7 @@ Loop = Design | GeneralizedPlant | control.StateSpace
 
 
 @dataclass(frozen=True, eq=False)
-class Carrier:
+class BrushCarrier:
     """A loop, what it is for the brush, and the units of its signals.
 
     Attributes
@@ -109,7 +109,7 @@ class Carrier:
         )
 
 
-def carrier(design: Loop, polishing_force: float) -> Carrier:
+def carrier(design: Loop, polishing_force: float) -> BrushCarrier:
     """Read a loop as the machine that carries the brush.
 
     Parameters
@@ -122,7 +122,7 @@ def carrier(design: Loop, polishing_force: float) -> Carrier:
 
     Returns
     -------
-    Carrier
+    BrushCarrier
 
     Raises
     ------
@@ -166,7 +166,7 @@ def carrier(design: Loop, polishing_force: float) -> Carrier:
     if "F_p" in system.input_labels:
         steady = B[:, system.input_labels.index("F_p")] * polishing_force
     machine = LinearMachine(A, B[:, columns] * SIGNS, steady, C[rows])
-    return Carrier(system, machine, units)
+    return BrushCarrier(system, machine, units)
 
 
 # A loop and the brush that feels it: contact where the tool is, not where it should be.
@@ -242,7 +242,7 @@ def simulate_coupled(
     guided = guided_brush(brush)
     parameters = guided.parameters
     carried = carrier(design, parameters.polishing_force)
-    with working(f"Simulating brush and machine for {guided.time[-1]:g} s"):
+    with progress_bar(f"Simulating brush and machine for {guided.time[-1]:g} s"):
         run, states, check = run_coupled(
             guided, carried.machine, tolerance=limit, max_passes=max_passes
         )
@@ -432,7 +432,7 @@ def compare_coupled(
     )
 
 
-def _loop_gain(carried: Carrier, contact: BrushAtRest) -> float:
+def _loop_gain(carried: BrushCarrier, contact: BrushAtRest) -> float:
     """Norm from a force on the brush, through the machine and the contact, to the force back."""
     machine, slopes = carried.machine, contact.jacobian[:3]
     answer = slopes[:, PLACE] @ machine.C + slopes[:, VELOCITY] @ machine.C @ machine.A
@@ -441,7 +441,7 @@ def _loop_gain(carried: Carrier, contact: BrushAtRest) -> float:
 
 
 def _replayed(
-    carried: Carrier, brush: xr.Dataset, first_force: np.ndarray, polishing_force: float
+    carried: BrushCarrier, brush: xr.Dataset, first_force: np.ndarray, polishing_force: float
 ) -> xr.Dataset:
     """Run the loop under the forces that the brush made on a rigid machine."""
     forces = SIGNS * np.column_stack([brush[name].to_numpy() for name in FORCES])

@@ -55,10 +55,10 @@ def plot_polishing(signals: xr.Dataset, surface: PolishedSurface, ax: Any = None
     heights = surface.height(x[:, None], y[None, :])
     ground = xr.DataArray(heights, {"x": x, "y": y}, ("x", "y"))
     place = tuple(signals[name] for name in ("tool_x", "tool_y", "surface_height"))
-    return plot_path_in_space(ground, place, _met(signals), ax)
+    return plot_path_in_space(ground, place, _normal_force(signals), ax)
 
 
-def _met(signals: xr.Dataset) -> xr.DataArray:
+def _normal_force(signals: xr.Dataset) -> xr.DataArray:
     """Return the normal force of the whole rim; of the listing, which has none, that upwards."""
     if "contact_force" not in signals:
         return signals["F_z"]

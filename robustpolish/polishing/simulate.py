@@ -10,7 +10,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from robustpolish.base.budget import working
+from robustpolish.base.budget import progress_bar
 from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
 from robustpolish.plots.charts import plot_over_plane
 from robustpolish.polishing.brush import physical_dataset, run_refined
@@ -191,7 +191,7 @@ def check_ground(parameters: BrushParameters, duration: float) -> None:
         raise invalid("path", shown, f"at least the duration, {duration:g} s", remedy)
     if not isinstance(mould, Mould):
         return
-    places = visited(parameters, duration)
+    places = centre_places(parameters, duration)
     reach = parameters.rim_distance
     spare = mould.distance_to_edge(*places) - reach
     if spare.min() < 0:
@@ -203,7 +203,7 @@ def check_ground(parameters: BrushParameters, duration: float) -> None:
     _check_bulges(mould, places, parameters)
 
 
-def visited(parameters: BrushParameters, duration: float) -> Floats:
+def centre_places(parameters: BrushParameters, duration: float) -> Floats:
     """Places of the tool's centre, an eighth of a radius apart at most, shape (2, n) [m]."""
     rough = tool_position(np.linspace(0.0, duration, 2001), parameters)
     length = float(np.sum(np.hypot(*np.diff(rough, axis=1))))
@@ -211,7 +211,9 @@ def visited(parameters: BrushParameters, duration: float) -> Floats:
     return tool_position(np.linspace(0.0, duration, count), parameters)
 
 
-def under_disc(surface: PolishedSurface, places: Floats, radius: float) -> tuple[Floats, Floats]:
+def largest_bend_under_disc(
+    surface: PolishedSurface, places: Floats, radius: float
+) -> tuple[Floats, Floats]:
     """Largest second derivative in any direction at places on and within the rim [1/m].
 
     Returns
@@ -234,7 +236,7 @@ def _told(place: Floats) -> str:
 
 
 def _check_bulges(mould: Mould, places: Floats, parameters: BrushParameters) -> None:
-    least, _ = under_disc(mould, places, parameters.radius)
+    least, _ = largest_bend_under_disc(mould, places, parameters.radius)
     bulge = -0.5 * float(least.min()) * parameters.radius**2
     depth = parameters.polishing_force / parameters.contact_stiffness
     if bulge > max(_BULGE, _SHARE_OF_DEPTH * depth):
@@ -370,7 +372,7 @@ def simulate_brush(
     time = _sample_times(duration, rate)
     limit = positive("tolerance", _TOLERANCE[simulator] if tolerance is None else tolerance)
     check_ground(chosen, float(time[-1]))
-    with working(f"Simulating the brush for {duration:g} s"):
+    with progress_bar(f"Simulating the brush for {duration:g} s"):
         return _run(simulator, chosen, time, limit, options)
 
 

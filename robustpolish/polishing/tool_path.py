@@ -17,7 +17,7 @@ from scipy.interpolate import BSpline, CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from robustpolish.base.checks import described, invalid, positive
-from robustpolish.base.input_files import Wanted, text
+from robustpolish.base.input_files import FileSpec, text
 from robustpolish.base.jit import njit
 from robustpolish.polishing.surfaces.importers import FILE, scale_of
 from robustpolish.polishing.surfaces.spline import cell, coefficients, slope_weights, weights
@@ -162,7 +162,7 @@ def _evenly(places: Floats, far: Floats, count: int) -> Floats:
 
 
 @njit(cache=True)
-def follow(time, packed, place, velocity):  # pragma: no cover - compiled
+def evaluate_path(time, packed, place, velocity):  # pragma: no cover - compiled
     """Write the horizontal place [m] and velocity [m/s] at a time [s]."""
     count = (packed.size - 1) // 2
     number, fraction = cell(time, 0.0, packed[0], count)
@@ -226,7 +226,7 @@ def checked_places(places: ArrayLike) -> Floats:
     return corners[moved]
 
 
-def read_csv(path: str | Path, unit: str, file: Wanted = FILE) -> tuple[Floats, Floats | None]:
+def read_csv(path: str | Path, unit: str, file: FileSpec = FILE) -> tuple[Floats, Floats | None]:
     """Return x and y [m], shape (n, 2), and the times [s] if the file has a column t."""
     lines, path = io.StringIO(text(path, file, "utf-8-sig"), newline=""), Path(path)
     try:

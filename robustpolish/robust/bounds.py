@@ -9,21 +9,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robustpolish.base.arrays import Vector
-from robustpolish.base.budget import look_at_the_clock
+from robustpolish.base.budget import check_deadline
 from robustpolish.robust.branch_and_bound import (
     Goal,
     Probe,
-    branched,
+    branch_and_bound,
     can_branch,
     can_split,
-    nearby,
+    local_witness,
     split,
 )
 from robustpolish.robust.coverage import POLICY, Coverage, cover, response
 from robustpolish.robust.loop_model import LoopModel
-from robustpolish.robust.real_parameters import Crossing, crossings, proven_size
-from robustpolish.robust.scalings import Inequality, Level, Space
-from robustpolish.robust.witness import Witness, directions, smallest
+from robustpolish.robust.real_parameters import RayCrossing, proven_real_margin, ray_crossings
+from robustpolish.robust.scalings import Inequality, ScaledBound, Space
+from robustpolish.robust.witness import Witness, singular_directions, smallest_delta
 
 GAP = 2e-3
 """Relative distance of both bounds that is small enough, if nothing else is asked for."""
@@ -100,7 +100,7 @@ def bounds(loop: LoopModel, fixed: tuple[bool, ...] | None = None, gap: float = 
         if branches and found.coverage.complete:
             found = _with_short_intervals(loop, fixed, found)
         return found if fixed else _without_witness(loop, found, gap)
-    exact = None if fixed else proven_size(loop, found.witness.size)
+    exact = None if fixed else proven_real_margin(loop, found.witness.size)
     if exact is not None:
         return replace(found, coverage=_everywhere(found.coverage, 1 / exact))
     if found.gap > gap and branches:
@@ -108,7 +108,7 @@ def bounds(loop: LoopModel, fixed: tuple[bool, ...] | None = None, gap: float = 
         if found.gap > gap:
             found = _with_short_intervals(loop, fixed, found)
     if found.gap > gap and can_split(loop):
-        found = _settled(loop, fixed, _by_boxes(loop, found, fixed, _AIM * gap))
+        found = _settled(loop, fixed, _bound_over_boxes(loop, found, fixed, _AIM * gap))
     return found
 
 
@@ -117,9 +117,9 @@ def _without_witness(loop: LoopModel, found: Bounds, gap: float) -> Bounds:
     if found.coverage.complete or any(b.kind != "real" for b in loop.structure.blocks):
         return found
     far = _FAR * loop.gain
-    size = proven_size(loop, far)
+    size = proven_real_margin(loop, far)
     if size is None and can_branch(loop):
-        size = branched(loop, "pole", 0.0, far, gap, lambda numbers, frequency: far)
+        size = branch_and_bound(loop, "pole", 0.0, far, gap, lambda numbers, frequency: far)
     return replace(found, coverage=_everywhere(found.coverage, 1 / size)) if size else found
 
 
@@ -130,7 +130,7 @@ def _settled(loop: LoopModel, fixed: tuple[bool, ...] | None, found: Bounds) -> 
     """
     witness = found.witness
     for _ in range(_AGAIN):
-        look_at_the_clock()
+        check_deadline()
         if witness is None:
             return found
         frequency = loop.frequency(witness.at)
@@ -156,7 +156,7 @@ def _from_witness(
     if at != witness.at or (not moves and _is_real(witness)):
         delta, M = np.real(delta), np.real(M)
     w = np.conj(np.linalg.svd(np.eye(len(delta)) - delta @ M)[2][-1]).astype(complex)
-    return smallest(structure, loop.response, w, at, moves, np.ones(len(w)), fixed=fixed)
+    return smallest_delta(structure, loop.response, w, at, moves, np.ones(len(w)), fixed=fixed)
 
 
 def _at_the_ends(loop: LoopModel, fixed: tuple[bool, ...] | None, witness: Witness) -> Witness:
@@ -189,21 +189,23 @@ def _by_branching(
     """Draw both bounds together by branch and bound over the real numbers."""
     real_alone = all(block.kind == "real" for block in loop.structure.blocks)
     goal: Goal = "pole" if real_alone else "gain" if fixed else "both"
-    return _drawn(
+    return _raise_proven_size(
         loop, found, fixed,
-        lambda proven, best, probe: branched(loop, goal, proven, best, gap, probe),
+        lambda proven, best, probe: branch_and_bound(loop, goal, proven, best, gap, probe),
     )  # fmt: skip
 
 
-def _by_boxes(loop: LoopModel, found: Bounds, fixed: tuple[bool, ...] | None, gap: float) -> Bounds:
+def _bound_over_boxes(
+    loop: LoopModel, found: Bounds, fixed: tuple[bool, ...] | None, gap: float
+) -> Bounds:
     """Draw both bounds together by scalings for each part of the box of real numbers."""
-    return _drawn(
+    return _raise_proven_size(
         loop, found, fixed,
         lambda proven, best, probe: split(loop, fixed, proven, best, gap, probe),
     )  # fmt: skip
 
 
-def _drawn(
+def _raise_proven_size(
     loop: LoopModel,
     found: Bounds,
     fixed: tuple[bool, ...] | None,
@@ -215,7 +217,7 @@ def _drawn(
 
     def probe(numbers: Vector, frequency: float) -> float:
         nonlocal best
-        best = _better(best, nearby(loop, numbers, frequency, held))
+        best = _better(best, local_witness(loop, numbers, frequency, held))
         return best.size if best else math.inf
 
     start = 1 / coverage.level if coverage.complete and coverage.level else 0.0
@@ -240,7 +242,7 @@ def _space(loop: LoopModel, fixed: tuple[bool, ...] | None) -> Space:
 def _by_scalings(loop: LoopModel, fixed: tuple[bool, ...] | None, slack: float) -> Bounds:
     """Bound the peak by scalings that hold over intervals, and by searches from where they end."""
     space = _space(loop, fixed)
-    found = None if fixed else _from_crossings(loop, crossings(loop))
+    found = None if fixed else _from_crossings(loop, ray_crossings(loop))
     seeds = loop.seeds()
     if found is not None:
         seeds = [loop.frequency(found.at), *seeds]
@@ -257,13 +259,13 @@ def _by_scalings(loop: LoopModel, fixed: tuple[bool, ...] | None, slack: float) 
     return Bounds(coverage, found)
 
 
-def _from_crossings(loop: LoopModel, known: list[Crossing]) -> Witness | None:
+def _from_crossings(loop: LoopModel, known: list[RayCrossing]) -> Witness | None:
     """Return the smallest Delta near the crossings of rays."""
     best: Witness | None = None
     scale = np.ones(loop.structure.shape[1])
     for crossing in known[:_CROSSINGS]:
         angle, moves = loop.start(crossing.frequency)
-        found = smallest(
+        found = smallest_delta(
             loop.structure, loop.response, crossing.w, angle, moves, scale, crossing.deltas
         )
         best = _better(best, found)
@@ -271,7 +273,7 @@ def _from_crossings(loop: LoopModel, known: list[Crossing]) -> Witness | None:
 
 
 def _from_peak(
-    loop: LoopModel, space: Space, frequency: float, level: Level, reached: float, count: int
+    loop: LoopModel, space: Space, frequency: float, level: ScaledBound, reached: float, count: int
 ) -> Witness | None:
     """Return the smallest Delta near what the scalings of a peak say is the worst."""
     inequality = Inequality(space, response(loop.model, frequency)[None])
@@ -283,7 +285,7 @@ def _from_peak(
     angle, ends = loop.angle(frequency), frequency in (0.0, math.inf)
     # At rest and at infinity a stable real system has real values: look there, and nearby.
     near = min(max(angle, _BESIDE), math.pi / 2 - _BESIDE)
-    for w in directions(inequality, level.square, level.x, count):
+    for w in singular_directions(inequality, level.square, level.x, count):
         starts = [(w, near, True)]
         if ends:
             starts = [(np.real(w).astype(complex), angle, False), *starts]
@@ -292,7 +294,7 @@ def _from_peak(
         for signals, at, moves in starts:
             if best and reached * best.size <= 1 + _NEAR:
                 break
-            found = smallest(
+            found = smallest_delta(
                 loop.structure, loop.response, signals, at, moves, scale, fixed=space.fixed
             )
             if found and (moves or not ends or _is_real(found)):

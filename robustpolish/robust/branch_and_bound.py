@@ -17,14 +17,20 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from robustpolish.base.arrays import AnyArray, AnyMatrix, Matrix, Vector
-from robustpolish.base.budget import look_at_the_clock
+from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic.balls import identity, part, precision
 from robustpolish.linear.arithmetic.rational import fraction
 from robustpolish.robust.coverage import cover
-from robustpolish.robust.loop_model import BITS, LoopModel, Structure, positions, rounded
-from robustpolish.robust.real_parameters import crossings
+from robustpolish.robust.loop_model import (
+    BITS,
+    DeltaStructure,
+    LoopModel,
+    rounded,
+    signal_positions,
+)
+from robustpolish.robust.real_parameters import ray_crossings
 from robustpolish.robust.scalings import Space
-from robustpolish.robust.witness import Witness, smallest
+from robustpolish.robust.witness import Witness, smallest_delta
 
 # Polynomials in Bernstein's form: their values over a box lie between their coefficients.
 #
@@ -82,13 +88,13 @@ def from_powers(degree: int, low: float, high: float) -> Any:
     return flint.arb_mat(flint.fmpq_mat(rows))
 
 
-def along(table: AnyArray, coefficients: AnyArray, axis: int) -> AnyArray:
+def apply_along_axis(table: AnyArray, coefficients: AnyArray, axis: int) -> AnyArray:
     """Return what a matrix makes of an array along one of its axes."""
     return np.moveaxis(np.tensordot(table, coefficients, (1, axis)), 0, axis)
 
 
 @cache
-def halves(degree: int) -> tuple[Matrix, Matrix]:
+def halving_matrices(degree: int) -> tuple[Matrix, Matrix]:
     """Return the matrices from coefficients to those over the lower and the upper half.
 
     Their entries are exact, not negative, and sum up to 1 in a row.
@@ -123,7 +129,7 @@ def _table(matrix: Any) -> Balls:
 
 
 @dataclass(frozen=True, eq=False)
-class Family:
+class BoxPolynomials:
     """Polynomials of a loop over a box of its real numbers.
 
     Attributes
@@ -172,7 +178,7 @@ def is_small(loop: LoopModel, most: int) -> bool:
     return prod(block.copies + 1 for block in real) * (n + 1) * entries <= most
 
 
-def family(loop: LoopModel, size: float) -> Family:
+def family(loop: LoopModel, size: float) -> BoxPolynomials:
     """Return the polynomials of a loop over the box of real numbers up to a size.
 
     Parameters
@@ -184,7 +190,7 @@ def family(loop: LoopModel, size: float) -> Family:
 
     Returns
     -------
-    Family
+    BoxPolynomials
 
     Raises
     ------
@@ -209,8 +215,8 @@ def family(loop: LoopModel, size: float) -> Family:
         for i, coefficients in enumerate(values):
             parts[(i, *place)] = coefficients
     for axis, degree in enumerate(degrees):
-        parts = along(from_values(degree), parts, axis + 1)
-    return Family(real, closed.shape, degrees, size, parts)
+        parts = apply_along_axis(from_values(degree), parts, axis + 1)
+    return BoxPolynomials(real, closed.shape, degrees, size, parts)
 
 
 class _Closed:
@@ -218,8 +224,8 @@ class _Closed:
 
     def __init__(self, loop: LoopModel, real: tuple[int, ...], others: list[int]) -> None:
         structure = loop.structure
-        z, out = (positions(structure.inputs, blocks) for blocks in (real, others))
-        w, into = (positions(structure.outputs, blocks) for blocks in (real, others))
+        z, out = (signal_positions(structure.inputs, blocks) for blocks in (real, others))
+        w, into = (signal_positions(structure.outputs, blocks) for blocks in (real, others))
         self.copies = [structure.blocks[k].copies for k in real]
         A, B, C, D = loop.balls
         states = range(loop.model.states)
@@ -261,7 +267,7 @@ class _Closed:
 # A look for a smaller witness where branching finds the lowest bound.
 
 
-def nearby(
+def local_witness(
     loop: LoopModel, numbers: Vector, frequency: float, fixed: tuple[bool, ...]
 ) -> Witness | None:
     """Return the smallest Delta that a search finds from real numbers and a frequency.
@@ -296,17 +302,17 @@ def nearby(
         deltas[k] = complex(number)
     starts = [(w, angle, not ends, tuple(deltas))]
     if len(real) == len(structure.blocks):
-        for crossing in crossings(loop, (numbers,)):
+        for crossing in ray_crossings(loop, (numbers,)):
             angle, moves = loop.start(crossing.frequency)
             starts.append((crossing.w, angle, moves, crossing.deltas))
     found = [
-        smallest(structure, loop.response, w, at, moves, scale, given, fixed)
+        smallest_delta(structure, loop.response, w, at, moves, scale, given, fixed)
         for w, at, moves, given in starts
     ]
     return min((one for one in found if one), key=lambda one: one.size, default=None)
 
 
-def worst_signals(structure: Structure, M: AnyMatrix, numbers: Vector) -> AnyMatrix:
+def worst_signals(structure: DeltaStructure, M: AnyMatrix, numbers: Vector) -> AnyMatrix:
     """Return signals w that are nearly a mode with given real numbers.
 
     They are those that what else there is amplifies most, or those that are left unchanged most
@@ -341,7 +347,7 @@ _CHEAP = 1e3
 
 
 @dataclass(frozen=True)
-class Gauge:
+class ParameterNorm:
     """How large real numbers are: alone, or together within a ball.
 
     Attributes
@@ -425,7 +431,9 @@ class Region:
         sizes = np.abs(self.rows).max(axis=tuple(range(1, self.rows.ndim)))
         degree = self.rows.shape[axis + 1] - 1
         errors = self.errors + 4 * (degree + 2) * _UNIT * sizes
-        lower, upper = (along(half, self.rows, axis + 1) for half in halves(degree))
+        lower, upper = (
+            apply_along_axis(half, self.rows, axis + 1) for half in halving_matrices(degree)
+        )
         if axis == len(self.low):
             start, stop = self.band
             middle = (start + stop) / 2
@@ -473,7 +481,7 @@ class Bound:
     parts: tuple[AnyArray, ...]
 
 
-def bound(region: Region, gauge: Gauge, radius: float, aim: float) -> Bound:
+def bound(region: Region, parameter_norm: ParameterNorm, radius: float, aim: float) -> Bound:
     """Return what Bernstein coefficients prove over a region.
 
     With a direction y and weights of the balls (which are not positive within them), ::
@@ -485,7 +493,7 @@ def bound(region: Region, gauge: Gauge, radius: float, aim: float) -> Bound:
     Parameters
     ----------
     region : Region
-    gauge : Gauge
+    gauge : ParameterNorm
     radius : float
         Of the balls.
     aim : float
@@ -494,7 +502,7 @@ def bound(region: Region, gauge: Gauge, radius: float, aim: float) -> Bound:
     P, norms = region.rows[0], region.norms
     error = float(region.errors[0]) + _ROUNDING * float(np.abs(P).max())
     wanted = norms.ravel() if norms.any() else np.ones(P.size)
-    balls = [region.ball(g, radius) for g in gauge.together if region.crosses(g, radius)]
+    balls = [region.ball(g, radius) for g in parameter_norm.together if region.crosses(g, radius)]
     if any(ball.min() > 0 for ball in balls):
         return Bound(math.inf, ())
     unit = float(np.abs(P).max()) or 1.0
@@ -544,7 +552,7 @@ def _least(rows: Matrix, wanted: Vector, positive: int) -> Vector:
     return y
 
 
-def bent(parts: tuple[AnyArray, ...]) -> int:
+def least_linear_axis(parts: tuple[AnyArray, ...]) -> int:
     """Return the axis across which functions are least linear."""
     axes = [axis for axis, count in enumerate(parts[0].shape) if count > 1]
     bends = dict.fromkeys(axes, 0.0)
@@ -610,7 +618,7 @@ Probe = Callable[[Vector, float], float]
 
 
 @dataclass(eq=False)
-class Branching:
+class BranchAndBound:
     """What is asked of a loop, and how far the answer is.
 
     Attributes
@@ -618,7 +626,7 @@ class Branching:
     goal : {"pole", "both", "gain"}
         Least size of real numbers that put a pole on the axis; least size of these and of the one
         other block together; or of that block alone, with the numbers up to size 1.
-    gauge : Gauge
+    gauge : ParameterNorm
     proven : float
         A size below which nothing is known to happen.
     best : float
@@ -634,7 +642,7 @@ class Branching:
     """
 
     goal: Goal
-    gauge: Gauge
+    parameter_norm: ParameterNorm
     proven: float
     best: float
     gap: float
@@ -664,10 +672,10 @@ class Branching:
         """Keep a region unless it is done."""
         self.looked_at += 1
         far = np.maximum(np.abs(region.low), np.abs(region.high)).max()
-        near = self.gauge.least(region.low, region.high)
+        near = self.parameter_norm.least(region.low, region.high)
         if near > self.radius or (self.goal == "pole" and far <= self.proven):
             return
-        found = bound(region, self.gauge, self.radius, self.target)
+        found = bound(region, self.parameter_norm, self.radius, self.target)
         if self.goal == "gain":
             size = max(least, found.size)
         elif self.goal == "both":
@@ -683,7 +691,7 @@ def can_branch(loop: LoopModel) -> bool:
     return is_small(loop, POLICY.coefficients)
 
 
-def branched(
+def branch_and_bound(
     loop: LoopModel,
     goal: Goal,
     proven: float,
@@ -698,7 +706,7 @@ def branched(
     loop : LoopModel
         Stable, and one that :func:`can_branch`.
     goal : {"pole", "both", "gain"}
-        As of :class:`Branching`.
+        As of :class:`BranchAndBound`.
     proven, best : float
         Sizes that are known: nothing happens below the first, the second is that of a witness.
     gap : float
@@ -711,14 +719,14 @@ def branched(
     float
         A size below which nothing happens: at most the smallest witness less the gap.
     """
-    state = Branching(goal, gauge_of(loop.structure), proven, best, gap)
+    state = BranchAndBound(goal, parameter_norm_of(loop.structure), proven, best, gap)
     try:
         state.begin(loop)
     except ZeroDivisionError:
         return proven
     work, steps = 0.0, 0
     while state.heap and state.heap[0][0] < state.target and work < POLICY.work:
-        look_at_the_clock()
+        check_deadline()
         least, _, region, parts = heapq.heappop(state.heap)
         work += 2 * (region.rows.size + POLICY.overhead)
         steps += 1
@@ -727,23 +735,23 @@ def branched(
             if state.radius < state.begun * (1 - POLICY.again * gap):
                 state.begin(loop)
                 continue
-        for half in region.halved(bent(parts)):
+        for half in region.halved(least_linear_axis(parts)):
             state.add(half, least)
     least = state.heap[0][0] if state.heap else math.inf
     return max(proven, min(least, state.target))
 
 
-def gauge_of(structure: Structure) -> Gauge:
+def parameter_norm_of(structure: DeltaStructure) -> ParameterNorm:
     """Return the gauge of the real numbers of a structure, in their order."""
     real = structure.only([k for k, b in enumerate(structure.blocks) if b.kind == "real"])
     alone = tuple(i for i, block in enumerate(real.blocks) if not block.group)
-    return Gauge(alone, real.together)
+    return ParameterNorm(alone, real.together)
 
 
-def _first(parts: Family, loop: LoopModel) -> Iterator[Region]:
+def _first(parts: BoxPolynomials, loop: LoopModel) -> Iterator[Region]:
     """Yield regions of the whole box, one for each band of frequency."""
     real, imag = _on_axis(parts.parts)
-    for axis in (i for group in gauge_of(loop.structure).together for i in group):
+    for axis in (i for group in parameter_norm_of(loop.structure).together for i in group):
         real, imag = _elevated(real, axis + 1), _elevated(imag, axis + 1)
     edges = _edges(loop)
     for start, stop in zip([0.0, *edges], [*edges, math.inf], strict=True):
@@ -783,7 +791,9 @@ def _multiplied(table: Balls, matrix: Any) -> Balls:
     return result.reshape(table.shape)
 
 
-def _region(both: list[Balls], parts: Family, band: tuple[float, float], above: bool) -> Region:
+def _region(
+    both: list[Balls], parts: BoxPolynomials, band: tuple[float, float], above: bool
+) -> Region:
     middles = [np.vectorize(float, otypes=[float])(one) for one in both]
     rows = middles[0] + 1j * middles[1]
     errors = []
@@ -885,7 +895,7 @@ def split(
     float
         A size below which nothing happens.
     """
-    gauge = gauge_of(loop.structure)
+    parameter_norm = parameter_norm_of(loop.structure)
     real = [k for k, block in enumerate(loop.structure.blocks) if block.kind == "real"]
     radius = 1.0 if fixed else best / (1 + gap)
     heap = [_Box(proven, 0, (-radius,) * len(real), (radius,) * len(real), math.nan)]
@@ -900,7 +910,7 @@ def split(
         left = best / worst.size - 1 if worst.size > 0 else math.inf
         slack = min(BOX_POLICY.slack * max(gap, left), BOX_POLICY.most_slack)
         for low, high in _halves(worst):
-            near = gauge.least(low, high)
+            near = parameter_norm.least(low, high)
             if near > radius:
                 continue
             count += 1
@@ -968,7 +978,9 @@ def moved(loop: LoopModel, real: list[int], centre: Vector, reach: Vector) -> Lo
     with precision(BITS):
         onto, scale = flint.arb_mat(nw, nz), identity(nw)
         for k, c, h in zip(real, centre, reach, strict=True):
-            own = (positions(places, [k]) for places in (structure.outputs, structure.inputs))
+            own = (
+                signal_positions(places, [k]) for places in (structure.outputs, structure.inputs)
+            )
             for w, z in zip(*own, strict=True):
                 onto[w, z], scale[w, w] = float(c), float(h)
         try:
@@ -979,4 +991,4 @@ def moved(loop: LoopModel, real: list[int], centre: Vector, reach: Vector) -> Lo
         forward = (identity(nw) + through * D) * scale
         balls = A + B * through * C, B * forward, back * C, back * D * scale
     blocks = tuple(replace(block, group="") for block in structure.blocks)
-    return replace(loop, structure=Structure(blocks), model=rounded(balls), balls=balls)
+    return replace(loop, structure=DeltaStructure(blocks), model=rounded(balls), balls=balls)

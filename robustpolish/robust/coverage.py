@@ -12,7 +12,7 @@ import flint
 import numpy as np
 
 from robustpolish.base.arrays import AnyMatrix, Matrix, Vector
-from robustpolish.base.budget import look_at_the_clock
+from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic.balls import (
     ball,
     block,
@@ -24,7 +24,14 @@ from robustpolish.linear.arithmetic.balls import (
 )
 from robustpolish.linear.arithmetic.realisation import Realisation
 from robustpolish.robust.loop_model import LoopModel
-from robustpolish.robust.scalings import Inequality, Level, Space, at, lowered, started
+from robustpolish.robust.scalings import (
+    Inequality,
+    ScaledBound,
+    Space,
+    at,
+    initial_scalings,
+    reduce_level,
+)
 
 # What constant scalings prove, in ball arithmetic: at a matrix, and over a range of frequencies.
 #
@@ -60,7 +67,7 @@ def is_definite(matrix: Ball) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class Weights:
+class BallScalings:
     """Scalings as balls: Dz, G, and beta^2 Dw with the blocks of fixed size as they are."""
 
     Dz: Ball
@@ -68,7 +75,7 @@ class Weights:
     E: Ball
 
     @classmethod
-    def of(cls, space: Space, x: Vector, level: float) -> Weights | None:
+    def of(cls, space: Space, x: Vector, level: float) -> BallScalings | None:
         """Return the scalings at a level beta, None if a D is not proven to be positive."""
         Dz, still, scaled, G = space.matrices(x)
         Dz, still, scaled, G = _commuting(space, (Dz, still, scaled, G))
@@ -88,7 +95,7 @@ def _commuting(space: Space, matrices: tuple[AnyMatrix, ...]) -> tuple[AnyMatrix
     return (*((D + np.conj(D.T)) / 2 for D in (Dz, still, scaled)), G)
 
 
-def proves(M: Ball, weights: Weights) -> bool:
+def proves_inequality(M: Ball, weights: BallScalings) -> bool:
     """Prove the inequality at a matrix."""
     star = M.conjugate().transpose()
     turned = weights.G * M * flint.acb(0, 1)
@@ -125,12 +132,12 @@ class ProvenModel:
         shifted = complex_ball(1j * omega * np.eye(n))
         return D + C * (shifted - A).solve(B)
 
-    def interval(self, weights: Weights, omega: float) -> tuple[float, float] | None:
+    def interval(self, weights: BallScalings, omega: float) -> tuple[float, float] | None:
         """Prove the inequality around a frequency, as far as it holds.
 
         Parameters
         ----------
-        weights : Weights
+        weights : BallScalings
         omega : float
             In rad/s; infinity is allowed.
 
@@ -141,19 +148,21 @@ class ProvenModel:
         """
         with precision(_BITS):
             try:
-                if not proves(self.response(omega), weights):
+                if not proves_inequality(self.response(omega), weights):
                     return None
                 if not self.real[0].nrows():
                     return 0.0, math.inf
                 H = self._hamiltonian(weights)
-                found = _clear(*discs(H, _double_basis(H)), omega)
+                found = _clear(*gershgorin_discs(H, _double_basis(H)), omega)
                 if found is None or found[1] - found[0] < _SHORT * found[0]:
-                    found = _clear(*discs(H, H.eig(right=True, algorithm="approx")[1]), omega)
+                    found = _clear(
+                        *gershgorin_discs(H, H.eig(right=True, algorithm="approx")[1]), omega
+                    )
                 return found
             except (ZeroDivisionError, ValueError, np.linalg.LinAlgError):
                 return None
 
-    def _hamiltonian(self, weights: Weights) -> Ball:
+    def _hamiltonian(self, weights: BallScalings) -> Ball:
         A, B, C, D = self._balls
         Dz, G, E = weights.Dz, weights.G, weights.E
         star = [M.conjugate().transpose() for M in (A, B, C, D)]
@@ -183,7 +192,7 @@ def _clear(centres: AnyMatrix, radii: Vector, omega: float) -> tuple[float, floa
     )
 
 
-def discs(H: Ball, basis: Ball) -> tuple[AnyMatrix, Vector]:
+def gershgorin_discs(H: Ball, basis: Ball) -> tuple[AnyMatrix, Vector]:
     """Return discs that hold all eigenvalues of a matrix, by Gershgorin in a basis."""
     turned = basis.solve(H * basis)
     n = turned.nrows()
@@ -258,7 +267,7 @@ class Coverage:
     level: float
     intervals: tuple[tuple[float, float], ...]
     complete: bool
-    peaks: tuple[tuple[float, float, Level], ...]
+    peaks: tuple[tuple[float, float, ScaledBound], ...]
 
 
 def response(model: Realisation, omega: float) -> AnyMatrix:
@@ -275,17 +284,17 @@ def response(model: Realisation, omega: float) -> AnyMatrix:
     return D + model.C @ np.linalg.solve(1j * omega * np.eye(model.states) - model.A, model.B + 0j)
 
 
-class _Cover:
+class _CoverageState:
     """The state of one coverage: the level so far, and what it was needed for."""
 
     def __init__(self, loop: LoopModel, space: Space, level: float, slack: float):
         self.model, self.space, self.slack = loop.model, space, slack
         self.level = level * (1 + slack)
         self.proven = ProvenModel(loop.balls)
-        self.peaks: list[tuple[float, float, Level]] = []
+        self.peaks: list[tuple[float, float, ScaledBound]] = []
         self.last: list[Vector] = []
 
-    def scalings(self, omega: float) -> Level | None:
+    def scalings(self, omega: float) -> ScaledBound | None:
         """Return scalings that prove the level at a frequency, or raise the level.
 
         None where there are none, or where rounding sees a pole at the frequency.
@@ -295,16 +304,19 @@ class _Cover:
         except np.linalg.LinAlgError:
             return None
         inequality = Inequality(self.space, gain[None])
-        starts = [started(inequality), *(at(inequality, Level(0.0, x)) for x in self.last)]
+        starts = [
+            initial_scalings(inequality),
+            *(at(inequality, ScaledBound(0.0, x)) for x in self.last),
+        ]
         start = min(starts, key=lambda level: level.square)
         if not math.isfinite(start.square):
             return None
-        found = lowered(inequality, start, self.level**2)
+        found = reduce_level(inequality, start, self.level**2)
         needed = math.sqrt(max(found.square, 0.0))
         if not needed < self.level:
             self.peaks.append((omega, needed, found))
             self.level = needed * (1 + self.slack)
-            found = lowered(inequality, found, self.level**2)
+            found = reduce_level(inequality, found, self.level**2)
         self.last = [found.x, *self.last][:2]
         return found
 
@@ -338,7 +350,7 @@ def cover(
     -------
     Coverage
     """
-    state = _Cover(loop, space, level, slack)
+    state = _CoverageState(loop, space, level, slack)
     for omega in dict.fromkeys([0.0, math.inf, *seeds]):
         if state.scalings(omega) is None:
             return Coverage(math.inf, (), False, tuple(state.peaks))
@@ -347,13 +359,13 @@ def cover(
     for _ in range(most):
         if not gaps:
             break
-        look_at_the_clock()
+        check_deadline()
         low, high = gaps.pop()
         omega = _inside(low, high, rate)
         found = state.scalings(omega)
         interval = None
         if found is not None:
-            weights = Weights.of(space, found.x, state.level)
+            weights = BallScalings.of(space, found.x, state.level)
             interval = weights and state.proven.interval(weights, omega)
         if interval is None or interval[1] <= interval[0] * (1 + POLICY.narrow):
             if found is None or not math.isfinite(state.level):

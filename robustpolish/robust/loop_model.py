@@ -16,7 +16,7 @@ from robustpolish.base.arrays import AnyArray, AnyMatrix, Matrix, Vector
 from robustpolish.base.checks import described, invalid
 from robustpolish.linear.arithmetic.balls import ball, identity, midpoint, precision
 from robustpolish.linear.arithmetic.realisation import Realisation, power_of_two, size, typical_rate
-from robustpolish.plants.uncertain.elements import Block, RealElement
+from robustpolish.plants.uncertain.elements import RealElement, UncertainBlock
 from robustpolish.plants.uncertain.system import UncertainSystem
 
 # The structure of an uncertain matrix Delta: which blocks lie on its diagonal.
@@ -57,7 +57,7 @@ class DeltaBlock:
 
 
 @dataclass(frozen=True)
-class Structure:
+class DeltaStructure:
     """The blocks of Delta in their order, and the signals of each.
 
     Attributes
@@ -102,12 +102,12 @@ class Structure:
                 found[k] = size
         return found
 
-    def only(self, keep: Sequence[int]) -> Structure:
+    def only(self, keep: Sequence[int]) -> DeltaStructure:
         """Return the structure of some of the blocks."""
-        return Structure(tuple(self.blocks[i] for i in keep))
+        return DeltaStructure(tuple(self.blocks[i] for i in keep))
 
 
-def structure_of(blocks: Iterable[Block]) -> Structure:
+def structure_of(blocks: Iterable[UncertainBlock]) -> DeltaStructure:
     """Return the structure of an uncertain system: dynamics are full blocks, or complex numbers."""
     found = []
     for block in blocks:
@@ -118,10 +118,10 @@ def structure_of(blocks: Iterable[Block]) -> Structure:
             kind = "full"
         group = element.group if isinstance(element, RealElement) else ""
         found.append(DeltaBlock(kind, block.copies, rows, columns, element.name, group))
-    return Structure(tuple(found))
+    return DeltaStructure(tuple(found))
 
 
-def read_structure(blocks: Any) -> Structure:
+def read_structure(blocks: Any) -> DeltaStructure:
     """Return the structure that a user wrote.
 
     Parameters
@@ -132,16 +132,16 @@ def read_structure(blocks: Any) -> Structure:
 
     Returns
     -------
-    Structure
+    DeltaStructure
     """
     if isinstance(blocks, str) or not hasattr(blocks, "__iter__"):
         raise invalid("blocks", blocks, "a list of blocks", f"Write a list of {_FORMS}.")
     items = list(blocks)
     if not items:
         raise invalid("blocks", items, "at least one block", f"Write a list of {_FORMS}.")
-    if all(isinstance(item, Block) for item in items):
+    if all(isinstance(item, UncertainBlock) for item in items):
         return structure_of(items)
-    return Structure(tuple(_block(i, item) for i, item in enumerate(items)))
+    return DeltaStructure(tuple(_block(i, item) for i, item in enumerate(items)))
 
 
 def _block(i: int, item: Any) -> DeltaBlock:
@@ -194,7 +194,7 @@ def _any_whole(where: tuple[str, int], value: Any) -> int:
     return int(value)
 
 
-def positions(places: Sequence[slice], blocks: Iterable[int]) -> list[int]:
+def signal_positions(places: Sequence[slice], blocks: Iterable[int]) -> list[int]:
     """Return the signals of some blocks one by one, of `outputs` or `inputs` of a structure."""
     return [i for k in blocks for i in range(places[k].start, places[k].stop)]
 
@@ -204,7 +204,7 @@ def _slices(sizes: Sequence[int]) -> tuple[slice, ...]:
     return tuple(slice(a, b) for a, b in pairwise(ends))
 
 
-def fitting(M_shape: tuple[int, int], structure: Structure) -> None:
+def check_shape(M_shape: tuple[int, int], structure: DeltaStructure) -> None:
     """Refuse a matrix of another shape than the blocks need."""
     if M_shape != structure.shape:
         shown = described(f"blocks for M of shape {structure.shape}, and M of {M_shape}")
@@ -224,7 +224,7 @@ _SETTLED = 1e-13
 _FLAT = 1e-12
 
 
-def evened(sizes: Matrix) -> Vector:
+def equilibrate(sizes: Matrix) -> Vector:
     """Return units d that make rows and columns of ``sizes_ij d_j / d_i`` equal in norm.
 
     Parameters
@@ -377,7 +377,7 @@ def _rate(A: Matrix) -> float:
     """Return a typical frequency, which does not depend on units of states."""
     if not len(A):
         return 1.0
-    states = evened(np.abs(A))
+    states = equilibrate(np.abs(A))
     return typical_rate(A / states[:, None] * states)
 
 
@@ -393,7 +393,7 @@ def _units(
         whole = np.block([[A / time, B / (time * b)], [C / c, D / (b * c)]])
         sizes = np.zeros((n + count, n + count))
         np.hypot.at(sizes, np.ix_(nodes_z, nodes_w), np.abs(whole))
-        units = evened(sizes)
+        units = equilibrate(sizes)
         states, copies = units[:n], units[n:]
         b *= power_of_two(size(B / (states[:, None] * time * b) * copies[list(w)]))
         c *= power_of_two(size(C * states / (copies[list(z)][:, None] * c)))
@@ -410,7 +410,7 @@ class LoopModel:
 
     Attributes
     ----------
-    structure : Structure
+    structure : DeltaStructure
     model : Realisation
         Continuous: a discrete loop is mapped by z = (1 + s)/(1 - s). In units of states, signals
         and time that follow from the loop, whatever those were that it came in; rounded.
@@ -425,7 +425,7 @@ class LoopModel:
         Sampling time in s, 0 for a continuous loop.
     """
 
-    structure: Structure
+    structure: DeltaStructure
     model: Realisation
     balls: Balls
     gain: float
@@ -439,14 +439,14 @@ class LoopModel:
         one, n = system.matrices, system.nstates
         A, B, C, D = one.F[:n, :n], one.F[:n, n:], one.F[n:, :n], one.F[n:, n:]
         if performance is not None:
-            structure = Structure((*structure.blocks, performance))
+            structure = DeltaStructure((*structure.blocks, performance))
             B, C = np.hstack([B, one.G[:n]]), np.vstack([C, one.H[:, :n]])
             D = np.block([[D, one.G[n:]], [one.H[:, n:], one.J]])
         return cls.around((A, B, C, D), system.dt, structure)
 
     @classmethod
     def around(
-        cls, matrices: tuple[Matrix, Matrix, Matrix, Matrix], dt: Any, structure: Structure
+        cls, matrices: tuple[Matrix, Matrix, Matrix, Matrix], dt: Any, structure: DeltaStructure
     ) -> LoopModel:
         """Return the loop of the matrices A, B, C and D of M around the blocks."""
         A, B, C, D = matrices
@@ -560,7 +560,7 @@ class LoopModel:
         return sorted({float(f"{abs(pole):.6g}") for pole in poles if abs(pole) > 0})
 
 
-def _copy_of(structure: Structure, side: Literal["rows", "columns"]) -> list[int]:
+def _copy_of(structure: DeltaStructure, side: Literal["rows", "columns"]) -> list[int]:
     """Return of each signal the number of the copy that it belongs to."""
     copies = [getattr(block, side) for block in structure.blocks for _ in range(block.copies)]
     return [i for i, count in enumerate(copies) for _ in range(count)]

@@ -14,7 +14,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from robustpolish.base.arrays import AnyMatrix
-from robustpolish.base.budget import same_bits
+from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import described, instance_of, invalid, positive
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear.norms.hinf import hinf_norm
@@ -26,8 +26,14 @@ from robustpolish.plots.frequency import plot_gains
 from robustpolish.robust.bounds import EVERYWHERE, GAP, Bounds, bounds
 from robustpolish.robust.coverage import Coverage, response
 from robustpolish.robust.loop_model import DeltaBlock, LoopModel
-from robustpolish.robust.scalings import Inequality, Level, Space, lowered, started
-from robustpolish.robust.witness import Witness, all_pass, directions, smallest
+from robustpolish.robust.scalings import (
+    Inequality,
+    ScaledBound,
+    Space,
+    initial_scalings,
+    reduce_level,
+)
+from robustpolish.robust.witness import Witness, all_pass, singular_directions, smallest_delta
 
 # What results of robust analysis share: bounds over frequency, and what each block costs.
 
@@ -40,7 +46,7 @@ _CHANGE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class AnalysedLoop:
     """The loop that a result is about.
 
     Attributes
@@ -83,8 +89,8 @@ class Asked:
         scale, lower = scale / scale.max(), math.nan
         # Far from all poles a search may leave the range of doubles: it finds nothing then.
         with np.errstate(all="ignore"):
-            for w in directions(inequality, level.square, level.x, _DIRECTIONS):
-                found = smallest(
+            for w in singular_directions(inequality, level.square, level.x, _DIRECTIONS):
+                found = smallest_delta(
                     self.loop.structure, lambda _: (M, np.zeros_like(M)), w, 0.0, False, scale,
                     fixed=self.fixed,
                 )  # fmt: skip
@@ -124,16 +130,16 @@ class Asked:
         return found
 
     @staticmethod
-    def _least(inequality: Inequality) -> Level:
-        start = started(inequality)
-        return lowered(inequality, start) if math.isfinite(start.square) else start
+    def _least(inequality: Inequality) -> ScaledBound:
+        start = initial_scalings(inequality)
+        return reduce_level(inequality, start) if math.isfinite(start.square) else start
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class OverFrequency(Displayed):
+class MuOverFrequency(Displayed):
     """A result about a loop, which can be looked at over frequency."""
 
-    _asked: Asked | None = field(default=None, kw_only=True)
+    _asked: AnalysedLoop | None = field(default=None, kw_only=True)
 
     _drawn: ClassVar[str] = "structured singular value"
 
@@ -182,7 +188,7 @@ class OverFrequency(Displayed):
         """Return what is drawn, its bounds, and the critical frequency in rad/s."""
         raise NotImplementedError
 
-    def _source(self) -> Asked:
+    def _source(self) -> AnalysedLoop:
         if self._asked is None:
             raise invalid(
                 "result",
@@ -194,7 +200,7 @@ class OverFrequency(Displayed):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Witnessed(OverFrequency):
+class Witnessed(MuOverFrequency):
     """A result about an uncertain system, with the machine that reaches its bound."""
 
     def worst_plant(self) -> control.StateSpace:
@@ -216,10 +222,10 @@ class Witnessed(OverFrequency):
             remedy = "Look at .status, which says why."
             raise invalid("result", described("no witness"), "one that was found", remedy)
         omega = getattr(self, "critical_frequency", math.nan)
-        return machine_at(asked.system, witness, omega, asked.loop.step)
+        return system_at_witness(asked.system, witness, omega, asked.loop.step)
 
 
-def machine_at(
+def system_at_witness(
     system: UncertainSystem, values: Mapping[str, Any], omega: float, step: float
 ) -> Any:
     """Return a system at a witness, with real systems for complex numbers."""
@@ -253,7 +259,7 @@ _SAYS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Reached:
+class PhysicalWitness:
     """A witness in the units of its system.
 
     Attributes
@@ -271,12 +277,16 @@ class Reached:
     frequency: float
 
 
-def reached(system: UncertainSystem, loop: LoopModel, witness: Witness | None) -> Reached:
+def physical_witness(
+    system: UncertainSystem, loop: LoopModel, witness: Witness | None
+) -> PhysicalWitness:
     """Return what a witness of a loop means for its system."""
     if witness is None:
-        return Reached(math.inf, {}, math.nan)
+        return PhysicalWitness(math.inf, {}, math.nan)
     frequency = loop.omega(loop.frequency(witness.at))
-    return Reached(witness.size / loop.gain, _named_values(system, loop, witness), frequency)
+    return PhysicalWitness(
+        witness.size / loop.gain, _named_values(system, loop, witness), frequency
+    )
 
 
 def _named_values(system: UncertainSystem, loop: LoopModel, witness: Witness) -> dict[str, Any]:
@@ -300,7 +310,7 @@ def nominal_status(system: control.StateSpace) -> Nominal:
     return stability(system).verdict if system.nstates else "stable"
 
 
-def outcome(found: Bounds, gap: float) -> Outcome:
+def bound_status(found: Bounds, gap: float) -> Outcome:
     """Say which bounds there are, and whether they are as near to each other as asked."""
     if not found.coverage.complete:
         return "incomplete"
@@ -309,19 +319,19 @@ def outcome(found: Bounds, gap: float) -> Outcome:
     return "bracketed" if found.gap <= gap * (1 + _ROUNDING) else "wide"
 
 
-def critical(loop: LoopModel, found: Bounds) -> float:
+def critical_frequency_of(loop: LoopModel, found: Bounds) -> float:
     """Return the frequency of a loop's model where its bounds are reached; nan if none is known."""
     if found.witness is not None:
         return loop.frequency(found.witness.at)
     return found.coverage.peaks[0][0] if found.coverage.peaks else math.nan
 
 
-def inverse(value: float) -> float:
+def reciprocal(value: float) -> float:
     """Return one over a number of at least 0."""
     return math.inf if value == 0 else 1 / value
 
 
-def says(status: Status, side: Literal["below", "above"] = "below") -> str:
+def status_sentence(status: Status, side: Literal["below", "above"] = "below") -> str:
     """Return a status in a sentence; on the given side of the value is what is proven."""
     return _SAYS[status].format(side=side)
 
@@ -330,15 +340,15 @@ def proven_margin(coverage: Coverage, gain: float) -> float:
     """Return the size below which a level proves something: 0 if it is not proven."""
     if not coverage.complete:
         return 0.0
-    return down(1 / (coverage.level * gain)) if coverage.level else math.inf
+    return round_down(1 / (coverage.level * gain)) if coverage.level else math.inf
 
 
-def down(value: float) -> float:
+def round_down(value: float) -> float:
     """Return the next smaller double but one: what was divided is rounded."""
     return math.nextafter(math.nextafter(value, 0.0), 0.0)
 
 
-def up(value: float) -> float:
+def round_up(value: float) -> float:
     """Return the next larger double but one: what was multiplied is rounded."""
     return math.nextafter(math.nextafter(value, math.inf), math.inf)
 
@@ -398,7 +408,7 @@ class RobustStability(Witnessed):
     @property
     def reason(self) -> str:
         """The status in a sentence."""
-        said = says(self.status)
+        said = status_sentence(self.status)
         if math.isinf(self.critical_frequency):
             said += ", with which the loop is not well posed"
         return said
@@ -411,7 +421,7 @@ class RobustStability(Witnessed):
         return False if self.upper <= 1 else None
 
     def _shown(self) -> tuple[str, tuple[float, float], float]:
-        bounds_of_mu = inverse(self.upper), inverse(self.lower)
+        bounds_of_mu = reciprocal(self.upper), reciprocal(self.lower)
         return self._drawn, bounds_of_mu, self.critical_frequency
 
     def _card(self) -> Card:
@@ -426,7 +436,7 @@ class RobustStability(Witnessed):
         return Card(title, (quantities(*rows),), (self.reason,))
 
 
-@same_bits
+@single_threaded_blas
 def robust_stability(system: UncertainSystem, *, gap: float = GAP) -> RobustStability:
     """Bound the margin of stability of an uncertain system over all frequencies.
 
@@ -488,7 +498,7 @@ def robust_stability(system: UncertainSystem, *, gap: float = GAP) -> RobustStab
     >>> round(margin.lower, 2), round(margin.upper, 2), margin.proven
     (1.6, 1.6, True)
     """
-    checked(system)
+    require_uncertain_system(system)
     gap = positive("gap", gap)
     status = nominal_status(system.interconnection)
     if status != "stable":
@@ -497,23 +507,25 @@ def robust_stability(system: UncertainSystem, *, gap: float = GAP) -> RobustStab
     if not system.blocks or not loop.acts_back:
         return RobustStability(math.inf, math.inf, math.nan, {}, EVERYWHERE, "unaffected", True)
     found = bounds(loop, gap=gap)
-    coverage, at = found.coverage, reached(system, loop, found.witness)
+    coverage, at = found.coverage, physical_witness(system, loop, found.witness)
     lower, proven = proven_margin(coverage, loop.gain), coverage.complete
     intervals = loop.in_rad_per_s(coverage.intervals)
-    asked = Asked(loop, loop.gain, (False,) * len(system.blocks), critical(loop, found), system)
+    asked = AnalysedLoop(
+        loop, loop.gain, (False,) * len(system.blocks), critical_frequency_of(loop, found), system
+    )
     return RobustStability(
         lower,
         at.size,
         at.frequency,
         at.values,
         intervals,
-        outcome(found, gap),
+        bound_status(found, gap),
         proven,
         _asked=asked,
     )
 
 
-def checked(system: Any) -> UncertainSystem:
+def require_uncertain_system(system: Any) -> UncertainSystem:
     """Refuse what is not an uncertain system."""
     remedy = "Make it with uncertain_real and the like, or use stability."
     return instance_of("system", system, UncertainSystem, "an UncertainSystem", remedy)
@@ -567,12 +579,12 @@ class RobustPerformance(Witnessed):
     @property
     def reason(self) -> str:
         """The status in a sentence."""
-        return says(self.status)
+        return status_sentence(self.status)
 
     @property
     def mu(self) -> tuple[float, float]:
         """Bounds of the structured singular value with the performance block."""
-        return inverse(self.upper), inverse(self.lower)
+        return reciprocal(self.upper), reciprocal(self.lower)
 
     def _shown(self) -> tuple[str, tuple[float, float], float]:
         return self._drawn, self.mu, self.critical_frequency
@@ -637,7 +649,7 @@ class WorstCaseGain(Witnessed):
         """The status in a sentence."""
         if self.status == "unstable" and math.isfinite(self.nominal):
             return "a machine within the bounds is unstable: the witness"
-        return says(self.status, "above")
+        return status_sentence(self.status, "above")
 
     def _shown(self) -> tuple[str, tuple[float, float], float]:
         return "worst-case gain", (self.lower, self.upper), self.critical_frequency
@@ -653,7 +665,7 @@ class WorstCaseGain(Witnessed):
         return Card("Worst-case gain", (quantities(*rows),), (self.reason,))
 
 
-@same_bits
+@single_threaded_blas
 def robust_performance(
     system: UncertainSystem, gamma: float = 1.0, *, gap: float = GAP
 ) -> RobustPerformance:
@@ -688,7 +700,7 @@ def robust_performance(
     >>> round(margin.lower, 3), round(margin.upper, 3)
     (1.39, 1.391)
     """
-    checked(system)
+    require_uncertain_system(system)
     gamma, gap = positive("gamma", gamma), positive("gap", gap)
     status = nominal_status(system.interconnection)
     if status != "stable":
@@ -696,7 +708,7 @@ def robust_performance(
     scaled = UncertainSystem(product(constant(np.eye(system.noutputs) / gamma), system.matrices))
     loop = LoopModel.of(scaled, _performance(system))
     found = bounds(loop, gap=gap)
-    coverage, at = found.coverage, reached(system, loop, found.witness)
+    coverage, at = found.coverage, physical_witness(system, loop, found.witness)
     return RobustPerformance(
         proven_margin(coverage, loop.gain),
         at.size,
@@ -704,15 +716,19 @@ def robust_performance(
         at.frequency,
         at.values,
         loop.in_rad_per_s(coverage.intervals),
-        outcome(found, gap),
+        bound_status(found, gap),
         coverage.complete,
-        _asked=Asked(
-            loop, loop.gain, (False,) * (len(system.blocks) + 1), critical(loop, found), system
+        _asked=AnalysedLoop(
+            loop,
+            loop.gain,
+            (False,) * (len(system.blocks) + 1),
+            critical_frequency_of(loop, found),
+            system,
         ),
     )
 
 
-@same_bits
+@single_threaded_blas
 def worst_case_gain(system: UncertainSystem, *, gap: float = GAP) -> WorstCaseGain:
     """Bound the largest gain of all machines within the bounds of an uncertain system.
 
@@ -754,12 +770,13 @@ def worst_case_gain(system: UncertainSystem, *, gap: float = GAP) -> WorstCaseGa
     loop = loop.in_unit_of_gain(unit)
     fixed = (True,) * len(system.blocks) + (False,)
     found = bounds(loop, fixed, gap)
-    coverage, at = found.coverage, reached(system, loop, found.witness)
+    coverage, at = found.coverage, physical_witness(system, loop, found.witness)
     lower, values = nominal, {}
     if found.witness is not None:
         values = _within(system, at.values)
         lower = max(
-            lower, _gain_at(machine_at(system, values, at.frequency, loop.step), at.frequency)
+            lower,
+            _gain_at(system_at_witness(system, values, at.frequency, loop.step), at.frequency),
         )
     upper = coverage.level * unit if coverage.complete else math.inf
     return WorstCaseGain(
@@ -769,9 +786,9 @@ def worst_case_gain(system: UncertainSystem, *, gap: float = GAP) -> WorstCaseGa
         at.frequency,
         values,
         loop.in_rad_per_s(coverage.intervals),
-        outcome(found, gap),
+        bound_status(found, gap),
         coverage.complete,
-        _asked=Asked(loop, unit, fixed, critical(loop, found), system),
+        _asked=AnalysedLoop(loop, unit, fixed, critical_frequency_of(loop, found), system),
     )
 
 

@@ -13,8 +13,8 @@ import scipy.linalg as sla
 
 from robustpolish.base.arrays import AnyVector, Matrix, Vector
 from robustpolish.linear.arithmetic.balls import identity, part, precision
-from robustpolish.robust.coverage import Ball, complex_ball, discs
-from robustpolish.robust.loop_model import LoopModel, Structure, positions
+from robustpolish.robust.coverage import Ball, complex_ball, gershgorin_discs
+from robustpolish.robust.loop_model import DeltaStructure, LoopModel, signal_positions
 
 # A loop with one real number only, however often repeated: its margin exactly, with a proof.
 #
@@ -31,7 +31,7 @@ _STATES = 14
 _SLACK = 1e-10
 
 
-def proven_size(loop: LoopModel, size: float) -> float | None:
+def proven_real_margin(loop: LoopModel, size: float) -> float | None:
     """Return the size of the number below which the loop is proven to be stable.
 
     Parameters
@@ -56,7 +56,7 @@ def proven_size(loop: LoopModel, size: float) -> float | None:
     with precision(_BITS):
         try:
             operator, D = _operator(loop)
-            clear = all(_no_real_beyond(M, 1 / least) for M in (operator, D))
+            clear = all(_has_no_real_eigenvalue_beyond(M, 1 / least) for M in (operator, D))
         except (ZeroDivisionError, ValueError, np.linalg.LinAlgError):
             return None
     return least if clear else None
@@ -81,15 +81,15 @@ def _product(left: Ball, right: Ball) -> Ball:
     return flint.arb_mat(*shape, [entry for row in rows for entry in row])
 
 
-def _no_real_beyond(matrix: Ball, limit: float) -> bool:
+def _has_no_real_eigenvalue_beyond(matrix: Ball, limit: float) -> bool:
     """Prove that no real eigenvalue has a size of a limit or more."""
     if not any(entry != 0 for entry in matrix.entries()):
         return True
     vectors = matrix.eig(right=True, algorithm="approx")[1]
     try:
-        centres, radii = discs(matrix, vectors)
+        centres, radii = gershgorin_discs(matrix, vectors)
     except ZeroDivisionError:  # eigenvectors that are the same: any size below the norm will do
-        centres, radii = discs(matrix, complex_ball(np.eye(matrix.nrows())))
+        centres, radii = gershgorin_discs(matrix, complex_ball(np.eye(matrix.nrows())))
     real = np.abs(np.imag(centres)) <= radii
     return bool((np.abs(np.real(centres[real])) + radii[real] < limit).all())
 
@@ -97,7 +97,7 @@ def _no_real_beyond(matrix: Ball, limit: float) -> bool:
 # What a number adds to the Lyapunov operator, which is singular where two poles have the sum 0.
 
 
-def both_sides(B: Matrix) -> tuple[Matrix, Matrix]:
+def lyapunov_factors(B: Matrix) -> tuple[Matrix, Matrix]:
     """Return the matrices from Y, of shape (r, n), to B Y and to Y' B', as (n n, r n).
 
     Parameters
@@ -140,7 +140,7 @@ _FARTHEST = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Crossing:
+class RayCrossing:
     """Where a ray meets the boundary of stability.
 
     Attributes
@@ -161,7 +161,7 @@ class Crossing:
     w: AnyVector
 
 
-def crossings(loop: LoopModel, rays: Sequence[Vector] | None = None) -> list[Crossing]:
+def ray_crossings(loop: LoopModel, rays: Sequence[Vector] | None = None) -> list[RayCrossing]:
     """Return where rays of the real numbers leave stability to either side, nearest first.
 
     Parameters
@@ -188,7 +188,7 @@ def crossings(loop: LoopModel, rays: Sequence[Vector] | None = None) -> list[Cro
         inverse: Any = np.linalg.inv(lyapunov)
     except np.linalg.LinAlgError:
         return []  # poles so near the axis, or of such sizes, that rounding sees them on it
-    found: list[Crossing] = []
+    found: list[RayCrossing] = []
     for corner in _corners(structure, real) if rays is None else rays:
         deltas = np.zeros(len(structure.blocks))
         deltas[real] = corner
@@ -196,7 +196,7 @@ def crossings(loop: LoopModel, rays: Sequence[Vector] | None = None) -> list[Cro
     return sorted(found, key=lambda crossing: crossing.size)
 
 
-def _corners(structure: Structure, real: list[int]) -> Iterator[Vector]:
+def _corners(structure: DeltaStructure, real: list[int]) -> Iterator[Vector]:
     """Yield corners of a box, one of each opposite pair: a fixed choice if there are many.
 
     Of numbers in a ball also those where one of them is largest.
@@ -213,7 +213,7 @@ def _corners(structure: Structure, real: list[int]) -> Iterator[Vector]:
         yield random.choice([-1.0, 1.0], count)
 
 
-def _along(loop: LoopModel, inverse: Matrix, deltas: Vector) -> Iterator[Crossing]:
+def _along(loop: LoopModel, inverse: Matrix, deltas: Vector) -> Iterator[RayCrossing]:
     """Yield the nearest crossing of a ray to either side."""
     model, structure = loop.model, loop.structure
     A, n = model.A, model.states
@@ -225,7 +225,7 @@ def _along(loop: LoopModel, inverse: Matrix, deltas: Vector) -> Iterator[Crossin
     B, C = model.B[:, w] * spread[w], model.C[kept]
     D = model.D[kept][:, w] * spread[w]
     # Y of shape (r, n) to C X + D Y, with A X + X A' = -(B Y + Y' B').
-    left, right = both_sides(B)
+    left, right = lyapunov_factors(B)
     X = -(inverse @ (left + right))
     operator = np.kron(C, np.eye(n)) @ X + np.kron(D, np.eye(n))
     values = np.linalg.eigvals(operator)
@@ -248,7 +248,7 @@ def _crossing(
     matrices: tuple[Matrix, Matrix, Matrix, Matrix],
     places: AnyVector,
     spread: Vector,
-) -> Crossing | None:
+) -> RayCrossing | None:
     """Return the mode on the axis at a number k of a ray, if there is one."""
     mode = _mode(k, matrices, loop.rate)
     for _ in range(_NEWTON):
@@ -272,7 +272,7 @@ def _crossing(
         w = np.conj(w)
     frequency = abs(value.imag)
     size = abs(k) * max(loop.structure.sizes(np.abs(deltas).tolist()))
-    return Crossing(size, tuple((k * deltas).tolist()), frequency, w)
+    return RayCrossing(size, tuple((k * deltas).tolist()), frequency, w)
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,6 +300,6 @@ def _mode(k: float, matrices: tuple[Matrix, Matrix, Matrix, Matrix], rate: float
     return _Mode(complex(values[near]), by_k if np.isfinite(by_k) else 0.0, into @ x)
 
 
-def _kept(structure: Structure, deltas: Vector) -> list[int]:
+def _kept(structure: DeltaStructure, deltas: Vector) -> list[int]:
     """Return the signals z of the blocks that move."""
-    return positions(structure.inputs, np.flatnonzero(deltas))
+    return signal_positions(structure.inputs, np.flatnonzero(deltas))

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from robustpolish.base.arrays import AnyArray, AnyMatrix, Matrix, Vector
-from robustpolish.base.budget import look_at_the_clock
-from robustpolish.robust.loop_model import Structure
+from robustpolish.base.budget import check_deadline
+from robustpolish.robust.loop_model import DeltaStructure
 
 Box = tuple[NDArray[np.intp], AnyArray, AnyArray]
 """Numbers of the vector, the Hermitian matrices that they multiply, and a constant one."""
@@ -40,12 +40,12 @@ class Space:
 
     Attributes
     ----------
-    structure : Structure
+    structure : DeltaStructure
     fixed : tuple of bool
         Blocks whose size is 1 whatever beta is.
     """
 
-    structure: Structure
+    structure: DeltaStructure
     fixed: tuple[bool, ...]
 
     @cached_property
@@ -334,7 +334,7 @@ def _by_size(size: int, boxes: tuple[Box, ...]) -> list[_Determinants]:
 
 
 @dataclass(frozen=True)
-class Effort:
+class CentringOptions:
     """How far centres and levels are followed.
 
     Attributes
@@ -366,11 +366,11 @@ class Effort:
     largest: float = 1e3
 
 
-EFFORT = Effort()
+CENTRING_OPTIONS = CentringOptions()
 
 
 @dataclass(frozen=True, eq=False)
-class Level:
+class ScaledBound:
     """Scalings and what they prove.
 
     Attributes
@@ -385,41 +385,43 @@ class Level:
     x: Vector
 
 
-def lowered(inequality: Inequality, start: Level, target: float = 0.0) -> Level:
+def reduce_level(inequality: Inequality, start: ScaledBound, target: float = 0.0) -> ScaledBound:
     """Lower the level until it is below a target, or no lower one is found.
 
     Parameters
     ----------
     inequality : Inequality
-    start : Level
+    start : ScaledBound
         Scalings with a finite level.
     target : float, optional
         A beta^2 that is low enough.
 
     Returns
     -------
-    Level
+    ScaledBound
         If its square is below the target, the scalings are the centre of those that prove it.
     """
-    best, square = start, EFFORT.above * start.square
+    best, square = start, CENTRING_OPTIONS.above * start.square
     walls = Barrier.of_bounds(inequality.space.size, _bounds(inequality))
-    for _ in range(EFFORT.levels):
-        look_at_the_clock()
+    for _ in range(CENTRING_OPTIONS.levels):
+        check_deadline()
         if best.square < target * (1 - 1e-9):
             x = centre(inequality, target, best.x)
-            return Level(inequality.least_square(x), x)
+            return ScaledBound(inequality.least_square(x), x)
         if best.square <= 0 or not np.isfinite(best.square):
             return best
-        if square - best.square < EFFORT.settled * best.square:
+        if square - best.square < CENTRING_OPTIONS.settled * best.square:
             return best
         x = centre(inequality, square, best.x)
-        found = _further(inequality, Level(inequality.least_square(x), x), best.x, walls)
+        found = _extrapolate(inequality, ScaledBound(inequality.least_square(x), x), best.x, walls)
         best = min(best, found, key=lambda level: level.square)
-        square = best.square + EFFORT.between * (square - best.square)
+        square = best.square + CENTRING_OPTIONS.between * (square - best.square)
     return best
 
 
-def _further(inequality: Inequality, found: Level, before: Vector, walls: Barrier) -> Level:
+def _extrapolate(
+    inequality: Inequality, found: ScaledBound, before: Vector, walls: Barrier
+) -> ScaledBound:
     """Go on in the direction of the last step as long as the level falls, within what bounds it.
 
     From outside, no centre would be found any more.
@@ -432,7 +434,7 @@ def _further(inequality: Inequality, found: Level, before: Vector, walls: Barrie
         level = inequality.least_square(x)
         if not level < found.square:
             break
-        found, reach = Level(level, x), 2 * reach
+        found, reach = ScaledBound(level, x), 2 * reach
     return found
 
 
@@ -454,7 +456,7 @@ def centre(inequality: Inequality, square: float, x: Vector) -> Vector:
     value = barrier.value(x)
     if not np.isfinite(value):
         return x
-    for _ in range(EFFORT.steps):
+    for _ in range(CENTRING_OPTIONS.steps):
         slope, curvature = barrier.derivatives(x)
         # Scalings differ by many orders of magnitude: each number in its own unit.
         units = np.sqrt(np.maximum(np.diagonal(curvature), 1e-300))
@@ -475,16 +477,16 @@ def centre(inequality: Inequality, square: float, x: Vector) -> Vector:
         if not moved:
             return x
         x, value = trial, after
-        if decrement < EFFORT.centred:
+        if decrement < CENTRING_OPTIONS.centred:
             return x
     return x
 
 
 def _bounds(inequality: Inequality) -> tuple[Box, ...]:
-    return inequality.space.boxes(EFFORT.largest * (inequality.size or 1.0))
+    return inequality.space.boxes(CENTRING_OPTIONS.largest * (inequality.size or 1.0))
 
 
-def started(inequality: Inequality) -> Level:
+def initial_scalings(inequality: Inequality) -> ScaledBound:
     """Return scalings of a finite level to begin with; of an infinite one if none were found.
 
     Those that balance M have one, unless the size of some blocks is fixed: then these alone are
@@ -494,10 +496,10 @@ def started(inequality: Inequality) -> Level:
     held = [k for k, fixed in enumerate(space.fixed) if fixed]
     x = inequality.start()
     if not held:
-        return Level(inequality.least_square(x), x)
-    inner = lowered(_restricted(inequality, held), _balanced(inequality, held), 1.0)
+        return ScaledBound(inequality.least_square(x), x)
+    inner = reduce_level(_restricted(inequality, held), _balanced(inequality, held), 1.0)
     if not inner.square < 1:
-        return Level(np.inf, x)
+        return ScaledBound(np.inf, x)
     x = np.zeros(space.size)
     first = 0
     for (kind, k), (_, numbers, units) in zip(space.layout, space.pieces, strict=True):
@@ -512,10 +514,10 @@ def started(inequality: Inequality) -> Level:
     for _ in range(60):
         level, inside = inequality.least_square(x), normalised(space, x)
         if np.isfinite(level) and inside is not None:
-            return Level(level, inside)
+            return ScaledBound(level, inside)
         for numbers in free:
             x[numbers] *= 0.1
-    return Level(np.inf, x)
+    return ScaledBound(np.inf, x)
 
 
 def _restricted(inequality: Inequality, keep: list[int]) -> Inequality:
@@ -527,10 +529,10 @@ def _restricted(inequality: Inequality, keep: list[int]) -> Inequality:
     return Inequality(space, inequality.M[:, rows][:, :, columns])
 
 
-def _balanced(inequality: Inequality, keep: list[int]) -> Level:
-    return started(_restricted(inequality, keep))
+def _balanced(inequality: Inequality, keep: list[int]) -> ScaledBound:
+    return initial_scalings(_restricted(inequality, keep))
 
 
-def at(inequality: Inequality, level: Level) -> Level:
+def at(inequality: Inequality, level: ScaledBound) -> ScaledBound:
     """Return what scalings prove of another inequality."""
     return replace(level, square=inequality.least_square(level.x))

@@ -11,12 +11,12 @@ import numpy as np
 from scipy.optimize import minimize
 
 from robustpolish.base.arrays import Vector
-from robustpolish.base.budget import same_bits
+from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import invalid
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.plants.uncertain.system import UncertainSystem
-from robustpolish.robust.questions import checked, down, worst_case_gain
+from robustpolish.robust.questions import require_uncertain_system, round_down, worst_case_gain
 
 # Evaluations of the nominal norm in the search for scalings of several sectors.
 _EVALUATIONS = 60
@@ -78,7 +78,7 @@ class SectorStability(Displayed):
                     (note,) if self.stable else ())  # fmt: skip
 
 
-@same_bits
+@single_threaded_blas
 def robust_sector(
     loop: UncertainSystem, sectors: Mapping[str, tuple[float, float]]
 ) -> SectorStability:
@@ -129,7 +129,7 @@ def robust_sector(
     >>> rp.robust_sector(mass, {"spring": (0.0, 1.0 * 0.5**2)}).stable
     True
     """
-    checked(loop)
+    require_uncertain_system(loop)
     if not isinstance(sectors, Mapping) or not sectors:
         raise invalid("sectors", sectors, "a mapping of names to (low, high)", "Name one at least.")
     known = sorted({*loop.input_labels} & {*loop.output_labels})
@@ -189,4 +189,4 @@ def _weights(centred: UncertainSystem, half: Vector) -> Vector:
 
 def _inverse(value: float) -> float:
     """Return a reciprocal that is rounded towards 0: what is proven stays proven."""
-    return math.inf if value == 0 else down(1 / value)
+    return math.inf if value == 0 else round_down(1 / value)

@@ -11,25 +11,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.base.arrays import AnyMatrix
-from robustpolish.base.budget import same_bits
+from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import described, invalid, positive
 from robustpolish.base.results import Card, quantities
 from robustpolish.linear.arithmetic.balls import precision
 from robustpolish.plants.blocks import as_state_space
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.robust.bounds import EVERYWHERE, GAP, bounds
-from robustpolish.robust.coverage import Weights, complex_ball, proves
-from robustpolish.robust.loop_model import LoopModel, Structure, fitting, read_structure
+from robustpolish.robust.coverage import BallScalings, complex_ball, proves_inequality
+from robustpolish.robust.loop_model import DeltaStructure, LoopModel, check_shape, read_structure
 from robustpolish.robust.questions import (
-    Asked,
-    OverFrequency,
-    critical,
+    AnalysedLoop,
+    MuOverFrequency,
+    bound_status,
+    critical_frequency_of,
     nominal_status,
-    outcome,
-    up,
+    round_up,
 )
-from robustpolish.robust.scalings import Inequality, Level, Space, lowered, started
-from robustpolish.robust.witness import Witness, directions, smallest
+from robustpolish.robust.scalings import (
+    Inequality,
+    ScaledBound,
+    Space,
+    initial_scalings,
+    reduce_level,
+)
+from robustpolish.robust.witness import Witness, singular_directions, smallest_delta
 
 # What is known of a structured singular value; that of a matrix, by a proof and a witness.
 
@@ -51,7 +57,7 @@ _SAYS = {
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class StructuredSingularValue(OverFrequency):
+class StructuredSingularValue(MuOverFrequency):
     """Bounds of the structured singular value of a matrix, or of its peak over all frequencies.
 
     Attributes
@@ -108,13 +114,13 @@ class StructuredSingularValue(OverFrequency):
         return Card(title, (quantities(*rows),), (self.reason,))
 
 
-def matrix_value(M: AnyMatrix, structure: Structure) -> StructuredSingularValue:
+def matrix_value(M: AnyMatrix, structure: DeltaStructure) -> StructuredSingularValue:
     """Bound the structured singular value of a matrix that fits the structure.
 
     Parameters
     ----------
     M : ndarray of complex, shape (nz, nw)
-    structure : Structure
+    structure : DeltaStructure
 
     Returns
     -------
@@ -126,7 +132,7 @@ def matrix_value(M: AnyMatrix, structure: Structure) -> StructuredSingularValue:
         return StructuredSingularValue(0.0, 0.0, None, True, "zero")
     unit = float(np.exp2(np.round(np.log2(size))))
     inequality = Inequality(space, (M / unit)[None])
-    level = lowered(inequality, started(inequality))
+    level = reduce_level(inequality, initial_scalings(inequality))
     witness = worst_delta(structure, inequality, level)
     upper, proven = _proven(M / unit, space, level)
     lower = 1 / witness.size if witness else 0.0
@@ -139,7 +145,9 @@ def matrix_value(M: AnyMatrix, structure: Structure) -> StructuredSingularValue:
     )
 
 
-def worst_delta(structure: Structure, inequality: Inequality, level: Level) -> Witness | None:
+def worst_delta(
+    structure: DeltaStructure, inequality: Inequality, level: ScaledBound
+) -> Witness | None:
     """Return the smallest Delta that a few searches find for one matrix."""
     M = inequality.M[0]
     still = np.zeros_like(M)
@@ -147,8 +155,8 @@ def worst_delta(structure: Structure, inequality: Inequality, level: Level) -> W
     scale = 1 / np.sqrt(np.maximum(np.real(np.diagonal(Dz)), 1e-300))
     scale = scale / scale.max()
     best: Witness | None = None
-    for w in directions(inequality, level.square, level.x, _STARTS):
-        found = smallest(structure, lambda _: (M, still), w, 0.0, False, scale)
+    for w in singular_directions(inequality, level.square, level.x, _STARTS):
+        found = smallest_delta(structure, lambda _: (M, still), w, 0.0, False, scale)
         if found and (best is None or found.size < best.size):
             best = found
         if best and 1 / best.size >= math.sqrt(max(level.square, 0.0)) * (1 - 1e-4):
@@ -156,19 +164,19 @@ def worst_delta(structure: Structure, inequality: Inequality, level: Level) -> W
     return best
 
 
-def _proven(M: AnyMatrix, space: Space, level: Level) -> tuple[float, bool]:
+def _proven(M: AnyMatrix, space: Space, level: ScaledBound) -> tuple[float, bool]:
     """Widen the level until ball arithmetic agrees."""
     beta = math.sqrt(max(level.square, 0.0)) or 1e-12
     for slack in (1e-10, 1e-8, 1e-6, 1e-4):
         upper = beta * (1 + slack)
-        weights = Weights.of(space, level.x, upper)
+        weights = BallScalings.of(space, level.x, upper)
         with precision(_BITS):
-            if weights and proves(complex_ball(M), weights):
+            if weights and proves_inequality(complex_ball(M), weights):
                 return upper, True
     return beta, False
 
 
-@same_bits
+@single_threaded_blas
 def structured_singular_value(M: Any, blocks: Any, *, gap: float = GAP) -> StructuredSingularValue:
     r"""Bound the structured singular value of a complex matrix, or its peak of a system.
 
@@ -234,14 +242,16 @@ def structured_singular_value(M: Any, blocks: Any, *, gap: float = GAP) -> Struc
     structure, gap = read_structure(blocks), positive("gap", gap)
     if not isinstance(M, control.InputOutputSystem | control.LTI):
         matrix = _complex_matrix(M)
-        fitting(matrix.shape, structure)
+        check_shape(matrix.shape, structure)
         return matrix_value(matrix, structure)
     system = as_state_space("M", M)
-    fitting((system.noutputs, system.ninputs), structure)
+    check_shape((system.noutputs, system.ninputs), structure)
     return _peak(system, structure, gap)
 
 
-def _peak(system: control.StateSpace, structure: Structure, gap: float) -> StructuredSingularValue:
+def _peak(
+    system: control.StateSpace, structure: DeltaStructure, gap: float
+) -> StructuredSingularValue:
     """Bound the largest value over all frequencies."""
     nominal = nominal_status(system)
     if nominal != "stable":
@@ -265,8 +275,10 @@ def _peak(system: control.StateSpace, structure: Structure, gap: float) -> Struc
     if witness is not None:
         lower, frequency = loop.gain / witness.size, loop.omega(loop.frequency(witness.at))
         delta = loop.at_positive(witness.matrix(structure), witness.at) / loop.gain
-    upper, status = up(upper) if proven else math.inf, outcome(found, gap)
-    asked = Asked(loop, loop.gain, (False,) * len(structure.blocks), critical(loop, found))
+    upper, status = round_up(upper) if proven else math.inf, bound_status(found, gap)
+    asked = AnalysedLoop(
+        loop, loop.gain, (False,) * len(structure.blocks), critical_frequency_of(loop, found)
+    )
     return StructuredSingularValue(
         lower, upper, delta, proven, status, frequency, intervals, _asked=asked
     )

@@ -20,7 +20,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import minimize
 
 from robustpolish.base.arrays import AnyArray, AnyMatrix, AnyVector, Matrix, Vector
-from robustpolish.robust.loop_model import DeltaBlock, Structure
+from robustpolish.robust.loop_model import DeltaBlock, DeltaStructure
 from robustpolish.robust.scalings import Inequality
 
 # Stable real systems that have a given value at one frequency and its norm at all of them.
@@ -128,7 +128,7 @@ class Witness:
     deltas: tuple[AnyMatrix, ...]
     at: float
 
-    def matrix(self, structure: Structure) -> AnyMatrix:
+    def matrix(self, structure: DeltaStructure) -> AnyMatrix:
         """Return Delta, all copies included."""
         nz, nw = structure.shape
         whole = np.zeros((nw, nz), complex)
@@ -140,7 +140,9 @@ class Witness:
         return whole
 
 
-def directions(inequality: Inequality, square: float, x: Vector, count: int) -> list[AnyVector]:
+def singular_directions(
+    inequality: Inequality, square: float, x: Vector, count: int
+) -> list[AnyVector]:
     """Return signals w in which the inequality of a level is nearly singular."""
     matrix = np.tensordot(inequality.coefficients(square * (1 + 1e-6)), x, (1, 0))[0]
     values, vectors = np.linalg.eigh((matrix + np.conj(matrix.T)) / 2)
@@ -155,8 +157,8 @@ def directions(inequality: Inequality, square: float, x: Vector, count: int) -> 
     return found
 
 
-def smallest(
-    structure: Structure,
+def smallest_delta(
+    structure: DeltaStructure,
     response: Response,
     w: AnyVector,
     at: float,
@@ -169,7 +171,7 @@ def smallest(
 
     Parameters
     ----------
-    structure : Structure
+    structure : DeltaStructure
     response : Response
     w : ndarray of complex
         Where to begin.
@@ -192,13 +194,15 @@ def smallest(
     held = fixed or (False,) * len(structure.blocks)
     if not (np.isfinite(w).all() and w.any()):
         return None
-    problem = _Problem(structure, response, scale, _turned(w / scale), at, moves, held)
+    problem = _SmallestDeltaProblem(structure, response, scale, _turned(w / scale), at, moves, held)
     with suppress(np.linalg.LinAlgError):  # of a step that hits a pole
         return _descended(problem, deltas)
     return None
 
 
-def _descended(problem: _Problem, deltas: tuple[complex | None, ...] | None) -> Witness | None:
+def _descended(
+    problem: _SmallestDeltaProblem, deltas: tuple[complex | None, ...] | None
+) -> Witness | None:
     start = problem.start(deltas)
     if start is None:
         return None
@@ -229,10 +233,10 @@ def _constraint(kind: str, both: Callable[[Vector], tuple[Vector, Matrix]]) -> d
     return {"type": kind, "fun": lambda v: both(v)[0], "jac": lambda v: both(v)[1]}
 
 
-class _Problem:
+class _SmallestDeltaProblem:
     """Variables: w (real, imaginary), the free numbers of Delta, the angle, the size k."""
 
-    def __init__(self, structure: Structure, response: Response, scale: Vector, w: AnyVector,
+    def __init__(self, structure: DeltaStructure, response: Response, scale: Vector, w: AnyVector,
                  at: float, moves: bool, fixed: tuple[bool, ...]) -> None:  # fmt: skip
         self.structure, self.response, self.scale = structure, response, scale
         self.at, self.moves, self.fixed = at, moves, fixed

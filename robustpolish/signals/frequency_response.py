@@ -14,7 +14,7 @@ import xarray as xr
 from scipy.signal import csd, get_window
 
 from robustpolish.base.checks import described, invalid, one_of, positive
-from robustpolish.base.input_files import Wanted, size_of
+from robustpolish.base.input_files import FileSpec, file_size
 from robustpolish.errors import InvalidInputError
 from robustpolish.signals.headers import is_count, is_time, split_header, to_si
 from robustpolish.signals.quality import numeric, sampling_time
@@ -525,7 +525,7 @@ def _independent(samples: int, length: int, step: int, window: str) -> float:
 
 # Frequency responses from files and objects, checked, in SI units.
 
-_FILE = Wanted("frequency response", "a file", "Check the path.", RECORD.largest)
+_FILE = FileSpec("frequency response", "a file", "Check the path.", RECORD.largest)
 
 Names = Sequence[str] | Mapping[str, str]
 
@@ -626,7 +626,7 @@ def holds_frequency_response(source: Any) -> bool:
         return False
     path = Path(source)
     try:
-        size_of(path, _FILE)
+        file_size(path, _FILE)
     except InvalidInputError:  # whoever reads it will say what is wrong
         return False
     if path.suffix.casefold() in TEXT:
@@ -647,7 +647,7 @@ def _curves(source: Any, max_bytes: float | None) -> list[RawResponse]:
         raise _nothing(source)
     path = Path(source)
     wanted = _FILE.limited(max_bytes)
-    if size_of(path, wanted) == 0:
+    if file_size(path, wanted) == 0:
         raise wanted.refused(path, "empty")
     suffix = path.suffix.casefold()
     if suffix in UNIVERSAL:

@@ -22,12 +22,12 @@ _MISSING = 0.02
 """Share of a channel that may be filled in."""
 
 
-def runs(marked: np.ndarray) -> list[tuple[int, int]]:
+def marked_runs(marked: np.ndarray) -> list[tuple[int, int]]:
     """Return first and last number of each run of marked samples.
 
     Examples
     --------
-    >>> runs(np.array([True, False, True, True]))
+    >>> marked_runs(np.array([True, False, True, True]))
     [(0, 0), (2, 3)]
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(np.int8)))
@@ -84,7 +84,7 @@ def fill_gaps(
     missing = np.isnan(values)
     if not missing.any():
         return values, ""
-    gaps = runs(missing)
+    gaps = marked_runs(missing)
     longest = max(gaps, key=lambda gap: gap[1] - gap[0])
     count = int(missing.sum())
     if longest[1] - longest[0] >= LONGEST_GAP or count > max(_MISSING * values.size, 1):

@@ -9,11 +9,11 @@ from typing import Any, Literal
 import numpy as np
 
 from robustpolish.base.checks import described, invalid
-from robustpolish.base.input_files import Wanted
+from robustpolish.base.input_files import FileSpec
 from robustpolish.errors import InvalidInputError
 from robustpolish.signals.headers import split_header
 
-RECORD = Wanted("measurement", "a file", "Check the path.", 1_000_000_000)
+RECORD = FileSpec("measurement", "a file", "Check the path.", 1_000_000_000)
 """What a file with a record is, unpacked no larger than a gigabyte."""
 
 
@@ -106,7 +106,7 @@ class RawTable:
         return f"sample {sample}" if self.lines is None else f"line {self.lines[sample]}"
 
 
-def unreadable(source: object, kind: str, error: BaseException) -> InvalidInputError:
+def unreadable_file(source: object, kind: str, error: BaseException) -> InvalidInputError:
     """Build the error for a file that its library cannot read."""
     reason = str(error).splitlines()[0] if str(error) else type(error).__name__
     return invalid(

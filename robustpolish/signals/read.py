@@ -112,7 +112,7 @@ def read_measurement(
         source_name = column if column in raw.columns else raw.resolve("column", column)
         values, unit = to_si(values, raw.units.get(source_name, ""), f"unit of {column!r}")
         data[column] = ("time", axis.move(values), {"units": unit})
-        doubts += [text for text in (note, axis.doubt(column, values)) if text]
+        doubts += [text for text in (note, axis.interpolation_warning(column, values)) if text]
     dataset = xr.Dataset(data, coords={"time": ("time", axis.time, {"units": "s"})})
     dataset.attrs["notes"] = [*raw.notes, *([axis.note] if axis.note else []), *doubts]
     if isinstance(source, str | Path):

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from robustpolish.base.checks import described, instance_of, invalid
-from robustpolish.base.input_files import Wanted, size_of
+from robustpolish.base.input_files import FileSpec, file_size
 from robustpolish.signals.raw import RECORD, RawTable
 from robustpolish.signals.readers.arrays import read_npz, read_wav
 from robustpolish.signals.readers.csv import read_csv
@@ -20,12 +20,12 @@ from robustpolish.signals.readers.objects import read_object
 TEXT = (".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm")
 UNIVERSAL = (".uff", ".unv", ".uf", ".58")
 
-_WITHOUT_TABLES: dict[str, Callable[[Path, Wanted], RawTable]] = {
+_WITHOUT_TABLES: dict[str, Callable[[Path, FileSpec], RawTable]] = {
     **dict.fromkeys(TEXT, read_csv),
     ".wav": read_wav,
     **dict.fromkeys(UNIVERSAL, read_uff),
 }
-_WITH_TABLES: dict[str, Callable[[Path, str | None, Wanted], RawTable]] = {
+_WITH_TABLES: dict[str, Callable[[Path, str | None, FileSpec], RawTable]] = {
     ".mat": read_mat,
     ".h5": read_hdf5,
     ".hdf5": read_hdf5,
@@ -61,7 +61,7 @@ def raw_table(source: Any, table: str | None = None, max_bytes: float | None = N
     expected, remedy = "a path, or a pandas or xarray object", "Convert it to a pandas.DataFrame."
     path = Path(instance_of("measurement", source, (str, Path), expected, remedy))
     wanted = RECORD.limited(max_bytes)
-    if size_of(path, wanted) == 0:
+    if file_size(path, wanted) == 0:
         raise invalid("measurement", described(f"{path}, empty"), "data", "Export it again.")
     suffix = path.suffix.casefold()
     try:

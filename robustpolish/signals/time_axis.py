@@ -55,9 +55,9 @@ class UniformTime:
 
     def move(self, values: Vector) -> Vector:
         """Bring a signal to the uniform grid."""
-        return values if self.taken is None else _through(self.taken, values, self.time)
+        return values if self.taken is None else _interpolate_cubic(self.taken, values, self.time)
 
-    def doubt(self, name: str, values: Vector) -> str:
+    def interpolation_warning(self, name: str, values: Vector) -> str:
         """Say so if a signal changes too fast for an irregular clock, "" if it does not.
 
         The samples with odd numbers are predicted from those with even ones, as those between the
@@ -65,7 +65,7 @@ class UniformTime:
         """
         if not self.irregular or self.taken is None or values.size < 40:
             return ""
-        guessed = _through(self.taken[::2], values[::2], self.taken[1:-1:2])
+        guessed = _interpolate_cubic(self.taken[::2], values[::2], self.taken[1:-1:2])
         missed = float(np.sqrt(np.mean((values[1:-1:2] - guessed) ** 2)))
         size = float(np.std(values))
         if missed <= _UNRESOLVED * size:
@@ -76,7 +76,7 @@ class UniformTime:
         )
 
 
-def _through(taken: Vector, values: Vector, time: Vector) -> Vector:
+def _interpolate_cubic(taken: Vector, values: Vector, time: Vector) -> Vector:
     """Interpolate a signal by cubic polynomials."""
     if taken.size < 8:
         return np.asarray(PchipInterpolator(taken, values)(time))

@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from robustpolish.base.budget import same_bits
+from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.errors import InfeasibleError
@@ -35,7 +35,7 @@ from robustpolish.synthesis.proofs.bounded_real import (
     TIGHT,
     NormProof,
     enclose_loop,
-    enclosed,
+    enclose_system,
     prove_computed_norm,
     rounding_level,
     tightest_proof,
@@ -272,7 +272,7 @@ class Certificate(Displayed):
         return replace(self, claimed=claimed, gap=_gap(claimed, self.achieved))
 
 
-@same_bits
+@single_threaded_blas
 def certify(
     plant: GeneralizedPlant,
     controller: GivenController,
@@ -353,7 +353,7 @@ def certify(
     stable = _all_inside(poles, plant.is_discrete)
     proven = None
     if norm == "hinf" and stable:
-        proven = prove_computed_norm(loop, enclosed(rounded), level, step)
+        proven = prove_computed_norm(loop, enclose_system(rounded), level, step)
     if proven is None:
         # Doubles and a first proof leave doubt: everything is computed once more, with care.
         stable = bool(stability(system))
@@ -459,7 +459,7 @@ _ROOM = 2e-4
 
 
 @dataclass(frozen=True)
-class WantedNorm:
+class NormTarget:
     """Which norms will do.
 
     Attributes
@@ -474,7 +474,7 @@ class WantedNorm:
     below: float = np.inf
 
     @classmethod
-    def checked(cls, gamma: Any) -> WantedNorm:
+    def checked(cls, gamma: Any) -> NormTarget:
         """Read the argument ``gamma`` of a method.
 
         Raises
@@ -484,9 +484,9 @@ class WantedNorm:
 
         Examples
         --------
-        >>> WantedNorm.checked(2.0)
+        >>> NormTarget.checked(2.0)
         WantedNorm(enough=2.0, below=2.0)
-        >>> WantedNorm.checked((0.5, 2.0))
+        >>> NormTarget.checked((0.5, 2.0))
         WantedNorm(enough=0.5, below=2.0)
         """
         if gamma is None:
@@ -505,23 +505,23 @@ class WantedNorm:
         return cls(*ends)
 
     @property
-    def asks(self) -> bool:
+    def is_requested(self) -> bool:
         """Whether anything was asked for."""
         return self.enough > 0 or np.isfinite(self.below)
 
-    def in_unit(self, unit: float) -> WantedNorm:
+    def in_unit(self, unit: float) -> NormTarget:
         """Return it for norms that are counted in units of `unit`."""
-        return WantedNorm(self.enough / unit, self.below / unit)
+        return NormTarget(self.enough / unit, self.below / unit)
 
     def limited(self, goal: float) -> float:
         """Return the norm that a search aims at that would aim at `goal` by itself."""
-        if not self.asks:
+        if not self.is_requested:
             return goal
         return min(max(goal, self.enough), self.below) * (1 - _ROOM)
 
     def in_words(self) -> str:
         """Return what was asked for, as it is told in messages; empty if nothing was."""
-        if not self.asks:
+        if not self.is_requested:
             return ""
         if self.enough == self.below:
             return f"a norm below gamma = {self.below:.6g}"
@@ -529,7 +529,7 @@ class WantedNorm:
         return f"a norm within gamma = {self.enough:.6g} to {above}"
 
 
-ANY_NORM = WantedNorm()
+ANY_NORM = NormTarget()
 """Nothing was asked for."""
 
 
@@ -538,7 +538,9 @@ def norm_in_words(norm: Norm) -> str:
     return "H-infinity" if norm == "hinf" else "H2"
 
 
-def out_of_reach(wanted: WantedNorm, bound: float, norm: Norm, how: str) -> InfeasibleError:
+def unreachable_norm_error(
+    wanted: NormTarget, bound: float, norm: Norm, how: str
+) -> InfeasibleError:
     """Return the error for a norm that no controller reaches."""
     return InfeasibleError(
         f"gamma: no controller has {wanted.in_words()}. The {norm_in_words(norm)} norm of every "

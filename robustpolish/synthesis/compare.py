@@ -16,7 +16,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from robustpolish.base.budget import Budget, working
+from robustpolish.base.budget import Budget, progress_bar
 from robustpolish.base.checks import instance_of, invalid, one_of, positive
 from robustpolish.base.results import Card, Displayed, Table, quantities
 from robustpolish.base.sweep import sweep
@@ -242,7 +242,7 @@ def compare_methods(
     tasks = [(name, *_parsed(name)) for name in methods]
     options = {"norm": norm, "tolerance": tolerance, "time_limit": time_limit}
     results = []
-    with working("Comparing methods", len(tasks)) as tell:
+    with progress_bar("Comparing methods", len(tasks)) as tell:
         for task in tasks:
             tell(task[0])
             results.append(_run(plant, *task, options))

@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 
 from robustpolish.base.checks import described, instance_of, invalid
 from robustpolish.base.results import Card, Displayed, Table, quantities
-from robustpolish.base.saved import SAME_NORM, Fields, confirm_norm, plain, read_saved, write_saved
+from robustpolish.base.saved import (
+    NORM_TOLERANCE,
+    Fields,
+    confirm_norm,
+    plain,
+    read_saved,
+    write_saved,
+)
 from robustpolish.implementation.discretize import discretized
 from robustpolish.implementation.sampled.certificate import AntiAliasing
 from robustpolish.implementation.sampled_design import SampledDesign
@@ -39,7 +46,7 @@ from robustpolish.synthesis.problem.pole_regions import (
     Sector,
 )
 from robustpolish.synthesis.problem.status import Status
-from robustpolish.synthesis.reduce import is_shaped, reduced, reduced_shaping
+from robustpolish.synthesis.reduce import is_shaped, reduce_controller, reduced_shaping
 from robustpolish.synthesis.structured.block_parts import TunedBlocks
 
 # What the file of a design holds: plant and controller are read, the rest is proven again.
@@ -64,8 +71,8 @@ def design_content(design: Any) -> dict[str, Any]:
         "lower_bound": design.lower_bound,
         "plant": plant_content(design.plant),
         "controller": system_content(design.controller),
-        "details": _told(design.details),
-        "history": [_told(entry) for entry in design.history],
+        "details": _writable_details(design.details),
+        "history": [_writable_details(entry) for entry in design.history],
     }
 
 
@@ -87,10 +94,10 @@ def design_fields(fields: Fields) -> dict[str, Any]:
     told = confirm_norm(fields, certificate, _REMEDY)
     known = "lower_bound" in fields and fields.raw("lower_bound") is not None
     bound = fields.number("lower_bound") if known else None
-    if bound is not None and bound > told * (1 + SAME_NORM):
+    if bound is not None and bound > told * (1 + NORM_TOLERANCE):
         shown = described(f"{bound:.6g} for a loop that has {told:.6g}")
         raise invalid(f"{fields.where}: lower_bound", shown, "at most the norm", _REMEDY)
-    details = _heard(fields.table("details"))
+    details = _decode_table(fields.table("details"))
     for region in details.get("pole_regions", ()):
         if not region.contains(certificate.poles):
             shown = described(f"a closed-loop pole outside {region}")
@@ -106,7 +113,7 @@ def design_fields(fields: Fields) -> dict[str, Any]:
         "method": fields.text("method"),
         "backend": fields.text("backend"),
         "elapsed": fields.number("elapsed"),
-        "history": tuple(_heard(entry) for entry in fields.tables("history")),
+        "history": tuple(_decode_table(entry) for entry in fields.tables("history")),
         "details": details,
         "lower_bound": bound,
     }
@@ -115,18 +122,20 @@ def design_fields(fields: Fields) -> dict[str, Any]:
 _REMEDY = "Plant or controller were changed after saving; design it anew."
 
 
-def _told(details: Mapping[str, Any]) -> dict[str, Any]:
+def _writable_details(details: Mapping[str, Any]) -> dict[str, Any]:
     """Return what can be written; certificates and the like can be computed again."""
-    written = {key: _write(value) for key, value in details.items()}
+    written = {key: _encode(value) for key, value in details.items()}
     return {key: value for key, value in written.items() if value is not _LEFT_OUT}
 
 
 _LEFT_OUT = object()
 
 
-def _write(value: Any) -> Any:
+def _encode(value: Any) -> Any:
     if value is None or isinstance(value, str | bool | int | float | np.generic):
-        return plain(value) if not isinstance(value, np.complexfloating) else _write(complex(value))
+        return (
+            plain(value) if not isinstance(value, np.complexfloating) else _encode(complex(value))
+        )
     if isinstance(value, complex):
         return {"complex": plain([value.real, value.imag])}
     if isinstance(value, np.ndarray):
@@ -142,20 +151,20 @@ def _write(value: Any) -> Any:
     if type(value).__name__ in _REGIONS:
         return {"region": [type(value).__name__, *map(float, vars(value).values())]}
     if isinstance(value, list | tuple):
-        items = [_write(item) for item in value]
+        items = [_encode(item) for item in value]
         return _LEFT_OUT if any(item is _LEFT_OUT for item in items) else items
     if isinstance(value, Mapping):
-        return {"table": _told(value)}
+        return {"table": _writable_details(value)}
     return _LEFT_OUT
 
 
-def _heard(table: Fields) -> Mapping[str, Any]:
-    return MappingProxyType({key: _read(table, key, table.raw(key)) for key in table})
+def _decode_table(table: Fields) -> Mapping[str, Any]:
+    return MappingProxyType({key: _decode(table, key, table.raw(key)) for key in table})
 
 
-def _read(table: Fields, key: str, value: Any) -> Any:
+def _decode(table: Fields, key: str, value: Any) -> Any:
     if isinstance(value, list):
-        return tuple(_read(table, key, item) for item in value)
+        return tuple(_decode(table, key, item) for item in value)
     if value in ("inf", "-inf", "nan"):
         return float(value)
     if not isinstance(value, dict):
@@ -181,7 +190,7 @@ def _read(table: Fields, key: str, value: Any) -> Any:
     if kind == "system":
         return system_from(own.table(kind))
     if kind == "table":
-        return _heard(own.table(kind))
+        return _decode_table(own.table(kind))
     raise invalid(own.where, kind, "a known kind of detail", "Update robustpolish.")
 
 
@@ -370,7 +379,9 @@ class Design(Displayed):
         if is_shaped(self.details):
             found = reduced_shaping(self.plant, self.details, order, tolerance)
         else:
-            found = reduced(self.plant, self.controller, self.certificate, order, tolerance)
+            found = reduce_controller(
+                self.plant, self.controller, self.certificate, order, tolerance
+            )
         if found.details["reduction"] == "none":
             details = MappingProxyType({**self.details, **found.details})
             return replace(self, message=f"{self.message} {found.message}", details=details)

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import control
 import numpy as np
 
-from robustpolish.base.budget import same_bits
+from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import described, invalid, is_whole, positive
 from robustpolish.errors import InfeasibleError, SolverError
-from robustpolish.implementation.reduction import Candidate, Reducer
+from robustpolish.implementation.reduction import ReducedCandidate, Reducer
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.plants.blocks import matrices_of
@@ -34,7 +34,7 @@ A norm in physical units can be nearly all K S; then a controller of half a deci
 is as good to it as one of seven, which happened with a levitated ball."""
 
 
-class Reduced(NamedTuple):
+class ReducedController(NamedTuple):
     """A shorter controller with its certificate, and what is to be told of it."""
 
     controller: control.StateSpace
@@ -43,8 +43,8 @@ class Reduced(NamedTuple):
     details: Mapping[str, Any]
 
 
-@same_bits
-def reduced(
+@single_threaded_blas
+def reduce_controller(
     plant: GeneralizedPlant,
     controller: control.StateSpace,
     before: Certificate,
@@ -53,7 +53,7 @@ def reduced(
     *,
     figure: str = "",
     kept: int = 0,
-) -> Reduced:
+) -> ReducedController:
     """Shorten a controller; see `Design.reduce`.
 
     Parameters
@@ -72,7 +72,7 @@ def reduced(
 
     Returns
     -------
-    Reduced
+    ReducedController
     """
     n = controller.nstates + kept
     if order is not None and tolerance is not None:
@@ -87,10 +87,10 @@ def reduced(
     if order is not None:
         order = _checked_order(order, n)
         if order < kept:
-            raise InfeasibleError(_below_the_kept(order, kept))
+            raise InfeasibleError(_order_below_weights(order, kept))
         found = _best(plant, reducer, order - kept, before, math.inf)
         if found is None:
-            raise InfeasibleError(_no_such_order(plant, reducer, order, n, before, kept))
+            raise InfeasibleError(_order_error(plant, reducer, order, n, before, kept))
     else:
         part = (
             DEFAULT_TOLERANCE if tolerance is None else positive("tolerance", tolerance, zero=True)
@@ -103,8 +103,11 @@ def reduced(
                 f"No controller of fewer than {n} states was found that keeps the "
                 f"{name} within {100 * part:.3g} %; it stays as it is. Allow more with tolerance=."
             )
-            return Reduced(
-                controller, before, message, _told(reducer, "none", n, n, before, before)
+            return ReducedController(
+                controller,
+                before,
+                message,
+                _reduction_message(reducer, "none", n, n, before, before),
             )
     candidate, certificate = found
     k = candidate.controller.nstates + kept
@@ -114,17 +117,17 @@ def reduced(
         f"{before.achieved:.6g} to {certificate.achieved:.6g} ({change:+.3g} %)."
     )
     message += _sensitivity_sentence(plant, controller, candidate.controller)
-    told = _told(reducer, candidate.name, n, k, before, certificate)
-    return Reduced(candidate.controller, certificate, message, told)
+    told = _reduction_message(reducer, candidate.name, n, k, before, certificate)
+    return ReducedController(candidate.controller, certificate, message, told)
 
 
 def _best(
     plant: GeneralizedPlant, reducer: Reducer, order: int, before: Certificate, limit: float
-) -> tuple[Candidate, Certificate] | None:
+) -> tuple[ReducedCandidate, Certificate] | None:
     """Return the candidate of an order whose certified norm is least, and within the limit."""
     judged = []
     for candidate in reducer.of_order(order):
-        value = _quick(plant, candidate.controller, before.norm)
+        value = _unproven_norm(plant, candidate.controller, before.norm)
         if value <= limit * (1 + 1e-6):
             judged.append((value, len(judged), candidate))
     for _, _, candidate in sorted(judged):
@@ -157,7 +160,7 @@ def _largest_sensitivity(plant: GeneralizedPlant, controller: control.StateSpace
     return max(float(hinf_norm(part, tolerance=1e-4, exact=False)) for part in each)
 
 
-def _quick(plant: GeneralizedPlant, controller: control.StateSpace, norm: str) -> float:
+def _unproven_norm(plant: GeneralizedPlant, controller: control.StateSpace, norm: str) -> float:
     loop = plant.closed_loop(controller)
     poles: Any = np.linalg.eigvals(np.asarray(loop.A))
     inside = np.abs(poles) < 1 if plant.is_discrete else poles.real < 0
@@ -173,7 +176,7 @@ def _checked_order(order: Any, n: int) -> int:
     return int(order)
 
 
-def _no_such_order(
+def _order_error(
     plant: GeneralizedPlant, reducer: Reducer, order: int, n: int, before: Certificate, kept: int
 ) -> str:
     orders = range(kept, n)
@@ -189,7 +192,7 @@ def _no_such_order(
     return f"{none}{finite}. {remedy}"
 
 
-def _below_the_kept(order: int, kept: int) -> str:
+def _order_below_weights(order: int, kept: int) -> str:
     return (
         f"order: a controller of {order} states has no room for the {kept} states of the weights, "
         f"which are a part of it: ask for {kept} or more. To let the weights go too, reduce "
@@ -197,7 +200,7 @@ def _below_the_kept(order: int, kept: int) -> str:
     )
 
 
-def _told(
+def _reduction_message(
     reducer: Reducer, way: str, n: int, k: int, before: Certificate, after: Certificate
 ) -> Mapping[str, Any]:
     return MappingProxyType(
@@ -224,7 +227,7 @@ def is_shaped(details: Mapping[str, Any]) -> bool:
 
 def reduced_shaping(
     plant: GeneralizedPlant, details: Mapping[str, Any], order: int | None, tolerance: float | None
-) -> Reduced:
+) -> ReducedController:
     """Shorten the controller Ks of a shaped plant in K = W1 Ks W2.
 
     The norm of the loop in the units of the plant says nothing of what was designed for; gamma
@@ -243,7 +246,7 @@ def reduced_shaping(
 
     Returns
     -------
-    Reduced
+    ReducedController
         K with the certificate of its loop. Details hold ``gamma``, ``ncf_margin``,
         ``shaped_controller`` and ``shaped_certificate`` of the shorter one. Where none is found
         the controller is the Ks that was given.
@@ -257,7 +260,7 @@ def reduced_shaping(
     loop = GeneralizedPlant.from_loop(details["shaped_plant"])
     kept = W1.nstates + W2.nstates
     before = certify(loop, Ks, "hinf")
-    found = reduced(
+    found = reduce_controller(
         loop, Ks, before, order, tolerance, figure="gamma of the shaped loop", kept=kept
     )
     if found.details["reduction"] == "none":
@@ -279,4 +282,4 @@ def reduced_shaping(
         "shaped_certificate": proof,
     }
     told = MappingProxyType({**own, **found.details, **new})
-    return Reduced(K, certificate, found.message, told)
+    return ReducedController(K, certificate, found.message, told)

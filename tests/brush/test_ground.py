@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.polishing.simulate import under_disc
+from robustpolish.polishing.simulate import largest_bend_under_disc
 
 AREA = {"x": (-0.03, 0.03), "y": (-0.03, 0.03)}
 SPIRAL = rp.polishing.ToolPath.spiral((0.0, 0.0), 0.012, 0.003, speed=0.04)
@@ -41,6 +41,6 @@ def test_the_listing_knows_the_trough_only():
 
 def test_largest_bends_under_the_disc():
     mould = rp.polishing.Mould.from_formula("10*x**3", **AREA)
-    least, most = under_disc(mould, np.array([[0.0, 0.01], [0.0, 0.0]]), 0.01)
+    least, most = largest_bend_under_disc(mould, np.array([[0.0, 0.01], [0.0, 0.0]]), 0.01)
     np.testing.assert_allclose(most, [0.6, 1.2], rtol=1e-6)
     np.testing.assert_allclose(least, [0.0, 0.0], atol=1e-6)

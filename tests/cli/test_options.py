@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from robustpolish.app.cli.options import brush_options, reports_errors, show, to_json
+from robustpolish.app.cli.options import brush_options, errors_to_exit_codes, print_result, to_json
 from robustpolish.errors import InfeasibleError, InvalidInputError
 from tests.cli.command_line import run
 
@@ -32,13 +32,13 @@ def test_json_is_strict():
 
 def test_a_file_is_replaced_only_by_force(tmp_path, capsys):
     path = tmp_path / "a.json"
-    show({"a": 1}, "one", str(path))
+    print_result({"a": 1}, "one", str(path))
     assert capsys.readouterr().out == "one\n"
     with pytest.raises(InvalidInputError, match="expected a file that does not exist yet"):
-        show({"a": 2}, "two", str(path))
+        print_result({"a": 2}, "two", str(path))
     assert json.loads(path.read_text()) == {"a": 1}
     assert capsys.readouterr().out == ""
-    show({"a": 2}, "two", str(path), force=True)
+    print_result({"a": 2}, "two", str(path), force=True)
     assert json.loads(path.read_text()) == {"a": 2}
 
 
@@ -46,7 +46,7 @@ def test_a_file_is_replaced_only_by_force(tmp_path, capsys):
     ("error", "code"), [(InvalidInputError("a: bad"), 2), (InfeasibleError("none exists"), 1)]
 )
 def test_errors_of_the_package_become_exit_codes(error, code, capsys):
-    @reports_errors
+    @errors_to_exit_codes
     def command():
         raise error
 
@@ -57,7 +57,7 @@ def test_errors_of_the_package_become_exit_codes(error, code, capsys):
 
 
 def test_a_defect_of_the_program_keeps_its_traceback():
-    @reports_errors
+    @errors_to_exit_codes
     def command():
         raise ZeroDivisionError
 

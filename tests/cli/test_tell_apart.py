@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robustpolish.identification.diagnosis.findings import Confusion
+from robustpolish.identification.diagnosis.findings import IndistinguishablePair
 from robustpolish.machines.effects.effect import Effect
 from tests import made_up
 from tests.cli.command_line import run
@@ -45,7 +45,7 @@ def test_two_models_are_told_apart(folder):
 
 def test_a_diagnosis_brings_its_pairs(folder):
     drag = Effect("quadratic_damping", PLACE, {"coefficient": 0.5})
-    pair = Confusion(CUBIC.effects[0], drag, "Repeat.")
+    pair = IndistinguishablePair(CUBIC.effects[0], drag, "Repeat.")
     found = replace(made_up.diagnosis(), model=CUBIC, indistinguishable=(pair,))
     found.save(folder / "found.json")
     shown = run("tell-apart", "data.csv", "found.json", "--no-fit", "--limit", "F=5")

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.polishing.buildable import relaxed
+from robustpolish.polishing.buildable import relaxed_hardware
 
 
 def test_one_limit_is_relaxed_at_a_time():
     hardware = rp.polishing.PolishingHardware()
-    found = dict(relaxed(hardware))
+    found = dict(relaxed_hardware(hardware))
     assert list(found) == [
         "ideal sensors", "ideal actuators", "no computation delay", "ten times the sampling",
     ]  # fmt: skip

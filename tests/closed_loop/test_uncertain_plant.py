@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.closed_loop.monte_carlo import in_place_of, loop_norm
+from robustpolish.closed_loop.monte_carlo import loop_norm, with_added_signals
 from robustpolish.errors import InvalidInputError
 
 AT = ("x", "ground")
@@ -32,7 +32,7 @@ def priced(machine):
 
 def test_the_machine_is_new_and_price_and_noise_stay():
     nominal, other = priced(plant(800.0)), plant(900.0)
-    found = in_place_of(nominal, other)
+    found = with_added_signals(nominal, other)
     np.testing.assert_array_equal(found.A, other.A)
     np.testing.assert_array_equal(found.B1[:, :1], other.B1)
     for name in ("D12", "D21", "C2", "B2"):
@@ -44,7 +44,7 @@ def test_the_machine_is_new_and_price_and_noise_stay():
 
 def test_a_measured_state_is_made_up_for():
     nominal = plant(800.0).with_full_state()
-    assert in_place_of(nominal, plant(900.0)).measurement_names == nominal.measurement_names
+    assert with_added_signals(nominal, plant(900.0)).measurement_names == nominal.measurement_names
 
 
 @pytest.mark.parametrize(
@@ -59,7 +59,7 @@ def test_a_measured_state_is_made_up_for():
 )
 def test_a_plant_with_other_signals_is_refused(change, told):
     with pytest.raises(InvalidInputError, match=told):
-        in_place_of(plant(800.0), plant(900.0).replace(**change))
+        with_added_signals(plant(800.0), plant(900.0).replace(**change))
 
 
 def test_norms_of_loops():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.datasets import dataset, stored
+from robustpolish.datasets import dataset, load_arrays
 from robustpolish.signals.read import read_measurement
 
 TESTS = [(1, 1.5), (0.5, 0.5), (1, 1), (1, 0.5), (0.5, 1)]
@@ -63,6 +63,6 @@ def test_columns_stand_over_time_with_their_units():
 
 
 def test_only_files_of_the_folder_are_there():
-    assert set(stored("magnetic_beam.npz")) == {"strain_beam", "strain_clamp_beam"}
+    assert set(load_arrays("magnetic_beam.npz")) == {"strain_beam", "strain_clamp_beam"}
     with pytest.raises(FileNotFoundError):
-        stored("nothing.npz")
+        load_arrays("nothing.npz")

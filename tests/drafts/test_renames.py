@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from robustpolish.base import atomic_writes as renames
-from robustpolish.base.atomic_writes import exchange, rename_new
+from robustpolish.base.atomic_writes import exchange, rename_noreplace
 
 
 @pytest.fixture(params=["kernel", "without"])
@@ -23,9 +23,9 @@ def folder(path, text):
 
 
 def test_a_free_name_is_taken(way, tmp_path):
-    rename_new(folder(tmp_path / "a", "1"), tmp_path / "b")
+    rename_noreplace(folder(tmp_path / "a", "1"), tmp_path / "b")
     (tmp_path / "c").write_text("2")
-    rename_new(tmp_path / "c", tmp_path / "d")
+    rename_noreplace(tmp_path / "c", tmp_path / "d")
     assert (tmp_path / "b" / "a.txt").read_text() == "1"
     assert (tmp_path / "d").read_text() == "2"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["b", "d"]
@@ -34,11 +34,11 @@ def test_a_free_name_is_taken(way, tmp_path):
 def test_a_name_that_is_taken_stays(way, tmp_path):
     old, new = folder(tmp_path / "old", "1"), folder(tmp_path / "new", "2")
     with pytest.raises(FileExistsError):
-        rename_new(new, old)
+        rename_noreplace(new, old)
     (tmp_path / "c").write_text("2")
     (tmp_path / "d").write_text("3")
     with pytest.raises(FileExistsError):
-        rename_new(tmp_path / "c", tmp_path / "d")
+        rename_noreplace(tmp_path / "c", tmp_path / "d")
     assert (old / "a.txt").read_text() == "1"
     assert (tmp_path / "d").read_text() == "3"
 
@@ -68,8 +68,8 @@ def test_a_file_moves_where_nothing_can_be_linked(monkeypatch, tmp_path):
     monkeypatch.setattr(renames, "_system_call", lambda: None)
     monkeypatch.setattr(renames.os, "link", refuses)
     (tmp_path / "c").write_text("2")
-    rename_new(tmp_path / "c", tmp_path / "d")
+    rename_noreplace(tmp_path / "c", tmp_path / "d")
     assert (tmp_path / "d").read_text() == "2"
     (tmp_path / "c").write_text("3")
     with pytest.raises(FileExistsError):
-        rename_new(tmp_path / "c", tmp_path / "d")
+        rename_noreplace(tmp_path / "c", tmp_path / "d")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from robustpolish.base import atomic_writes as renames
-from robustpolish.base.atomic_writes import put_instead, stage, sweep
+from robustpolish.base.atomic_writes import remove_stale_stages, replace_folder, stage
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="folders cannot be locked")
 
@@ -38,7 +38,7 @@ def test_a_dead_stage_is_swept_up_and_a_living_one_is_not(tmp_path):
     (dead,) = tmp_path.iterdir()
     with stage(tmp_path / "alive") as draft:
         draft.write_text("mine")
-        sweep(tmp_path)
+        remove_stale_stages(tmp_path)
         assert not dead.exists()
         assert draft.read_text() == "mine"
     assert list(tmp_path.iterdir()) == []
@@ -52,7 +52,7 @@ def test_what_only_looks_like_a_stage_is_left_alone(tmp_path):
     elsewhere.mkdir()
     (tmp_path / ".robustpolish-hgfedcba").symlink_to(elsewhere)
     before = sorted(tmp_path.iterdir())
-    sweep(tmp_path)
+    remove_stale_stages(tmp_path)
     assert sorted(tmp_path.iterdir()) == before
 
 
@@ -61,7 +61,7 @@ def test_another_users_stage_is_left_alone(tmp_path):
     leave_a_stage(tmp_path / "dead")
     (dead,) = tmp_path.iterdir()
     os.chown(dead, 12345, -1)
-    sweep(tmp_path)
+    remove_stale_stages(tmp_path)
     assert dead.exists()
 
 
@@ -83,11 +83,11 @@ def test_an_exchange_that_was_cut_is_finished_by_the_next_run(tmp_path, monkeypa
             draft.mkdir()
             (draft / "a.txt").write_text("new")
             monkeypatch.setattr(Path, "rename", rename_and_die)
-            put_instead(draft, target)
+            replace_folder(draft, target)
 
     killed(work)
     assert target.exists() is (missing == "nothing")
-    sweep(tmp_path)
+    remove_stale_stages(tmp_path)
     assert (target / "a.txt").read_text() == ("new" if missing == "target" else "old")
     assert [path.name for path in tmp_path.iterdir()] == ["results"]
 
@@ -98,10 +98,10 @@ def test_without_exchange_a_folder_is_replaced_all_the_same(tmp_path, monkeypatc
     with stage(target) as draft:
         draft.mkdir()
         with pytest.raises(FileNotFoundError):
-            put_instead(draft, target)
+            replace_folder(draft, target)
         target.mkdir()
         (target / "a.txt").write_text("old")
-        put_instead(draft, target)
+        replace_folder(draft, target)
         assert list(target.iterdir()) == []
     assert [path.name for path in tmp_path.iterdir()] == ["results"]
 
@@ -112,7 +112,7 @@ def test_a_manifest_reaches_no_other_folder(tmp_path, name):
     home = folder / ".robustpolish-abcdefgh"
     (home / "old").mkdir(parents=True)
     (home / "replacing").write_text(name)
-    sweep(folder)
+    remove_stale_stages(folder)
     assert [path.name for path in tmp_path.iterdir()] == ["in"]
     assert list(folder.iterdir()) == []
 
@@ -132,7 +132,7 @@ def test_a_forked_process_holds_nothing_and_removes_nothing(tmp_path):
         copy = tmp_path / ".robustpolish-abcdefgh"
         home.rename(copy)  # as if this process had been killed here
     assert draft.parent.parent == home
-    sweep(tmp_path)
+    remove_stale_stages(tmp_path)
     assert list(tmp_path.iterdir()) == []
     os.close(writer)
     os.waitpid(child, 0)

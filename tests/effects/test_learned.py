@@ -12,11 +12,11 @@ from robustpolish.machines.effects.effect import Effect, kinds, lookup, register
 from robustpolish.machines.effects.evaluate import force_along, shapes_along
 from robustpolish.machines.effects.kind import Motion
 from robustpolish.machines.effects.spline_law import (
-    bends,
     coefficients_of,
     learned_kind,
     learned_name,
-    smoothness,
+    second_differences,
+    smoothness_prior,
     spline_basis,
     spline_centres,
 )
@@ -166,15 +166,15 @@ def test_what_is_no_number_breaks_nothing():
 
 def test_a_line_does_not_bend_and_has_no_price():
     line = spline_centres(-2.0, 1.0, 8)
-    assert np.abs(bends(8) @ line).max() < 1e-12
+    assert np.abs(second_differences(8) @ line).max() < 1e-12
     values = Effect("learned_stiffness_8", "x", named(line, **KNOTS, roughness=0.1)).values
-    assert np.abs(smoothness(values) @ line).max() < 1e-10
-    assert smoothness(values).shape == (6, 8)
-    assert smoothness({**values, "roughness": 0.0}).shape == (0, 8)
+    assert np.abs(smoothness_prior(values) @ line).max() < 1e-10
+    assert smoothness_prior(values).shape == (6, 8)
+    assert smoothness_prior({**values, "roughness": 0.0}).shape == (0, 8)
     plane = np.add.outer(spline_centres(-2.0, 1.0, 6), 3 * spline_centres(-5.0, 5.0, 6))
     whole = named(plane, **KNOTS, slow=-5.0, fast=5.0, roughness=0.1)
     values = Effect("learned_force_6x6", "x", whole).values
-    assert np.abs(smoothness(values) @ plane.ravel()).max() < 1e-9
+    assert np.abs(smoothness_prior(values) @ plane.ravel()).max() < 1e-9
     np.testing.assert_allclose(coefficients_of(values), plane)
 
 

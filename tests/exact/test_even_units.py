@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import lapack
 
-from robustpolish.linear.arithmetic.even_units import balance, rounded_nothing
+from robustpolish.linear.arithmetic.even_units import balance, is_exact_scaling
 from robustpolish.linear.arithmetic.powers_of_two import nearest_exponent
 
 
@@ -38,6 +38,6 @@ def test_exponents_of_what_has_none_are_zero():
 
 def test_lost_bits_are_seen():
     given, none = np.array([[1.0, 5e-324]]), np.zeros(2, np.int64)
-    assert rounded_nothing(given, none[:1], none, given, 1e100)
-    assert not rounded_nothing(given * 0.5, np.array([-1]), none, given, 1e100)
-    assert not rounded_nothing(given * 1e200, none[:1], none, given * 1e200, 1e100)
+    assert is_exact_scaling(given, none[:1], none, given, 1e100)
+    assert not is_exact_scaling(given * 0.5, np.array([-1]), none, given, 1e100)
+    assert not is_exact_scaling(given * 1e200, none[:1], none, given * 1e200, 1e100)

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 import robustpolish as rp
 from robustpolish.app.cli.main import main
 from robustpolish.base.atomic_writes import new_folder
-from robustpolish.synthesis.lmi.program import run_limited
+from robustpolish.synthesis.lmi.program import run_with_time_limit
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.machine_design.machines import DESIGN, SPINDLE
 
@@ -99,7 +99,7 @@ def jobs() -> dict[str, Job]:
     def with_a_worker(at: Path, force: bool) -> None:
         with new_folder(at / "results", force) as folder:
             (folder / "design.json").write_text("begun")
-            run_limited(lambda: time.sleep(60), 60.0)
+            run_with_time_limit(lambda: time.sleep(60), 60.0)
 
     return {
         "design": Job(design, ("results",)),

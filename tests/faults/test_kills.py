@@ -8,7 +8,7 @@ import time
 import pytest
 
 from robustpolish.base.atomic_writes import new_file, new_folder
-from robustpolish.synthesis.lmi.program import run_limited
+from robustpolish.synthesis.lmi.program import run_with_time_limit
 from tests.faults import kills
 from tests.faults.injector import Fault
 from tests.faults.jobs import Job
@@ -62,8 +62,10 @@ def test_the_injector_sees_halves_and_leftovers(monkeypatch):
 def test_the_injector_sees_who_lives_on(monkeypatch):
     monkeypatch.setattr(kills, "GRACE", 0.1)
     # The worker's own watch is taken away.
-    monkeypatch.setattr("robustpolish.synthesis.backends.parent_watch.end_with", lambda *_: None)
-    job = Job(lambda at, force: run_limited(lambda: time.sleep(2), 9.0), ())
+    monkeypatch.setattr(
+        "robustpolish.synthesis.backends.parent_watch.exit_with_parent", lambda *_: None
+    )
+    job = Job(lambda at, force: run_with_time_limit(lambda: time.sleep(2), 9.0), ())
     assert "live on" in seen(monkeypatch, job, Fault("time", 1000))[0]
 
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.base.input_files import Wanted, members, opened
+from robustpolish.base.input_files import FileSpec, members, open_checked
 
-WANTED = Wanted("path", "a file", "Check the path.", 10_000)
+WANTED = FileSpec("path", "a file", "Check the path.", 10_000)
 
 
 def found(path, wanted=WANTED):
-    with opened(path, wanted) as file:
+    with open_checked(path, wanted) as file:
         return [info.filename for info in members(file, path, wanted)]
 
 

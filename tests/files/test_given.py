@@ -9,10 +9,10 @@ import pytest
 import scipy.io
 
 import robustpolish as rp
-from robustpolish.base.input_files import Wanted, content, opened, size_of, text
+from robustpolish.base.input_files import FileSpec, content, file_size, open_checked, text
 from robustpolish.signals.frequency_response import holds_frequency_response
 
-WANTED = Wanted("path", "a file", "Check the path.", 100)
+WANTED = FileSpec("path", "a file", "Check the path.", 100)
 
 READERS = {
     "load": (rp.load, ".json"),
@@ -112,9 +112,9 @@ def test_sockets_and_files_without_permission(tmp_path, monkeypatch):
 def test_what_fits_is_read(tmp_path):
     path = tmp_path / "a.txt"
     path.write_bytes(b"\xef\xbb\xbf" + "µ".encode())
-    assert size_of(path, WANTED) == 5
+    assert file_size(path, WANTED) == 5
     assert text(path, WANTED, "utf-8-sig") == "µ"
-    with opened(path, WANTED) as file:
+    with open_checked(path, WANTED) as file:
         assert not os.get_blocking(file.fileno()) or os.name == "nt"
     path.write_bytes(b"\xff")
     with pytest.raises(rp.InvalidInputError, match="not text in UTF-8"):
@@ -126,7 +126,7 @@ def test_what_fits_is_read(tmp_path):
 
 
 def test_a_file_that_grows_while_it_is_read_is_cut_off():
-    wanted = Wanted("path", "a file", "Check it.", 10)
+    wanted = FileSpec("path", "a file", "Check it.", 10)
     with pytest.raises(rp.InvalidInputError, match="at most 10 bytes"):
         content("/proc/self/status", wanted)  # it says that it has no bytes
 

@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustpolish.identification.fit.parameters import units_of_force
+from robustpolish.identification.fit.parameters import scale_fixing_masses
 
 from .cases import model_of
 from .judge import normal
@@ -137,7 +137,7 @@ def units_of_case(case, diagnosis):
     masses = dict(zip(case.machine.names, case.machine.mass, strict=True))
     return {
         name: diagnosis.model.dof(heaviest).mass / masses[heaviest]
-        for heaviest, chain in units_of_force(diagnosis.model).items()
+        for heaviest, chain in scale_fixing_masses(diagnosis.model).items()
         for name in chain
     }
 

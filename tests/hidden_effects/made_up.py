@@ -3,7 +3,7 @@
 from concurrent.futures import Future
 from types import SimpleNamespace
 
-from robustpolish.identification.diagnosis.findings import Confusion, FoundEffect, Value
+from robustpolish.identification.diagnosis.findings import FoundEffect, IndistinguishablePair, Value
 from robustpolish.machines.effects.effect import Effect
 from tests.hidden_effects.cases import model_of
 from tests.hidden_effects.rows import empty_row
@@ -21,7 +21,7 @@ def diagnosis_of(case, effects=(), verdict="missing_effect", alike=(), **more):
         verdict=verdict,
         effects=tuple(effects),
         indistinguishable=tuple(
-            Confusion(Effect(*first), Effect(*second), "") for first, second in alike
+            IndistinguishablePair(Effect(*first), Effect(*second), "") for first, second in alike
         ),
         **{"model": model_of(case), "parameters": {}, "noise_floor": {}, "laws": (), **more},
     )

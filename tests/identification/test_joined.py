@@ -7,7 +7,12 @@ import pytest
 import xarray as xr
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification.record import joined, named_records, of_one_step, taken_apart
+from robustpolish.identification.record import (
+    join_records,
+    named_records,
+    split_joined,
+    with_common_step,
+)
 
 
 def made(samples=50, begin=0.0, step=0.01, **channels):
@@ -48,42 +53,42 @@ def test_what_is_no_record_is_refused(given, said):
 def test_what_is_joined_comes_apart_again():
     """With times that overlap, run backwards from record to record, or follow each other."""
     parts = {"late": made(50, 3.0), "early": made(30, 0.0), "next": made(20, 0.3)}
-    whole = joined(parts)
+    whole = join_records(parts)
     assert whole.sizes["time"] == 100
     np.testing.assert_allclose(np.diff(whole["time"]), 0.01)
-    apart = taken_apart(whole)
+    apart = split_joined(whole)
     assert list(apart) == list(parts)
     for name, part in parts.items():
         xr.testing.assert_allclose(apart[name], part)
         assert apart[name]["x"].attrs["units"] == "m"
-    cut = taken_apart(whole.isel(time=slice(40, 60)))
+    cut = split_joined(whole.isel(time=slice(40, 60)))
     assert {name: part.sizes["time"] for name, part in cut.items()} == {"late": 10, "early": 10}
 
 
 def test_one_record_is_itself():
     data = made()
-    assert joined({"any": data}) is data
-    assert taken_apart(data)["record 1"] is data
+    assert join_records({"any": data}) is data
+    assert split_joined(data)["record 1"] is data
 
 
 def test_what_only_some_have_is_left_out_and_notes_say_whose_they_are():
     one = made(T=np.full(50, 20.0)).assign_attrs(notes=["one gap filled"])
-    whole = joined({"a": one, "b": made()})
+    whole = join_records({"a": one, "b": made()})
     assert list(whole.data_vars) == ["x"]
     assert whole.attrs["notes"] == ["a: one gap filled"]
 
 
 def test_faster_records_come_down_to_the_slowest():
     fast, slow = made(4000, step=0.001), made(400, step=0.01)
-    found = of_one_step({"fast": fast, "slow": slow})
+    found = with_common_step({"fast": fast, "slow": slow})
     assert found["slow"] is slow
     np.testing.assert_allclose(np.diff(found["fast"]["time"]), 0.01)
     np.testing.assert_allclose(found["fast"]["x"], np.sin(7 * found["fast"]["time"]), atol=1e-3)
     assert "decimated from 1000 to 100 Hz" in found["fast"].attrs["notes"][0]
     same = {"a": made(), "b": made(step=0.01 * (1 + 1e-6))}  # the rounding of a file
-    assert all(of_one_step(same)[name] is same[name] for name in same)
+    assert all(with_common_step(same)[name] is same[name] for name in same)
 
 
 def test_rates_without_a_common_measure_are_refused():
     with pytest.raises(InvalidInputError, match="'a' sampled at 100 Hz, 'b' at 66"):
-        of_one_step({"a": made(), "b": made(step=0.015)})
+        with_common_step({"a": made(), "b": made(step=0.015)})

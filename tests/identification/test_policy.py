@@ -8,8 +8,8 @@ from robustpolish.identification.policy import POLICY, Policy
 
 
 def test_what_follows_from_another_number_is_derived():
-    assert Policy().at_floor == 1.25
-    assert Policy(visible_fall=0.5).at_floor == 2.0
+    assert Policy().at_noise_floor == 1.25
+    assert Policy(visible_fall=0.5).at_noise_floor == 2.0
     assert Policy(visible_fall=0.5).together == 0.25
     assert Policy(finalists=40).further_finalists == 10
 

@@ -7,12 +7,12 @@ import pytest
 from robustpolish.errors import InvalidInputError
 from robustpolish.identification.record import (
     checked_data,
+    input_period,
     least_samples,
-    long_enough,
-    moving,
-    over_time,
+    quiet_after,
     record_of,
-    repetition,
+    require_length,
+    require_time_data,
 )
 from robustpolish.machines.mechanical.parts import Dof, Input, Output, Spring
 from tests.identification.oscillators import PLACE, RATE, of_rig, oscillator, record, rig
@@ -98,7 +98,7 @@ def test_a_joined_record_is_taken_for_what_it_is():
 def test_each_of_several_records_has_to_be_long_enough():
     whole = record_of(oscillator(), {"run": record(), "stub": record().isel(time=slice(0, 50))})
     with pytest.raises(InvalidInputError, match="50 samples in 'stub', expected at least 60"):
-        long_enough(oscillator(), whole)
+        require_length(oscillator(), whole)
 
 
 SEVERAL = {
@@ -128,8 +128,8 @@ def test_how_long_a_record_has_to_be():
     assert least_samples(two) == 100
     short = record_of(two, record()).part(0, 99)
     with pytest.raises(InvalidInputError, match="at least 100"):
-        long_enough(two, short)
-    assert long_enough(oscillator(), short) is short
+        require_length(two, short)
+    assert require_length(oscillator(), short) is short
 
 
 @pytest.mark.parametrize("kept", [1.0, 0.75])
@@ -137,18 +137,18 @@ def test_inputs_that_repeat_do_so_with_their_shortest_period(kept):
     """Once three turns of 300 samples, once two and a quarter; beside a constant."""
     turn = np.random.default_rng(0).standard_normal(300)
     u = np.tile(turn, 3)[: round(900 * kept)]
-    assert repetition(np.column_stack([u, np.ones(u.size)]), 0.01) == pytest.approx(3.0)
+    assert input_period(np.column_stack([u, np.ones(u.size)]), 0.01) == pytest.approx(3.0)
     swing = np.sin(2 * np.pi * np.arange(u.size) / 50)[:, None]
-    assert repetition(swing, 0.01) == pytest.approx(0.5)
-    assert repetition(np.column_stack([u, swing]), 0.01) == pytest.approx(3.0)
+    assert input_period(swing, 0.01) == pytest.approx(0.5)
+    assert input_period(np.column_stack([u, swing]), 0.01) == pytest.approx(3.0)
 
 
 def test_inputs_that_do_not_repeat_have_no_period():
     noise = np.random.default_rng(0).standard_normal((900, 1))
-    assert repetition(noise, 0.01) is None
-    assert repetition(np.tile(noise[:500], (2, 1))[:900], 0.01) is None  # not seen twice
-    assert repetition(np.ones((900, 2)), 0.01) is None
-    assert repetition(np.linspace(0, 1, 900)[:, None], 0.01) is None
+    assert input_period(noise, 0.01) is None
+    assert input_period(np.tile(noise[:500], (2, 1))[:900], 0.01) is None  # not seen twice
+    assert input_period(np.ones((900, 2)), 0.01) is None
+    assert input_period(np.linspace(0, 1, 900)[:, None], 0.01) is None
 
 
 def changed(**columns):
@@ -185,11 +185,11 @@ def test_refused(case):
 
 
 def test_frequency_responses_are_refused_where_signals_over_time_are_needed():
-    over_time(record())
-    over_time("not_there.csv")
+    require_time_data(record())
+    require_time_data("not_there.csv")
     response = oscillator().frequency_response(np.geomspace(1, 10, 20))
     with pytest.raises(InvalidInputError, match=r"compare .* and refit take frequency responses"):
-        over_time(response)
+        require_time_data(response)
 
 
 def test_outputs_are_freed_of_what_sensors_add_and_lines_belong_to_their_part():
@@ -214,8 +214,8 @@ def test_a_motion_that_has_died_away_moves_no_more():
     decay = 300.0 * np.exp(-time / 40) * np.cos(time)
     outputs = 5.0 + noise + np.column_stack([decay, 0.5 * decay])
     quiet = np.full(2, 1.5)
-    over = moving(outputs, quiet, 200)
+    over = quiet_after(outputs, quiet, 200)
     assert 200 <= over <= 400  # of 300 noises one is left after 228 samples
-    assert moving(outputs, quiet, 500) == 500
-    assert moving(outputs[:390], quiet, 200) == 390  # more than half of it moves
-    assert moving(noise, quiet, 200) == 200
+    assert quiet_after(outputs, quiet, 500) == 500
+    assert quiet_after(outputs[:390], quiet, 200) == 390  # more than half of it moves
+    assert quiet_after(noise, quiet, 200) == 200

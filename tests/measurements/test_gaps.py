@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.signals.quality import ends_without_values, fill_gaps, runs
+from robustpolish.signals.quality import ends_without_values, fill_gaps, marked_runs
 
 TIME = np.arange(1000) / 1000
 SIGNAL = np.sin(2 * np.pi * 5 * TIME)
@@ -51,5 +51,5 @@ def test_short_ends_without_values_are_counted():
 
 
 def test_runs_are_found_at_the_ends_too():
-    assert runs(np.array([True, True, False, True])) == [(0, 1), (3, 3)]
-    assert runs(np.zeros(3, bool)) == []
+    assert marked_runs(np.array([True, True, False, True])) == [(0, 1), (3, 3)]
+    assert marked_runs(np.zeros(3, bool)) == []

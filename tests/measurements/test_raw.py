@@ -3,7 +3,7 @@
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.signals.raw import RawTable, unreadable
+from robustpolish.signals.raw import RawTable, unreadable_file
 
 
 def table(*names):
@@ -42,5 +42,5 @@ def test_columns_can_change_places():
 
 
 def test_a_library_s_complaint_is_told_in_one_line():
-    assert "a.wav (first)" in str(unreadable("a.wav", "WAV", ValueError("first\nsecond")))
-    assert "a.wav (KeyError)" in str(unreadable("a.wav", "WAV", KeyError()))
+    assert "a.wav (first)" in str(unreadable_file("a.wav", "WAV", ValueError("first\nsecond")))
+    assert "a.wav (KeyError)" in str(unreadable_file("a.wav", "WAV", KeyError()))

@@ -8,23 +8,23 @@ import pytest
 
 from robustpolish.app.cli.options import to_json
 from robustpolish.app.report.documents import (
+    actuator_forces_section,
+    assumptions_section,
     brush_design_report,
     brush_design_text,
+    buildability_section,
     buildable_summary,
-    can_it_be_built,
-    effort_of,
+    hardware_limits_table,
     hardware_table,
     sampled_certificate,
     save_brush_design,
-    what_could_go_wrong,
-    what_reality_costs,
-    why_z_stays,
+    z_deviation_section,
 )
 from robustpolish.app.report.html import render_html
 
 
 def test_margins_and_the_delay_of_the_ideal_stand_side_by_side(buildable_job):
-    section = can_it_be_built(buildable_job)
+    section = buildability_section(buildable_job)
     words = " ".join(section.text)
     assert buildable_job.loop.explain() in words
     assert buildable_job.sampled.message in words
@@ -37,11 +37,11 @@ def test_margins_and_the_delay_of_the_ideal_stand_side_by_side(buildable_job):
     phase_deg, _ = rows["disk margin, one loop at a time [deg]"]
     assert gain_db >= 6
     assert phase_deg >= 30
-    assert costs.rows == what_reality_costs(buildable_job).rows
+    assert costs.rows == hardware_limits_table(buildable_job).rows
 
 
 def test_what_reality_costs_is_told_relative_to_what_is_built(buildable_job):
-    table = what_reality_costs(buildable_job)
+    table = hardware_limits_table(buildable_job)
     rows = {row[0]: row for row in table.rows}
     assert rows["as it can be built"][2] == 1
     deviation = {row.what: row.deviation for row in buildable_job.limits}["as it can be built"]
@@ -49,14 +49,14 @@ def test_what_reality_costs_is_told_relative_to_what_is_built(buildable_job):
     assert rows["as it can be built"][3] == pytest.approx(1e6 * deviation)
     built, faster = rows["as it can be built"][1], rows["ten times the sampling"][1]
     assert rows["ten times the sampling"][2] == pytest.approx(faster / built)
-    words = can_it_be_built(buildable_job).text[-1]
+    words = buildability_section(buildable_job).text[-1]
     factor = built / rows["the thesis's ideal"][1]
     assert f"a factor of {factor:.3g}" in words
     assert "ten times the sampling" in words
 
 
 def test_what_could_go_wrong_names_the_numbers_at_which_it_breaks(buildable_job):
-    section = what_could_go_wrong(buildable_job)
+    section = assumptions_section(buildable_job)
     points = " ".join(section.points)
     for subject in ("delay", "Slower sampling", "Slower actuators", "Flexible modes", "Noise",
                     "Saturation", "Drift", "Gyroscopic"):  # fmt: skip
@@ -70,7 +70,7 @@ def test_what_could_go_wrong_names_the_numbers_at_which_it_breaks(buildable_job)
 
 
 def test_z_is_explained(buildable_job):
-    section = why_z_stays(buildable_job)
+    section = z_deviation_section(buildable_job)
     words = " ".join(section.text)
     deviation = buildable_job.comparison.table["deviation"].sel(signal="z")
     for row in ("without control", "thesis's ideal"):
@@ -81,7 +81,7 @@ def test_z_is_explained(buildable_job):
 
 
 def test_tables_of_effort_hardware_and_certificate(buildable_job):
-    rows = {row[0]: row for row in effort_of(buildable_job).tables[0].rows}
+    rows = {row[0]: row for row in actuator_forces_section(buildable_job).tables[0].rows}
     assert list(rows) == ["u_x", "u_y"]
     run = buildable_job.run
     assert rows["u_y"][1] == float(np.abs(run["u_y"]).max())

@@ -8,7 +8,7 @@ import xarray as xr
 
 from robustpolish.app.report.documents import diagnosis_report
 from robustpolish.identification.experiments.tell_apart import tell_apart
-from robustpolish.identification.observer.missing_force import Smoothed
+from robustpolish.identification.observer.missing_force import SmoothedMotion
 from robustpolish.identification.residuals.tests import force_maps
 from robustpolish.identification.steps import step_runs
 from robustpolish.machines.effects.effect import lookup
@@ -96,7 +96,7 @@ def test_warnings_come_first_and_once(told):
 def test_what_is_left_is_mapped_whatever_the_verdict(told):
     time = np.linspace(0, 60, 3000)
     q, v = np.sin(time) + 0.5 * np.sin(2.3 * time), np.cos(time) + 1.15 * np.cos(2.3 * time)
-    motion = Smoothed(
+    motion = SmoothedMotion(
         q[None], v[None], v[None], 4.0 * q[None] ** 3, np.zeros((3000, 1)), q[:, None],
         np.zeros((3000, 0)),
     )  # fmt: skip

@@ -8,10 +8,10 @@ from scipy.linalg import block_diag
 
 import robustpolish as rp
 from robustpolish.plants.uncertain.elements import (
-    Block,
     ComplexElement,
     DynamicElement,
     RealElement,
+    UncertainBlock,
 )
 from robustpolish.plants.uncertain.lft import Lft
 
@@ -62,14 +62,14 @@ def random_loop(seed):
         kind = random.choice(["real", "complex", "dynamic", "full"])
         copies = int(random.integers(1, 4))
         if kind == "real":
-            blocks.append(Block(RealElement(f"real_{i}", 0.0, -1.0, 1.0), copies))
+            blocks.append(UncertainBlock(RealElement(f"real_{i}", 0.0, -1.0, 1.0), copies))
         elif kind == "complex":
-            blocks.append(Block(ComplexElement(f"complex_{i}", 0.0, 1.0), copies))
+            blocks.append(UncertainBlock(ComplexElement(f"complex_{i}", 0.0, 1.0), copies))
         elif kind == "dynamic":
-            blocks.append(Block(DynamicElement(f"dynamic_{i}"), copies))
+            blocks.append(UncertainBlock(DynamicElement(f"dynamic_{i}"), copies))
         else:
             shape = int(random.integers(1, 4)), int(random.integers(1, 4))
-            blocks.append(Block(DynamicElement(f"full_{i}", shape), 1))
+            blocks.append(UncertainBlock(DynamicElement(f"full_{i}", shape), 1))
     nw, nz = sum(b.rows for b in blocks), sum(b.columns for b in blocks)
     A = random.standard_normal((n, n))
     A -= (max(np.linalg.eigvals(A).real.max(), 0) + random.uniform(0.05, 1)) * np.eye(n)

@@ -3,7 +3,13 @@ import pytest
 
 from robustpolish.linear.arithmetic.balls import precision
 from robustpolish.linear.arithmetic.realisation import Realisation
-from robustpolish.robust.coverage import ProvenModel, Weights, complex_ball, is_definite, proves
+from robustpolish.robust.coverage import (
+    BallScalings,
+    ProvenModel,
+    complex_ball,
+    is_definite,
+    proves_inequality,
+)
 from robustpolish.robust.loop_model import read_structure
 from robustpolish.robust.scalings import Inequality, Space
 
@@ -12,7 +18,7 @@ SPACE = Space(read_structure(["complex"]), (False,))
 
 
 def weights(level):
-    return Weights.of(SPACE, np.array([0.5]), level)
+    return BallScalings.of(SPACE, np.array([0.5]), level)
 
 
 def test_definite():
@@ -35,13 +41,13 @@ def test_level_above_the_peak_covers_everything():
 
 
 def test_negative_scalings_prove_nothing():
-    assert Weights.of(SPACE, np.array([-0.5]), 3.0) is None
+    assert BallScalings.of(SPACE, np.array([-0.5]), 3.0) is None
 
 
 def test_matrix():
     with precision(160):
-        assert proves(complex_ball(np.array([[0.99j]])), weights(1.0))
-        assert not proves(complex_ball(np.array([[1.01]])), weights(1.0))
+        assert proves_inequality(complex_ball(np.array([[0.99j]])), weights(1.0))
+        assert not proves_inequality(complex_ball(np.array([[1.01]])), weights(1.0))
 
 
 def test_real_block_with_g():
@@ -52,4 +58,4 @@ def test_real_block_with_g():
         trial = x * [1, sign]
         proven = Inequality(space, M[None]).least_square(trial) < 1
         with precision(160):
-            assert proves(complex_ball(M), Weights.of(space, trial, 1.0)) == proven
+            assert proves_inequality(complex_ball(M), BallScalings.of(space, trial, 1.0)) == proven

@@ -7,7 +7,14 @@ import pytest
 
 from robustpolish.robust.bounds import bounds
 from robustpolish.robust.loop_model import LoopModel
-from robustpolish.robust.questions import down, nominal_status, outcome, reached, says, up
+from robustpolish.robust.questions import (
+    bound_status,
+    nominal_status,
+    physical_witness,
+    round_down,
+    round_up,
+    status_sentence,
+)
 from tests.robust.loops import damper
 
 
@@ -15,19 +22,19 @@ def test_witness_in_the_units_of_the_system():
     system = damper()
     loop = LoopModel.of(system)
     found = bounds(loop)
-    at = reached(system, loop, found.witness)
+    at = physical_witness(system, loop, found.witness)
     assert at.size == pytest.approx(1)
     assert at.values["c"] == pytest.approx(0, abs=1e-9)
     assert at.frequency == pytest.approx(1)
-    assert outcome(found, 1e-2) == "bracketed"
+    assert bound_status(found, 1e-2) == "bracketed"
     assert (
-        outcome(replace(found, coverage=replace(found.coverage, complete=False)), 1.0)
+        bound_status(replace(found, coverage=replace(found.coverage, complete=False)), 1.0)
         == "incomplete"
     )
 
 
 def test_without_a_witness():
-    at = reached(damper(), LoopModel.of(damper()), None)
+    at = physical_witness(damper(), LoopModel.of(damper()), None)
     assert (at.size, at.values) == (math.inf, {})
     assert math.isnan(at.frequency)
 
@@ -39,9 +46,15 @@ def test_nominal_status(pole, status):
 
 def test_without_states_it_is_stable():
     assert nominal_status(control.ss([], [], [], [[1.0]])) == "stable"
-    assert "nominal" in says("unstable")
+    assert "nominal" in status_sentence("unstable")
 
 
 def test_rounding():
     value = 1 / 3
-    assert down(value) < np.nextafter(value, 0) < value < np.nextafter(value, 1) < up(value)
+    assert (
+        round_down(value)
+        < np.nextafter(value, 0)
+        < value
+        < np.nextafter(value, 1)
+        < round_up(value)
+    )

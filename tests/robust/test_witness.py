@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 
 from robustpolish.robust.loop_model import read_structure
-from robustpolish.robust.witness import smallest
+from robustpolish.robust.witness import smallest_delta
 
 
 def search(M, blocks, w):
     M = np.asarray(M, complex)
     zero = np.zeros_like(M)
     structure = read_structure(blocks)
-    found = smallest(structure, lambda _: (M, zero), w, 0.0, False, np.ones(len(w)))
+    found = smallest_delta(structure, lambda _: (M, zero), w, 0.0, False, np.ones(len(w)))
     return structure, found
 
 

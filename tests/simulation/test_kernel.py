@@ -4,8 +4,13 @@ import numpy as np
 
 from robustpolish.machines.effects.evaluate import compiled_law
 from robustpolish.machines.effects.kind import EffectKind, Parameter
-from robustpolish.machines.simulation.run import lines_through
-from robustpolish.machines.simulation.stepper import ahead, run_pieces, run_steps, step_matrices
+from robustpolish.machines.simulation.run import linear_interpolation
+from robustpolish.machines.simulation.stepper import (
+    kernel_matrices,
+    run_pieces,
+    run_steps,
+    step_matrices,
+)
 
 RNG = np.random.default_rng(3)
 N, SIGNALS, PORTS, STEP = 3, 2, 2, 0.02
@@ -15,7 +20,7 @@ C, D = RNG.standard_normal((2, N)), RNG.standard_normal((2, SIGNALS))
 H = RNG.standard_normal((2, PORTS))
 MOTION = tuple(RNG.standard_normal((PORTS, width)) for width in (N, SIGNALS, N, SIGNALS))
 W = RNG.standard_normal((30, SIGNALS))
-LINES = lines_through(W)
+LINES = linear_interpolation(W)
 START, MEMORY = RNG.standard_normal(N), np.array([0.3])
 LAYOUT = np.array([[0, 1, 0, 1, 0, 2, 0], [1, 1, 1, 0, 2, 1, 0]])
 P = np.array([0.7, 2.0, 0.4])
@@ -73,7 +78,7 @@ def written_out(substeps, gain=None, measured=None):
 
 
 def kernel(substeps, gain=None, measured=None):
-    matrices = ahead(step_matrices(A, B, G, STEP / substeps), MOTION)
+    matrices = kernel_matrices(step_matrices(A, B, G, STEP / substeps), MOTION)
     K = np.zeros((N, 2)) if gain is None else gain
     Y = np.zeros((1, 2)) if measured is None else measured
     return run_steps(
@@ -112,7 +117,7 @@ def test_what_leads_the_run_moves_the_state_after_every_sample():
 
 
 def test_pieces_run_as_each_alone():
-    matrices = ahead(step_matrices(A, B, G, STEP), MOTION)
+    matrices = kernel_matrices(step_matrices(A, B, G, STEP), MOTION)
     starts, memory, t0 = RNG.standard_normal((2, N)), np.array([[0.3], [0.1]]), np.array([0.0, 5.0])
     given = ADDRESSES, LAYOUT, P
     y, s, z = run_pieces(
@@ -149,7 +154,7 @@ def test_pieces_run_as_each_alone():
 
 
 def test_a_run_that_diverges_ends_in_nothing():
-    matrices = ahead(step_matrices(A + 60 * np.eye(N), B, G, 1.0), MOTION)
+    matrices = kernel_matrices(step_matrices(A + 60 * np.eye(N), B, G, 1.0), MOTION)
     y, *_ = run_steps(
         matrices, (C, D, H), ADDRESSES, LAYOUT, P, *LINES, np.zeros((1, 2)), np.zeros((N, 2)),
         START, MEMORY, 0.0, 1.0, 1, False,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robustpolish.synthesis.lmi.output_feedback import Variables
+from robustpolish.synthesis.lmi.output_feedback import LmiValues
 from robustpolish.synthesis.problem.matrices import Controller
 
 
@@ -21,7 +21,7 @@ def changed(plant, K, X, Y):
     M = np.eye(len(X)) - X @ Y
     N = np.eye(len(X))
     B, C = plant.B2, plant.C2
-    variables = Variables(
+    variables = LmiValues(
         X,
         Y,
         N @ K.A @ M.T + N @ K.B @ C @ X + Y @ B @ K.C @ M.T + Y @ (plant.A + B @ K.D @ C) @ X,

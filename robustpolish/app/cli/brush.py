@@ -10,7 +10,13 @@ import click
 import numpy as np
 import xarray as xr
 
-from robustpolish.app.cli.options import brush_options, check_json, result_options, show, stages
+from robustpolish.app.cli.options import (
+    brush_options,
+    check_json,
+    print_result,
+    result_options,
+    stages,
+)
 from robustpolish.base.atomic_writes import new_file
 from robustpolish.polishing.air_bearing import FORCES
 from robustpolish.polishing.simulate import simulate_brush
@@ -78,7 +84,7 @@ def brush(
     for name, found in forces.items():
         lines += [f"{name:6}{found['largest']:14.5g}{found['mean']:14.5g}{found['impulse']:16.5g}"]
     content = {"forces": forces, "run": run, "simulator": simulator}
-    show(content, "\n".join(lines), json_out, force)
+    print_result(content, "\n".join(lines), json_out, force)
     if out:
         click.echo(f"Saved {out}", err=True)
 

@@ -21,8 +21,8 @@ from robustpolish.app.cli.options import (
     choice,
     machine_options,
     options,
+    print_result,
     result_options,
-    show,
     stages,
     to_json,
 )
@@ -38,7 +38,7 @@ from robustpolish.app.report.documents import (
 )
 from robustpolish.app.report.html import render_html
 from robustpolish.base.atomic_writes import check_new_file, new_file, new_folder
-from robustpolish.base.budget import working
+from robustpolish.base.budget import progress_bar
 from robustpolish.base.checks import described, invalid, positive
 from robustpolish.linear.modes import modes as modes_of
 from robustpolish.linear.norms.h2 import h2_norm
@@ -57,7 +57,7 @@ from robustpolish.synthesis.design import Design
 _NAMES = ("--model", "--plant")
 
 
-def or_any_machine(other: click.Command) -> type[click.Command]:
+def command_with_any_machine(other: click.Command) -> type[click.Command]:
     """Return the class of a command of the polishing robot with a sibling for any machine.
 
     Parameters
@@ -226,7 +226,7 @@ def machine_design(
             save_machine_design(found, folder)
     words = [click.wrap_text(text, 88) for text in (*found.notes, found.analysis.explain())]
     lines = repr(found).splitlines()[: -len(words)]
-    show(content, "\n".join([*lines, "", *words]), json_out, force)
+    print_result(content, "\n".join([*lines, "", *words]), json_out, force)
     for place in filter(None, (out, report)):
         click.echo(f"Saved {place}", err=True)
 
@@ -278,7 +278,7 @@ def machine_modes(model: str | None, plant: str | None, json_out: str | None, fo
     machine = named_machine(model, plant)
     given = machine.linearize() if isinstance(machine, MechanicalModel) else machine
     found = modes_of(given.open_loop)
-    show({"modes": [asdict(mode) for mode in found]}, str(found), json_out, force)
+    print_result({"modes": [asdict(mode) for mode in found]}, str(found), json_out, force)
 
 
 # `robustpolish norms` for any machine, and how norms are shown.
@@ -313,7 +313,7 @@ def machine_norms(
     content, text = shown_norms(given.open_loop, units.pop() if len(units) == 1 else "")
     names = f"from {', '.join(given.disturbance_names)} to {', '.join(given.performance_names)}"
     content |= {"disturbances": given.disturbance_names, "performance": given.performance_names}
-    show(content, f"{names}\n{text}", json_out, force)
+    print_result(content, f"{names}\n{text}", json_out, force)
 
 
 def shown_norms(system: control.StateSpace, unit: str) -> tuple[dict[str, Any], str]:
@@ -344,7 +344,7 @@ def shown_norms(system: control.StateSpace, unit: str) -> tuple[dict[str, Any], 
 # `robustpolish design`, the main job.
 
 
-@click.command(cls=or_any_machine(machine_design))
+@click.command(cls=command_with_any_machine(machine_design))
 @brush_options
 @click.option(
     "--ideal",
@@ -419,7 +419,7 @@ def design(
         if folder is not None:
             save_brush_design(job, folder)
             (folder / "design.json").write_text(to_json(summary) + "\n", encoding="utf-8")
-    show(summary, brush_design_text(job), json_out, force)
+    print_result(summary, brush_design_text(job), json_out, force)
     for place in filter(None, (out, report)):
         click.echo(f"Saved {place}", err=True)
 
@@ -486,7 +486,7 @@ def margins(
     asked = LoopRequirements(sample_rate_hz=sample_rate, delay_s=delay)
     design = Design.load(design_file)
     machine = _machine(design, plant, model)
-    with working("Analysing the loop"):
+    with progress_bar("Analysing the loop"):
         analysis = loop_analysis(machine, design.controller, requirements=asked)
     content = {
         **analysis.to_dict(),
@@ -502,7 +502,7 @@ def margins(
             plt.close(figure)
     lines = str(analysis).splitlines()
     text = "\n".join([*lines[:-1], "", click.wrap_text(analysis.explain(), 88)])
-    show(content, text, json_out, force)
+    print_result(content, text, json_out, force)
 
 
 def _machine(design: Design, plant: str | None, model: str | None) -> GeneralizedPlant:
@@ -539,20 +539,20 @@ def _as_wired(model: Path, wanted: GeneralizedPlant) -> GeneralizedPlant:
 # `robustpolish modes`.
 
 
-@click.command(cls=or_any_machine(machine_modes))
+@click.command(cls=command_with_any_machine(machine_modes))
 @machine_options
 @result_options
 def modes(reading: str, dissipation: float, json_out: str | None, force: bool) -> None:
     """Show natural frequencies, damping ratios and the state that carries each mode."""
     check_json(json_out, force)
     found = modes_of(air_bearing(READINGS[reading](), dissipation).open_loop)
-    show({"modes": [asdict(mode) for mode in found]}, str(found), json_out, force)
+    print_result({"modes": [asdict(mode) for mode in found]}, str(found), json_out, force)
 
 
 # `robustpolish norms`.
 
 
-@click.command(cls=or_any_machine(machine_norms))
+@click.command(cls=command_with_any_machine(machine_norms))
 @machine_options
 @result_options
 def norms(reading: str, dissipation: float, json_out: str | None, force: bool) -> None:
@@ -563,4 +563,4 @@ def norms(reading: str, dissipation: float, json_out: str | None, force: bool) -
     check_json(json_out, force)
     system = air_bearing(READINGS[reading](), dissipation).open_loop
     content, text = shown_norms(system, "m/N")
-    show(content, text, json_out, force)
+    print_result(content, text, json_out, force)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import click
 
-from robustpolish.app.cli.options import check_json, choice, result_options, show
+from robustpolish.app.cli.options import check_json, choice, print_result, result_options
 from robustpolish.base.atomic_writes import check_new_file
-from robustpolish.base.budget import working
+from robustpolish.base.budget import progress_bar
 from robustpolish.base.checks import invalid
 from robustpolish.implementation.emulation import METHODS
 from robustpolish.implementation.export.c import target
@@ -89,10 +89,10 @@ def export(
     design = Design.load(Path(file))
     said = []
     if order is not None or tolerance is not None:
-        with working("Reducing the controller"):
+        with progress_bar("Reducing the controller"):
             design = design.reduce(order=order, tolerance=tolerance)
         said.append(design.message)
-    with working("Certifying the sampled loop"):
+    with progress_bar("Certifying the sampled loop"):
         sampled = design.discretize(
             period, delay, method, prewarp_hz=prewarp_hz, anti_aliasing=anti_aliasing
         )
@@ -114,7 +114,7 @@ def export(
         "messages": [*said, sampled.message, *c.notes],
     }
     lines = [*said, repr(sampled), *(f"wrote {path}" for path in written)]
-    show(content, "\n".join(lines), json_out, force)
+    print_result(content, "\n".join(lines), json_out, force)
 
 
 def _write(

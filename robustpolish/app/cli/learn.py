@@ -21,9 +21,9 @@ from robustpolish.app.cli.options import (
     measurement_options,
     options,
     pairs,
+    print_result,
     replaceable,
     result_options,
-    show,
     stages,
     to_json,
 )
@@ -37,7 +37,7 @@ from robustpolish.identification.diagnose import diagnose as diagnose_model
 from robustpolish.identification.diagnosis.result import Diagnosis
 from robustpolish.identification.experiments.tell_apart import ToldApart, tell_apart
 from robustpolish.identification.experiments.tell_apart import tell_apart as tell_machines_apart
-from robustpolish.identification.record import over_time
+from robustpolish.identification.record import require_time_data
 from robustpolish.identification.refit import refit as refit_model
 from robustpolish.identification.residuals.analysis import residual_analysis
 from robustpolish.identification.steps import step_runs
@@ -97,7 +97,7 @@ def compare(
     if plot is not None:
         with new_file(plot, force, PICTURES) as draft:
             result.plot_panels().savefig(draft, dpi=150)
-    show(content, "\n".join(lines), json_out, replace)
+    print_result(content, "\n".join(lines), json_out, replace)
 
 
 # `robustpolish diagnose`.
@@ -137,7 +137,7 @@ def diagnose(
     check_json(json_out, replace)
     loaded = MechanicalModel.from_toml(Path(model))
     for path in data:
-        over_time(path)
+        require_time_data(path)
     records = load_records(data, loaded, reading)
     with ExitStack() as places:
         # The places are claimed first: nothing is computed that could not be saved.
@@ -163,7 +163,7 @@ def diagnose(
                 diagnosis_report(result, runs=runs, told=told), robustpolish.__version__
             )
             drafts[report].write_text(page, encoding="utf-8")
-    show(content, result.explain(), json_out, replace)
+    print_result(content, result.explain(), json_out, replace)
 
 
 def _told_apart(
@@ -223,7 +223,7 @@ def refit(
         to_json(content)  # nothing is written if anything fails
         if draft is not None:
             draft.write_text(result.model.to_toml(), encoding="utf-8")
-    show(content, repr(result), json_out, replace)
+    print_result(content, repr(result), json_out, replace)
 
 
 _conditions = options(
@@ -278,7 +278,7 @@ def tell_apart_command(
         check_new_file(plot, force, PICTURES)
     given = _machines(machines)
     model = given.model if isinstance(given, Diagnosis) else given[0]
-    over_time(data)
+    require_time_data(data)
     record = load_data(data, model, reading)
     with stages("Trying experiments") as tell:
         found = tell_machines_apart(
@@ -295,7 +295,7 @@ def tell_apart_command(
     if plot is not None:
         with new_file(plot, force, PICTURES) as draft:
             found.plot_panels().savefig(draft, dpi=150)
-    show(content, repr(found), json_out, replace)
+    print_result(content, repr(found), json_out, replace)
 
 
 def _machines(paths: tuple[str, ...]) -> Diagnosis | tuple[MechanicalModel, MechanicalModel]:

@@ -58,13 +58,13 @@ class _Group(click.Group):
         try:
             return super().main(*args, **kwargs)
         except OSError as error:
-            from robustpolish.base.input_files import is_refusal, refusal
+            from robustpolish.base.input_files import is_write_error, storage_error
 
-            if not is_refusal(error):
+            if not is_write_error(error):
                 raise
             with suppress(OSError):  # what is still in the buffer would be tried again at the end
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            click.echo(f"Error: {refusal(error.filename or 'output', error)}", err=True)
+            click.echo(f"Error: {storage_error(error.filename or 'output', error)}", err=True)
             sys.exit(1)
 
     def invoke(self, ctx: click.Context) -> Any:

@@ -15,7 +15,7 @@ import click
 import xarray as xr
 
 from robustpolish.base.atomic_writes import check_new_file, write_file
-from robustpolish.base.budget import someone_looks, working
+from robustpolish.base.budget import is_interactive, progress_bar
 from robustpolish.base.checks import described, invalid
 from robustpolish.base.saved import plain
 from robustpolish.errors import InvalidInputError, RobustPolishError
@@ -58,7 +58,7 @@ brush_options = options(
 """What a run of the brush needs."""
 
 
-def reports_errors(command: F) -> F:
+def errors_to_exit_codes(command: F) -> F:
     """Turn the package's errors into a message and an exit code.
 
     2 means bad input, 1 that no certified answer was found or none exists; anything else is a
@@ -89,7 +89,7 @@ result_options = options(
         help="Write the result as JSON to FILE, or to standard output.",
     ),
     click.option("--force", is_flag=True, help="Replace existing results."),
-    reports_errors,
+    errors_to_exit_codes,
 )
 """How a command gives its result, or an error."""
 
@@ -124,15 +124,17 @@ def stages(what: str) -> Iterator[Callable[[str], None]]:
     >>> with stages("Polishing") as tell:
     ...     tell("first coat")
     """
-    with working(what, stages=True) as tell:
-        yield (lambda name: tell(name.removesuffix(" ..."))) if someone_looks() else _line
+    with progress_bar(what, stages=True) as tell:
+        yield (lambda name: tell(name.removesuffix(" ..."))) if is_interactive() else _line
 
 
 def _line(name: str) -> None:
     click.echo(name if name.endswith(" ...") else f"... {name}", err=True)
 
 
-def show(content: Mapping[str, Any], text: str, json_out: str | None, force: bool = False) -> None:
+def print_result(
+    content: Mapping[str, Any], text: str, json_out: str | None, force: bool = False
+) -> None:
     """Print a result as text, or as JSON for "-"; for a file name, write the JSON there too."""
     if json_out == "-":
         click.echo(to_json(content))

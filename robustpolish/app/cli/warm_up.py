@@ -14,7 +14,7 @@ import numpy as np
 import trimesh
 
 import robustpolish as rp
-from robustpolish.base.budget import working
+from robustpolish.base.budget import progress_bar
 from robustpolish.datasets import sticky_slide
 from robustpolish.errors import RobustPolishWarning
 from robustpolish.machines.effects.effect import kinds, lookup
@@ -117,7 +117,10 @@ def warm_up() -> None:
     Later runs of this version load it in a moment; once is enough.
     """
     start = time.perf_counter()
-    with working("Compiling (once)", len(CALLS), stages=True) as tell, warnings.catch_warnings():
+    with (
+        progress_bar("Compiling (once)", len(CALLS), stages=True) as tell,
+        warnings.catch_warnings(),
+    ):
         warnings.simplefilter("ignore", RobustPolishWarning)  # of runs that nobody looks at
         for name, call in CALLS.items():
             tell(name)

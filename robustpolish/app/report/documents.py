@@ -19,7 +19,7 @@ from robustpolish.base.results import Card, Table, as_text, prefix_power, prefix
 from robustpolish.errors import InvalidInputError
 from robustpolish.identification.compare import Comparison
 from robustpolish.identification.diagnosis.result import Diagnosis
-from robustpolish.identification.diagnosis.words import headline, told_numbers
+from robustpolish.identification.diagnosis.words import headline, shown_parameters
 from robustpolish.identification.experiments.tell_apart import ToldApart
 from robustpolish.identification.residuals.analysis import ResidualAnalysis, residual_analysis
 from robustpolish.identification.residuals.tests import MAPS
@@ -32,7 +32,7 @@ from robustpolish.polishing.ideal import BrushDesign
 # What a report tells of a controller that is to be built: margins, limits, what could go wrong.
 
 
-def can_it_be_built(job: BuildableBrushDesign) -> Section:
+def buildability_section(job: BuildableBrushDesign) -> Section:
     """Tell margins, rates and effort, what the loop is like, and what each limit costs."""
     h, ideal = job.hardware, job.ideal_loop
     text = (
@@ -45,7 +45,7 @@ def can_it_be_built(job: BuildableBrushDesign) -> Section:
         "and the hold that it has.",
         f"{job.sampled.message} That is the norm of x, y and z together; of y alone it is "
         f"{job.axis.sampled.certificate.achieved:.4g} m/N.",
-        _dearest(job),
+        _costliest_limit(job),
     )
     return Section(
         "Can it be built?",
@@ -58,12 +58,12 @@ def can_it_be_built(job: BuildableBrushDesign) -> Section:
         ),
         (
             job.tables()[0],
-            what_reality_costs(job),
+            hardware_limits_table(job),
         ),
     )
 
 
-def what_reality_costs(job: BuildableBrushDesign) -> Table:
+def hardware_limits_table(job: BuildableBrushDesign) -> Table:
     """Return the table of limits, each relaxed while the others stay."""
     built = next(row for row in job.limits if row.what == BUILDABLE)
     power = prefix_power(built.deviation)
@@ -77,7 +77,7 @@ def what_reality_costs(job: BuildableBrushDesign) -> Table:
     return Table(caption, head, rows)
 
 
-def what_could_go_wrong(job: BuildableBrushDesign) -> Section:
+def assumptions_section(job: BuildableBrushDesign) -> Section:
     """List what was assumed, with the numbers at which it breaks."""
     h, noise = job.hardware, job.noise_effort
     upper = job.axis.problem.frequencies()[0]
@@ -93,7 +93,7 @@ def what_could_go_wrong(job: BuildableBrushDesign) -> Section:
         "Slower actuators: " + _slower(job),
         f"Flexible modes that are not in the model: nothing above {upper:.0f} Hz is modelled. "
         f"The loop's gain is last 1 at {crossover:.0f} Hz; a mode above is harmless while it "
-        f"stays below {_spill(job):.3g} µm/N at resonance "
+        f"stays below {_spillover_limit(job):.3g} µm/N at resonance "
         f"between {crossover / 1e3:.2g} and {h.sample_rate_hz / 2e3:g} kHz. Beyond "
         f"{h.sample_rate_hz / 2e3:g} kHz it appears at another frequency. Measure the gap's "
         "response to the actuator before closing the loop.",
@@ -102,7 +102,8 @@ def what_could_go_wrong(job: BuildableBrushDesign) -> Section:
         f"Noise: {h.sensor_noise * 1e9:g} nm RMS in every reading moves the actuators by "
         f"{max(noise.values()):.2g} N RMS.",
         f"A hub that is not round, or whose material is uneven, looks like a motion at the "
-        f"spindle's {_spin(job):.3g} Hz: the brush then follows {_follows(job):.2g} µm for each "
+        f"spindle's {_spin(job):.3g} Hz: the brush then follows "
+        f"{_runout_following(job):.2g} µm for each "
         "µm, unless it is measured and subtracted.",
         f"Saturation: {most:.3g} N of {h.actuator_limit:g} N are used, and "
         f"{100 * clipped:.2g} % of the samples were cut off. The conditioned form of the "
@@ -124,7 +125,7 @@ def what_could_go_wrong(job: BuildableBrushDesign) -> Section:
     )
 
 
-def why_z_stays(job: BuildableBrushDesign) -> Section:
+def z_deviation_section(job: BuildableBrushDesign) -> Section:
     """Explain z, where a percentage of the largest deviation tells little."""
     table = job.comparison.table
     rows = [str(row) for row in table["row"].values]
@@ -149,7 +150,7 @@ def why_z_stays(job: BuildableBrushDesign) -> Section:
     return Section("Why z is left alone", text, (panels("z without control.", shown, ("z",)),))
 
 
-def effort_of(job: BuildableBrushDesign) -> Section:
+def actuator_forces_section(job: BuildableBrushDesign) -> Section:
     """Show the forces of the actuators."""
     noise = job.noise_effort
     rows = tuple(
@@ -224,7 +225,7 @@ def buildable_summary(job: BuildableBrushDesign) -> dict[str, object]:
     }
 
 
-def _dearest(job: BuildableBrushDesign) -> str:
+def _costliest_limit(job: BuildableBrushDesign) -> str:
     """Say which limit costs most."""
     built = next(row for row in job.limits if row.what == BUILDABLE)
     place = job.limits.index(built)
@@ -253,7 +254,7 @@ def _slower(job: BuildableBrushDesign) -> str:
     )
 
 
-def _spill(job: BuildableBrushDesign) -> float:
+def _spillover_limit(job: BuildableBrushDesign) -> float:
     """Return the response in µm/N that a mode beyond the crossover may have at most."""
     controller = job.sampled.controller
     half = job.hardware.sample_rate_hz / 2
@@ -267,7 +268,7 @@ def _spin(job: BuildableBrushDesign) -> float:
     return float(job.disturbance.attrs.get("spin", 0.0)) / (2 * math.pi)
 
 
-def _follows(job: BuildableBrushDesign) -> float:
+def _runout_following(job: BuildableBrushDesign) -> float:
     """Return by how much the brush follows an error of the measurement at the spindle's speed."""
     turn = np.exp(2j * np.pi * _spin(job) * job.hardware.period)
     return float(abs(np.atleast_2d(job.loop.T(turn))[0, 0]))
@@ -291,10 +292,10 @@ def brush_design_report(job: BrushDesign) -> Report:
     if isinstance(job, BuildableBrushDesign):
         sections = (
             _brush_gain(job),
-            can_it_be_built(job),
-            what_could_go_wrong(job),
-            why_z_stays(job),
-            effort_of(job),
+            buildability_section(job),
+            assumptions_section(job),
+            z_deviation_section(job),
+            actuator_forces_section(job),
         )
     else:
         sections = (_brush_gain(job), _effort(job))
@@ -311,7 +312,7 @@ def brush_design_text(job: BrushDesign) -> str:
     words, parts = [job.verdict()], [str(job.comparison)]
     if isinstance(job, BuildableBrushDesign):
         words.append(job.loop.explain())
-        parts += ["", as_text(Card("", (*job.tables(), what_reality_costs(job))))]
+        parts += ["", as_text(Card("", (*job.tables(), hardware_limits_table(job))))]
     words.append(job.design.message)
     return "\n".join([*parts, "", *(textwrap.fill(text, 88) for text in words)])
 
@@ -539,9 +540,9 @@ def diagnosis_report(
         _which(diagnosis),
         _how_much(diagnosis, after),
         _steps(runs),
-        _left(diagnosis),
+        _missing_force_section(diagnosis),
         _checks(diagnosis),
-        _apart(told),
+        _experiments_section(told),
         _candidates(diagnosis),
         _numbers(diagnosis),
     ]
@@ -608,7 +609,7 @@ def _which(diagnosis: Diagnosis) -> Section:
         text.append(f"{kind.title} at {place}. In the residual: {kind.looks_like}")
         rows += [
             (effect.kind, place, name, v.value, v.stderr, v.unit)
-            for name, v in told_numbers(effect).items()
+            for name, v in shown_parameters(effect).items()
         ]
     pictures, points = [], []
     for law in diagnosis.laws:
@@ -661,7 +662,7 @@ def _steps(runs: Sequence[StepRun]) -> Section | None:
     return Section("Step by step", (), tuple(pictures), points=tuple(points)) if points else None
 
 
-def _left(diagnosis: Diagnosis) -> Section | None:
+def _missing_force_section(diagnosis: Diagnosis) -> Section | None:
     """Return the force that is still missing, over time and over the motion, whatever was found."""
     if not diagnosis.missing_force.size:
         return None
@@ -682,7 +683,7 @@ def _left(diagnosis: Diagnosis) -> Section | None:
     return Section("What is left", tuple(text), tuple(pictures), points=points)
 
 
-def _apart(told: Sequence[ToldApart]) -> Section | None:
+def _experiments_section(told: Sequence[ToldApart]) -> Section | None:
     """Return the experiments that would tell effects apart."""
     if not told:
         return None

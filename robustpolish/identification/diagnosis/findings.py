@@ -108,7 +108,9 @@ class ForceMap(Displayed):
 # The learned laws of a model, with how well their coefficients are known.
 
 
-def laws_of(model: MechanicalModel, covariance: xr.DataArray | None) -> tuple[LearnedLaw, ...]:
+def learned_laws_of(
+    model: MechanicalModel, covariance: xr.DataArray | None
+) -> tuple[LearnedLaw, ...]:
     """Return the learned laws among the effects of a model, to look at.
 
     Parameters
@@ -319,7 +321,7 @@ class RankedCandidate:
 
 
 @dataclass(frozen=True)
-class Confusion:
+class IndistinguishablePair:
     """Two effects that this data cannot tell apart, and an experiment that would."""
 
     first: Effect
@@ -335,7 +337,7 @@ class Findings:
     model: MechanicalModel
     effects: tuple[FoundEffect, ...]
     candidates: tuple[RankedCandidate, ...]
-    indistinguishable: tuple[Confusion, ...]
+    indistinguishable: tuple[IndistinguishablePair, ...]
     ledger: Ledger
     missing_force: Array
     sites: tuple[tuple[str, ...], ...]
@@ -371,9 +373,9 @@ _EXPERIMENTS: dict[frozenset[str], str] = {
 }
 
 
-def confused(first: Effect, second: Effect) -> Confusion:
+def indistinguishable_pair(first: Effect, second: Effect) -> IndistinguishablePair:
     """Return two effects as a pair that data cannot tell apart, with an experiment that would."""
-    return Confusion(first, second, _experiment(first, second))
+    return IndistinguishablePair(first, second, _experiment(first, second))
 
 
 def _experiment(first: Effect, second: Effect) -> str:

@@ -14,18 +14,18 @@ from robustpolish.base.checks import described, invalid
 from robustpolish.base.results import Card, Displayed, Table, estimate
 from robustpolish.base.saved import Fields, read_saved, write_saved
 from robustpolish.identification.diagnosis.findings import (
-    Confusion,
     Entry,
     Findings,
     ForceMap,
     FoundEffect,
+    IndistinguishablePair,
     Ledger,
     RankedCandidate,
     Value,
-    laws_of,
+    learned_laws_of,
 )
 from robustpolish.identification.diagnosis.uncertainty import uncertain
-from robustpolish.identification.diagnosis.words import explain, headline, plain, told_numbers
+from robustpolish.identification.diagnosis.words import explain, headline, plain, shown_parameters
 from robustpolish.machines.effects.effect import Effect, lookup
 from robustpolish.machines.effects.kind import EffectKind
 from robustpolish.machines.effects.learned_law import LearnedLaw
@@ -128,7 +128,9 @@ def findings_from(fields: Fields) -> Findings:
             for c in fields.tables("candidates")
         ),
         indistinguishable=tuple(
-            Confusion(_effect(c.table("first")), _effect(c.table("second")), c.text("experiment"))
+            IndistinguishablePair(
+                _effect(c.table("first")), _effect(c.table("second")), c.text("experiment")
+            )
             for c in fields.tables("indistinguishable")
         ),
         ledger=ledger,
@@ -296,7 +298,7 @@ class Diagnosis(Findings, Displayed):
     @property
     def laws(self) -> tuple[LearnedLaw, ...]:
         """The learned laws of the model, each with its curve, its words and its picture."""
-        return laws_of(self.model, self.covariance)
+        return learned_laws_of(self.model, self.covariance)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, as the command line writes it.
@@ -400,7 +402,7 @@ class Diagnosis(Findings, Displayed):
         found = [
             (effect.kind, ", ".join(effect.at), name, *estimate(v.value, v.stderr), v.unit)
             for effect in self.effects
-            for name, v in told_numbers(effect).items()
+            for name, v in shown_parameters(effect).items()
         ]
         found += [
             (law.effect.kind, ", ".join(law.effect.at), f"largest {law.quantity}",

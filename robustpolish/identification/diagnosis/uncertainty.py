@@ -99,10 +99,10 @@ def uncertain(
     >>> sorted({element.group for element in machines.elements.values()})
     ['fit']
     """
-    return allowed_machines(self.model, self.covariance, confidence, ranges, ports)
+    return machines_in_ellipsoid(self.model, self.covariance, confidence, ranges, ports)
 
 
-def allowed_machines(
+def machines_in_ellipsoid(
     model: MechanicalModel,
     covariance: xr.DataArray | None,
     confidence: float,
@@ -139,7 +139,7 @@ def allowed_machines(
         places = [keys.index(key) for key in kept]
         known = _ellipsoid(model, kept, covariance.values[np.ix_(places, places)], confidence)
     model = _with_ports(model, ports)
-    _warn_of_what_is_left_out(model, {*gains, *(f"{name}.gain" for name in ports)})
+    _warn_of_omitted_effects(model, {*gains, *(f"{name}.gain" for name in ports)})
     own = {key: number for key, number in known.items() if key not in gains}
     system = model.uncertain(own | {key: value for key, value in said.items() if key not in gains})
     factors = {
@@ -216,7 +216,7 @@ def _with_ports(model: MechanicalModel, ports: Sequence[str]) -> MechanicalModel
     """Give the places of some effects an input and an output."""
     places = {}
     for name in ports:
-        first, second, *_ = (*effect_of(model, name).at, "ground")
+        first, second, *_ = (*port_effect(model, name).at, "ground")
         places[name] = (first, second)
     return replace(
         model,
@@ -225,7 +225,7 @@ def _with_ports(model: MechanicalModel, ports: Sequence[str]) -> MechanicalModel
     )
 
 
-def effect_of(model: MechanicalModel, key: str) -> Effect:
+def port_effect(model: MechanicalModel, key: str) -> Effect:
     """Return the effect of a key such as "effect[0]", if it is a force between two ends."""
     known = {
         f"effect[{i}]": effect
@@ -239,12 +239,12 @@ def effect_of(model: MechanicalModel, key: str) -> Effect:
     return known[key]
 
 
-def _warn_of_what_is_left_out(model: MechanicalModel, kept: Collection[str]) -> None:
+def _warn_of_omitted_effects(model: MechanicalModel, kept: Collection[str]) -> None:
     """Warn of effects that the uncertain machine lacks, and that act back on the motion."""
     missing = [
         effect
         for i, effect in enumerate(model.effects)
-        if f"effect[{i}].gain" not in kept and _acts_back(effect)
+        if f"effect[{i}].gain" not in kept and _depends_on_motion(effect)
     ]
     if missing:
         warnings.warn(
@@ -255,7 +255,7 @@ def _warn_of_what_is_left_out(model: MechanicalModel, kept: Collection[str]) -> 
         )
 
 
-def _acts_back(effect: Effect) -> bool:
+def _depends_on_motion(effect: Effect) -> bool:
     """Say whether an effect does something that no force or offset from outside could be."""
     kind = effect.definition
     if kind.acts_on_signals:
@@ -316,7 +316,7 @@ def effect_sector(
     model = learned if isinstance(learned, MechanicalModel) else getattr(learned, "model", None)
     remedy = "Pass one of these."
     model = instance_of("learned", model, MechanicalModel, "a diagnosis, refit or model", remedy)
-    found = effect_of(model, effect)
+    found = port_effect(model, effect)
     size = positive("amplitude", amplitude)
     if not 0 < confidence < 1:
         raise invalid("confidence", confidence, "a share between 0 and 1", "Write 0.95.")

@@ -9,7 +9,12 @@ from typing import Any
 import numpy as np
 
 from robustpolish.base.results import plus_minus
-from robustpolish.identification.diagnosis.findings import Findings, FoundEffect, Value, laws_of
+from robustpolish.identification.diagnosis.findings import (
+    Findings,
+    FoundEffect,
+    Value,
+    learned_laws_of,
+)
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.learned_law import LearnedLaw
 
@@ -59,14 +64,14 @@ def explain(found: Findings) -> str:
     for number, effect in enumerate(found.effects, 1):
         kind = effect.definition
         lines += ["", f"{number}. {kind.title} at {', '.join(effect.at)}"]
-        law = law_of(found, effect)
+        law = learned_law_of(found, effect)
         if law is not None:
             lines += [f"   {line}" for line in law.describe().splitlines()]
-        for name, v in told_numbers(effect).items():
+        for name, v in shown_parameters(effect).items():
             lines.append(f"   {name} = {plus_minus(v.value, v.stderr)} {v.unit}")
-        lines += _folded(f"In the residual: {kind.looks_like}")
-        lines += [line for check in kind.checks for line in _folded(f"Check: {check}")]
-        lines += [line for source in kind.references for line in _folded(f"See {source}")]
+        lines += _wrap(f"In the residual: {kind.looks_like}")
+        lines += [line for check in kind.checks for line in _wrap(f"Check: {check}")]
+        lines += [line for source in kind.references for line in _wrap(f"See {source}")]
     if found.maps and found.verdict in _LEFT:
         lines += ["", "What is left, where displacement and velocity foretell it best:"]
         lines += [f"   {item.describe()}" for item in found.maps[:2]]
@@ -90,19 +95,19 @@ def explain(found: Findings) -> str:
     return "\n".join(lines)
 
 
-def _folded(text: str) -> list[str]:
+def _wrap(text: str) -> list[str]:
     """Return lines that no notebook and no terminal breaks in the middle of a word."""
     return textwrap.wrap(text, 88, initial_indent=" " * 3, subsequent_indent=" " * 6)
 
 
-def law_of(found: Findings, effect: FoundEffect) -> LearnedLaw | None:
+def learned_law_of(found: Findings, effect: FoundEffect) -> LearnedLaw | None:
     """Return the learned law that an effect is, None if it has a name."""
-    laws = laws_of(found.model, found.covariance)
+    laws = learned_laws_of(found.model, found.covariance)
     same = (law for law in laws if (law.effect.kind, law.effect.at) == (effect.kind, effect.at))
     return next(same, None)
 
 
-def told_numbers(effect: FoundEffect) -> Mapping[str, Value]:
+def shown_parameters(effect: FoundEffect) -> Mapping[str, Value]:
     """Return the numbers that tell something about an effect: the coefficients of a law do not."""
     return {} if effect.definition.over else effect.parameters
 
@@ -126,7 +131,7 @@ def plain(found: Findings) -> dict[str, Any]:
                 "words": law.describe().splitlines(),
                 "formula": None if law.formula() is None else str(law.formula()),
             }
-            for law in laws_of(found.model, found.covariance)
+            for law in learned_laws_of(found.model, found.covariance)
         ],
         "candidates": [
             {

@@ -12,9 +12,9 @@ from scipy.signal import chirp
 from robustpolish.base.arrays import Array
 from robustpolish.base.results import shown
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification.diagnosis.findings import Confusion
+from robustpolish.identification.diagnosis.findings import IndistinguishablePair
 from robustpolish.identification.fit.result import Refit
-from robustpolish.identification.observer.kalman import amplitude_of, excited_bandwidth
+from robustpolish.identification.observer.kalman import displacement_amplitude, excited_bandwidth
 from robustpolish.identification.observer.runs import rest
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import Record
@@ -26,14 +26,16 @@ from robustpolish.machines.simulation.run import needed_substeps, simulate_model
 # The two machines of a pair that data cannot tell apart.
 
 
-def machines_of(model: MechanicalModel, pair: Confusion) -> tuple[MechanicalModel, MechanicalModel]:
+def machine_pair(
+    model: MechanicalModel, pair: IndistinguishablePair
+) -> tuple[MechanicalModel, MechanicalModel]:
     """Return a model with one effect of a pair, and with the other in its place.
 
     Parameters
     ----------
     model : MechanicalModel
         What a diagnosis ended with.
-    pair : Confusion
+    pair : IndistinguishablePair
 
     Returns
     -------
@@ -62,7 +64,7 @@ def _place(model: MechanicalModel, effect: Effect) -> int | None:
     return next(same, None)
 
 
-def apart_in_words(first: MechanicalModel, second: MechanicalModel) -> tuple[str, str]:
+def describe_difference(first: MechanicalModel, second: MechanicalModel) -> tuple[str, str]:
     """Return what tells two models from each other: effects that only one has, else their names."""
     own = [[str(e) for e in model.effects] for model in (first, second)]
     found = []
@@ -99,7 +101,7 @@ def precision_of(covariance: xr.DataArray) -> Array:
     return found
 
 
-def numbers_of(fitted: Refit) -> tuple[dict[str, float], Array]:
+def parameter_precision(fitted: Refit) -> tuple[dict[str, float], Array]:
     """Return the standard errors of a refit's numbers, and their precision together."""
     return {key: float(error) for key, error in fitted.stderr.items()}, precision_of(
         fitted.covariance
@@ -276,7 +278,7 @@ def experiments(
 def _driven(model: MechanicalModel, record: Record, policy: ExperimentPolicy) -> list[Experiment]:
     """Return the experiments with inputs: each alone, and those of the record together."""
     low, high = _frequencies(model, record, policy)
-    motion = amplitude_of(model, record, excited_bandwidth(model, record))
+    motion = displacement_amplitude(model, record, excited_bandwidth(model, record))
     drives = [item for item in model.inputs if _drives(model, item)]
     sizes = {item.name: float(np.max(np.abs(record.data[item.name].values))) for item in drives}
     drives = [item for item in drives if sizes[item.name] > 0]
@@ -298,7 +300,7 @@ def _driven(model: MechanicalModel, record: Record, policy: ExperimentPolicy) ->
                     Experiment(
                         kind=kind, channel=item.name, amplitude=times * sizes[item.name],
                         unit=model.unit_of(item), band=band,
-                        inputs=_alone(model, record, item, times * sizes[item.name] * wave),
+                        inputs=_single_input(model, record, item, times * sizes[item.name] * wave),
                         **common,
                     )
                 )  # fmt: skip
@@ -347,7 +349,9 @@ def _scaled(
     return xr.Dataset(columns, {"time": part["time"].values - part["time"].values[0]})
 
 
-def _alone(model: MechanicalModel, record: Record, driven: Input | None, wave: Array) -> xr.Dataset:
+def _single_input(
+    model: MechanicalModel, record: Record, driven: Input | None, wave: Array
+) -> xr.Dataset:
     """Return inputs of which at most one is driven.
 
     Other signals keep their mean, other forces and motions are zero.
@@ -382,10 +386,10 @@ def _decays(
     if np.linalg.cond(stiffness) > 1e12:
         return []  # nothing holds the machine: it cannot be pulled against anything
     shapes = np.linalg.inv(stiffness)
-    size = amplitude_of(model, record, excited_bandwidth(model, record))
+    size = displacement_amplitude(model, record, excited_bandwidth(model, record))
     low = _frequencies(model, record, policy)[0]
     samples = min(policy.samples, max(500, round(policy.swings / low / record.dt)))
-    still = _alone(model, record, None, np.zeros(samples))
+    still = _single_input(model, record, None, np.zeros(samples))
     found = []
     for name in names:
         i = list(model.free).index(name)
@@ -428,7 +432,7 @@ def _frequencies(
 
 
 @dataclass(frozen=True, eq=False)
-class Machines:
+class MachinePair:
     """Two machines that a record does not tell apart.
 
     Attributes
@@ -482,18 +486,21 @@ class Distance:
         return np.sqrt(np.mean((self.first - self.adapted) ** 2, axis=0))
 
 
-class UnusableError(Exception):
+class UnusableExperimentError(Exception):
     """Why an experiment tells nothing, or cannot be made."""
 
 
 def distance(
-    machines: Machines, experiment: Experiment, reach: Array, policy: ExperimentPolicy = EXPERIMENTS
+    machines: MachinePair,
+    experiment: Experiment,
+    reach: Array,
+    policy: ExperimentPolicy = EXPERIMENTS,
 ) -> Distance:
     """Simulate an experiment on both machines.
 
     Parameters
     ----------
-    machines : Machines
+    machines : MachinePair
     experiment : Experiment
     reach : ndarray, shape (ny,)
         Largest value that each output may take.
@@ -505,22 +512,26 @@ def distance(
 
     Raises
     ------
-    UnusableError
+    UnusableExperimentError
         If a machine leaves its range or diverges, or nobody could repeat the experiment.
     """
     both = (machines.first, machines.second)
-    if experiment.kind == "decay" and machines.first.inputs and any(map(_remembers, both)):
-        raise UnusableError("what has a memory also keeps how it was pulled")
+    if (
+        experiment.kind == "decay"
+        and machines.first.inputs
+        and any(map(_has_internal_states, both))
+    ):
+        raise UnusableExperimentError("what has a memory also keeps how it was pulled")
     steps = max(needed_substeps(model, _step(experiment), experiment.motion) for model in both)
     first = _run(machines.first, experiment, steps)
     second = _run(machines.second, experiment, steps)
     for run in (first, second):
         if not np.isfinite(run).all():
-            raise UnusableError("the machine would run away")
+            raise UnusableExperimentError("the machine would run away")
         over = np.max(np.abs(run), axis=0) / reach
         if np.any(over > 1):
             name = machines.first.output_names[int(np.argmax(over))]
-            raise UnusableError(f"{name} would reach {over.max():.3g} times its limit")
+            raise UnusableExperimentError(f"{name} would reach {over.max():.3g} times its limit")
     found = Distance(first, second, second)
     if np.all(found.apart < policy.clear * machines.noise):
         return found  # nothing that the numbers of the second could do would matter
@@ -529,11 +540,11 @@ def distance(
     moved = replace(experiment, initial_state=experiment.initial_state + push)
     again = Distance(first, _run(machines.first, moved, steps), first)
     if not np.any(again.apart < policy.repeats * found.apart):
-        raise UnusableError("a tiny change of the start changes the run as much")
+        raise UnusableExperimentError("a tiny change of the start changes the run as much")
     return replace(found, adapted=_adapted(machines, experiment, first, second, steps, policy))
 
 
-def _remembers(model: MechanicalModel) -> bool:
+def _has_internal_states(model: MechanicalModel) -> bool:
     return rest(model).internal.size > 0
 
 
@@ -549,7 +560,7 @@ def _run(model: MechanicalModel, experiment: Experiment, substeps: int) -> Array
 
 
 def _adapted(
-    machines: Machines,
+    machines: MachinePair,
     experiment: Experiment,
     wanted: Array,
     begin: Array,
@@ -582,7 +593,7 @@ def _adapted(
 class _Stretch:
     """The beginning of an experiment, and what the second machine should do in it."""
 
-    machines: Machines
+    machines: MachinePair
     experiment: Experiment
     wanted: Array
     start: Array

@@ -12,29 +12,29 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robustpolish.base.arrays import Array
-from robustpolish.base.budget import working
+from robustpolish.base.budget import progress_bar
 from robustpolish.base.checks import described, invalid, positive
 from robustpolish.base.results import Card, Displayed, Table
-from robustpolish.identification.diagnosis.findings import Confusion
+from robustpolish.identification.diagnosis.findings import IndistinguishablePair
 from robustpolish.identification.diagnosis.result import Diagnosis
 from robustpolish.identification.experiments.candidates import (
     EXPERIMENTS,
     Distance,
     Experiment,
     ExperimentPolicy,
-    Machines,
-    UnusableError,
-    apart_in_words,
+    MachinePair,
+    UnusableExperimentError,
+    describe_difference,
     distance,
     experiments,
-    machines_of,
-    numbers_of,
+    machine_pair,
+    parameter_precision,
 )
 from robustpolish.identification.fit.parameters import free_parameters
 from robustpolish.identification.fit.result import Refit
 from robustpolish.identification.observer.kalman import excited_bandwidth, scales_of
 from robustpolish.identification.policy import POLICY
-from robustpolish.identification.record import Record, long_enough, over_time, record_of
+from robustpolish.identification.record import Record, record_of, require_length, require_time_data
 from robustpolish.identification.refit import refit
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plots.time import plot_distances, plot_two_machines
@@ -45,7 +45,7 @@ _SHOWN = 8
 
 
 @dataclass(frozen=True, eq=False)
-class TriedExperiment:
+class SimulatedExperiment:
     """An experiment that was simulated on both machines.
 
     Attributes
@@ -81,7 +81,7 @@ class ToldApart(Displayed):
 
     Attributes
     ----------
-    machines : Machines
+    machines : MachinePair
         Both models, their names, the noise.
     tried : tuple of TriedExperiment
         Those that tell most first.
@@ -109,14 +109,14 @@ class ToldApart(Displayed):
     ('difference over noise', True)
     """
 
-    machines: Machines
-    tried: tuple[TriedExperiment, ...]
+    machines: MachinePair
+    tried: tuple[SimulatedExperiment, ...]
     refused: tuple[tuple[str, str], ...]
     on_record: Mapping[str, tuple[float, float]]
     hint: str = ""
 
     @property
-    def recommended(self) -> TriedExperiment | None:
+    def recommended(self) -> SimulatedExperiment | None:
         """The experiment to make; None if none tells the machines apart.
 
         The one that tells most at the smallest amplitude where any is sure, else the one that
@@ -166,7 +166,7 @@ class ToldApart(Displayed):
             lines += [f"Left out: {text}: {why}."]
         return "\n".join(lines)
 
-    def _best(self) -> TriedExperiment:
+    def _best(self) -> SimulatedExperiment:
         """Return the experiment that tells most.
 
         Raises
@@ -181,7 +181,7 @@ class ToldApart(Displayed):
             )
         return max(self.tried, key=lambda t: t.left)
 
-    def _figures(self, tried: TriedExperiment) -> list[str]:
+    def _figures(self, tried: SimulatedExperiment) -> list[str]:
         i = tried.best_output
         name, unit = self._outputs()[i]
         far, left, noise = (
@@ -381,7 +381,7 @@ def tell_apart(
     """
     if progress is not None:
         return _tell_apart(machines, data, pair, noise, limits, fit, progress, _policy)
-    with working("Trying experiments") as tell:
+    with progress_bar("Trying experiments") as tell:
         return _tell_apart(machines, data, pair, noise, limits, fit, tell, _policy)
 
 
@@ -395,28 +395,28 @@ def _tell_apart(
     say: Callable[[str], None],
     policy: ExperimentPolicy,
 ) -> ToldApart:
-    over_time(data)
+    require_time_data(data)
     diagnosis = machines if isinstance(machines, Diagnosis) else None
     hint = ""
     if diagnosis is not None:
-        chosen = _pair_of(diagnosis, number)
+        chosen = _selected_pair(diagnosis, number)
         hint = chosen.experiment
-        models = machines_of(diagnosis.model, chosen)
+        models = machine_pair(diagnosis.model, chosen)
     else:
-        models = _alike(machines)
-    record = long_enough(models[0], record_of(models[0], data))
+        models = _comparable_models(machines)
+    record = require_length(models[0], record_of(models[0], data))
     floor = _noise(models[0], record, noise, diagnosis)
-    reach = _reach(models[0], record, limits, policy)
-    names = apart_in_words(*models)
+    reach = _output_limits(models[0], record, limits, policy)
+    names = describe_difference(*models)
     on_record: dict[str, tuple[float, float]] = {}
     if fit:
-        fits = [_fitted(m, record, diagnosis, i, say) for i, m in enumerate(models)]
+        fits = [_fit_to_record(m, record, diagnosis, i, say) for i, m in enumerate(models)]
         models = fits[0][0], fits[1][0]
         on_record = {k: (fits[0][1][k], fits[1][1][k]) for k in models[0].output_names}
         known, precision = fits[1][2]
     else:
-        known, precision = _unknown(models[1], record)
-    both = Machines(*models, names, floor, known, precision)
+        known, precision = _unknown_parameters(models[1], record)
+    both = MachinePair(*models, names, floor, known, precision)
     places = [end for model in models for e in model.effects for end in e.at]
     tried, refused = [], []
     wanted = experiments(models[0], record, places, limits, policy)
@@ -424,15 +424,15 @@ def _tell_apart(
     for experiment in wanted:
         try:
             tried.append(
-                TriedExperiment(experiment, distance(both, experiment, reach, policy), floor)
+                SimulatedExperiment(experiment, distance(both, experiment, reach, policy), floor)
             )
-        except UnusableError as why:
+        except UnusableExperimentError as why:
             refused.append((str(experiment), str(why)))
     tried.sort(key=lambda t: -t.left)
     return ToldApart(both, tuple(tried), tuple(refused), on_record, hint)
 
 
-def _pair_of(diagnosis: Diagnosis, number: int) -> Confusion:
+def _selected_pair(diagnosis: Diagnosis, number: int) -> IndistinguishablePair:
     pairs = diagnosis.indistinguishable
     if not 0 <= number < len(pairs):
         listed = "no pair: this diagnosis has none" if not pairs else f"0 to {len(pairs) - 1}"
@@ -440,7 +440,7 @@ def _pair_of(diagnosis: Diagnosis, number: int) -> Confusion:
     return pairs[number]
 
 
-def _alike(machines: Any) -> tuple[MechanicalModel, MechanicalModel]:
+def _comparable_models(machines: Any) -> tuple[MechanicalModel, MechanicalModel]:
     """Return two models that can be compared.
 
     Raises
@@ -481,7 +481,7 @@ def _noise(
     return np.array([found[name] for name in model.output_names])
 
 
-def _reach(
+def _output_limits(
     model: MechanicalModel,
     record: Record,
     limits: Mapping[str, float] | None,
@@ -501,7 +501,7 @@ def _reach(
     return np.maximum(np.array(found, dtype=float), 1e-300)
 
 
-def _fitted(
+def _fit_to_record(
     model: MechanicalModel,
     record: Record,
     diagnosis: Diagnosis | None,
@@ -516,10 +516,10 @@ def _fitted(
         return model, diagnosis.ledger.entries[-1].nrmse, ({}, np.zeros((0, 0)))
     say(f"refit of the {('first', 'second')[place]} machine")
     found: Refit = refit(model, record.data)
-    return found.model, found.nrmse, numbers_of(found)
+    return found.model, found.nrmse, parameter_precision(found)
 
 
-def _unknown(model: MechanicalModel, record: Record) -> tuple[dict[str, float], Array]:
+def _unknown_parameters(model: MechanicalModel, record: Record) -> tuple[dict[str, float], Array]:
     """Return the numbers of a model that a fit would move, with nothing known of them."""
     keys = [f.key for f in free_parameters(model, excited_bandwidth(model, record), POLICY)]
     return dict.fromkeys(keys, np.inf), np.zeros((len(keys), len(keys)))

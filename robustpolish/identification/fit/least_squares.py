@@ -15,24 +15,24 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from robustpolish.base.arrays import Array
-from robustpolish.base.budget import on_all_cores
+from robustpolish.base.budget import parallel_map
 from robustpolish.identification.fit.parameters import (
     FreeParameter,
     free_parameters,
+    has_smoothing,
     joint_priors,
-    turns_over_gently,
-    with_units_of_force,
+    with_fixed_force_scale,
 )
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.observer.runs import (
+    InitialState,
     RecordRun,
     Runner,
-    Start,
     StartedPiece,
     reproducibility,
     rest,
 )
-from robustpolish.machines.mechanical.data import port_rows, share_of_couplings
+from robustpolish.machines.mechanical.data import definite_coupling_share, port_rows
 from robustpolish.machines.mechanical.model import MechanicalModel
 
 # Steps of differences. Where friction with memory or a stop jumps at a sample, errors jump by a
@@ -43,7 +43,7 @@ _START_STEP = 1e-7
 # Derivatives beyond it come from a run that diverges; squares of what is below can be added up.
 _ENDLESS = 1e100
 # Relative fall of the cost below which a fit stops.
-SETTLED = 1e-3
+CONVERGED = 1e-3
 # Enough to see the scatter, few enough to be long against the memory of residuals.
 _BLOCKS = 20
 
@@ -132,7 +132,7 @@ class Residuals:
     def _with_energy(self, x: Array) -> Array:
         """Return the parameters with coupled inertias that leave every motion some energy."""
         values = {f.key: v for f, v in zip(self.free, (x * self.scale).tolist(), strict=True)}
-        share = share_of_couplings(self.model, values)
+        share = definite_coupling_share(self.model, values)
         return np.array([
             v * share if f.key.startswith("coupled_inertia") else v
             for f, v in zip(self.free, x, strict=True)
@@ -199,7 +199,7 @@ class Residuals:
                 return self._column(x, starts, errors, j)
             return self._start_column(run, starts, errors, j - p)
 
-        return on_all_cores(column, range(p + n))
+        return parallel_map(column, range(p + n))
 
     def _column(self, x: Array, starts: Array, errors: Array, j: int) -> Array:
         h = _STEP * max(abs(x[j]), 1.0)
@@ -220,7 +220,7 @@ def fit(
     residuals: Residuals,
     iterations: int = 8,
     progress: Callable[[], None] | None = None,
-    settled: float = SETTLED,
+    settled: float = CONVERGED,
 ) -> Fit:
     """Minimise the weighted prediction errors.
 
@@ -243,7 +243,7 @@ def fit(
     damping = 1e-3
     normal: Normal | None = None
     # Where only priors speak, damped steps hardly move: a free run ends with a step undamped.
-    settles = bool(free) and residuals.runner.level.free and settled <= SETTLED
+    settles = bool(free) and residuals.runner.level.free and settled <= CONVERGED
     settling = False
     for number in range(iterations + settles):
         if not np.isfinite(cost):
@@ -290,7 +290,7 @@ def fit(
     return Fit(*found, normal.information(), tuple(free), normal.seen)
 
 
-def unfitted(residuals: Residuals) -> Fit:
+def evaluate_unfitted(residuals: Residuals) -> Fit:
     """Return what a fit would say of a model as it is: its errors and how well they tell it."""
     free, starts = residuals.free, np.array([piece.start.vector for piece in residuals.pieces])
     x = np.array([f.start / f.scale for f in free], dtype=float)
@@ -456,7 +456,7 @@ def covariance_of(fitted: Fit) -> xr.DataArray:
         units. Numbers that the data does not see have an infinite variance.
     """
     errors = fitted.errors / fitted.sigma
-    wide = max((inflation(e) for e in errors.T), default=1.0)
+    wide = max((bartlett_factor(e) for e in errors.T), default=1.0)
     information = fitted.information
     keys = [f.key for f in fitted.free]
     seen = np.flatnonzero(np.diag(information) > 0).tolist()
@@ -468,7 +468,7 @@ def covariance_of(fitted: Fit) -> xr.DataArray:
         white = relative * wide * float(np.mean(errors**2))
         ratio = 1.0
         if fitted.sensitivity.size:
-            meat = _of_blocks(fitted.sensitivity[:, seen] / size, errors)
+            meat = _block_score_covariance(fitted.sensitivity[:, seen] / size, errors)
             ratio = np.diag(relative @ meat @ relative) / np.maximum(np.diag(white), 1e-300)
         wider = np.sqrt(np.maximum(ratio, 1.0)) * np.ones(len(seen))
         unit = wider * np.array([fitted.free[j].scale for j in seen]) / size
@@ -476,7 +476,7 @@ def covariance_of(fitted: Fit) -> xr.DataArray:
     return xr.DataArray(matrix, {"parameter": keys, "other": keys}, ("parameter", "other"))
 
 
-def _of_blocks(sensitivity: Array, errors: Array) -> Array:
+def _block_score_covariance(sensitivity: Array, errors: Array) -> Array:
     """Return the covariance of the sum of the scores, from their sums over blocks."""
     samples, ny = errors.shape
     scores = np.einsum("tip,ti->tp", sensitivity.reshape(samples, ny, -1), errors)
@@ -488,10 +488,10 @@ def _of_blocks(sensitivity: Array, errors: Array) -> Array:
 
 def standard_errors(fitted: Fit) -> dict[str, float]:
     """Return the standard errors of the fitted numbers by their keys, in SI units."""
-    return errors_from(covariance_of(fitted))
+    return stderr_from_covariance(covariance_of(fitted))
 
 
-def errors_from(covariance: xr.DataArray) -> dict[str, float]:
+def stderr_from_covariance(covariance: xr.DataArray) -> dict[str, float]:
     """Return the standard errors that belong to a covariance."""
     errors = np.sqrt(np.maximum(np.diag(covariance.values), 0.0))
     return dict(zip(covariance["parameter"].values.tolist(), errors.tolist(), strict=True))
@@ -503,15 +503,15 @@ def log_odds(one: Fit, other: Fit) -> float:
     Their errors alone are compared, numbers cost nothing. Coloured errors tell less: as many are
     counted as are independent in the other fit.
     """
-    return float(np.sum(independent(other) * np.log(other.rmse / one.rmse)))
+    return float(np.sum(effective_samples(other) * np.log(other.rmse / one.rmse)))
 
 
-def independent(fitted: Fit) -> Array:
+def effective_samples(fitted: Fit) -> Array:
     """Return how many errors of each output of a fit are as good as independent."""
-    return np.array([len(error) / inflation(error) for error in fitted.errors.T])
+    return np.array([len(error) / bartlett_factor(error) for error in fitted.errors.T])
 
 
-def inflation(e: Array) -> float:
+def bartlett_factor(e: Array) -> float:
     """Return one plus twice the sum of squared autocorrelations, Bartlett's factor."""
     e = np.nan_to_num(e - np.mean(e))
     power = float(e @ e)
@@ -539,8 +539,8 @@ def homotopy(
     spans: Sequence[int],
     iterations: int = 8,
     progress: Callable[[], None] | None = None,
-    settled: float = SETTLED,
-    last: float = SETTLED,
+    settled: float = CONVERGED,
+    last: float = CONVERGED,
     anew: bool = False,
     known: bool = False,
 ) -> list[Fit]:
@@ -579,11 +579,11 @@ def homotopy(
     """
     stages: list[Fit] = []
     kept: Fit | None = None
-    first = model = with_units_of_force(model, reference)
+    first = model = with_fixed_force_scale(model, reference)
     for span in spans if model.free else spans[-1:]:  # what is imposed cannot go astray
-        windows = windows_after(model, prepared, pieces, span, kept, known)
+        windows = windows_from_stage(model, prepared, pieces, span, kept, known)
         enough = last if span == spans[-1] else settled
-        steps = max(iterations, prepared.policy.direct_steps) if enough < SETTLED else iterations
+        steps = max(iterations, prepared.policy.direct_steps) if enough < CONVERGED else iterations
         # an offset that is not known yet makes the smoothed motion so fast that laws diverge
         still = [StartedPiece(window.record, rest(model)) for window in windows]
         tried = (residuals_of(model, begun, prepared, reference) for begun in (windows, still))
@@ -592,18 +592,18 @@ def homotopy(
         if result is None:
             continue
         if anew and not stages:
-            smoothed = prepared.windows_of(model, pieces, span)
-            result = _begun_anew(result, smoothed, prepared, reference, steps)
+            smoothed = prepared.cut_windows(model, pieces, span)
+            result = _refit_with_fitted_starts(result, smoothed, prepared, reference, steps)
         stages.append(result)
         if kept is not None and np.max(result.rmse / kept.rmse) > prepared.policy.lost:
             continue  # the next stage starts where this one did
-        kept, model = result, _revived(result.model, first, prepared.policy.vanished)
+        kept, model = result, _restore_vanished(result.model, first, prepared.policy.vanished)
     if kept is not None and all(kept is not stage for stage in stages[-2:]):
         stages.insert(len(stages) - 1, kept)
     return stages
 
 
-def _begun_anew(
+def _refit_with_fitted_starts(
     found: Fit,
     windows: Sequence[StartedPiece],
     prepared: PreparedRecord,
@@ -634,7 +634,9 @@ def residuals_of(
     return Residuals(model, pieces, prepared.runner(model), free, sizes)
 
 
-def _revived(model: MechanicalModel, first: MechanicalModel, vanished: float) -> MechanicalModel:
+def _restore_vanished(
+    model: MechanicalModel, first: MechanicalModel, vanished: float
+) -> MechanicalModel:
     """Return a model with the first values of those effects that have vanished since.
 
     One that has a single number needs no help: its size alone brings it back.
@@ -648,7 +650,7 @@ def _revived(model: MechanicalModel, first: MechanicalModel, vanished: float) ->
     return replace(model, effects=tuple(effects))
 
 
-def windows_after(
+def windows_from_stage(
     model: MechanicalModel,
     prepared: PreparedRecord,
     pieces: Sequence[StartedPiece],
@@ -660,9 +662,9 @@ def windows_after(
 
     With `known` numbers, where the model comes closest to the windows.
     """
-    windows = prepared.windows_of(model, pieces, span)
+    windows = prepared.cut_windows(model, pieces, span)
     if before is None:
-        return _not_lost(model, prepared, windows, known)
+        return _with_refitted_starts(model, prepared, windows, known)
     run = prepared.runner(before.model).run(before.model)
     seen = run.over_all(before.pieces, keep=True)
     first = {}
@@ -677,13 +679,13 @@ def windows_after(
         begin = window.record.first
         mark = int(marks[np.searchsorted(marks, begin, side="right") - 1])
         row = first[mark] + begin - mark
-        start = Start(seen.states[row, :n], seen.internal[row])
+        start = InitialState(seen.states[row, :n], seen.internal[row])
         finite = np.isfinite(start.vector).all()
         found.append(StartedPiece(window.record, start) if finite else window)
     return found
 
 
-def _not_lost(
+def _with_refitted_starts(
     model: MechanicalModel, prepared: PreparedRecord, windows: list[StartedPiece], known: bool
 ) -> list[StartedPiece]:
     """Return the windows, with starts of their own where those of the smoothed motion are far off.
@@ -704,7 +706,7 @@ def _not_lost(
 
 
 @dataclass(frozen=True, eq=False)
-class JudgedFit:
+class EvaluatedFit:
     """A fitted model and what it does on data that it was not fitted to.
 
     Attributes
@@ -727,7 +729,7 @@ class JudgedFit:
     over_windows: Callable[[], Array]
     reproducible: bool
     over_fitted: Callable[[], Array]
-    fades: bool = False
+    quieter_held_out: bool = False
 
     @cached_property
     def short(self) -> Array:
@@ -746,7 +748,7 @@ class JudgedFit:
         Many laws do the same in a motion that has faded; which of them is there shows while it is
         loud, and with thousands of samples for each number a fit cannot bend itself to noise.
         """
-        return np.sqrt(self.free * self.fitted) if self.fades else self.free
+        return np.sqrt(self.free * self.fitted) if self.quieter_held_out else self.free
 
     @property
     def model(self) -> MechanicalModel:
@@ -759,22 +761,22 @@ class JudgedFit:
         return self.free if self.reproducible else self.short
 
 
-def left_by(fitted: JudgedFit, among: Sequence[JudgedFit]) -> float:
+def ranking_log_error(fitted: EvaluatedFit, among: Sequence[EvaluatedFit]) -> float:
     """Return the mean log of the errors that rank; of short windows unless all run reproducibly."""
-    calm = fitted.reproducible and all(other.reproducible for other in among)
-    errors = fitted.over_all if calm else fitted.short
+    predictable = fitted.reproducible and all(other.reproducible for other in among)
+    errors = fitted.over_all if predictable else fitted.short
     return float(np.mean(np.log(np.maximum(errors, 1e-300))))
 
 
-def judged(fitted: Fit, prepared: PreparedRecord) -> JudgedFit:
+def evaluate_fit(fitted: Fit, prepared: PreparedRecord) -> EvaluatedFit:
     """Measure a fitted model on the held-out pieces."""
-    free, calm = free_rms(fitted.model, prepared, prepared.held_out)
-    over = partial(short_rms, fitted.model, prepared, prepared.held_out)
-    long = partial(rms_over, fitted.model, prepared, prepared.trial)
-    return JudgedFit(fitted, free, over, calm, long, prepared.fades)
+    free, predictable = free_run_rms_checked(fitted.model, prepared, prepared.held_out)
+    over = partial(short_window_rms, fitted.model, prepared, prepared.held_out)
+    long = partial(free_run_rms, fitted.model, prepared, prepared.trial)
+    return EvaluatedFit(fitted, free, over, predictable, long, prepared.quieter_held_out)
 
 
-def free_rms(
+def free_run_rms_checked(
     model: MechanicalModel, prepared: PreparedRecord, pieces: Sequence[StartedPiece]
 ) -> tuple[Array, bool]:
     """Return the errors of free runs, infinite where they diverge, and whether they judge anything.
@@ -791,14 +793,14 @@ def free_rms(
     return _window_rms(errors), found.reproducible
 
 
-def short_rms(
+def short_window_rms(
     model: MechanicalModel, prepared: PreparedRecord, pieces: Sequence[StartedPiece]
 ) -> Array:
     """Return the errors of free runs over short windows, shape (ny,)."""
-    return rms_over(model, prepared, prepared.windows_of(model, pieces, prepared.short))
+    return free_run_rms(model, prepared, prepared.cut_windows(model, pieces, prepared.short))
 
 
-def rms_over(
+def free_run_rms(
     model: MechanicalModel, prepared: PreparedRecord, pieces: Sequence[StartedPiece]
 ) -> Array:
     """Return the errors of free runs, infinite where they diverge, shape (ny,)."""
@@ -808,7 +810,7 @@ def rms_over(
 def _errors(
     model: MechanicalModel, prepared: PreparedRecord, pieces: Sequence[StartedPiece]
 ) -> tuple[RecordRun, list[StartedPiece], Array]:
-    run, started = prepared.closest_runs(model, pieces)
+    run, started = prepared.run_with_fitted_starts(model, pieces)
     return run, started, run.all_errors(started)
 
 
@@ -818,9 +820,9 @@ def _window_rms(errors: Array) -> Array:
     return np.where(np.isfinite(found), found, np.inf)
 
 
-def best_stage(stages: Sequence[Fit], prepared: PreparedRecord) -> JudgedFit:
+def best_stage(stages: Sequence[Fit], prepared: PreparedRecord) -> EvaluatedFit:
     """Return the stage that predicts the held-out pieces best."""
-    found = on_all_cores(lambda stage: judged(stage, prepared), stages[-2:])
+    found = parallel_map(lambda stage: evaluate_fit(stage, prepared), stages[-2:])
     if all(s.reproducible for s in found):
         return min(found, key=lambda s: float(np.sum(np.log(s.free))))
     return min(found, key=lambda s: float(np.sum(np.log(s.short))))
@@ -840,12 +842,12 @@ def best_stage(stages: Sequence[Fit], prepared: PreparedRecord) -> JudgedFit:
 
 _WIDTH = "width"
 _SETTLED = 1e-5
-_RUNS = 30
+_MOST_EVALUATIONS = 30
 _AT_BOUND = 1e-6
 """What is as good as a lower bound, in the units in which a fit counts."""
 
 
-def rounded(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalModel:
+def with_rounded_friction(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalModel:
     """Return the model with jumps of friction rounded over the speed that a step gains.
 
     Parameters
@@ -857,23 +859,23 @@ def rounded(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalModel
     effects = []
     for effect in model.effects:
         if effect.definition.sharp and effect.values.get(_WIDTH) == 0.0:
-            v = (port_rows(model, effect) @ prepared.motion_before.v)[0]
+            v = (port_rows(model, effect) @ prepared.linear_motion.v)[0]
             gained = float(np.sqrt(np.mean(np.diff(v) ** 2))) / substeps
             effect = effect.with_values({**effect.parameters, _WIDTH: gained})
         effects.append(effect)
     return replace(model, effects=tuple(effects))
 
 
-def speeds_of_turns(model: MechanicalModel) -> frozenset[str]:
+def smoothing_velocity_keys(model: MechanicalModel) -> frozenset[str]:
     """Return the keys of the speeds over which those dry frictions turn over that jump."""
     return frozenset(
         f"effect[{i}].{effect.definition.turns_over}"
         for i, effect in enumerate(model.effects)
-        if effect.definition.turns_over and not turns_over_gently(effect)
+        if effect.definition.turns_over and not has_smoothing(effect)
     )
 
 
-def sharpened(
+def with_original_widths(
     fitted: Fit, before: MechanicalModel, prepared: PreparedRecord, reference: MechanicalModel
 ) -> Fit:
     """Return the fit of a rounded model with the widths of jumps that it had before.
@@ -893,10 +895,10 @@ def sharpened(
             effect = effect.with_values({**effect.parameters, _WIDTH: 0.0})
         effects.append(effect)
     model = replace(fitted.model, effects=tuple(effects))
-    return unfitted(residuals_of(model, fitted.pieces, prepared, reference))
+    return evaluate_unfitted(residuals_of(model, fitted.pieces, prepared, reference))
 
 
-def polished(fitted: Fit, prepared: PreparedRecord, reference: MechanicalModel) -> Fit:
+def refine_to_minimum(fitted: Fit, prepared: PreparedRecord, reference: MechanicalModel) -> Fit:
     """Return a fit to the same pieces at its minimum.
 
     Parameters
@@ -920,7 +922,9 @@ def polished(fitted: Fit, prepared: PreparedRecord, reference: MechanicalModel) 
     def errors_at(z: bytes) -> Array:
         with np.errstate(over="ignore", invalid="ignore"):
             found = here.errors(*parts(np.frombuffer(z)))
-        return np.nan_to_num(found, nan=_LOST, posinf=_LOST, neginf=-_LOST)
+        return np.nan_to_num(
+            found, nan=_DIVERGED_ERROR, posinf=_DIVERGED_ERROR, neginf=-_DIVERGED_ERROR
+        )
 
     def errors(z: Array) -> Array:
         return errors_at(z.tobytes())
@@ -928,7 +932,9 @@ def polished(fitted: Fit, prepared: PreparedRecord, reference: MechanicalModel) 
     def residuals(z: Array) -> Array:
         x = z[:p]
         prior = [(x - here.centre) * here.prior, here.joint @ x]
-        return np.concatenate([np.clip(errors(z) / sigma, -_LOST, _LOST).ravel(), *prior])
+        return np.concatenate(
+            [np.clip(errors(z) / sigma, -_DIVERGED_ERROR, _DIVERGED_ERROR).ravel(), *prior]
+        )
 
     def derivatives(z: Array) -> Array:
         now = errors(z)
@@ -957,18 +963,18 @@ def polished(fitted: Fit, prepared: PreparedRecord, reference: MechanicalModel) 
         bounds=(low, high),
         x_scale="jac",
         ftol=_SETTLED,
-        max_nfev=_RUNS,
+        max_nfev=_MOST_EVALUATIONS,
     )
     x, at = parts(found.x)
     x = np.where(
         x - here.lower < _AT_BOUND, here.lower, x
     )  # steps end within bounds, never on them
     pieces = here.started(at) if sizes.size else list(here.pieces)
-    best = unfitted(residuals_of(here.model_at(x), pieces, prepared, reference))
+    best = evaluate_unfitted(residuals_of(here.model_at(x), pieces, prepared, reference))
     return best if np.sum(np.log(best.rmse)) < np.sum(np.log(fitted.rmse)) else fitted
 
 
-_LOST = 1e6
+_DIVERGED_ERROR = 1e6
 """What an error counts at most, in those of the fit at its beginning: a run that diverged."""
 
 
@@ -977,7 +983,7 @@ _LOST = 1e6
 _NUMBER = re.compile(r"effect\[(\d+)\](.*)")
 
 
-def reordered(fitted: Fit, order: Sequence[int]) -> Fit:
+def with_effect_order(fitted: Fit, order: Sequence[int]) -> Fit:
     """Return a fit whose model has its effects in another order; nothing is fitted again.
 
     Parameters
@@ -997,7 +1003,7 @@ def reordered(fitted: Fit, order: Sequence[int]) -> Fit:
 
     def started(piece: StartedPiece) -> StartedPiece:
         start = piece.start
-        return StartedPiece(piece.record, Start(start.state, start.internal[rows]))
+        return StartedPiece(piece.record, InitialState(start.state, start.internal[rows]))
 
     return replace(
         fitted,

@@ -23,7 +23,7 @@ _HELD = 1e-3
 # it jump, and from there no slope leads back.
 _STEEPER = 10.0
 # Share of all that moves which is rounding: what a sensor shows of it is nothing.
-_HARDLY = 1e-9
+_UNOBSERVABLE_SHARE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -85,12 +85,12 @@ def chain_keys(model: MechanicalModel, chain: set[str]) -> tuple[list[str], list
     )
 
 
-def driving(model: MechanicalModel, chain: set[str]) -> list[str]:
+def inputs_of_chain(model: MechanicalModel, chain: set[str]) -> list[str]:
     """Return the names of the inputs that push a chain."""
     return [i.name for i in model.inputs if i.imposes is None and i.on[0] in chain]
 
 
-def units_of_force(model: MechanicalModel) -> dict[str, set[str]]:
+def scale_fixing_masses(model: MechanicalModel) -> dict[str, set[str]]:
     """Return a mass of each chain in which no force is known, and the chain.
 
     It stays, and gives the forces a unit: a free decay, or a motion under an imposed one, shows
@@ -113,7 +113,7 @@ def units_of_force(model: MechanicalModel) -> dict[str, set[str]]:
     return chosen
 
 
-def with_units_of_force(model: MechanicalModel, reference: MechanicalModel) -> MechanicalModel:
+def with_fixed_force_scale(model: MechanicalModel, reference: MechanicalModel) -> MechanicalModel:
     """Return the model with those masses as they were, the rest of their chains in proportion.
 
     Parameters
@@ -122,7 +122,7 @@ def with_units_of_force(model: MechanicalModel, reference: MechanicalModel) -> M
         Fitted, and before any fit.
     """
     values, known, changes = model.parameters, reference.parameters, {}
-    for name, chain in units_of_force(model).items():
+    for name, chain in scale_fixing_masses(model).items():
         key = ".".join(model.dof(name).key)
         if known.get(key) and values[key] != known[key]:
             inside = (k for keys in chain_keys(model, chain) for k in keys)
@@ -151,7 +151,7 @@ def free_parameters(
     known = (reference or model).parameters
     given = len((reference or model).effects)
     moving = {*model.free, *(o.of[0] for o in model.outputs if o.drive)} - set(
-        units_of_force(model)
+        scale_fixing_masses(model)
     )
     mass = float(np.mean([d.mass for d in model.dofs if d.mass > 0] or [1.0]))
 
@@ -185,7 +185,7 @@ def free_parameters(
             prior, centre = policy.mass_prior * natural, known.get(key, coupled.value)
             free = FreeParameter(key, coupled.value, natural, -most, most, prior, centre)
             result.append(free)
-    contained = within_laws(model)
+    contained = parameters_within_laws(model)
     for i, spring in enumerate(model.springs):
         key, natural = f"spring[{i}].stiffness", mass * bandwidth**2
         if key not in contained:
@@ -195,13 +195,13 @@ def free_parameters(
         if key not in contained:
             result.append(elastic(key, damper.damping, natural, policy.damper_prior))
     # the gain of the only input of a chain would scale its masses and springs, no more
-    pushing = {name for chain in connected(model) if len(driving(model, chain)) > 1
-               for name in driving(model, chain)}  # fmt: skip
+    pushing = {name for chain in connected(model) if len(inputs_of_chain(model, chain)) > 1
+               for name in inputs_of_chain(model, chain)}  # fmt: skip
     for item in model.inputs:
         if item.name in pushing:
             result.append(near(f"input.{item.name}.gain", item.gain, policy.gain_prior))
     for i, effect in enumerate(model.effects):
-        rounded = i >= given and turns_over_gently(effect)
+        rounded = i >= given and has_smoothing(effect)
         for parameter in effect.definition.parameters:
             wanted = parameter.fitted or (
                 rounded and parameter.name == effect.definition.turns_over
@@ -212,12 +212,12 @@ def free_parameters(
     return result
 
 
-def turns_over_gently(effect: Effect) -> bool:
+def has_smoothing(effect: Effect) -> bool:
     """Return whether an effect is dry friction that turns over within some speed, not at once."""
     return effect.values.get(effect.definition.turns_over, 0.0) > 0.0
 
 
-def idle(effect: Effect) -> bool:
+def makes_no_force(effect: Effect) -> bool:
     """Return whether an effect makes no force."""
     sizes = _sizes(effect)
     return bool(sizes) and not any(effect.values[name] for name in sizes)
@@ -227,13 +227,13 @@ def _sizes(effect: Effect) -> list[str]:
     return [p.name for p in effect.definition.parameters if p.fitted and p.counts_force]
 
 
-def sized(effect: Effect, share: float) -> Effect:
+def scaled_effect(effect: Effect, share: float) -> Effect:
     """Return an effect with a share of its force."""
     sizes = _sizes(effect)
     return effect.with_values({k: share * v if k in sizes else v for k, v in effect.values.items()})
 
 
-def within_laws(model: MechanicalModel) -> set[str]:
+def parameters_within_laws(model: MechanicalModel) -> set[str]:
     """Return the keys of numbers that learned laws at their places contain, and that stay.
 
     A curve over the displacement holds any spring, one over the velocity any damper, both any
@@ -285,7 +285,7 @@ def joint_priors(model: MechanicalModel, free: Sequence[FreeParameter]) -> Array
         block = np.zeros((len(rows), len(free)))
         block[:, [column[key] for key in keys]] = rows
         blocks.append(block)
-    blocks += [_at_rest(model, i, column) for i in _zero_at_rest(model)]
+    blocks += [_static_force_row(model, i, column) for i in _zero_at_rest(model)]
     return np.vstack(blocks)
 
 
@@ -302,11 +302,11 @@ def _zero_at_rest(model: MechanicalModel) -> list[int]:
         i
         for i, (what, at) in enumerate(over)
         if (what == ("velocity",) and at in springs)
-        or (what == ("displacement",) and not _rest_shows(model, model.effects[i].at))
+        or (what == ("displacement",) and not _static_force_observable(model, model.effects[i].at))
     ]
 
 
-def _rest_shows(model: MechanicalModel, at: tuple[str, ...]) -> bool:
+def _static_force_observable(model: MechanicalModel, at: tuple[str, ...]) -> bool:
     """Return whether a constant force at a place changes what sensors show at rest.
 
     With a displacement of one of two masses none does of a force between them, which their spring
@@ -318,11 +318,11 @@ def _rest_shows(model: MechanicalModel, at: tuple[str, ...]) -> bool:
     free = matrices.free
     K, Sq = matrices.K[free][:, free], matrices.Sq[:, free]
     moved = np.linalg.lstsq(K, port_row(model, at)[free], rcond=None)[0]
-    least = _HARDLY * np.sum(np.abs(Sq), axis=1) * np.max(np.abs(moved), initial=0.0)
+    least = _UNOBSERVABLE_SHARE * np.sum(np.abs(Sq), axis=1) * np.max(np.abs(moved), initial=0.0)
     return bool(np.any(np.abs(Sq @ moved) > least))
 
 
-def _at_rest(model: MechanicalModel, i: int, column: Mapping[str, int]) -> Array:
+def _static_force_row(model: MechanicalModel, i: int, column: Mapping[str, int]) -> Array:
     """Return the row that holds the force of a law at no displacement or velocity."""
     values = model.effects[i].values
     c = coefficients_of(values)

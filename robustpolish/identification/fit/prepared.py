@@ -22,15 +22,15 @@ from robustpolish.identification.observer.kalman import (
     FREE,
     Level,
     Scales,
-    amplitude_of,
-    peak_of,
+    displacement_amplitude,
+    displacement_peak,
     scales_of,
 )
-from robustpolish.identification.observer.missing_force import Smoothed, smooth
+from robustpolish.identification.observer.missing_force import SmoothedMotion, smooth
 from robustpolish.identification.observer.runs import (
+    InitialState,
     RecordRun,
     Runner,
-    Start,
     StartedPiece,
     free_run,
     rest,
@@ -47,8 +47,8 @@ from robustpolish.identification.record import (
     Repeats,
     frequencies,
     least_samples,
-    liveliest,
-    moving,
+    most_active_part,
+    quiet_after,
     record_of,
     repeats,
 )
@@ -61,18 +61,20 @@ from robustpolish.signals.filtering import FLAT, decimate
 
 # Two held-out pieces, 30 % of the record, between those for estimation; free decays keep their
 # beginning, where the amplitude is, for estimation.
-_MARKS = (0.0, 0.4, 0.55, 0.85, 1.0)
-_MARKS_OF_DECAYS = (0.0, 0.35, 0.65, 0.9, 1.0)
+_BLOCK_BOUNDS = (0.0, 0.4, 0.55, 0.85, 1.0)
+_DECAY_BLOCK_BOUNDS = (0.0, 0.35, 0.65, 0.9, 1.0)
 
 _OVER = 1e-3
 """Share of the motion's power that is left where a free decay is over: 3 % of the amplitude."""
-_UNEVEN = 0.15
+_UNSTEADY_SHARE = 0.15
 """Share of the motion by which it may be ahead of the time in a record that moves steadily."""
-_AS_MUCH = 2.0
+_SIMILAR_AMPLITUDE = 2.0
 """Times the amplitude up to which records move alike: a cubic spring does four times as much."""
 
 
-def sides(model: MechanicalModel, record: Record) -> tuple[list[Record], list[Record]]:
+def fit_and_held_out_parts(
+    model: MechanicalModel, record: Record
+) -> tuple[list[Record], list[Record]]:
     """Return what is fitted to and what is held out.
 
     Of records that move alike some are held out as a whole. One that has not its like is cut into
@@ -91,8 +93,8 @@ def sides(model: MechanicalModel, record: Record) -> tuple[list[Record], list[Re
         In order.
     """
     kept, judges = [], []
-    for group in _alike(model, record.parts):
-        held = _whole_judges(group)
+    for group in _similar_records(model, record.parts):
+        held = _records_held_out(group)
         for i, part in enumerate(group):
             if held:
                 (judges if i in held else kept).append(part)
@@ -103,7 +105,7 @@ def sides(model: MechanicalModel, record: Record) -> tuple[list[Record], list[Re
     return sorted(kept, key=lambda part: part.first), sorted(judges, key=lambda part: part.first)
 
 
-def _alike(model: MechanicalModel, parts: Sequence[Record]) -> list[list[Record]]:
+def _similar_records(model: MechanicalModel, parts: Sequence[Record]) -> list[list[Record]]:
     """Return records in groups that move alike: by the same inputs, and about as much."""
     size = np.sqrt(np.mean([np.var(part.Y, axis=0) for part in parts], axis=0))
     size = np.where(size > 0, size, 1.0)
@@ -112,14 +114,18 @@ def _alike(model: MechanicalModel, parts: Sequence[Record]) -> list[list[Record]
     groups: list[list[int]] = []
     for i in sorted(range(len(parts)), key=lambda i: (moved[i], amplitude[i])):
         first = groups[-1][0] if groups else i
-        if groups and moved[i] == moved[first] and amplitude[i] <= _AS_MUCH * amplitude[first]:
+        if (
+            groups
+            and moved[i] == moved[first]
+            and amplitude[i] <= _SIMILAR_AMPLITUDE * amplitude[first]
+        ):
             groups[-1].append(i)
         else:
             groups.append([i])
     return [[parts[i] for i in group] for group in groups]
 
 
-def _whole_judges(group: Sequence[Record]) -> list[int]:
+def _records_held_out(group: Sequence[Record]) -> list[int]:
     """Return which of a group of records, the smallest motion first, judge as a whole.
 
     A third of them, and half of their samples at most; those in the middle first.
@@ -142,12 +148,14 @@ def _blocks(model: MechanicalModel, part: Record, several: bool) -> list[int]:
     long before, and a sweep passes its resonances in a moment, where alone a stop may be met: of
     those they are shares of the motion.
     """
-    marks = _MARKS if model.inputs else _MARKS_OF_DECAYS
+    marks = _BLOCK_BOUNDS if model.inputs else _DECAY_BLOCK_BOUNDS
     of_time = [round(part.samples * mark) for mark in marks]
     away = np.abs(part.Y - part.Y.mean(axis=0))
     motion = np.cumsum(np.sum(away / np.maximum(away.max(axis=0), 1e-300), axis=1))
     if model.inputs:
-        uneven = np.max(np.abs(motion / motion[-1] - np.linspace(0, 1, motion.size))) > _UNEVEN
+        uneven = (
+            np.max(np.abs(motion / motion[-1] - np.linspace(0, 1, motion.size))) > _UNSTEADY_SHARE
+        )
     else:
         power = np.sum(away**2 / np.maximum(np.sum(away**2, axis=0), 1e-300), axis=1)
         uneven = np.sum(power[of_time[1] :]) < _OVER * np.sum(power)
@@ -174,15 +182,15 @@ _AS_IT_IS, _SMOOTH = {"order": 1.0}, {"order": 3.0}
 _SEGMENTS = 8
 _LONGEST_SEGMENT = 2**16
 # A coarse spectrum shows slow motion as faster than it is; behind a first decimation it is finer.
-_LOOKS = 3
+_DECIMATION_ROUNDS = 3
 # About a mode of the model, whose numbers may be wrong.
 _AROUND = 1.25
 _ABOVE_FLOOR = 3.0
-_LEAKS = 1e-4
+_LEAKAGE_FLOOR = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Taken:
+class ReducedRecord:
     """What is fitted of a record, and with which model.
 
     Attributes
@@ -204,7 +212,7 @@ class Taken:
     notes: tuple[str, ...]
     given: MechanicalModel
 
-    def as_given(self, fitted: MechanicalModel) -> MechanicalModel:
+    def with_original_holds(self, fitted: MechanicalModel) -> MechanicalModel:
         """Return a fitted model for the sampling of the whole record: with its holds of inputs."""
         if not self.thinned:
             return fitted
@@ -215,7 +223,7 @@ class Taken:
         return replace(fitted, effects=tuple(effects))
 
 
-def taken(model: MechanicalModel, record: Record, policy: Policy) -> Taken:
+def reduce_record(model: MechanicalModel, record: Record, policy: Policy) -> ReducedRecord:
     """Return a record as fits can take it: as it is, unless it is long; several stay as they are.
 
     Parameters
@@ -227,11 +235,11 @@ def taken(model: MechanicalModel, record: Record, policy: Policy) -> Taken:
 
     Returns
     -------
-    Taken
+    ReducedRecord
     """
     fewer, notes = record, []
     if record.samples > policy.comfortable and len(record.sets) == 1:
-        fewer = _thinned(model, record, policy)
+        fewer = _decimated(model, record, policy)
     thinned = fewer is not record
     if thinned:
         notes.append(
@@ -243,7 +251,7 @@ def taken(model: MechanicalModel, record: Record, policy: Policy) -> Taken:
         fewer = replace(fewer, data=data, sets=(data,))
     if fewer.samples > policy.longest and len(record.sets) == 1:
         whole = fewer
-        begin = liveliest(whole, policy.longest).first
+        begin = most_active_part(whole, policy.longest).first
         data = whole.data.isel(time=slice(begin, begin + policy.longest))
         fewer = replace(_record(model, data), honest=whole.honest)
         notes.append(
@@ -253,10 +261,10 @@ def taken(model: MechanicalModel, record: Record, policy: Policy) -> Taken:
     known = tuple(
         e.with_values(_AS_IT_IS) if thinned and e.kind == _HOLD else e for e in model.effects
     )
-    return Taken(replace(model, effects=known), fewer, thinned, tuple(notes), model)
+    return ReducedRecord(replace(model, effects=known), fewer, thinned, tuple(notes), model)
 
 
-def _thinned(model: MechanicalModel, record: Record, policy: Policy) -> Record:
+def _decimated(model: MechanicalModel, record: Record, policy: Policy) -> Record:
     """Return a record with as many samples as are needed, itself if these are all."""
     data = record.data[[*model.input_names, *model.output_names]]
     data = data.assign({
@@ -265,7 +273,7 @@ def _thinned(model: MechanicalModel, record: Record, policy: Policy) -> Record:
         for effect in model.effects if effect.kind == _HOLD
     })  # fmt: skip
     fewer = record
-    for _ in range(_LOOKS):
+    for _ in range(_DECIMATION_ROUNDS):
         rate = needed_rate(model, fewer, policy)
         nearer = decimate(data, rate)
         if nearer.sizes["time"] == data.sizes["time"]:
@@ -274,14 +282,14 @@ def _thinned(model: MechanicalModel, record: Record, policy: Policy) -> Record:
         if again.samples == fewer.samples:
             break
         fewer = again
-    return _smooth(model, fewer)
+    return _with_smooth_holds(model, fewer)
 
 
 def _record(model: MechanicalModel, data: xr.Dataset) -> Record:
     return replace(record_of(model, data), honest=FLAT)
 
 
-def _smooth(model: MechanicalModel, record: Record) -> Record:
+def _with_smooth_holds(model: MechanicalModel, record: Record) -> Record:
     """Return a record whose forces, linear between samples, act as the smooth ones they are."""
     forces = {
         item.name: Effect(_HOLD, (item.name,), _SMOOTH)
@@ -310,8 +318,8 @@ def needed_rate(model: MechanicalModel, record: Record, policy: Policy) -> float
     lasting = policy.longest * slowest / policy.swings_kept
     sharp = any(o.quantity in (ACCELERATION, FORCE) for o in model.outputs)
     each = policy.sharp_samples if sharp else policy.swing_samples
-    wanted = min(_residual_top(model, record, policy) * 2 / FLAT, policy.comfortable / length)
-    driven = min(_input_top(model, record, policy) * 2 / FLAT, lasting)
+    wanted = min(_residual_bandwidth(model, record, policy) * 2 / FLAT, policy.comfortable / length)
+    driven = min(_input_bandwidth(model, record, policy) * 2 / FLAT, lasting)
     return max(each * fastest, wanted, driven, policy.few / length)
 
 
@@ -337,15 +345,15 @@ def fastest_motion(model: MechanicalModel, record: Record) -> float:
             > _ABOVE_FLOOR * floor
         ]  # fmt: skip
         order = {DISPLACEMENT: 0, VELOCITY: 2, ACCELERATION: 4}.get(output.quantity, 0)
-        least = max(floor, _LEAKS * float(np.max(density)))
+        least = max(floor, _LEAKAGE_FLOOR * float(np.max(density)))
         seen = np.maximum(density - _ABOVE_FLOOR * least, 0.0)
         # as displacement, of which what leaks from a strong line to 0 Hz would make a large one
         seen[1:] /= frequency[1:] ** order
-        highest = max(highest, *shown, _top(frequency[1:], seen[1:], 0.98))
+        highest = max(highest, *shown, _power_bandwidth(frequency[1:], seen[1:], 0.98))
     return highest
 
 
-def _residual_top(model: MechanicalModel, record: Record, policy: Policy) -> float:
+def _residual_bandwidth(model: MechanicalModel, record: Record, policy: Policy) -> float:
     """Return the frequency in Hz below which most of what the linear model leaves over lies."""
     run = free_run(model.without_effects(), record)
     still = rest(run.model)
@@ -357,17 +365,17 @@ def _residual_top(model: MechanicalModel, record: Record, policy: Policy) -> flo
     for e in error.T:
         frequency, density = _spectrum(e, record.dt)
         left = np.maximum(density - _ABOVE_FLOOR * float(np.percentile(density, 10)), 0.0)
-        highest = max(highest, _top(frequency, left, policy.kept))
+        highest = max(highest, _power_bandwidth(frequency, left, policy.kept))
     return highest
 
 
-def _input_top(model: MechanicalModel, record: Record, policy: Policy) -> float:
+def _input_bandwidth(model: MechanicalModel, record: Record, policy: Policy) -> float:
     """Return the frequency in Hz below which most of the forces lies that drive a model."""
     found = [0.0]
     for item in model.inputs:
         if item.imposes is None:
             frequency, density = _spectrum(np.asarray(record.data[item.name].values), record.dt)
-            found.append(_top(frequency, density, policy.kept))
+            found.append(_power_bandwidth(frequency, density, policy.kept))
     return max(found)
 
 
@@ -376,7 +384,7 @@ def _spectrum(y: Array, dt: float) -> tuple[Array, Array]:
     return welch(y - np.mean(y), 1 / dt, nperseg=length)
 
 
-def _top(frequency: Array, density: Array, share: float) -> float:
+def _power_bandwidth(frequency: Array, density: Array, share: float) -> float:
     """Return the frequency below which this share of the power lies, 0 if there is none."""
     power = np.cumsum(density)
     if power[-1] <= 0:
@@ -391,7 +399,7 @@ _KEPT = 4
 
 
 @dataclass
-class Work(Budget):
+class WorkBudget(Budget):
     """Steps of all runs of models over a record, see :attr:`Policy.work`.
 
     Attributes
@@ -414,8 +422,8 @@ class Work(Budget):
         return not self.exhausted
 
 
-class _ClosestRuns(NamedTuple):
-    """What :meth:`PreparedRecord.closest_runs` found."""
+class _FittedStartRuns(NamedTuple):
+    """What :meth:`PreparedRecord.run_with_fitted_starts` found."""
 
     model: MechanicalModel
     pieces: Sequence[StartedPiece]
@@ -441,7 +449,7 @@ class PreparedRecord:
         `trial` is the first part of each estimation piece, for first fits of candidates.
     windows : list of StartedPiece
         The whole record in short pieces, for models whose long free runs judge nothing.
-    motion_before : Smoothed
+    motion_before : SmoothedMotion
         What the linear model's observer made of the record.
     short : int
         Samples of short windows.
@@ -449,7 +457,7 @@ class PreparedRecord:
         Noise that records show which repeat each other; `scales` holds it too.
     held : frozenset of str
         Keys of numbers that fits leave as they are.
-    work : Work
+    work : WorkBudget
         What all who share the record have done together; without a limit by default.
     """
 
@@ -464,12 +472,12 @@ class PreparedRecord:
     held_out: list[StartedPiece]
     everything: list[StartedPiece]
     windows: list[StartedPiece]
-    motion_before: Smoothed
+    linear_motion: SmoothedMotion
     short: int
     repeats: Repeats | None = None
     held: frozenset[str] = frozenset()
-    work: Work = field(default_factory=Work)
-    _recent: deque[_ClosestRuns] = field(
+    work: WorkBudget = field(default_factory=WorkBudget)
+    _recent: deque[_FittedStartRuns] = field(
         default_factory=partial(deque, maxlen=_KEPT), init=False, repr=False
     )
 
@@ -484,7 +492,7 @@ class PreparedRecord:
             span *= growth
         return [*found, longest]
 
-    def windows_of(
+    def cut_windows(
         self, model: MechanicalModel, pieces: Sequence[StartedPiece], span: int
     ) -> list[StartedPiece]:
         """Return pieces cut into windows, with starts from the smoothed motion.
@@ -505,18 +513,18 @@ class PreparedRecord:
                 continue
             for begin, end in _windows((0, piece.record.samples), span):
                 part = piece.record.part(begin, end)
-                state = self.motion_before.start(linear, part.first).state
-                found.append(StartedPiece(part, Start(state, still)))
-        return with_rest(model, found)
+                state = self.linear_motion.start(linear, part.first).state
+                found.append(StartedPiece(part, InitialState(state, still)))
+        return with_initial_memory(model, found)
 
-    def with_memory(
+    def with_propagated_memory(
         self, model: MechanicalModel, pieces: Sequence[StartedPiece]
     ) -> list[StartedPiece]:
         """Return the pieces with the memory of effects as the run before each leaves it.
 
         Where the pieces follow each other, an effect remembers what happened before.
         """
-        started = with_rest(model, pieces)
+        started = with_initial_memory(model, pieces)
         if not started[0].start.internal.size:
             return started
         known = pieces[0].start.internal.size
@@ -527,17 +535,17 @@ class PreparedRecord:
             if here.record.follows(started[i - 1].record) and np.isfinite(end).all():
                 internal = here.start.internal.copy()
                 internal[known:] = end[known:]
-                started[i] = StartedPiece(here.record, Start(here.start.state, internal))
+                started[i] = StartedPiece(here.record, InitialState(here.start.state, internal))
         return started
 
     @cached_property
-    def fades(self) -> bool:
+    def quieter_held_out(self) -> bool:
         """Whether all outputs are far quieter where fits are judged than where they are made."""
         held, fitted = (
             np.std(np.concatenate([piece.record.Y for piece in pieces]), axis=0)
             for pieces in (self.held_out, self.trial)
         )
-        return bool(np.all(self.policy.fades * held < fitted))
+        return bool(np.all(self.policy.quieter_held_out * held < fitted))
 
     @property
     def steps(self) -> int:
@@ -553,9 +561,9 @@ class PreparedRecord:
         """
         policy = self.policy
         most = policy.screened if self.motion_sizes.size else policy.screened_imposed
-        part = liveliest(self.record, most)
+        part = most_active_part(self.record, most)
         return part.part(
-            0, moving(part.Y, policy.shape_above * self.scales.noise, policy.least_moving)
+            0, quiet_after(part.Y, policy.shape_above * self.scales.noise, policy.least_moving)
         )
 
     def runner(self, model: MechanicalModel, level: Level = FREE) -> Runner:
@@ -563,7 +571,7 @@ class PreparedRecord:
         dt, spend = self.record.dt, self.work.spend
         return Runner(model, dt, self.peak, level, self.scales, spend=spend)
 
-    def motion(self, model: MechanicalModel, record: Record) -> Smoothed:
+    def motion(self, model: MechanicalModel, record: Record) -> SmoothedMotion:
         """Return the smoothed motion along the record or a part of it."""
         return smooth(model, record, self.scales, self.amplitude, self.policy.following)
 
@@ -571,7 +579,7 @@ class PreparedRecord:
         """Return the sizes of a model's states, internal ones included."""
         return state_sizes(model, self.motion_sizes)
 
-    def closest_runs(
+    def run_with_fitted_starts(
         self, model: MechanicalModel, pieces: Sequence[StartedPiece]
     ) -> tuple[RecordRun, list[StartedPiece]]:
         """Return a model ready to run, and the pieces with the starts that suit it best."""
@@ -579,8 +587,8 @@ class PreparedRecord:
             if known.model is model and known.pieces is pieces:
                 return known.run, known.started
         run = self.runner(model).run(model)
-        started = self.with_fitted_starts(run, with_rest(model, pieces))
-        self._recent.append(_ClosestRuns(model, pieces, run, started))
+        started = self.with_fitted_starts(run, with_initial_memory(model, pieces))
+        self._recent.append(_FittedStartRuns(model, pieces, run, started))
         return run, started
 
     def with_fitted_starts(
@@ -596,10 +604,10 @@ class PreparedRecord:
             return fitted_starts(run, pieces, sizes)
         linear = run.model.without_effects()
         none = rest(linear).internal
-        bare = [StartedPiece(p.record, Start(p.start.state, none)) for p in pieces]
+        bare = [StartedPiece(p.record, InitialState(p.start.state, none)) for p in pieces]
         straight = fitted_starts(self.runner(linear).run(linear), bare, self.motion_sizes)
         others = [
-            StartedPiece(piece.record, Start(other.start.state, piece.start.internal))
+            StartedPiece(piece.record, InitialState(other.start.state, piece.start.internal))
             for piece, other in zip(pieces, straight, strict=True)
         ]
         return fitted_starts(run, pieces, sizes, others)
@@ -612,7 +620,7 @@ def _moving_force(model: MechanicalModel, amplitude: float, scales: Scales) -> f
     return float(np.max(np.sum(rows, axis=0)) * amplitude)
 
 
-def _no_such_motion(amplitude: float, scales: Scales) -> InvalidInputError:
+def _implausible_motion(amplitude: float, scales: Scales) -> InvalidInputError:
     return invalid(
         "data",
         described(f"motions of {amplitude:.3g} with forces of {np.max(scales.force):.3g}"),
@@ -624,27 +632,27 @@ def _no_such_motion(amplitude: float, scales: Scales) -> InvalidInputError:
 def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedRecord:
     """Prepare a record for fits of a model and its extensions."""
     scales = scales_of(model, record)
-    amplitude = amplitude_of(model, record, scales.bandwidth)
+    amplitude = displacement_amplitude(model, record, scales.bandwidth)
     linear = model.without_effects()
     if 0 < _OUT_OF_PROPORTION * _moving_force(model, amplitude, scales) < np.max(scales.force):
-        raise _no_such_motion(amplitude, scales)
+        raise _implausible_motion(amplitude, scales)
     try:
         motion = smooth(linear, record, scales, amplitude, policy.following)
     except np.linalg.LinAlgError as error:
-        raise _no_such_motion(amplitude, scales) from error
-    peak = peak_of(model, record, scales.bandwidth, motion.q)
+        raise _implausible_motion(amplitude, scales) from error
+    peak = displacement_peak(model, record, scales.bandwidth, motion.q)
     repeated = repeats(model, record)
     if repeated is not None:
         scales = replace(scales, noise=repeated.noise)
-    kept, judges = sides(model, record)
+    kept, judges = fit_and_held_out_parts(model, record)
     first = max(2 * policy.trial // len(kept), policy.trial // 4, least_samples(model))
     short = policy.window(record.samples)
     longest = max(part.samples for part in record.parts)
-    length = short if drifts(model, longest * record.dt) else longest
+    length = short if has_integrator(model, longest * record.dt) else longest
 
     def pieces(parts: Sequence[Record], length: int = length) -> list[StartedPiece]:
         cut = [part.part(*ends) for part in parts for ends in _windows((0, part.samples), length)]
-        return with_rest(
+        return with_initial_memory(
             model, [StartedPiece(part, motion.start(linear, part.first)) for part in cut]
         )
 
@@ -655,22 +663,24 @@ def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedR
         held_out=pieces(judges),
         everything=pieces(record.parts),
         windows=pieces(record.parts, length=short),
-        motion_before=motion, short=short, repeats=repeated, work=Work(policy.work),
+        linear_motion=motion, short=short, repeats=repeated, work=WorkBudget(policy.work),
     )  # fmt: skip
 
 
-def with_rest(model: MechanicalModel, pieces: Sequence[StartedPiece]) -> list[StartedPiece]:
+def with_initial_memory(
+    model: MechanicalModel, pieces: Sequence[StartedPiece]
+) -> list[StartedPiece]:
     """Return the pieces with internal states that suit a model, at rest where they are new."""
     found = []
     for piece in pieces:
         internal = rest(model).internal
         known = min(internal.size, piece.start.internal.size)
         internal[:known] = piece.start.internal[:known]
-        found.append(StartedPiece(piece.record, Start(piece.start.state, internal)))
+        found.append(StartedPiece(piece.record, InitialState(piece.start.state, internal)))
     return found
 
 
-def drifts(model: MechanicalModel, length: float) -> bool:
+def has_integrator(model: MechanicalModel, length: float) -> bool:
     """Return whether the linear part integrates over a record of `length` seconds.
 
     The free run of such a model forgets nothing, so that it is judged in windows.
@@ -681,7 +691,7 @@ def drifts(model: MechanicalModel, length: float) -> bool:
     return bool(np.min(np.abs(poles)) * length < 1)
 
 
-def _motion_sizes(model: MechanicalModel, motion: Smoothed) -> Array:
+def _motion_sizes(model: MechanicalModel, motion: SmoothedMotion) -> Array:
     """Return the size of each free displacement and velocity."""
     free = model.matrices.free
     sizes = np.concatenate([np.std(motion.q[free], axis=1), np.std(motion.v[free], axis=1)])

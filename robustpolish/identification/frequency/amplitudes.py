@@ -18,7 +18,7 @@ from robustpolish.identification.frequency.lines import (
     FrequencyPolicy,
     MeasuredResponse,
     Resonance,
-    matched,
+    match_modes,
     measured_resonances,
     measured_response,
     model_resonances,
@@ -323,7 +323,7 @@ def _tracked(
     tracks: list[dict[int, Resonance]] = []
     for level, modes in enumerate(found):
         last = tuple(track[max(track)] for track in tracks)
-        partners = {j: i for i, j in matched(last, modes, policy)}
+        partners = {j: i for i, j in match_modes(last, modes, policy)}
         for j, mode in enumerate(modes):
             if j in partners:
                 tracks[partners[j]][level] = mode
@@ -348,7 +348,7 @@ def _mode(
     places: tuple[tuple[tuple[str, str], float], ...] = ()
     if shapes:
         first = (track[min(track)],)
-        pairs = matched(tuple(mode for mode, _ in shapes), first, policy)
+        pairs = match_modes(tuple(mode for mode, _ in shapes), first, policy)
         if pairs:
             motion = shapes[pairs[0][0]][1]
             places = tuple(sorted(motion.items(), key=lambda item: -item[1]))

@@ -20,7 +20,7 @@ from robustpolish.identification.frequency.lines import (
     FrequencyPolicy,
     MeasuredResponse,
     likeness,
-    matched,
+    match_modes,
     measured_resonances,
     measured_response,
     model_resonances,
@@ -136,7 +136,7 @@ class FrequencyComparison(Displayed):
     @property
     def relative(self) -> float:
         """Relative error of all pairs together, each with its weight."""
-        return together(self.pairs.values())
+        return combined_error(self.pairs.values())
 
     @property
     def residual(self) -> xr.DataArray:
@@ -299,7 +299,7 @@ def compare_frequency_response(
     )
 
 
-def together(errors: Iterable[PairError]) -> float:
+def combined_error(errors: Iterable[PairError]) -> float:
     """Return the relative error of several pairs."""
     each = np.array([(error.weight, error.relative**2) for error in errors])
     return float(np.sqrt(each[:, 0] @ each[:, 1] / np.sum(each[:, 0])))
@@ -347,7 +347,7 @@ def _modes(
 ) -> tuple[ModeComparison, ...]:
     """Put the model's modes and the measured ones side by side."""
     ours, theirs = model_resonances(model, measured), measured_resonances(measured, policy)
-    partners = dict(matched(ours, theirs, policy))
+    partners = dict(match_modes(ours, theirs, policy))
     rows = []
     for i, mode in enumerate(ours):
         seen = theirs[partners[i]] if i in partners else None

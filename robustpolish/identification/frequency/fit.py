@@ -15,7 +15,7 @@ from robustpolish.base.arrays import AnyArray, Array
 from robustpolish.errors import InvalidInputError
 from robustpolish.identification.fit.parameters import FreeParameter, free_parameters
 from robustpolish.identification.fit.result import Refit
-from robustpolish.identification.frequency.comparison import pair_errors, together
+from robustpolish.identification.frequency.comparison import combined_error, pair_errors
 from robustpolish.identification.frequency.lines import (
     FREQUENCY_POLICY,
     FrequencyPolicy,
@@ -72,16 +72,16 @@ def refit_frequency_response(
     thin = measured.thinned(policy.most_lines)
     led = start
     for width in policy.widths:
-        led = problem.fit(led, _averaged(thin, width, policy), thin)
+        led = problem.fit(led, _band_averages(thin, width, policy), thin)
         tell()
     allowed = policy.first_error
-    weigh = _weighed(measured, allowed)
+    weigh = _line_weights(measured, allowed)
     fits = [problem.fit(each, weigh, measured) for each in (led, start)]
     first = min(fits, key=lambda x: problem.cost(x, weigh, measured))
     tell()
     # What comparisons tell is this cost, but for what is known beforehand, and the start costs
     # nothing there: a fit that begins at the better of both cannot end above the start.
-    weigh = _weighed(measured, policy.accuracy)
+    weigh = _line_weights(measured, policy.accuracy)
     first = min((first, start), key=lambda x: problem.cost(x, weigh, measured))
     taken = best = problem.fit(first, weigh, measured)
     tell()
@@ -90,7 +90,7 @@ def refit_frequency_response(
         allowed = _model_error(measured, problem.response(best, measured), policy)
         if allowed <= policy.accuracy:
             break
-        wider = _weighed(measured, allowed)
+        wider = _line_weights(measured, allowed)
         best = problem.fit(best, wider, measured)
         if problem.error(best, measured) <= limit:
             taken, weigh = best, wider
@@ -120,7 +120,7 @@ class _Problem:
         free = tuple(free_parameters(model, bandwidth, POLICY))
         whole = cls(model, free, (), policy)
         thin = measured.thinned(policy.centres)
-        slopes = whole.slopes(np.zeros(len(free)), _weighed(thin, policy.first_error), thin)
+        slopes = whole.slopes(np.zeros(len(free)), _line_weights(thin, policy.first_error), thin)
         heard = np.max(np.abs(slopes), axis=0, initial=0.0) > 1e-9
         kept = tuple(f for f, use in zip(free, heard, strict=True) if use)
         silent = tuple(f.key for f, use in zip(free, heard, strict=True) if not use)
@@ -138,7 +138,7 @@ class _Problem:
 
     def error(self, x: Array, measured: MeasuredResponse) -> float:
         """Return the error that comparisons tell, all pairs together."""
-        return together(pair_errors(measured, self.response(x, measured), self.policy))
+        return combined_error(pair_errors(measured, self.response(x, measured), self.policy))
 
     def residuals(self, x: Array, weigh: Weighing, measured: MeasuredResponse) -> Array:
         """Return weighted errors, then what is known beforehand."""
@@ -188,38 +188,38 @@ class _Problem:
         return found.x if 2 * found.cost <= before else x
 
 
-def _in_logs(f: FreeParameter) -> bool:
+def _fitted_as_logarithm(f: FreeParameter) -> bool:
     """Return whether a number keeps its sign: then its logarithm is fitted."""
     return (f.start > 0 and f.lower >= 0) or (f.start < 0 and f.upper <= 0)
 
 
 def _value(f: FreeParameter, x: float) -> float:
-    return float(f.start * np.exp(x)) if _in_logs(f) else float(f.start + f.scale * x)
+    return float(f.start * np.exp(x)) if _fitted_as_logarithm(f) else float(f.start + f.scale * x)
 
 
 def _bounds(f: FreeParameter) -> tuple[float, float]:
     """Return the bounds of what is fitted instead of a number; a factor of e^12 is no limit."""
-    if not _in_logs(f):
+    if not _fitted_as_logarithm(f):
         return (f.lower - f.start) / f.scale, (f.upper - f.start) / f.scale
     with np.errstate(divide="ignore"):
         ends = sorted(np.log(np.maximum(np.array([f.lower, f.upper]) / f.start, 0.0)))
     return max(ends[0], -12.0), min(ends[1], 12.0)
 
 
-def _halves(values: AnyArray) -> Array:
+def _real_and_imaginary(values: AnyArray) -> Array:
     """Return real and imaginary parts, each of which has half of the variance."""
     flat = values.ravel() * np.sqrt(2)
     return np.concatenate([flat.real, flat.imag])
 
 
-def _weighed(measured: MeasuredResponse, allowed: float) -> Weighing:
+def _line_weights(measured: MeasuredResponse, allowed: float) -> Weighing:
     """Weigh every line by its noise and the share of its size that a model may be wrong by."""
     spread = measured.spread(allowed)
     there, values = measured.there, np.nan_to_num(measured.values)
-    return lambda modelled: _halves(np.where(there, (modelled - values) / spread, 0.0))
+    return lambda modelled: _real_and_imaginary(np.where(there, (modelled - values) / spread, 0.0))
 
 
-def _averaged(measured: MeasuredResponse, width: float, policy: FrequencyPolicy) -> Weighing:
+def _band_averages(measured: MeasuredResponse, width: float, policy: FrequencyPolicy) -> Weighing:
     """Weigh responses averaged over bands, relative to their mean size there.
 
     The averages are Lorentzian: as if damping of that half width were added to the machine.
@@ -236,7 +236,7 @@ def _averaged(measured: MeasuredResponse, width: float, policy: FrequencyPolicy)
 
     def weigh(modelled: AnyArray) -> Array:
         error = np.where(there, np.nan_to_num(modelled) - values, 0.0)
-        return _halves(kernel @ error / total * scale)
+        return _real_and_imaginary(kernel @ error / total * scale)
 
     return weigh
 
@@ -299,7 +299,7 @@ def _covariance(
     # The errors themselves say how large they are (White's estimate), and how much neighbours err
     # alike; the weights need not be right for that.
     many = 2 * np.count_nonzero(measured.there)
-    scale = _alike(both[0] + 1j * both[1]) * many / max(many - len(keys), 1)
+    scale = _error_correlation(both[0] + 1j * both[1]) * many / max(many - len(keys), 1)
     known = J[lines:].T @ J[lines:]
     meat = scale * (J[:lines].T * errors**2) @ J[:lines] + known
     information = J[:lines].T @ J[:lines] + known
@@ -312,10 +312,10 @@ def _covariance(
 
 def _factor(f: FreeParameter, x: float) -> float:
     """Return the slope of a number over what is fitted instead."""
-    return _value(f, x) if _in_logs(f) else f.scale
+    return _value(f, x) if _fitted_as_logarithm(f) else f.scale
 
 
-def _alike(errors: AnyArray) -> float:
+def _error_correlation(errors: AnyArray) -> float:
     """Return how many neighbouring lines count as one: one plus twice their correlations."""
     power = float(np.sum(np.abs(errors) ** 2))
     if power == 0:

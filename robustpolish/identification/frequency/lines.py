@@ -377,13 +377,13 @@ def measured_resonances(
         lowest = tops[i - 1] + int(np.argmin(sum_[tops[i - 1] : top])) if i else 0
         last = i + 1 < len(tops)
         highest = top + int(np.argmin(sum_[top : tops[i + 1]])) if last else len(sum_) - 1
-        mode = _fitted(measured, values, sum_, top, (lowest, highest), policy)
+        mode = _fit_pole(measured, values, sum_, top, (lowest, highest), policy)
         if mode is not None:
             found.append(mode)
     return tuple(found)
 
 
-def matched(
+def match_modes(
     modelled: tuple[Resonance, ...],
     measured: tuple[Resonance, ...],
     policy: FrequencyPolicy = FREQUENCY_POLICY,
@@ -418,7 +418,7 @@ def matched(
     return [(i, j) for i, j in pairs if cost[i, j] < policy.alike]
 
 
-def _fitted(
+def _fit_pole(
     measured: MeasuredResponse,
     values: AnyArray,
     sum_: Array,

@@ -19,7 +19,12 @@ from robustpolish.identification.record import Record
 from robustpolish.machines.mechanical.data import port_matrices
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import ACCELERATION, DISPLACEMENT, FORCE, VELOCITY
-from robustpolish.machines.simulation.run import Lines, NonlinearSystem, build_system, lines_through
+from robustpolish.machines.simulation.run import (
+    IntersampleLines,
+    NonlinearSystem,
+    build_system,
+    linear_interpolation,
+)
 from robustpolish.machines.simulation.stepper import step_matrices
 
 _QUIETEST = 1e-5
@@ -210,7 +215,7 @@ def scales_of(model: MechanicalModel, record: Record) -> Scales:
     inputs = np.std(W, axis=0) if W.shape[1] else np.zeros(0)
     forces = W[:, : m.B.shape[1]] @ m.B.T
     driving = float(np.sqrt(np.mean(np.sum(forces**2, axis=1)))) if forces.size else 0.0
-    q = amplitude_of(model, record, bandwidth)
+    q = displacement_amplitude(model, record, bandwidth)
     mass = np.diag(m.M)
     rows, _ = force_sites(model)
     elastic = np.array([abs(r) @ (np.abs(np.diag(m.K)) + mass * bandwidth**2 / 4) for r in rows])
@@ -323,12 +328,12 @@ def _spectrum(record: Record, i: int) -> tuple[Array, Array]:
     return np.arange(total.size) / (lines * record.dt), total
 
 
-def amplitude_of(model: MechanicalModel, record: Record, bandwidth: float) -> float:
+def displacement_amplitude(model: MechanicalModel, record: Record, bandwidth: float) -> float:
     """Return a displacement amplitude, in m or rad, from outputs or imposed motions."""
     return _displacement(model, record, bandwidth, _USUAL)
 
 
-def peak_of(
+def displacement_peak(
     model: MechanicalModel, record: Record, bandwidth: float, smoothed: Array | None = None
 ) -> float:
     """Return the largest displacement, in m or rad: steps have to resolve laws there, too.
@@ -343,7 +348,7 @@ def peak_of(
         Displacements that an observer made of the record: accelerometers tell none.
     """
     moved = float(np.max(np.abs(smoothed), initial=0.0)) if smoothed is not None else 0.0
-    usual = amplitude_of(model, record, bandwidth)
+    usual = displacement_amplitude(model, record, bandwidth)
     return min(max(_displacement(model, record, bandwidth, 100.0), moved), _PEAK * usual)
 
 
@@ -482,13 +487,13 @@ class LinearObserver:
         W: Array,
         forces: PortForces | None,
         s0: Array | None = None,
-        lines: Lines | None = None,
+        lines: IntersampleLines | None = None,
     ) -> tuple[Array, Array]:
         """Return the predicted states and the innovations, some forces being known.
 
         `lines` says what the inputs do between the samples, where they are not linear.
         """
-        begin, end = lines or lines_through(W)
+        begin, end = lines or linear_interpolation(W)
         drive = np.zeros((len(Y), self.states))
         drive[:-1] = begin[:-1] @ self.m.full_now.T + end[:-1] @ self.m.full_later.T
         direct = W @ self.system.D.T

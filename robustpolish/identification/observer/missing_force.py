@@ -14,10 +14,10 @@ from robustpolish.identification.observer.kalman import (
     LinearObserver,
     PortForces,
     Scales,
-    amplitude_of,
+    displacement_amplitude,
     scales_of,
 )
-from robustpolish.identification.observer.runs import Runner, Start, StartedPiece, rest
+from robustpolish.identification.observer.runs import InitialState, Runner, StartedPiece, rest
 from robustpolish.identification.record import Record, least_samples
 from robustpolish.machines.effects.evaluate import force_with
 from robustpolish.machines.mechanical.data import (
@@ -28,15 +28,15 @@ from robustpolish.machines.mechanical.data import (
     port_rows,
 )
 from robustpolish.machines.mechanical.model import MechanicalModel
-from robustpolish.machines.simulation.run import Lines, NonlinearResponse
+from robustpolish.machines.simulation.run import IntersampleLines, NonlinearResponse
 
-_START = 3.0
+_INITIAL_AMPLITUDE = 3.0
 # Levels of a model that may be nearly right, to predict with and to see the motion.
-_OBSERVING = tuple(Level(share) for share in (0.01, 0.03, 0.1, 0.3, 1.0))
+_OBSERVER_LEVELS = tuple(Level(share) for share in (0.01, 0.03, 0.1, 0.3, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
-class Smoothed:
+class SmoothedMotion:
     """Motion and missing force along a record.
 
     Attributes
@@ -61,11 +61,11 @@ class Smoothed:
     outputs: Array
     internal: Array
 
-    def start(self, model: MechanicalModel, sample: int) -> Start:
+    def start(self, model: MechanicalModel, sample: int) -> InitialState:
         """Return the state at a sample."""
         free = model.matrices.free
         state = np.concatenate([self.q[free, sample], self.v[free, sample]])
-        return Start(state, self.internal[sample])
+        return InitialState(state, self.internal[sample])
 
 
 _AXES = (
@@ -89,11 +89,11 @@ def known_forces(
     return PortForces(np.vstack(rows), pairs, np.vstack(values))
 
 
-_BEYOND = 1e3
+_DIVERGED_AMPLITUDE = 1e3
 """Times the amplitude of a motion beyond which what was smoothed is none."""
 
 
-def following(
+def best_observer_level(
     model: MechanicalModel,
     record: Record,
     scales: Scales,
@@ -147,19 +147,19 @@ def smooth(
     scales: Scales,
     amplitude: float,
     levels: Sequence[Level],
-) -> Smoothed:
+) -> SmoothedMotion:
     """Return motion and missing force along a record, led by the data as far as they ask for.
 
     Effects of the model enter as known forces along the motion that a forward pass of the
     nonlinear observer finds. Each of several records is smoothed by itself. Arguments as of
-    :func:`following`.
+    :func:`best_observer_level`.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # no level may follow the record
         each = [_smooth(model, part, scales, amplitude, levels) for part in record.parts]
     if len(each) == 1:
         return each[0]
     rows = {name: np.concatenate([getattr(s, name) for s in each], axis) for name, axis in _AXES}
-    return Smoothed(**rows)
+    return SmoothedMotion(**rows)
 
 
 def _smooth(
@@ -168,9 +168,9 @@ def _smooth(
     scales: Scales,
     amplitude: float,
     levels: Sequence[Level],
-) -> Smoothed:
+) -> SmoothedMotion:
     """Smooth one record, or a contiguous part of one."""
-    level, seen = following(model, record, scales, amplitude, levels)
+    level, seen = best_observer_level(model, record, scales, amplitude, levels)
     W, time = record.own(record.signals(model)), record.time
     Y = record.raw_outputs(model)
     observer = LinearObserver(model, record.dt, level, scales)
@@ -188,33 +188,33 @@ def _smooth(
         s = along(None)
     q, v = motion_of(model, s, W)
     n = 2 * len(model.free)
-    return Smoothed(
+    return SmoothedMotion(
         q, v, _accelerations(model, q, v, W, forces), s[:, n:].T, W,
         s @ observer.system.C.T + W @ observer.system.D.T
-        + (0.0 if forces is None else _through(model, forces)),
+        + (0.0 if forces is None else _force_feedthrough(model, forces)),
         seen.internal,
     )  # fmt: skip
 
 
-def observed(model: MechanicalModel, record: Record) -> NonlinearResponse:
+def best_observer_run(model: MechanicalModel, record: Record) -> NonlinearResponse:
     """Return the predictions and states of the observer that predicts a record best."""
     scales = scales_of(model, record)
-    amplitude = amplitude_of(model, record, scales.bandwidth)
-    return following(model, record, scales, amplitude, _OBSERVING)[1]
+    amplitude = displacement_amplitude(model, record, scales.bandwidth)
+    return best_observer_level(model, record, scales, amplitude, _OBSERVER_LEVELS)[1]
 
 
-def observed_motion(model: MechanicalModel, record: Record) -> Smoothed | None:
+def smoothed_motion(model: MechanicalModel, record: Record) -> SmoothedMotion | None:
     """Return the smoothed motion of a record; None if it is too short or cannot be followed."""
     if min(part.samples for part in record.parts) < least_samples(model):
         return None
     scales = scales_of(model, record)
-    amplitude = amplitude_of(model, record, scales.bandwidth)
-    found = smooth(model, record, scales, amplitude, _OBSERVING)
+    amplitude = displacement_amplitude(model, record, scales.bandwidth)
+    found = smooth(model, record, scales, amplitude, _OBSERVER_LEVELS)
     finite = all(np.isfinite(part).all() for part in (found.q, found.force, found.internal))
     return found if finite else None
 
 
-def _through(model: MechanicalModel, forces: PortForces) -> Array:
+def _force_feedthrough(model: MechanicalModel, forces: PortForces) -> Array:
     _, H, _ = port_matrices(model, forces.rows, forces.pairs)
     return (H @ forces.values).T
 
@@ -233,7 +233,7 @@ def _bounded_states(
         found = along(forces)
     except np.linalg.LinAlgError:
         return None
-    most = _BEYOND * amplitude if amplitude > 0 else np.inf
+    most = _DIVERGED_AMPLITUDE * amplitude if amplitude > 0 else np.inf
     return found if np.max(np.abs(found[:, :free]), initial=0.0) <= most else None
 
 
@@ -241,14 +241,14 @@ def _smoothed_states(
     observer: LinearObserver,
     Y: Array,
     W: Array,
-    lines: Lines | None,
+    lines: IntersampleLines | None,
     sizes: Array,
     forces: PortForces | None,
 ) -> Array:
     """Smooth; the start is fitted to the first part of the record."""
     first = min(len(Y), 4000)
     head = None if forces is None else forces.head(first)
-    begin = None if lines is None else Lines(lines.begin[:first], lines.end[:first])
+    begin = None if lines is None else IntersampleLines(lines.begin[:first], lines.end[:first])
     errors = observer.innovations(Y[:first], W[:first], head, lines=begin)[1]
     start = observer.likeliest_start(errors, sizes)
     states, errors = observer.innovations(Y, W, forces, start, lines)
@@ -267,9 +267,9 @@ def _start_sizes(model: MechanicalModel, scales: Scales, amplitude: float) -> Ar
     elastic = np.where(stiffness > 0, stiffness, mass * scales.bandwidth**2)
     if amplitude == 0 or not elastic.size:
         return np.full(2 * len(elastic), np.inf)
-    energy = np.min(elastic) * (_START * amplitude) ** 2
+    energy = np.min(elastic) * (_INITIAL_AMPLITUDE * amplitude) ** 2
     q = np.where(stiffness > 0, np.sqrt(energy / elastic), np.inf)
-    v = np.minimum(np.sqrt(energy / mass), _START * scales.bandwidth * q)
+    v = np.minimum(np.sqrt(energy / mass), _INITIAL_AMPLITUDE * scales.bandwidth * q)
     return np.concatenate([q, v])
 
 

@@ -14,9 +14,9 @@ from robustpolish.identification.observer.kalman import (
     Gain,
     Level,
     Scales,
+    displacement_peak,
     excited_bandwidth,
     observer_gain,
-    peak_of,
     white_noise,
     with_missing_force,
 )
@@ -24,8 +24,8 @@ from robustpolish.identification.record import Record
 from robustpolish.machines.mechanical.data import MechanicalData, dynamic_effects
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.simulation.run import (
-    Course,
-    Lines,
+    InputCourse,
+    IntersampleLines,
     NonlinearResponse,
     NonlinearSystem,
     Stepper,
@@ -37,7 +37,7 @@ from robustpolish.machines.simulation.run import (
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
+class InitialState:
     """State of a model at the first sample of a record: mechanical and internal."""
 
     state: Array
@@ -48,9 +48,9 @@ class Start:
         """Free displacements, their velocities, then internal states of the effects."""
         return np.concatenate([self.state, self.internal])
 
-    def with_vector(self, vector: Array) -> Start:
+    def with_vector(self, vector: Array) -> InitialState:
         """Return a start with other values."""
-        return Start(vector[: self.state.size], vector[self.state.size :])
+        return InitialState(vector[: self.state.size], vector[self.state.size :])
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ class StartedPiece:
     """A contiguous piece of record and the state at its first sample."""
 
     record: Record
-    start: Start
+    start: InitialState
 
 
 class Runner:
@@ -98,8 +98,8 @@ class Runner:
         self.substeps = substeps or needed_substeps(model, dt, amplitude)
         self._leak = None if level.free or scales is None else scales.leak
         self._moves_inputs = any(e.definition.domain == "input" for e in model.effects)
-        self._signals: tuple[tuple[object, object], Array, Lines | None] | None = None
-        self._course: tuple[tuple[object, object], Course, Array] | None = None
+        self._signals: tuple[tuple[object, object], Array, IntersampleLines | None] | None = None
+        self._course: tuple[tuple[object, object], InputCourse, Array] | None = None
         self.gain: Gain | None = None
         if self._leak is not None and scales is not None:
             self.gain = observer_gain(self._system(model), dt, level, scales)
@@ -116,15 +116,17 @@ class Runner:
         """Return the model's input signals over a record, shape (samples, signals)."""
         return record.own(self._known(model, record)[1])
 
-    def lines(self, model: MechanicalModel, records: Sequence[Record]) -> Lines | None:
+    def lines(self, model: MechanicalModel, records: Sequence[Record]) -> IntersampleLines | None:
         """Return what the signals do between the samples of records, None if all are linear."""
         known = [record.own_lines(self._known(model, record)[2]) for record in records]
         found = [each for each in known if each is not None]
         if not found:
             return None
-        return Lines(*(np.concatenate(side) for side in zip(*found, strict=True)))
+        return IntersampleLines(*(np.concatenate(side) for side in zip(*found, strict=True)))
 
-    def course(self, model: MechanicalModel, records: tuple[Record, ...]) -> tuple[Course, Array]:
+    def course(
+        self, model: MechanicalModel, records: tuple[Record, ...]
+    ) -> tuple[InputCourse, Array]:
         """Return what acts on a model over several pieces of record, and what was measured there.
 
         The pieces stand one behind the other in the arrays; of those asked for last the answer is
@@ -137,7 +139,7 @@ class Runner:
 
         Returns
         -------
-        course : Course
+        course : InputCourse
         measured : ndarray, shape (samples, ny)
         """
         key = (records, model if self._moves_inputs else None)
@@ -146,13 +148,13 @@ class Runner:
             signals = np.concatenate([self.inputs(model, record) for record in records])
             time = np.concatenate([record.time for record in records])
             marks = np.cumsum([0, *(record.samples for record in records)])
-            course = Course.of(signals, self.lines(model, records), time, marks)
+            course = InputCourse.of(signals, self.lines(model, records), time, marks)
             known = self._course = (key, course, np.concatenate([r.Y for r in records]))
         return known[1:]
 
     def _known(
         self, model: MechanicalModel, record: Record
-    ) -> tuple[tuple[object, object], Array, Lines | None]:
+    ) -> tuple[tuple[object, object], Array, IntersampleLines | None]:
         key = (record.sets, model if self._moves_inputs else None)
         known = self._signals
         if known is None or any(a is not b for a, b in zip(known[0], key, strict=True)):
@@ -221,14 +223,14 @@ class RecordRun:
         ----------
         records : tuple of Record
         starts : ndarray, shape (pieces, n)
-            One vector of :class:`Start` each.
+            One vector of :class:`InitialState` each.
         keep : bool, optional
             As in :meth:`over`.
         """
         system = self.run.system
         states = starts.shape[1] - system.internal
         if self.runner.gain is not None:
-            begins = (Start(row[:states], row[states:]) for row in starts)
+            begins = (InitialState(row[:states], row[states:]) for row in starts)
             pieces = (StartedPiece(*each) for each in zip(records, begins, strict=True))
             runs = [self.over(piece, keep) for piece in pieces]
             return NonlinearResponse(*(np.concatenate(part) for part in zip(*runs, strict=True)))
@@ -249,14 +251,14 @@ def free_run(model: MechanicalModel, record: Record) -> RecordRun:
     """Return a model ready to run freely over a record."""
     peak = 0.0
     if model.effects:
-        peak = peak_of(model, record, excited_bandwidth(model, record))
+        peak = displacement_peak(model, record, excited_bandwidth(model, record))
     return Runner(model, record.dt, peak).run(model)
 
 
-def rest(model: MechanicalData) -> Start:
+def rest(model: MechanicalData) -> InitialState:
     """Return a start at rest."""
     internal = sum(effect.definition.states for _, effect in dynamic_effects(model))
-    return Start(np.zeros(2 * len(model.free)), np.zeros(internal))
+    return InitialState(np.zeros(2 * len(model.free)), np.zeros(internal))
 
 
 # Whether the error of a free run can judge a model at all.

@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 
 from robustpolish.base.arrays import Array
-from robustpolish.base.budget import on_all_cores
-from robustpolish.identification.observer.runs import RecordRun, Start, StartedPiece
+from robustpolish.base.budget import parallel_map
+from robustpolish.identification.observer.runs import InitialState, RecordRun, StartedPiece
 from robustpolish.identification.record import Record
 from robustpolish.machines.mechanical.data import MechanicalData, dynamic_effects
 
@@ -20,7 +20,7 @@ _ROUNDS = 8
 _STEP = 1e-7  # as in fits, short enough not to span the small jumps of errors
 
 
-def closest(
+def refine_starts(
     run: RecordRun,
     pieces: Sequence[StartedPiece],
     samples: int,
@@ -53,7 +53,7 @@ def closest(
             ahead[:, j] += step * sizes[j]
             return errors(ahead, active)
 
-        columns = on_all_cores(moved, range(len(sizes)))
+        columns = parallel_map(moved, range(len(sizes)))
         jacobians = {
             i: np.column_stack([(column[k] - now[i]) / step for column in columns])
             for k, i in enumerate(active)
@@ -86,13 +86,13 @@ def closest(
     ]
 
 
-def weights_of(record: Record) -> Array:
+def output_weights(record: Record) -> Array:
     """Return what makes errors comparable: one over the size of each output."""
     size = np.std(record.Y, axis=0)
     return 1 / np.where(size > 0, size, 1.0)
 
 
-def squares(
+def squared_errors_of(
     run: RecordRun, pieces: Sequence[StartedPiece], samples: int, weights: Array
 ) -> list[float]:
     """Return for each piece the sum of the squares of its weighted errors over its first samples.
@@ -104,7 +104,7 @@ def squares(
     samples : int
         All of a piece that has no more.
     weights : ndarray, shape (ny,)
-        See :func:`weights_of`.
+        See :func:`output_weights`.
     """
     heads = tuple(p.record.part(0, min(samples, p.record.samples)) for p in pieces)
     errors = _output_errors(run, heads, np.array([p.start.vector for p in pieces]), weights)
@@ -132,24 +132,26 @@ def _damped_step(jacobian: Array, error: Array, damping: float) -> Array:
 _SHORTEST = 50
 # Samples of the very first stretches of unknown starts: a spring that stiffens may swing several
 # times over what its linear part takes for one swing.
-_BRIEFEST = 6
+_SHORTEST_STRETCH = 6
 # Times the mean square error with which a start is still tried beside the best, how many are, the
 # relative difference below which two are the same, and the rise over a longer stretch that noise
 # does not make: then the start is lost.
-_RIVAL = 4.0
-_RIVALS = 2
+_ALTERNATIVE_RATIO = 4.0
+_MOST_ALTERNATIVES = 2
 _SAME = 1e-6
-_LOST = 1.5
+_LOST_RATIO = 1.5
 # Stretches over which a second start is tried beside the first.
-_BESIDE = 2
+_ALTERNATIVE_STRETCHES = 2
 # Relative fall with which the start of a stretch is good enough for the next one.
-_ROUGHLY = 1e-2
+_COARSE_TOLERANCE = 1e-2
 # Mean square error over the first stretch, in those of the outputs, from which a start is wrong: a
 # wrong model follows its few samples, too.
-_WRONG = 0.1
+_WRONG_START_ERROR = 0.1
 
 
-def fitted_start(run: RecordRun, record: Record, guesses: Sequence[Start], sizes: Array) -> Start:
+def fitted_start(
+    run: RecordRun, record: Record, guesses: Sequence[InitialState], sizes: Array
+) -> InitialState:
     """Find the start from which a free run comes closest to the measured outputs.
 
     Parameters
@@ -164,17 +166,17 @@ def fitted_start(run: RecordRun, record: Record, guesses: Sequence[Start], sizes
 
     Returns
     -------
-    Start
+    InitialState
     """
     if not sizes.size:
         return guesses[0]
-    pieces, weights = [StartedPiece(record, guess) for guess in guesses], weights_of(record)
+    pieces, weights = [StartedPiece(record, guess) for guess in guesses], output_weights(record)
     if run.linear:
         found = fitted_starts(run, pieces, sizes)
-        return found[int(np.argmin(squares(run, found, record.samples, weights)))].start
-    spans = lengths(record.samples)
-    brief = _begun_briefly(run, pieces, spans[0], sizes, weights)
-    search = _Growing(run, sizes, weights, record.samples)
+        return found[int(np.argmin(squared_errors_of(run, found, record.samples, weights)))].start
+    spans = doubling_lengths(record.samples)
+    brief = _fit_over_short_stretches(run, pieces, spans[0], sizes, weights)
+    search = _GrowingStretchSearch(run, sizes, weights, record.samples)
     found = search.best_of(search.over([*pieces, *brief], spans[0]), spans[0])
     for before, span in pairwise(spans):
         found = search.best_of(search.longer(found, before, span), span)
@@ -182,7 +184,7 @@ def fitted_start(run: RecordRun, record: Record, guesses: Sequence[Start], sizes
 
 
 @dataclass
-class _Growing:
+class _GrowingStretchSearch:
     """A search for the start of one record over stretches that grow.
 
     Over a stretch twice as long a start may be a wrong phase although it was right over the one
@@ -198,18 +200,18 @@ class _Growing:
 
     def over(self, pieces: Sequence[StartedPiece], span: int) -> list[StartedPiece]:
         """Return the pieces, their starts improved over a stretch."""
-        settled = 1e-6 if span == self.longest else _ROUGHLY
-        return closest(self.run, pieces, span, self.sizes, self.weights, settled)
+        settled = 1e-6 if span == self.longest else _COARSE_TOLERANCE
+        return refine_starts(self.run, pieces, span, self.sizes, self.weights, settled)
 
     def best_of(self, pieces: Sequence[StartedPiece], span: int) -> list[StartedPiece]:
         """Return the best piece first, then others that are nearly as good and not the same."""
         errors = _errors(self.run, pieces, span, self.weights)
         kept: list[int] = []
         for i in np.argsort(errors, kind="stable").tolist():
-            near = errors[i] <= _RIVAL * errors[kept[0]] if kept else True
+            near = errors[i] <= _ALTERNATIVE_RATIO * errors[kept[0]] if kept else True
             if near and all(abs(errors[i] - errors[j]) > _SAME * errors[j] for j in kept):
                 kept.append(i)
-        return [pieces[i] for i in kept[:_RIVALS]]
+        return [pieces[i] for i in kept[:_MOST_ALTERNATIVES]]
 
     def longer(
         self, pieces: Sequence[StartedPiece], before: int, span: int, halvings: int = 3
@@ -235,7 +237,7 @@ class _Growing:
         self, pieces: Sequence[StartedPiece], before: int, after: Sequence[StartedPiece], span: int
     ) -> bool:
         least = min(_errors(self.run, pieces, before, self.weights))
-        return min(_errors(self.run, after, span, self.weights)) > _LOST * least
+        return min(_errors(self.run, after, span, self.weights)) > _LOST_RATIO * least
 
 
 def fitted_starts(
@@ -264,23 +266,23 @@ def fitted_starts(
     found, given = list(pieces), others
     if not sizes.size or not found:
         return found
-    weights = weights_of(max((p.record for p in pieces), key=lambda record: record.samples))
+    weights = output_weights(max((p.record for p in pieces), key=lambda record: record.samples))
     longest = max(piece.record.samples for piece in pieces)
-    for i, samples in enumerate([longest] if run.linear else lengths(longest)):
-        settled = 1e-6 if samples == longest else _ROUGHLY
-        found = closest(run, found, samples, sizes, weights, settled)
-        if others and i < _BESIDE:
-            others = closest(run, others, samples, sizes, weights, settled)
+    for i, samples in enumerate([longest] if run.linear else doubling_lengths(longest)):
+        settled = 1e-6 if samples == longest else _COARSE_TOLERANCE
+        found = refine_starts(run, found, samples, sizes, weights, settled)
+        if others and i < _ALTERNATIVE_STRETCHES:
+            others = refine_starts(run, others, samples, sizes, weights, settled)
         if i == 0 and not run.linear:
             guesses = [known for known in (pieces, given) if known]
-            found = _begun_anew(run, found, guesses, samples, sizes, weights)
-        if others and (i + 1 == _BESIDE or samples == longest):
-            found = _better(run, found, others, samples, weights)
+            found = _restart_wrong_pieces(run, found, guesses, samples, sizes, weights)
+        if others and (i + 1 == _ALTERNATIVE_STRETCHES or samples == longest):
+            found = _better_starts(run, found, others, samples, weights)
             others = ()
     return found
 
 
-def _begun_anew(
+def _restart_wrong_pieces(
     run: RecordRun,
     found: list[StartedPiece],
     guesses: Sequence[Sequence[StartedPiece]],
@@ -290,29 +292,29 @@ def _begun_anew(
 ) -> list[StartedPiece]:
     """Return the pieces, those whose start is wrong over a stretch begun over very short ones."""
     errors = _errors(run, found, samples, weights)
-    wrong = [i for i, error in enumerate(errors) if error > _WRONG]
+    wrong = [i for i, error in enumerate(errors) if error > _WRONG_START_ERROR]
     if not wrong:
         return found
     for known in guesses:
-        brief = _begun_briefly(run, [known[i] for i in wrong], samples, sizes, weights)
-        brief = closest(run, brief, samples, sizes, weights, _ROUGHLY)
-        better = _better(run, [found[i] for i in wrong], brief, samples, weights)
+        brief = _fit_over_short_stretches(run, [known[i] for i in wrong], samples, sizes, weights)
+        brief = refine_starts(run, brief, samples, sizes, weights, _COARSE_TOLERANCE)
+        better = _better_starts(run, [found[i] for i in wrong], brief, samples, weights)
         for i, piece in zip(wrong, better, strict=True):
             found[i] = piece
     return found
 
 
-def _begun_briefly(
+def _fit_over_short_stretches(
     run: RecordRun, pieces: Sequence[StartedPiece], samples: int, sizes: Array, weights: Array
 ) -> list[StartedPiece]:
     """Return pieces with their starts improved over stretches shorter than the first usual one."""
     brief = list(pieces)
-    for span in (n for n in (samples // 8, samples // 4, samples // 2) if n >= _BRIEFEST):
-        brief = closest(run, brief, span, sizes, weights, _ROUGHLY)
+    for span in (n for n in (samples // 8, samples // 4, samples // 2) if n >= _SHORTEST_STRETCH):
+        brief = refine_starts(run, brief, span, sizes, weights, _COARSE_TOLERANCE)
     return brief
 
 
-def _better(
+def _better_starts(
     run: RecordRun,
     found: Sequence[StartedPiece],
     others: Sequence[StartedPiece],
@@ -320,7 +322,7 @@ def _better(
     weights: Array,
 ) -> list[StartedPiece]:
     """Return of each two pieces the one that its start follows better over the first samples."""
-    left = (squares(run, pieces, samples, weights) for pieces in (found, others))
+    left = (squared_errors_of(run, pieces, samples, weights) for pieces in (found, others))
     return [one if a <= b else other for one, other, a, b in zip(found, others, *left, strict=True)]
 
 
@@ -330,11 +332,13 @@ def _errors(
     """Return the mean square errors of pieces over their first samples."""
     return [
         square / (min(samples, piece.record.samples) * piece.record.Y.shape[1])
-        for piece, square in zip(pieces, squares(run, pieces, samples, weights), strict=True)
+        for piece, square in zip(
+            pieces, squared_errors_of(run, pieces, samples, weights), strict=True
+        )
     ]
 
 
-def lengths(samples: int) -> list[int]:
+def doubling_lengths(samples: int) -> list[int]:
     """Return lengths that grow twofold up to the whole."""
     found = [samples]
     while found[0] > 2 * _SHORTEST:
@@ -354,7 +358,7 @@ def state_sizes(model: MechanicalData, states: Array) -> Array:
     return np.concatenate([states, np.array(sizes, dtype=float)])
 
 
-def visible_sizes(linear: RecordRun, record: Record, start: Start) -> Array:
+def visible_sizes(linear: RecordRun, record: Record, start: InitialState) -> Array:
     """Return for each state of a linear model what would move its outputs by their own size."""
     vector = start.vector
     base = linear.over(StartedPiece(record, start)).outputs

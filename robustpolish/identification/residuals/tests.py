@@ -20,7 +20,11 @@ from robustpolish.identification.compare import Comparison
 from robustpolish.identification.diagnosis.findings import ForceMap
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.observer.kalman import force_sites
-from robustpolish.identification.observer.missing_force import Smoothed, motion_of, observed_motion
+from robustpolish.identification.observer.missing_force import (
+    SmoothedMotion,
+    motion_of,
+    smoothed_motion,
+)
 from robustpolish.identification.observer.runs import StartedPiece, free_run, rest
 from robustpolish.identification.record import record_of
 from robustpolish.machines.mechanical.model import MechanicalModel
@@ -279,7 +283,9 @@ _STRETCHES, _SCATTER = 8, 1.2
 """Of an eighth of a record, and what the sizes of coloured noise in them differ by."""
 
 
-def floor_beside(model: MechanicalModel, prepared: PreparedRecord, calm: bool) -> Array:
+def residual_noise_floor(
+    model: MechanicalModel, prepared: PreparedRecord, predictable: bool
+) -> Array:
     """Return the noise of each output that the errors of a fitted model show, shape (ny,).
 
     Parameters
@@ -289,7 +295,9 @@ def floor_beside(model: MechanicalModel, prepared: PreparedRecord, calm: bool) -
     calm : bool
         Whether free runs over the whole record judge; windows do otherwise.
     """
-    run, started = prepared.closest_runs(model, prepared.everything if calm else prepared.windows)
+    run, started = prepared.run_with_fitted_starts(
+        model, prepared.everything if predictable else prepared.windows
+    )
     motion = run.over_all(started).outputs
     known = prepared.repeats is not None
     record, scales = prepared.record, prepared.scales
@@ -654,7 +662,7 @@ def place_shares(comparison: Comparison, residual: xr.Dataset, bins: int) -> dic
             velocity=value_shares(residual, place.velocity, bins, "velocity"),
             surface=place.surface,
             observed=observed,
-            follows=foretold(place.displacement, place.velocity, place.force, bins),
+            follows=predictable_share(place.displacement, place.velocity, place.force, bins),
         )
         for place in forces_at_places(model, q[:, skip:], v[:, skip:], force[:, skip:], bins)
     }
@@ -710,7 +718,7 @@ def _motion(comparison: Comparison) -> tuple[Array, Array, Array, bool]:
     """Displacements, velocities and missing forces along the record, shape (rows, samples)."""
     model = comparison.model
     record = record_of(model, comparison.data)
-    found = observed_motion(model, record)
+    found = smoothed_motion(model, record)
     if found is not None:
         return found.q, found.v, found.force, True
     starts = [rest(model).with_vector(error.starts[0]) for error in comparison.records.values()]
@@ -740,7 +748,7 @@ def _places(model: MechanicalModel) -> list[tuple[tuple[str, str], Array]]:
     return list(zip(pairs, rows, strict=True))
 
 
-def foretold(q: Array, v: Array, force: Array, bins: int = 12, blocks: int = 20) -> float:
+def predictable_share(q: Array, v: Array, force: Array, bins: int = 12, blocks: int = 20) -> float:
     """Return the share of a force's power that the map of one half of a record says of the other.
 
     Parameters
@@ -762,7 +770,9 @@ def foretold(q: Array, v: Array, force: Array, bins: int = 12, blocks: int = 20)
     >>> rng = np.random.default_rng(0)
     >>> time = np.arange(4000) / 100
     >>> q, v = np.sin(time) + 0.3 * np.sin(7.3 * time), np.cos(time) + 2.2 * np.cos(7.3 * time)
-    >>> foretold(q, v, np.sign(v)) > 0.9, foretold(q, v, rng.standard_normal(4000)) < 0.05
+    >>> predictable_share(
+    ...     q, v, np.sign(v)) > 0.9, predictable_share(q, v, rng.standard_normal(4000)
+    ... ) < 0.05
     (True, True)
     """
     total = float(np.sum(force**2))
@@ -822,14 +832,14 @@ MAPS = MapPolicy()
 
 
 def force_maps(
-    model: MechanicalModel, motion: Smoothed, policy: MapPolicy = MAPS
+    model: MechanicalModel, motion: SmoothedMotion, policy: MapPolicy = MAPS
 ) -> tuple[ForceMap, ...]:
     """Return the missing force over displacement and velocity, by how far these foretell it.
 
     Parameters
     ----------
     model : MechanicalModel
-    motion : Smoothed
+    motion : SmoothedMotion
         Motion and missing force along a record.
     policy : MapPolicy, optional
 
@@ -845,7 +855,7 @@ def force_maps(
             at=place.at,
             surface=place.surface,
             size=float(np.sqrt(np.mean(place.force**2))),
-            follows=foretold(
+            follows=predictable_share(
                 place.displacement, place.velocity, place.force, policy.bins, policy.blocks
             ),
         )

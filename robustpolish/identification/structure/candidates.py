@@ -9,15 +9,15 @@ import numpy as np
 
 from robustpolish.identification.fit.least_squares import Fit
 from robustpolish.identification.fit.prepared import PreparedRecord
-from robustpolish.identification.observer.missing_force import Smoothed
+from robustpolish.identification.observer.missing_force import SmoothedMotion
 from robustpolish.identification.structure.evidence import Evidence, evidence
-from robustpolish.identification.structure.score import line_of_motion, objection
+from robustpolish.identification.structure.score import motion_line_reason, rejection_reason
 from robustpolish.identification.structure.screening import (
     ScreenedEffect,
     Screening,
-    columns_at,
+    candidate_columns,
+    mutually_exclusive,
     places,
-    rivals,
 )
 from robustpolish.identification.structure.state import RefittedEffect, Search
 from robustpolish.machines.effects.effect import Effect, kinds
@@ -27,7 +27,7 @@ from robustpolish.machines.mechanical.data import port_rows
 # Which effects deserve a refit: what the innovations name, and what free runs ask for.
 
 
-class Hopeful(NamedTuple):
+class RefitCandidates(NamedTuple):
     """What is to be refitted.
 
     Attributes
@@ -45,7 +45,7 @@ class Hopeful(NamedTuple):
     pairs: list[tuple[ScreenedEffect, ...]]
     seen: list[ScreenedEffect]
 
-    def elsewhere(self, effect: Effect, near: float) -> list[ScreenedEffect]:
+    def candidates_elsewhere(self, effect: Effect, near: float) -> list[ScreenedEffect]:
         """Return an effect at other places where it would leave at most `near` times as much."""
         alike = [c for c in self.seen if c.effect.kind == effect.kind]
         here = next((c for c in alike if c.effect.at == effect.at), None)
@@ -53,17 +53,19 @@ class Hopeful(NamedTuple):
             return []
         return [c for c in alike if c is not here and 1 - c.fall < near * (1 - here.fall)]
 
-    def without(self, barred: Sequence[tuple[str, tuple[str, ...]]]) -> Hopeful:
+    def without(self, excluded_effects: Sequence[tuple[str, tuple[str, ...]]]) -> RefitCandidates:
         """Return what is left when some kinds at some places are not to be refitted."""
 
         def left(found: Sequence[ScreenedEffect]) -> list[ScreenedEffect]:
-            return [c for c in found if c.place not in barred]
+            return [c for c in found if c.place not in excluded_effects]
 
         pairs = [pair for pair in self.pairs if len(left(pair)) == len(pair)]
-        return Hopeful(left(self.first), left(self.further), pairs, left(self.seen))
+        return RefitCandidates(left(self.first), left(self.further), pairs, left(self.seen))
 
 
-def hopeful(screening: Screening, stage: Fit, prepared: PreparedRecord) -> Hopeful:
+def select_candidates(
+    screening: Screening, stage: Fit, prepared: PreparedRecord
+) -> RefitCandidates:
     """Choose among all candidates.
 
     Parameters
@@ -74,40 +76,46 @@ def hopeful(screening: Screening, stage: Fit, prepared: PreparedRecord) -> Hopef
     prepared : PreparedRecord
     """
     policy = prepared.policy
-    twice = _late_twice(screening)
+    twice = _redundant_delays(screening)
     likeliest = [
         c
         for c in screening.candidates
         if c.sensible and c.score > policy.least_odds and c.place not in twice
     ]
     finalists = [c for c in screening.finalists if (c.kind.kind, c.at) not in twice]
-    good = [c for c in likeliest if not _line(c.effect, stage, prepared)]
+    good = [c for c in likeliest if not _has_spectral_line(c.effect, stage, prepared)]
     first: list[ScreenedEffect] = []
     pairs: list[tuple[ScreenedEffect, ...]] = []
     seen: list[ScreenedEffect] = []
-    for span in _spans(prepared):
+    for span in _screening_windows(prepared):
         singles, couples = (
-            [e for e in found if not any(_line(effect, stage, prepared) for effect in e.effects)]
+            [
+                e
+                for e in found
+                if not any(_has_spectral_line(effect, stage, prepared) for effect in e.effects)
+            ]
             for found in evidence(stage, prepared, finalists, span)
         )
-        _add_singles(first, singles, screening, prepared)
-        pairs += _pairs(singles, couples, screening, prepared)
-        seen += [_screened(found, 0, screening) for found in singles]
+        _add_single_candidates(first, singles, screening, prepared)
+        pairs += _candidate_pairs(singles, couples, screening, prepared)
+        seen += [_screened_from_evidence(found, 0, screening) for found in singles]
     taken = {c.place for c in first}
     likely = [c for c in good if c.score > policy.near_best * good[0].score]
     # a fit tells how far its frequency is from the lines that the motion has by itself, and in a
     # decay whether it takes the error away by far
     outside = [c for c in likeliest if c not in good][:1]
-    first += [c for c in _likeliest(likely, policy.most_likely) if c.place not in taken]
+    first += [
+        c for c in _most_likely_candidates(likely, policy.most_likely) if c.place not in taken
+    ]
     taken = {c.place for c in first}
     further = [c for c in good if c.place not in taken][: policy.most_further] + outside
     unique = {tuple(sorted(c.place for c in pair)): pair for pair in reversed(pairs)}
     largest = {c.place: c for c in sorted(seen, key=lambda c: c.fall)}
     by_size = sorted(largest.values(), key=lambda c: -c.fall)
-    return Hopeful(first, further, list(unique.values())[: policy.most_pairs], by_size)
+    return RefitCandidates(first, further, list(unique.values())[: policy.most_pairs], by_size)
 
 
-def _late_twice(screening: Screening) -> set[tuple[str, tuple[str, ...]]]:
+def _redundant_delays(screening: Screening) -> set[tuple[str, tuple[str, ...]]]:
     """Return what makes an input late and is less likely than another that does.
 
     A delay explains most of a lag and a lag most of a delay: two of the few refits for one finding.
@@ -116,7 +124,7 @@ def _late_twice(screening: Screening) -> set[tuple[str, tuple[str, ...]]]:
     return {c.place for c in screening.late if c is not first[c.effect.at]}
 
 
-def _likeliest(likely: Sequence[ScreenedEffect], most: int) -> list[ScreenedEffect]:
+def _most_likely_candidates(likely: Sequence[ScreenedEffect], most: int) -> list[ScreenedEffect]:
     """Return the first few, and the first of another kind where these are all of one kind.
 
     Of two gains or constants at different places one explains as much as the other.
@@ -127,17 +135,17 @@ def _likeliest(likely: Sequence[ScreenedEffect], most: int) -> list[ScreenedEffe
     return [*first, other] if len(same) == 1 and other is not None else first
 
 
-def _line(effect: Effect, stage: Fit, prepared: PreparedRecord) -> bool:
-    return bool(line_of_motion(effect, stage.model, prepared.record))
+def _has_spectral_line(effect: Effect, stage: Fit, prepared: PreparedRecord) -> bool:
+    return bool(motion_line_reason(effect, stage.model, prepared.record))
 
 
-def _spans(prepared: PreparedRecord) -> list[int]:
+def _screening_windows(prepared: PreparedRecord) -> list[int]:
     """Return the windows to look through: some swings, and as long as the shortest piece."""
     spans = prepared.spans(prepared.trial, prepared.policy.growth)
     return spans[1:-1] or spans[-1:]
 
 
-def _add_singles(
+def _add_single_candidates(
     first: list[ScreenedEffect],
     singles: Sequence[Evidence],
     screening: Screening,
@@ -149,11 +157,11 @@ def _add_singles(
     large = [e for e in singles if e.fall > policy.visible_fall / 2 and 1 - e.fall < left]
     for found in large[: policy.most_large]:
         if found.places[0] not in taken:
-            first.append(_screened(found, 0, screening))
+            first.append(_screened_from_evidence(found, 0, screening))
             taken.add(found.places[0])
 
 
-def _pairs(
+def _candidate_pairs(
     singles: Sequence[Evidence],
     couples: Sequence[Evidence],
     screening: Screening,
@@ -166,18 +174,18 @@ def _pairs(
     for couple in couples:
         best = max(alone.get(place, 0.0) for place in couple.places)
         if 1 - couple.fall < (1 - policy.visible_fall) * (1 - best):
-            found.append(tuple(_screened(couple, i, screening) for i in range(2)))
+            found.append(tuple(_screened_from_evidence(couple, i, screening) for i in range(2)))
         if len(found) == policy.most_pairs:
             break
     return found
 
 
-def _screened(found: Evidence, i: int, screening: Screening) -> ScreenedEffect:
+def _screened_from_evidence(found: Evidence, i: int, screening: Screening) -> ScreenedEffect:
     effect = found.effects[i]
     return ScreenedEffect(effect, screening.score(effect), found.fall)
 
 
-def rivals_of(
+def family_alternatives(
     effect: Effect, stage: Fit, prepared: PreparedRecord, screening: Screening
 ) -> list[ScreenedEffect]:
     """Return the other kinds of an effect's family at its place, with the values that suit best.
@@ -191,12 +199,14 @@ def rivals_of(
     screening : Screening
     """
     kind = effect.definition
-    others = [k for k in kinds().values() if k.kind != kind.kind and rivals(k, kind)]
+    others = [k for k in kinds().values() if k.kind != kind.kind and mutually_exclusive(k, kind)]
     motion = prepared.motion(stage.model, prepared.screened)
-    return _suited(others, effect.at, motion, stage, prepared, screening)
+    return _screen_family(others, effect.at, motion, stage, prepared, screening)
 
 
-def sticking(stage: Fit, prepared: PreparedRecord, screening: Screening) -> list[ScreenedEffect]:
+def stick_slip_candidates(
+    stage: Fit, prepared: PreparedRecord, screening: Screening
+) -> list[ScreenedEffect]:
     """Return the dry frictions at the place that stands still for longest, with suitable values.
 
     Parameters
@@ -212,46 +222,48 @@ def sticking(stage: Fit, prepared: PreparedRecord, screening: Screening) -> list
         None where all places move nearly all of the time. A harmonic motion is as slow as asked
         for in 5 % of its time, and noise in 8 %.
     """
-    slow, least = prepared.policy.standing
+    slow, least = prepared.policy.standstill
     motion = prepared.motion(stage.model, prepared.screened)
     dry = [kind for kind in kinds().values() if kind.turns_over]
 
-    def standing(at: tuple[str, ...]) -> float:
+    def standstill(at: tuple[str, ...]) -> float:
         (speed,) = np.abs(port_rows(stage.model, Effect(dry[0].kind, at)) @ motion.v)
         return float(np.mean(speed < slow * np.sqrt(np.mean(speed**2))))
 
-    shares = {at: standing(at) for at in places(stage.model, dry[0])}
+    shares = {at: standstill(at) for at in places(stage.model, dry[0])}
     stillest = max(shares, key=lambda at: shares[at], default=None)
     if stillest is None or shares[stillest] < least:
         return []
-    return _suited(dry, stillest, motion, stage, prepared, screening)
+    return _screen_family(dry, stillest, motion, stage, prepared, screening)
 
 
-def _suited(
+def _screen_family(
     tried: Sequence[EffectKind],
     at: tuple[str, ...],
-    motion: Smoothed,
+    motion: SmoothedMotion,
     stage: Fit,
     prepared: PreparedRecord,
     screening: Screening,
 ) -> list[ScreenedEffect]:
     """Return kinds of one family at a place, with the values that suit free runs best."""
     model, record = stage.model, prepared.screened
-    entries = [c for kind in tried for c in columns_at(model, kind, at, motion, record)]
+    entries = [c for kind in tried for c in candidate_columns(model, kind, at, motion, record)]
     # among its like a kind needs no evidence of each of its parts: they show once it is refitted
     found = [
-        e for span in _spans(prepared) for e in evidence(stage, prepared, entries, span, True)[0]
+        e
+        for span in _screening_windows(prepared)
+        for e in evidence(stage, prepared, entries, span, True)[0]
     ]
     best = {e.places[0]: e for e in sorted(found, key=lambda e: e.fall)}
-    return [_screened(e, 0, screening) for e in best.values()]
+    return [_screened_from_evidence(e, 0, screening) for e in best.values()]
 
 
 Place = tuple[str, tuple[str, ...]]
 
 
-def passed_over(
+def reasons_not_refitted(
     screened: Sequence[ScreenedEffect],
-    found: Hopeful,
+    found: RefitCandidates,
     refits: Sequence[RefittedEffect],
     search: Search,
 ) -> Mapping[Place, str]:
@@ -261,7 +273,7 @@ def passed_over(
     ----------
     screened : sequence of ScreenedEffect
         All candidates of one round.
-    found : Hopeful
+    found : RefitCandidates
         Those that were to be refitted.
     refits : sequence of RefittedEffect
         Those that were.
@@ -275,20 +287,21 @@ def passed_over(
     """
     done = {item.screened.place for item in refits}
     good = [c for c in screened if c.sensible and c.score > search.policy.least_odds]
-    good = [c for c in good if not _passed_over_line(c, search)]
+    good = [c for c in good if not _line_remark(c, search)]
     winner = next(
-        (r for r in refits if not objection(search.stage, r.fitted, search.prepared)), None
+        (r for r in refits if not rejection_reason(search.stage, r.fitted, search.prepared)), None
     )
-    floor = next((r for r in refits if search.at_floor(r.fitted)), None)
+    floor = next((r for r in refits if search.at_noise_floor(r.fitted)), None)
     planned = [*found.first, *found.further]
     return {
-        c.place: "screened only: " + _why(c, good, planned, winner, floor, refits, search)
+        c.place: "screened only: "
+        + _reason_not_refitted(c, good, planned, winner, floor, refits, search)
         for c in screened
         if c.place not in done and c.sensible
     }
 
 
-def _why(
+def _reason_not_refitted(
     candidate: ScreenedEffect,
     good: Sequence[ScreenedEffect],
     planned: Sequence[ScreenedEffect],
@@ -299,7 +312,7 @@ def _why(
 ) -> str:
     """Say what stood in the way of one candidate, and which of its family was refitted there."""
     policy, odds = search.policy, candidate.score
-    line = _passed_over_line(candidate, search)
+    line = _line_remark(candidate, search)
     if line:
         return line
     if odds <= policy.least_odds:
@@ -327,10 +340,10 @@ def _why(
     kin = [
         r.effect
         for r in refits
-        if r.effect.at == candidate.effect.at and rivals(r.effect.definition, kind)
+        if r.effect.at == candidate.effect.at and mutually_exclusive(r.effect.definition, kind)
     ]
     return f"{why}; {kin[0]} of its family was refitted there" if kin else why
 
 
-def _passed_over_line(candidate: ScreenedEffect, search: Search) -> str | None:
-    return line_of_motion(candidate.effect, search.stage.model, search.prepared.record)
+def _line_remark(candidate: ScreenedEffect, search: Search) -> str | None:
+    return motion_line_reason(candidate.effect, search.stage.model, search.prepared.record)

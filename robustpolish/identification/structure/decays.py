@@ -12,14 +12,14 @@ import numpy as np
 from robustpolish.base.arrays import Array
 from robustpolish.identification.fit.least_squares import (
     Fit,
+    free_run_rms,
     homotopy,
-    polished,
-    rms_over,
-    rounded,
-    speeds_of_turns,
+    refine_to_minimum,
+    smoothing_velocity_keys,
+    with_rounded_friction,
 )
-from robustpolish.identification.fit.prepared import PreparedRecord, with_rest
-from robustpolish.identification.observer.missing_force import Smoothed
+from robustpolish.identification.fit.prepared import PreparedRecord, with_initial_memory
+from robustpolish.identification.observer.missing_force import SmoothedMotion
 from robustpolish.identification.observer.runs import StartedPiece
 from robustpolish.identification.record import Record, least_samples
 from robustpolish.machines.effects.effect import Effect, kinds
@@ -29,26 +29,26 @@ from robustpolish.machines.mechanical.model import MechanicalModel
 
 # Records whose motion dies: which they are, and where to cut them to predict the end.
 
-_PUSHED = 0.99
+_EXCITATION_ENERGY = 0.99
 """Share of an input's energy after which the machine is left to itself."""
-_LEFT = 0.5
+_FREE_SHARE = 0.5
 """Share of a record that it is left to itself at least."""
-_FALL = 1.5
+_DECAY_RATIO = 1.5
 """Times by which the motion falls at least: laws of damping differ in how they go with it."""
 _OVER = 0.05
 """Share of the largest motion that has to be left: what comes after may be nothing but noise."""
-_EARLY = 0.6
+_FIT_SHARE = 0.6
 """Share of the time to fit to."""
 
 
-class Cut(NamedTuple):
+class DecaySplit(NamedTuple):
     """Parts of decays: what is fitted to predict how they go on, and what is predicted."""
 
     early: list[Record]
     late: list[Record]
 
 
-def cut_decays(model: MechanicalModel, record: Record) -> Cut | None:
+def split_decays(model: MechanicalModel, record: Record) -> DecaySplit | None:
     """Return the early and the late parts of records all of which are free decays, or None.
 
     Parameters
@@ -65,28 +65,28 @@ def cut_decays(model: MechanicalModel, record: Record) -> Cut | None:
     early, late = [], []
     inputs = record.signals(model)
     for part in record.parts:
-        alone = _left_alone(part.own(inputs))
+        alone = _end_of_excitation(part.own(inputs))
         size = _motion(part)[alone:]
         tenth = size.size // 10
-        if size.size < _LEFT * part.samples or not tenth:
+        if size.size < _FREE_SHARE * part.samples or not tenth:
             return None
         first, last = (float(np.sqrt(np.mean(x**2))) for x in (size[:tenth], size[-tenth:]))
         end = int(np.flatnonzero(size >= _OVER * size.max())[-1]) + 1
-        cut = round(_EARLY * end)
-        if first < _FALL * last or min(cut, end - cut) < least_samples(model):
+        cut = round(_FIT_SHARE * end)
+        if first < _DECAY_RATIO * last or min(cut, end - cut) < least_samples(model):
             return None
         early.append(part.part(0, alone + cut))
         late.append(part.part(alone + cut, alone + end))
-    return Cut(early, late)
+    return DecaySplit(early, late)
 
 
-def _left_alone(inputs: Array) -> int:
+def _end_of_excitation(inputs: Array) -> int:
     """Return the sample from which inputs have done what they do."""
     energy = np.cumsum((inputs - np.median(inputs, axis=0)) ** 2, axis=0)
     moving = energy[:, energy[-1] > 0]
     if not moving.size:
         return 0
-    return int(max(np.searchsorted(e, _PUSHED * e[-1]) for e in moving.T)) + 1
+    return int(max(np.searchsorted(e, _EXCITATION_ENERGY * e[-1]) for e in moving.T)) + 1
 
 
 def _motion(part: Record) -> Array:
@@ -102,8 +102,8 @@ def _motion(part: Record) -> Array:
 # motion that they were fitted to is found out there.
 
 
-def error_ahead(
-    model: MechanicalModel, prepared: PreparedRecord, reference: MechanicalModel, cut: Cut
+def extrapolation_error(
+    model: MechanicalModel, prepared: PreparedRecord, reference: MechanicalModel, cut: DecaySplit
 ) -> float:
     """Return the mean log of the errors with which a model predicts late parts from early ones.
 
@@ -114,18 +114,20 @@ def error_ahead(
     prepared : PreparedRecord
     reference : MechanicalModel
         The model before any fit.
-    cut : Cut
+    cut : DecaySplit
 
     Returns
     -------
     float
         Infinite if no fit ends well.
     """
-    fitted = fitted_to(pieces_of(model, cut.early, prepared), model, prepared, reference)
-    return np.inf if fitted is None else error_on(fitted.model, cut.late, prepared)
+    fitted = fit_decays(
+        with_smoothed_starts(model, cut.early, prepared), model, prepared, reference
+    )
+    return np.inf if fitted is None else log_error_on(fitted.model, cut.late, prepared)
 
 
-def fitted_to(
+def fit_decays(
     pieces: Sequence[StartedPiece],
     model: MechanicalModel,
     prepared: PreparedRecord,
@@ -133,29 +135,31 @@ def fitted_to(
 ) -> Fit | None:
     """Return a fit to pieces of decays, None if none ends well; arguments as above."""
     spans = prepared.spans(pieces, prepared.policy.growth)
-    started, settled = with_rest(model, pieces), prepared.policy.settled
+    started, settled = with_initial_memory(model, pieces), prepared.policy.settled
     fits = homotopy(model, prepared, started, reference, spans, prepared.steps, settled=settled)
     return fits[-1] if fits else None
 
 
-def error_on(model: MechanicalModel, parts: Sequence[Record], prepared: PreparedRecord) -> float:
+def log_error_on(
+    model: MechanicalModel, parts: Sequence[Record], prepared: PreparedRecord
+) -> float:
     """Return the mean log of the errors of a model's free runs over parts of a record."""
-    errors = rms_over(model, prepared, pieces_of(model, parts, prepared))
+    errors = free_run_rms(model, prepared, with_smoothed_starts(model, parts, prepared))
     with np.errstate(divide="ignore"):
         return float(np.mean(np.log(errors)))
 
 
-def pieces_of(
+def with_smoothed_starts(
     model: MechanicalModel, parts: Sequence[Record], prepared: PreparedRecord
 ) -> list[StartedPiece]:
     """Return parts of a record with starts, from the motion that is smoothed before any fit."""
-    linear, motion = model.without_effects(), prepared.motion_before
+    linear, motion = model.without_effects(), prepared.linear_motion
     return [StartedPiece(part, motion.start(linear, part.first)) for part in parts]
 
 
 # The laws of damping at a place of a model, and models with some of them in place of others.
 
-_SIZES = {
+_SIZE_PARAMETERS = {
     "coulomb_friction": "force",
     "quadratic_damping": "coefficient",
     "displacement_dependent_damping": "coefficient",
@@ -166,11 +170,11 @@ _DRY = kinds()["coulomb_friction"].family
 _LEAST = 0.1
 """Share of all that is lost with which laws begin beside one that stays as it was found."""
 
-Laws = frozenset[int]
+LawSet = frozenset[int]
 
 
 @dataclass(frozen=True)
-class Law:
+class DampingLaw:
     """One law of damping: an effect, or the model's own damper.
 
     Attributes
@@ -213,9 +217,9 @@ class DampingLaws:
     model: MechanicalModel
     at: tuple[str, ...]
     places: tuple[int, ...]
-    laws: list[Law]
-    found: Laws
-    lost: float
+    laws: list[DampingLaw]
+    found: LawSet
+    dissipated_power: float
     alike: tuple[Effect, ...] = ()
 
     @property
@@ -233,21 +237,21 @@ class DampingLaws:
         """The key of the own damper, if the place has one."""
         return next((law.size for law in self.laws if law.effect is None), None)
 
-    def held(self, laws: Laws) -> frozenset[str]:
+    def held(self, laws: LawSet) -> frozenset[str]:
         """Return the keys of what stays at nothing in models with a set of laws."""
         out = {law.size for i, law in enumerate(self.laws) if i not in laws and law.effect is None}
         return frozenset(out)
 
-    def crowded(self, laws: Laws) -> bool:
+    def has_two_dry_frictions(self, laws: LawSet) -> bool:
         """Return whether a set has two kinds of dry friction, of which a place has one."""
         chosen = [self.laws[i].effect for i in laws]
         return sum(e is not None and e.definition.family == _DRY for e in chosen) > 1
 
-    def effects(self, laws: Laws) -> list[Effect]:
+    def effects(self, laws: LawSet) -> list[Effect]:
         """Return the effects of a set of laws, each with an even share of all that is lost."""
-        return [effect for effect, _ in self._sized(laws) if effect is not None]
+        return [effect for effect, _ in self._scaled_to_power(laws) if effect is not None]
 
-    def model_with(self, laws: Laws) -> MechanicalModel:
+    def model_with(self, laws: LawSet) -> MechanicalModel:
         """Return the model with a set of laws in place of those that were found."""
         first, known = self.first, self.model.effects
         after = [e for i, e in enumerate(known) if i >= first and i not in self.places]
@@ -255,15 +259,17 @@ class DampingLaws:
         model = replace(self.model, effects=effects)
         if self.damper is None:
             return model
-        own = [size for effect, size in self._sized(laws) if effect is None]
+        own = [size for effect, size in self._scaled_to_power(laws) if effect is None]
         return model.with_parameters({self.damper: own[0] if own else 0.0})
 
-    def _sized(self, laws: Laws) -> list[tuple[Effect | None, float]]:
+    def _scaled_to_power(self, laws: LawSet) -> list[tuple[Effect | None, float]]:
         """Return effects and sizes with which a set of laws takes what was lost before."""
         chosen = [self.laws[i] for i in sorted(laws)]
         known = sum(law.power for law in chosen if not law.size)
         shared = [law for law in chosen if law.size and law.power > 0]
-        each = max(self.lost - known, _LEAST * self.lost) / max(len(shared), 1)
+        each = max(self.dissipated_power - known, _LEAST * self.dissipated_power) / max(
+            len(shared), 1
+        )
         found = []
         for law in chosen:
             size = each / law.power if law in shared else 0.0
@@ -289,7 +295,7 @@ def damped_places(model: MechanicalModel, known: int) -> list[tuple[str, ...]]:
         Where laws of damping were found; if nowhere, the place of the only damper. What is lost at
         one of several dampers could as well be lost at another.
     """
-    found = {frozenset(e.at): e.at for e in model.effects[known:] if _damps(e)}
+    found = {frozenset(e.at): e.at for e in model.effects[known:] if _is_damping_law(e)}
     own = {frozenset(d.between): d.between for d in model.dampers}
     return list((found or (own if len(own) == 1 else {})).values())
 
@@ -298,7 +304,7 @@ def damping_laws(
     model: MechanicalModel,
     known: int,
     at: tuple[str, ...],
-    motion: Smoothed,
+    motion: SmoothedMotion,
     record: Record,
     alike: Sequence[Effect] = (),
 ) -> DampingLaws:
@@ -310,48 +316,56 @@ def damping_laws(
     known : int
         How many of its effects were there before any was found: those stay.
     at : tuple of str
-    motion : Smoothed
+    motion : SmoothedMotion
         Of the model along the record.
     record : Record
     alike : sequence of Effect, optional
         What could as well stand for one that was found there, as it was fitted: beside the right
         kind of friction no other law may be needed.
     """
-    there = [i for i, e in enumerate(model.effects) if _damps(e) and set(e.at) == set(at)]
+    there = [i for i, e in enumerate(model.effects) if _is_damping_law(e) and set(e.at) == set(at)]
     places = tuple(i for i in there if i >= known)
     here = [model.effects[i] for i in places]
     taken = {model.effects[i].kind for i in there}
     dry = any(model.effects[i].definition.family == _DRY for i in there if i < known)
-    others = [kind for kind in _SIZES if kind not in taken and not (dry and kinds()[kind].family)]
-    told = [e for e in alike if _damps(e) and set(e.at) == set(at) and e.kind not in _SIZES]
-    laws: list[Law] = []
-    lost = 0.0
+    others = [
+        kind
+        for kind in _SIZE_PARAMETERS
+        if kind not in taken and not (dry and kinds()[kind].family)
+    ]
+    told = [
+        e
+        for e in alike
+        if _is_damping_law(e) and set(e.at) == set(at) and e.kind not in _SIZE_PARAMETERS
+    ]
+    laws: list[DampingLaw] = []
+    dissipated_power = 0.0
     for effect in [*here, *(Effect(kind, at) for kind in others), *told]:
-        size = _SIZES.get(effect.kind, "")
+        size = _SIZE_PARAMETERS.get(effect.kind, "")
         unit = effect.with_values({**effect.parameters, size: 1.0}) if size else effect
         power = _power(model, unit, motion, record)
-        laws.append(Law(unit, size, power))
+        laws.append(DampingLaw(unit, size, power))
         if effect in here:
-            lost += power * (effect.values[size] if size else 1.0)
+            dissipated_power += power * (effect.values[size] if size else 1.0)
     found = set(range(len(here)))
     for i, damper in enumerate(model.dampers):
         if set(damper.between) == set(at) and damper.damping >= 0:
             rows = port_rows(model, Effect(_FIRST, at))
             power = float(np.mean((rows @ motion.v) ** 2))
             found.add(len(laws))
-            laws.append(Law(None, f"damper[{i}].damping", power))
-            lost += power * damper.damping
+            laws.append(DampingLaw(None, f"damper[{i}].damping", power))
+            dissipated_power += power * damper.damping
             break
-    return DampingLaws(model, at, places, laws, frozenset(found), lost, tuple(alike))
+    return DampingLaws(model, at, places, laws, frozenset(found), dissipated_power, tuple(alike))
 
 
-def _damps(effect: Effect) -> bool:
+def _is_damping_law(effect: Effect) -> bool:
     if effect.definition.domain != "pair" or effect.own is not None:
         return False
-    return effect.kind in _SIZES or effect.definition.family == _DRY
+    return effect.kind in _SIZE_PARAMETERS or effect.definition.family == _DRY
 
 
-def _power(model: MechanicalModel, effect: Effect, motion: Smoothed, record: Record) -> float:
+def _power(model: MechanicalModel, effect: Effect, motion: SmoothedMotion, record: Record) -> float:
     """Return what an effect takes from a motion on average, in W."""
     along = motion_at(model, effect, record.time, motion.q, motion.v, record.dt / 4)
     force = force_with(effect.definition, effect.values, along)
@@ -365,7 +379,7 @@ def _power(model: MechanicalModel, effect: Effect, motion: Smoothed, record: Rec
 
 
 @dataclass(eq=False)
-class Trials:
+class DampingFits:
     """Fits with sets of laws, each made once.
 
     Attributes
@@ -374,39 +388,41 @@ class Trials:
     reference : MechanicalModel
         The model before any fit.
     found : DampingLaws
-    cut : Cut
+    cut : DecaySplit
         What is fitted to predict, and what is predicted.
     """
 
     prepared: PreparedRecord
     reference: MechanicalModel
     found: DampingLaws
-    cut: Cut
-    fits: dict[Laws, Fit] = field(default_factory=dict)
-    errors: dict[Laws, float] = field(default_factory=dict)
-    ahead: dict[Laws, float] = field(default_factory=dict)
+    cut: DecaySplit
+    fits: dict[LawSet, Fit] = field(default_factory=dict)
+    errors: dict[LawSet, float] = field(default_factory=dict)
+    ahead: dict[LawSet, float] = field(default_factory=dict)
 
-    def error(self, laws: Laws) -> float:
+    def error(self, laws: LawSet) -> float:
         """Return the mean log of the errors of a fit to everything; infinite if none ends well."""
         if laws not in self.errors:
-            fitted = self._fitted(self.found.model_with(laws), laws, self.prepared.everything)
+            fitted = self._fit_set(self.found.model_with(laws), laws, self.prepared.everything)
             self.errors[laws] = np.inf
             if fitted is not None:
                 self.fits[laws] = fitted
                 self.errors[laws] = float(np.mean(np.log(fitted.rmse)))
         return self.errors[laws]
 
-    def error_ahead(self, laws: Laws) -> float:
+    def extrapolation_error(self, laws: LawSet) -> float:
         """Return the mean log of the errors with which a fit to the early parts predicts."""
         if laws not in self.ahead:
             model = self.fits[laws].model
-            fitted = self._fitted(model, laws, pieces_of(model, self.cut.early, self.prepared))
+            fitted = self._fit_set(
+                model, laws, with_smoothed_starts(model, self.cut.early, self.prepared)
+            )
             self.ahead[laws] = np.inf
             if fitted is not None:
-                self.ahead[laws] = error_on(fitted.model, self.cut.late, self.prepared)
+                self.ahead[laws] = log_error_on(fitted.model, self.cut.late, self.prepared)
         return self.ahead[laws]
 
-    def possible(self, sound: Callable[[Laws], bool] = lambda laws: True) -> list[Laws]:
+    def plausible_sets(self, sound: Callable[[LawSet], bool] = lambda laws: True) -> list[LawSet]:
         """Return the sets of laws that fit about as well as the best; each has an effect.
 
         What a set cannot fit, visibly, none of its parts can. Those that were found are asked
@@ -418,17 +434,17 @@ class Trials:
             Whether a fitted set can be believed; others are no measure of what fits well.
         """
         policy, laws = self.prepared.policy, range(len(self.found.laws))
-        hopeless: set[Laws] = set()
-        if not self._empty(self.found.found):
+        hopeless: set[LawSet] = set()
+        if not self._lacks_effects(self.found.found):
             self.error(self.found.found)
         for size in range(len(laws), 0, -1):
             for some in map(frozenset, combinations(laws, size)):
-                if self.found.crowded(some):
+                if self.found.has_two_dry_frictions(some):
                     continue
                 more = [some | {i} for i in laws if i not in some]
                 limit = -np.log(1 - policy.visible_fall)
                 if (
-                    self._empty(some)
+                    self._lacks_effects(some)
                     or hopeless.intersection(more)
                     or self.error(some) - limit > min(self.errors.values())
                 ):
@@ -438,7 +454,7 @@ class Trials:
         limit = min(believed.values(), default=np.inf) - np.log(1 - policy.together)
         return [some for some, error in believed.items() if error < limit]
 
-    def _empty(self, laws: Laws) -> bool:
+    def _lacks_effects(self, laws: LawSet) -> bool:
         """Return whether a set leaves out all effects though there are some."""
         return bool(self.found.here) and not self.found.effects(laws)
 
@@ -447,12 +463,12 @@ class Trials:
         """Relative difference below which two predictions are one to the data."""
         return self.prepared.policy.same(sum(part.samples for part in self.cut.late))
 
-    def _fitted(
-        self, model: MechanicalModel, laws: Laws, pieces: Sequence[StartedPiece]
+    def _fit_set(
+        self, model: MechanicalModel, laws: LawSet, pieces: Sequence[StartedPiece]
     ) -> Fit | None:
-        jumps = speeds_of_turns(self.found.model_with(laws))
+        jumps = smoothing_velocity_keys(self.found.model_with(laws))
         held, reference = self.found.held(laws) | jumps, self.reference
         prepared = replace(self.prepared, held=held)
-        model = rounded(model, prepared)
-        fitted = fitted_to(pieces, model, prepared, reference)
-        return None if fitted is None else polished(fitted, prepared, reference)
+        model = with_rounded_friction(model, prepared)
+        fitted = fit_decays(pieces, model, prepared, reference)
+        return None if fitted is None else refine_to_minimum(fitted, prepared, reference)

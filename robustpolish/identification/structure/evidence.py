@@ -17,17 +17,21 @@ import numpy as np
 from scipy.optimize import least_squares, lsq_linear
 
 from robustpolish.base.arrays import Array
-from robustpolish.base.budget import on_all_cores
+from robustpolish.base.budget import parallel_map
 from robustpolish.identification.fit.least_squares import (
     Fit,
     Residuals,
     fit,
     normal_of,
-    windows_after,
+    windows_from_stage,
 )
 from robustpolish.identification.fit.parameters import free_parameters
 from robustpolish.identification.fit.prepared import PreparedRecord
-from robustpolish.identification.structure.screening import Columns, columns_at, rivals
+from robustpolish.identification.structure.screening import (
+    CandidateColumns,
+    candidate_columns,
+    mutually_exclusive,
+)
 from robustpolish.machines.effects.effect import Effect, kinds
 from robustpolish.machines.effects.evaluate import MOST_SUBSTEPS, force_with
 from robustpolish.machines.effects.kind import EffectKind, Motion, Shape
@@ -55,7 +59,7 @@ class Evidence:
         Half the fall of the Bayesian information criterion.
     """
 
-    entries: tuple[Columns, ...]
+    entries: tuple[CandidateColumns, ...]
     effects: tuple[Effect, ...]
     fall: float
     odds: float
@@ -69,7 +73,7 @@ class Evidence:
 def evidence(
     stage: Fit,
     prepared: PreparedRecord,
-    entries: Sequence[Columns],
+    entries: Sequence[CandidateColumns],
     span: int,
     in_part: bool = False,
 ) -> tuple[list[Evidence], list[Evidence]]:
@@ -89,7 +93,7 @@ def evidence(
         out otherwise.
     """
     model = stage.model
-    windows = windows_after(model, prepared, prepared.trial, span, stage)
+    windows = windows_from_stage(model, prepared, prepared.trial, span, stage)
     free = free_parameters(model, prepared.scales.bandwidth, prepared.policy, model)
     runner = prepared.runner(model)
     sizes = prepared.sizes(model) if windows[0].start.vector.size else None
@@ -115,13 +119,13 @@ def evidence(
         values = entry.shape.values(unit)
         extended = settled.model.with_effect(entry.kind, entry.at, values)
         run = prepared.runner(extended).run(extended)
-        pieces = prepared.with_memory(extended, settled.pieces)
+        pieces = prepared.with_propagated_memory(extended, settled.pieces)
         change = (run.all_errors(pieces) - settled.errors) / settled.sigma / unit[j]
         known = np.nan_to_num(change.ravel(), nan=0.0, posinf=0.0, neginf=0.0)
         return known if np.max(np.abs(known)) < _DIVERGED else np.zeros(rest.size)
 
     tasks = [(i, j) for i, entry in enumerate(entries) for j in range(len(entry.shape.columns))]
-    raw = np.array(on_all_cores(column, tasks)).reshape(len(tasks), -1).T
+    raw = np.array(parallel_map(column, tasks)).reshape(len(tasks), -1).T
     C = normal.without_nuisance(raw)
     before, after = np.sum(raw**2, axis=0), np.sum(C**2, axis=0)
     hidden = after < 1e-6 * np.maximum(before, 1e-300)
@@ -215,7 +219,7 @@ _MIMIC_DIVERGED = 1e3
 """Error, in sizes of the force, that stands for all larger ones."""
 
 
-class Mimic(NamedTuple):
+class ForceEquivalent(NamedTuple):
     """An effect that makes nearly the force of another.
 
     Attributes
@@ -229,7 +233,9 @@ class Mimic(NamedTuple):
     left: float
 
 
-def mimics(model: MechanicalModel, at: int, prepared: PreparedRecord) -> list[Mimic]:
+def find_force_equivalents(
+    model: MechanicalModel, at: int, prepared: PreparedRecord
+) -> list[ForceEquivalent]:
     """Return the rivals of an effect of a fitted model, as near to its force as they get.
 
     Parameters
@@ -256,24 +262,28 @@ def mimics(model: MechanicalModel, at: int, prepared: PreparedRecord) -> list[Mi
     if not wanted.any():
         return []
     found = []
-    for kind, given in _others(effect, here):
-        shapes = columns_at(bare, kind, effect.at, motion, prepared.screened)
-        begun = _begun(kind, [entry.shape for entry in shapes], effect.at, given, here, wanted)
-        fits = [_fitted(kind, values, here, wanted) for values in begun[:_STARTS]]
+    for kind, given in _alternative_kinds(effect, here):
+        shapes = candidate_columns(bare, kind, effect.at, motion, prepared.screened)
+        begun = _initial_values(
+            kind, [entry.shape for entry in shapes], effect.at, given, here, wanted
+        )
+        fits = [_fit_force(kind, values, here, wanted) for values in begun[:_STARTS]]
         if fits:
             left, values = min(fits, key=lambda pair: pair[0])
-            found.append(Mimic(Effect.of(kind, effect.at, values), left))
+            found.append(ForceEquivalent(Effect.of(kind, effect.at, values), left))
     return sorted(found, key=lambda mimic: mimic.left)
 
 
-def _others(effect: Effect, here: Motion) -> Iterator[tuple[EffectKind, Mapping[str, float]]]:
+def _alternative_kinds(
+    effect: Effect, here: Motion
+) -> Iterator[tuple[EffectKind, Mapping[str, float]]]:
     """Yield the kinds that may stand for one, with every choice that no fit makes.
 
     What turns over gently goes on to do so.
     """
     own = effect.definition
     for kind in kinds().values():
-        if kind.kind != own.kind and not rivals(kind, own):
+        if kind.kind != own.kind and not mutually_exclusive(kind, own):
             continue
         turn = {n: effect.values[n] for n in [kind.turns_over] if n in effect.values}
         asked = [p for p in kind.parameters if p.choices and here.context.get(p.matters_with)]
@@ -283,7 +293,7 @@ def _others(effect: Effect, here: Motion) -> Iterator[tuple[EffectKind, Mapping[
                 yield kind, turn | given
 
 
-def _begun(
+def _initial_values(
     kind: EffectKind,
     shapes: Sequence[Shape],
     at: tuple[str, ...],
@@ -305,7 +315,7 @@ def _begun(
     return [values for _, values in sorted(found, key=lambda pair: pair[0])]
 
 
-def _fitted(
+def _fit_force(
     kind: EffectKind, values: Mapping[str, float], here: Motion, wanted: Array
 ) -> tuple[float, dict[str, float]]:
     """Return the share of a force that a kind leaves at best, and its values."""

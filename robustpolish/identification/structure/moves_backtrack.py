@@ -13,23 +13,23 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from robustpolish.identification.fit.least_squares import JudgedFit
-from robustpolish.identification.structure.decays import cut_decays, error_ahead
+from robustpolish.identification.fit.least_squares import EvaluatedFit
+from robustpolish.identification.structure.decays import extrapolation_error, split_decays
 from robustpolish.identification.structure.moves_replace import (
-    renamed,
-    retold,
-    still_alike,
-    without_the_needless,
+    backward_elimination,
+    prune_indistinguishable,
+    rebuild_steps,
+    replace_kinds,
 )
-from robustpolish.identification.structure.score import judgement, objection
-from robustpolish.identification.structure.state import RefittedEffect, Search, Turn
+from robustpolish.identification.structure.score import ranking_error, rejection_reason
+from robustpolish.identification.structure.state import RefittedEffect, Search, SelectionStep
 
-_SAME_MOTION = 1e-6
+_SAME_ERRORS = 1e-6
 """Relative difference of all errors below which two fits are one motion, by rounding."""
 
 
 @dataclass
-class Followed:
+class VisitedSearches:
     """Searches as they were when they went on.
 
     Another one that comes to the motion of one of them, as with an effect more that does nothing,
@@ -38,23 +38,25 @@ class Followed:
 
     searches: list[Search] = field(default_factory=list)
 
-    def came_here(self, search: Search) -> bool:
+    def already_visited(self, search: Search) -> bool:
         """Return whether another search went on from this motion; from now on one does."""
         for each in self.searches:
-            if each.barred == search.barred and _one_motion(each.stage, search.stage):
+            if each.excluded_effects == search.excluded_effects and _same_errors(
+                each.stage, search.stage
+            ):
                 return True
         self.searches.append(search.copy())
         return False
 
 
-def _one_motion(one: JudgedFit, other: JudgedFit) -> bool:
+def _same_errors(one: EvaluatedFit, other: EvaluatedFit) -> bool:
     pairs = (one.error, other.error), (one.fit.rmse, other.fit.rmse)
     return one.reproducible == other.reproducible and all(
-        np.isfinite(a).all() and np.allclose(a, b, rtol=_SAME_MOTION, atol=0.0) for a, b in pairs
+        np.isfinite(a).all() and np.allclose(a, b, rtol=_SAME_ERRORS, atol=0.0) for a, b in pairs
     )
 
 
-def second_look(search: Search, grow: Callable[[Search, Followed], Search]) -> Search:
+def backtrack(search: Search, grow: Callable[[Search, VisitedSearches], Search]) -> Search:
     """Return the search, or the one in which a runner-up was followed and left visibly less.
 
     Parameters
@@ -65,22 +67,27 @@ def second_look(search: Search, grow: Callable[[Search, Followed], Search]) -> S
         Goes on with a search until nothing more earns its place, or another one came there before.
     """
     first = search.stage
-    followed = Followed([turn.before for turn in search.turns])
-    search = without_the_needless(search)
+    followed = VisitedSearches([turn.before for turn in search.selection_steps])
+    search = backward_elimination(search)
     for turn, item in _runners_up(search):
-        if search.noise_alone(search.policy.at_floor) or not search.prepared.work.left():
+        if (
+            search.residual_is_noise(search.policy.at_noise_floor)
+            or not search.prepared.work.left()
+        ):
             break
         instead = f" in place of {turn.added[0].effect}" if turn.added else ", to see what follows"
         search.say(f"{item.effect}{instead}")
         other = turn.before.copy()
         other.accept([item])
-        search = _better(search, without_the_needless(grow(other, followed), last=not turn.added))
-    search = still_alike(renamed(_each_taken_out(search, grow, followed)))
-    return search if search.stage is first else retold(search)
+        search = _better_search(
+            search, backward_elimination(grow(other, followed), last=not turn.added)
+        )
+    search = prune_indistinguishable(replace_kinds(_leave_one_out(search, grow, followed)))
+    return search if search.stage is first else rebuild_steps(search)
 
 
-def _each_taken_out(
-    search: Search, grow: Callable[[Search, Followed], Search], followed: Followed
+def _leave_one_out(
+    search: Search, grow: Callable[[Search, VisitedSearches], Search], followed: VisitedSearches
 ) -> Search:
     """Return the search, or the one in which others came in place of an effect that was found.
 
@@ -89,52 +96,58 @@ def _each_taken_out(
     places = [(e.kind, e.at) for e in search.added_to(search.stage.model)]
     for place in places:
         there = [(e.kind, e.at) for e in search.stage.model.effects]
-        if place not in there or len(places) < 2 or search.noise_alone(search.policy.shape_above):
+        if (
+            place not in there
+            or len(places) < 2
+            or search.residual_is_noise(search.policy.shape_above)
+        ):
             continue
         if not search.prepared.work.left():
             break
-        without = search.fitted_without(search.stage.model, there.index(place))
+        without = search.fit_without(search.stage.model, there.index(place))
         if without is None:
             continue
         search.say(f"what comes without {search.stage.model.effects[there.index(place)]}")
-        other = replace(search.copy(), stage=without, barred=(place,))
-        search = _better(search, replace(without_the_needless(grow(other, followed)), barred=()))
+        other = replace(search.copy(), stage=without, excluded_effects=(place,))
+        search = _better_search(
+            search, replace(backward_elimination(grow(other, followed)), excluded_effects=())
+        )
     return search
 
 
-def _better(search: Search, other: Search) -> Search:
+def _better_search(search: Search, other: Search) -> Search:
     """Return the other search if it left visibly less, each effect counted, and is sound.
 
     Where all records are decays, it has to predict their ends as well as the search does.
     """
-    least = _worth(search, other) + np.log(1 - search.policy.together)
-    if not (_worth(other, search) < least and _sound(other)):
+    least = _penalised_error(search, other) + np.log(1 - search.policy.together)
+    if not (_penalised_error(other, search) < least and _all_determined(other)):
         return search
-    return search if _misleads(search, other) else other
+    return search if _extrapolates_worse(search, other) else other
 
 
-def _misleads(search: Search, other: Search) -> bool:
+def _extrapolates_worse(search: Search, other: Search) -> bool:
     """Return whether the other search predicts visibly worse how decays go on."""
     prepared, reference = search.prepared, search.reference
-    cut = cut_decays(reference, prepared.record)
+    cut = split_decays(reference, prepared.record)
     if cut is None or not (search.stage.reproducible and other.stage.reproducible):
         return False
     here, there = (
-        error_ahead(each.stage.model, prepared, reference, cut) for each in (search, other)
+        extrapolation_error(each.stage.model, prepared, reference, cut) for each in (search, other)
     )
     return there > here - np.log(1 - search.policy.visible_fall)
 
 
-def _runners_up(search: Search) -> list[tuple[Turn, RefittedEffect]]:
+def _runners_up(search: Search) -> list[tuple[SelectionStep, RefittedEffect]]:
     """Return what is followed: what came closest when the search ended, and at the first turns.
 
     Of a family at one place the simplest kind stands for all but the one that was added.
     """
     found = []
-    ended = [turn for turn in search.turns if not turn.added]
-    turns = [*ended, *(turn for turn in search.turns if turn.added)]
+    ended = [turn for turn in search.selection_steps if not turn.added]
+    selection_steps = [*ended, *(turn for turn in search.selection_steps if turn.added)]
     most = [*[search.policy.followed[0]] * len(ended), *search.policy.followed]
-    for turn, count in zip(turns, most, strict=False):
+    for turn, count in zip(selection_steps, most, strict=False):
         seen: dict[tuple[str, tuple[str, ...]], RefittedEffect] = {}
         for item in sorted(turn.others, key=lambda item: item.size):
             seen.setdefault(item.family, item)
@@ -143,16 +156,16 @@ def _runners_up(search: Search) -> list[tuple[Turn, RefittedEffect]]:
     return found
 
 
-def _sound(search: Search) -> bool:
+def _all_determined(search: Search) -> bool:
     """Return whether the data determine every effect, and none is absurd, beside the others."""
     effects = search.stage.model.effects
     return not any(
-        objection(search.linear, search.stage, search.prepared, place)
+        rejection_reason(search.linear, search.stage, search.prepared, place)
         for place in range(len(search.reference.effects), len(effects))
     )
 
 
-def _worth(search: Search, other: Search) -> float:
+def _penalised_error(search: Search, other: Search) -> float:
     """Return what counts: the held-out error, and what each effect has to make it fall."""
-    error = judgement(search.stage, [other.stage])
+    error = ranking_error(search.stage, [other.stage])
     return error - search.added * float(np.log(1 - search.policy.together))

@@ -15,31 +15,34 @@ from functools import partial
 
 import numpy as np
 
-from robustpolish.identification.diagnosis.findings import Confusion, confused
+from robustpolish.identification.diagnosis.findings import (
+    IndistinguishablePair,
+    indistinguishable_pair,
+)
 from robustpolish.identification.fit.least_squares import (
-    JudgedFit,
+    EvaluatedFit,
+    evaluate_fit,
     homotopy,
-    judged,
     log_odds,
-    sharpened,
+    with_original_widths,
 )
 from robustpolish.identification.fit.parameters import (
     chain_keys,
     connected,
-    driving,
     free_parameters,
+    inputs_of_chain,
 )
-from robustpolish.identification.fit.prepared import with_rest
+from robustpolish.identification.fit.prepared import with_initial_memory
 from robustpolish.identification.structure.decays import (
-    Cut,
-    Laws,
-    Trials,
-    cut_decays,
+    DampingFits,
+    DecaySplit,
+    LawSet,
     damped_places,
     damping_laws,
+    split_decays,
 )
-from robustpolish.identification.structure.score import more_left, undetermined
-from robustpolish.identification.structure.state import Search, numbers_of
+from robustpolish.identification.structure.score import log_error_ratio, undetermined_parameter
+from robustpolish.identification.structure.state import Search, parameter_count
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import CONSTANT
 from robustpolish.machines.mechanical.model import MechanicalModel
@@ -53,7 +56,7 @@ from robustpolish.machines.mechanical.parts import FORCE
 # them.
 
 
-def settle_damping(search: Search) -> Search:
+def select_damping_laws(search: Search) -> Search:
     """Give each damped place of free decays the laws that fit it and predict how it goes on.
 
     Parameters
@@ -67,7 +70,7 @@ def settle_damping(search: Search) -> Search:
         As it was where a record is no decay.
     """
     prepared, known = search.prepared, len(search.reference.effects)
-    cut = cut_decays(search.reference, prepared.record)
+    cut = split_decays(search.reference, prepared.record)
     whole = len(prepared.everything) == len(prepared.record.parts)  # not judged in windows
     if cut is None or not search.stage.reproducible or not whole:
         return search
@@ -77,56 +80,58 @@ def settle_damping(search: Search) -> Search:
         # of one family: what looks like something else, beside a damper, damps nothing here
         alike = [
             p.second
-            for p in search.confusions
+            for p in search.indistinguishable_pairs
             if (p.first.kind, p.first.at) in here
             and p.first.definition.family == p.second.definition.family
         ]
-        trials = _trials(search, search.stage.model, at, cut, alike)
-        if not np.isfinite(trials.found.lost):
+        trials = _damping_fits(search, search.stage.model, at, cut, alike)
+        if not np.isfinite(trials.found.dissipated_power):
             continue  # no observer follows a law far stronger than the springs
-        good = trials.possible(partial(_sound, trials))
+        good = trials.plausible_sets(partial(_is_identifiable, trials))
         if not all(trials.found.effects(laws) for laws in good):
             continue  # a damper alone does about as well, and nothing else was found
         if good:
-            chosen = _chosen(trials, good)
+            chosen = _select_damping_set(trials, good)
             settled = search.copy()
-            settled.confusions = _alike(search, trials, chosen, good)
-            _tell(settled, trials, chosen)
-            _accept(settled, _without_idle(settled, trials, chosen), chosen)
-            if not (settled.added > search.added and _worse(search, settled, trials, chosen)):
+            settled.indistinguishable_pairs = _indistinguishable_laws(search, trials, chosen, good)
+            _note_replaced_laws(settled, trials, chosen)
+            _accept(settled, _drop_unneeded_effects(settled, trials, chosen), chosen)
+            if not (
+                settled.added > search.added and _is_worse_held_out(search, settled, trials, chosen)
+            ):
                 search = settled
     return search
 
 
-def _worse(before: Search, after: Search, trials: Trials, chosen: Laws) -> bool:
+def _is_worse_held_out(before: Search, after: Search, trials: DampingFits, chosen: LawSet) -> bool:
     """Return whether laws leave more when held out than what was found, or predict visibly worse.
 
     A fit of all laws at once may end elsewhere than the one that the search had reached; and a law
     may take what another force of the machine, which is not known, does to the loud part alone.
     """
-    if more_left(after.stage, before.stage) > -np.log(1 - before.policy.together):
+    if log_error_ratio(after.stage, before.stage) > -np.log(1 - before.policy.together):
         return True
     found = trials.found.found
     if not np.isfinite(trials.error(found)):
         return False
-    ahead = trials.error_ahead(chosen) - trials.error_ahead(found)
+    ahead = trials.extrapolation_error(chosen) - trials.extrapolation_error(found)
     return bool(ahead > -np.log(1 - before.policy.visible_fall))
 
 
-def _trials(
+def _damping_fits(
     search: Search,
     model: MechanicalModel,
     at: tuple[str, ...],
-    cut: Cut,
+    cut: DecaySplit,
     alike: Sequence[Effect],
-) -> Trials:
+) -> DampingFits:
     prepared, known = search.prepared, len(search.reference.effects)
     motion = prepared.motion(model, prepared.record)
     laws = damping_laws(model, known, at, motion, prepared.record, alike)
-    return Trials(prepared, search.reference, laws, cut)
+    return DampingFits(prepared, search.reference, laws, cut)
 
 
-def _sound(trials: Trials, laws: Laws) -> bool:
+def _is_identifiable(trials: DampingFits, laws: LawSet) -> bool:
     """Return whether the data determine every effect of a set, and its numbers are physical.
 
     Friction whose memory the data leave open is friction without.
@@ -134,7 +139,7 @@ def _sound(trials: Trials, laws: Laws) -> bool:
     fitted, first = trials.fits[laws], trials.found.first
     return all(
         not effect.definition.implausible(effect.values)
-        and not undetermined(
+        and not undetermined_parameter(
             fitted, first + i, trials.prepared.policy, bool(effect.definition.states)
         )
         for i, effect in enumerate(fitted.model.effects[first:])
@@ -142,16 +147,16 @@ def _sound(trials: Trials, laws: Laws) -> bool:
     )
 
 
-def _chosen(trials: Trials, good: list[Laws]) -> Laws:
+def _select_damping_set(trials: DampingFits, good: list[LawSet]) -> LawSet:
     """Return the set of laws that predicts best, of those as good the one with the fewest effects.
 
     The own damper is known to be there: it goes only where it does harm. Where the beginning of a
     decay leaves a law open, luck decides how it goes on: what a fit to all of it does not need is
     no finding.
     """
-    verdict, found = trials.error_ahead, trials.found
-    plain = [laws for laws in good if not _richer(trials, laws)] or good
-    chosen = _best(trials, plain)
+    verdict, found = trials.extrapolation_error, trials.found
+    plain = [laws for laws in good if not _adds_friction_parameters(trials, laws)] or good
+    chosen = _best_predicting_set(trials, plain)
     # the numbers of a richer kind make a decay's end a matter of luck; but it may be the one law
     # that takes several others to mimic it
     fewer = [
@@ -160,27 +165,31 @@ def _chosen(trials: Trials, good: list[Laws]) -> Laws:
         if len(found.effects(laws)) < len(found.effects(chosen))
         and (
             verdict(laws) <= verdict(chosen) + trials.same
-            or _damping_odds(trials, chosen, laws) > trials.prepared.policy.least_odds
+            or _log_odds_of_set(trials, chosen, laws) > trials.prepared.policy.least_odds
         )
     ]
-    return _best(trials, fewer) if fewer else chosen
+    return _best_predicting_set(trials, fewer) if fewer else chosen
 
 
-def _richer(trials: Trials, laws: Laws) -> bool:
+def _adds_friction_parameters(trials: DampingFits, laws: LawSet) -> bool:
     """Return whether a set has a kind of friction with more numbers than the one that was found."""
     found = trials.found
-    most = max((numbers_of(e) for e in found.here if e.definition.family), default=0)
+    most = max((parameter_count(e) for e in found.here if e.definition.family), default=0)
     return any(
-        numbers_of(effect) > most
+        parameter_count(effect) > most
         for effect in found.effects(laws)
         if effect.kind in {other.kind for other in found.alike}
     )
 
 
-def _best(trials: Trials, good: list[Laws]) -> Laws:
+def _best_predicting_set(trials: DampingFits, good: list[LawSet]) -> LawSet:
     """Return the set that predicts best, of those as good the one with the fewest effects."""
-    verdict, found = trials.error_ahead, trials.found
-    good = [laws for laws in good if not any(_idle(trials, laws, fewer) for fewer in good)]
+    verdict, found = trials.extrapolation_error, trials.found
+    good = [
+        laws
+        for laws in good
+        if not any(_has_unneeded_effects(trials, laws, fewer) for fewer in good)
+    ]
     least = min(verdict(laws) for laws in good)
     good = [laws for laws in good if verdict(laws) <= least + trials.same]
     fewest = min(len(found.effects(laws)) for laws in good)
@@ -191,7 +200,7 @@ def _best(trials: Trials, good: list[Laws]) -> Laws:
     return kept if verdict(kept) < verdict(best) + trials.same else best
 
 
-def _idle(trials: Trials, laws: Laws, fewer: Laws) -> bool:
+def _has_unneeded_effects(trials: DampingFits, laws: LawSet, fewer: LawSet) -> bool:
     """Return whether a set of laws is another and effects that the whole record does not need."""
     effects = trials.found.effects
     if not (fewer < laws and len(effects(fewer)) < len(effects(laws))):
@@ -200,7 +209,7 @@ def _idle(trials: Trials, laws: Laws, fewer: Laws) -> bool:
     return samples * (trials.error(fewer) - trials.error(laws)) < policy.least_odds
 
 
-def _without_idle(search: Search, trials: Trials, chosen: Laws) -> Trials:
+def _drop_unneeded_effects(search: Search, trials: DampingFits, chosen: LawSet) -> DampingFits:
     """Return the trials without other effects that these laws leave next to nothing to do.
 
     Beside the wrong laws of damping something else had to do their work. A constant fits any
@@ -212,17 +221,17 @@ def _without_idle(search: Search, trials: Trials, chosen: Laws) -> Trials:
             continue  # a gain stands for numbers that the fit would bend again
         model = trials.found.model
         rest = replace(model, effects=tuple(e for e in model.effects if e is not effect))
-        without = _trials(search, rest, trials.found.at, trials.cut, trials.found.alike)
+        without = _damping_fits(search, rest, trials.found.at, trials.cut, trials.found.alike)
         worse = without.error(chosen) - trials.error(chosen)
         if not np.isfinite(worse) or (worse > near and effect.definition.family != CONSTANT):
             continue
-        if without.error_ahead(chosen) < trials.error_ahead(chosen) + near:
+        if without.extrapolation_error(chosen) < trials.extrapolation_error(chosen) + near:
             search.reasons.append(f"{effect} was not kept: the damping explains as much.")
             trials = without
     return trials
 
 
-def _tell(search: Search, trials: Trials, chosen: Laws) -> None:
+def _note_replaced_laws(search: Search, trials: DampingFits, chosen: LawSet) -> None:
     """Say what the search had found instead."""
     found = trials.found
     if chosen == found.found:
@@ -236,22 +245,28 @@ def _tell(search: Search, trials: Trials, chosen: Laws) -> None:
     )
 
 
-def _alike(search: Search, trials: Trials, chosen: Laws, good: list[Laws]) -> list[Confusion]:
+def _indistinguishable_laws(
+    search: Search, trials: DampingFits, chosen: LawSet, good: list[LawSet]
+) -> list[IndistinguishablePair]:
     """Return the pairs that data cannot tell apart: of other effects, and of the laws chosen."""
     kept = {(e.kind, e.at) for e in trials.found.effects(chosen)}
     gone = {(e.kind, e.at) for e in trials.found.here} - kept
-    pairs = [p for p in search.confusions if (p.first.kind, p.first.at) not in gone]
+    pairs = [p for p in search.indistinguishable_pairs if (p.first.kind, p.first.at) not in gone]
     for laws in good:
-        near = abs(trials.error_ahead(laws) - trials.error_ahead(chosen)) < trials.same
-        if near or _another_friction(trials, chosen, laws):
-            mine = _fitted(trials, chosen, but=laws)
+        near = (
+            abs(trials.extrapolation_error(laws) - trials.extrapolation_error(chosen)) < trials.same
+        )
+        if near or _differs_in_friction_only(trials, chosen, laws):
+            mine = _fitted_effects(trials, chosen, but=laws)
             pairs += [
-                confused(one, other) for one in mine for other in _fitted(trials, laws, chosen)
+                indistinguishable_pair(one, other)
+                for one in mine
+                for other in _fitted_effects(trials, laws, chosen)
             ]
     return list({(p.first.kind, p.first.at, p.second.kind, p.second.at): p for p in pairs}.values())
 
 
-def _another_friction(trials: Trials, chosen: Laws, other: Laws) -> bool:
+def _differs_in_friction_only(trials: DampingFits, chosen: LawSet, other: LawSet) -> bool:
     """Return whether two sets differ in the kind of friction alone, and fit all as well.
 
     How a decay goes on says little there: its beginning may leave more numbers of one kind open.
@@ -259,56 +274,58 @@ def _another_friction(trials: Trials, chosen: Laws, other: Laws) -> bool:
     kinds = [trials.found.laws[i].effect for i in chosen ^ other]
     if len(kinds) != 2 or any(e is None or not e.definition.family for e in kinds):
         return False
-    return abs(_damping_odds(trials, chosen, other)) < trials.prepared.policy.strong_odds
+    return abs(_log_odds_of_set(trials, chosen, other)) < trials.prepared.policy.strong_odds
 
 
-def _damping_odds(trials: Trials, one: Laws, other: Laws) -> float:
+def _log_odds_of_set(trials: DampingFits, one: LawSet, other: LawSet) -> float:
     """Return the log odds by which the whole record prefers another set of laws to one."""
     return log_odds(trials.fits[other], trials.fits[one])
 
 
-def _fitted(trials: Trials, laws: Laws, but: Laws) -> list[Effect]:
+def _fitted_effects(trials: DampingFits, laws: LawSet, but: LawSet) -> list[Effect]:
     """Return the effects of a set of laws, as they were fitted in it, that another has not."""
     kinds = [effect.kind for effect in trials.found.effects(laws - but)]
     effects = trials.fits[laws].model.effects[trials.found.first :]
     return [e for e in effects[: len(trials.found.effects(laws))] if e.kind in kinds]
 
 
-def _accept(search: Search, trials: Trials, chosen: Laws) -> None:
+def _accept(search: Search, trials: DampingFits, chosen: LawSet) -> None:
     """Go on with the model that has a set of laws, and its numbers at their minimum."""
     found, reference = trials.found, search.reference
     prepared = replace(search.prepared, held=search.prepared.held | found.held(chosen))
-    fitted = sharpened(trials.fits[chosen], found.model_with(chosen), prepared, reference)
+    fitted = with_original_widths(
+        trials.fits[chosen], found.model_with(chosen), prepared, reference
+    )
     before, known = search.stage.model.effects, len(reference.effects)
-    search.prepared, search.stage = prepared, judged(fitted, prepared)
+    search.prepared, search.stage = prepared, evaluate_fit(fitted, prepared)
     effects = fitted.model.effects
     # steps up to the first effect that is another one stay as they were
     same = known
-    while same < min(len(before), len(effects)) and _is(before[same], effects[same]):
+    while same < min(len(before), len(effects)) and _same_effect(before[same], effects[same]):
         same += 1
     same = min(same, len(effects) - 1)
     del search.steps[2 + same - known :]
-    search.steps += [(effects[i].kind, _up_to(search, fitted.model, i))
+    search.steps += [(effects[i].kind, _fit_partial_model(search, fitted.model, i))
                      for i in range(same, len(effects) - 1)]  # fmt: skip
     search.steps.append((effects[-1].kind, fitted.model))
 
 
-def _is(one: Effect, other: Effect) -> bool:
+def _same_effect(one: Effect, other: Effect) -> bool:
     return (one.kind, one.at) == (other.kind, other.at)
 
 
-def _up_to(search: Search, model: MechanicalModel, last: int) -> MechanicalModel:
+def _fit_partial_model(search: Search, model: MechanicalModel, last: int) -> MechanicalModel:
     """Return the model with its effects up to one, fitted, the own damper being free again."""
     prepared = replace(search.prepared, held=frozenset())
     part = replace(model, effects=model.effects[: last + 1])
     spans = prepared.spans(prepared.trial, prepared.policy.growth)
-    pieces = with_rest(part, prepared.trial)
+    pieces = with_initial_memory(part, prepared.trial)
     fits = homotopy(part, prepared, pieces, search.reference, spans)
     return fits[-1].model if fits else part
 
 
 @dataclass(frozen=True)
-class WrongGain:
+class GainError:
     """A gain that explains what a refit did to masses and springs.
 
     Attributes
@@ -322,46 +339,50 @@ class WrongGain:
     alike: tuple[Effect, ...]
 
 
-def add_wrong_gains(search: Search) -> None:
+def add_gain_errors(search: Search) -> None:
     """Add the gains that explain what the refit did to masses and springs, if there are any."""
-    _move_likelier(search)
-    for wrong in _wrong_gains(search):
+    _relocate_gain(search)
+    for wrong in _common_gain_errors(search):
         _add(search, wrong)
-    _add_likelier(search)
+    _add_most_likely_gain(search)
 
 
-def _move_likelier(search: Search) -> None:
+def _relocate_gain(search: Search) -> None:
     """Put a gain that was found where the data do not tell it from, if numbers are likelier so."""
-    pairs = [p for p in search.confusions if p.first.kind == p.second.kind == "sensor_gain"]
+    pairs = [
+        p for p in search.indistinguishable_pairs if p.first.kind == p.second.kind == "sensor_gain"
+    ]
     for pair in pairs:
         here = [(e.kind, e.at) for e in search.stage.model.effects]
         if (pair.first.kind, pair.first.at) not in here:
             continue
         at = here.index((pair.first.kind, pair.first.at))
         moved = _with_gain(search, pair.second, at)
-        if moved is None or _gain_odds(moved, search) <= search.policy.strong_odds:
+        if moved is None or _log_odds_with_priors(moved, search) <= search.policy.strong_odds:
             continue
         before, search.stage = search.stage, moved
         named = moved.model.effects[at]
-        search.confusions[search.confusions.index(pair)] = confused(named, pair.first)
-        _say_known(search, named, before)
+        search.indistinguishable_pairs[search.indistinguishable_pairs.index(pair)] = (
+            indistinguishable_pair(named, pair.first)
+        )
+        _note_prior_evidence(search, named, before)
         search.steps[-1] = (search.steps[-1][0], moved.model)
 
 
-def _add_likelier(search: Search) -> None:
+def _add_most_likely_gain(search: Search) -> None:
     """Add the gain beside which the numbers are far likelier than they are without any gain."""
     policy, model = search.policy, search.stage.model
     # where more than noise is left, numbers bend to what is missing, and so would a gain
-    if _unlikely(search.stage, search) <= policy.strong_odds or not search.noise_alone(
-        policy.at_floor
+    if _prior_penalty(search.stage, search) <= policy.strong_odds or not search.residual_is_noise(
+        policy.at_noise_floor
     ):
         return
     # numbers that one effect after the other has bent may lie far out in a flat valley
-    straight = _begun_as_known(search, model.effects)
-    if straight is not None and _gain_odds(straight, search) > 0:
+    straight = _refit_from_reference(search, model.effects)
+    if straight is not None and _log_odds_with_priors(straight, search) > 0:
         search.stage = straight
         search.steps[-1] = (search.steps[-1][0], straight.model)
-        if _unlikely(straight, search) <= policy.strong_odds:
+        if _prior_penalty(straight, search) <= policy.strong_odds:
             return
     there = {(e.kind, e.at) for e in model.effects}
     gains = [("sensor_gain", (o.name,)) for o in model.outputs if o.quantity != FORCE]
@@ -369,39 +390,44 @@ def _add_likelier(search: Search) -> None:
     tried = [Effect(kind, at, {"gain": 1.0}) for kind, at in gains if (kind, at) not in there]
     fits = [fitted for effect in tried if (fitted := _with_gain(search, effect)) is not None]
     ranked = sorted(
-        ((_gain_odds(fitted, search), i) for i, fitted in enumerate(fits)), reverse=True
+        ((_log_odds_with_priors(fitted, search), i) for i, fitted in enumerate(fits)), reverse=True
     )
     if not ranked or ranked[0][0] <= policy.strong_odds:
         return
     before, search.stage = search.stage, fits[ranked[0][1]]
     named = search.stage.model.effects[-1]
-    search.confusions += [
-        confused(named, fits[i].model.effects[-1])
+    search.indistinguishable_pairs += [
+        indistinguishable_pair(named, fits[i].model.effects[-1])
         for odds, i in ranked[1:]
         if ranked[0][0] - odds <= policy.strong_odds
     ]
-    _say_known(search, named, before)
+    _note_prior_evidence(search, named, before)
     search.steps.append((named.kind, search.stage.model))
 
 
-def _say_known(search: Search, named: Effect, before: JudgedFit) -> None:
+def _note_prior_evidence(search: Search, named: Effect, before: EvaluatedFit) -> None:
     search.reasons.append(
-        f"Other numbers explain as much as {named}, but {_furthest(before, search)}, and that is "
+        f"Other numbers explain as much as {named}, but "
+        f"{_largest_deviation(before, search)}, and that is "
         "known better."
     )
 
 
-def _gain_odds(fitted: JudgedFit, search: Search) -> float:
+def _log_odds_with_priors(fitted: EvaluatedFit, search: Search) -> float:
     """Return the log odds of a fit over the best so far, by held-out errors and what was known.
 
     A lower error is no evidence here: screening would have seen it.
     """
     samples = sum(piece.record.samples for piece in search.prepared.held_out)
     fall = float(np.sum(np.log(search.stage.error / fitted.error)))
-    return samples * min(fall, 0.0) + _unlikely(search.stage, search) - _unlikely(fitted, search)
+    return (
+        samples * min(fall, 0.0)
+        + _prior_penalty(search.stage, search)
+        - _prior_penalty(fitted, search)
+    )
 
 
-def _known(fitted: JudgedFit, search: Search) -> dict[str, float]:
+def _prior_deviations(fitted: EvaluatedFit, search: Search) -> dict[str, float]:
     """Return how far numbers moved from what was known, in standard deviations of that."""
     model, prepared = fitted.model, search.prepared
     values = model.parameters
@@ -409,28 +435,30 @@ def _known(fitted: JudgedFit, search: Search) -> dict[str, float]:
     return {f.key: (values[f.key] - f.centre) / f.prior for f in free if np.isfinite(f.prior)}
 
 
-def _unlikely(fitted: JudgedFit, search: Search) -> float:
+def _prior_penalty(fitted: EvaluatedFit, search: Search) -> float:
     """Return by how much less likely the numbers are than what was known, as log odds."""
-    return 0.5 * sum(moved**2 for moved in _known(fitted, search).values())
+    return 0.5 * sum(moved**2 for moved in _prior_deviations(fitted, search).values())
 
 
-def _furthest(fitted: JudgedFit, search: Search) -> str:
+def _largest_deviation(fitted: EvaluatedFit, search: Search) -> str:
     """Say which number moved furthest."""
-    moved = _known(fitted, search)
+    moved = _prior_deviations(fitted, search)
     key = max(moved, key=lambda name: abs(moved[name]))
     before, after = (m.parameters[key] for m in (search.reference, fitted.model))
     return f"{key} would be {after:.3g} instead of {before:.3g}"
 
 
-def _add(search: Search, wrong: WrongGain) -> None:
+def _add(search: Search, wrong: GainError) -> None:
     """Add the gain of an input, if the error does not mind."""
     effect, stage = wrong.effect, _with_gain(search, wrong.effect)
     if stage is None:
         return
-    if _lost(search.stage, stage) > search.policy.gain_loss:
+    if _log_error_increase(search.stage, stage) > search.policy.gain_loss:
         return
     search.stage = stage
-    search.confusions += [confused(effect, other) for other in wrong.alike]
+    search.indistinguishable_pairs += [
+        indistinguishable_pair(effect, other) for other in wrong.alike
+    ]
     search.reasons.append(
         f"Masses and springs err by one factor: {effect.at[0]} acts {effect.values['gain']:.3g} "
         "times as strongly as the record says."
@@ -438,13 +466,13 @@ def _add(search: Search, wrong: WrongGain) -> None:
     search.steps.append((effect.kind, stage.model))
 
 
-def _lost(before: JudgedFit, after: JudgedFit) -> float:
+def _log_error_increase(before: EvaluatedFit, after: EvaluatedFit) -> float:
     """Return the log of the error that is lost; near chaos only long runs part by chance."""
     pairs = (after.error, before.error), (after.short, before.short)
     return min(float(np.mean(np.log(new / old))) for new, old in pairs)
 
 
-def _with_gain(search: Search, gain: Effect, at: int | None = None) -> JudgedFit | None:
+def _with_gain(search: Search, gain: Effect, at: int | None = None) -> EvaluatedFit | None:
     """Return the model with a gain, fitted from its numbers as they were; None if nothing ended.
 
     It comes last, or takes the place of the effect that stands at `at`.
@@ -452,23 +480,23 @@ def _with_gain(search: Search, gain: Effect, at: int | None = None) -> JudgedFit
     search.say(f"refit with {gain}")
     there = search.stage.model.effects
     effects = (*there, gain) if at is None else (*there[:at], gain, *there[at + 1 :])
-    return _begun_as_known(search, effects)
+    return _refit_from_reference(search, effects)
 
 
-def _begun_as_known(search: Search, effects: tuple[Effect, ...]) -> JudgedFit | None:
+def _refit_from_reference(search: Search, effects: tuple[Effect, ...]) -> EvaluatedFit | None:
     """Return the model with these effects, fitted from its own numbers as they were."""
     spans = search.prepared.spans(search.prepared.trial)
-    return search.fitted_over(replace(search.reference, effects=effects), spans)
+    return search.fit_over_windows(replace(search.reference, effects=effects), spans)
 
 
-def _wrong_gains(search: Search) -> list[WrongGain]:
+def _common_gain_errors(search: Search) -> list[GainError]:
     """Return the gains that a refit hides in a common factor of masses and springs."""
     before, after = search.reference, search.stage.model
     old, new = before.parameters, after.parameters
     found = []
     there = {(e.kind, e.at) for e in after.effects}
     for chain in connected(before):
-        names = driving(before, chain)
+        names = inputs_of_chain(before, chain)
         if len(names) != 1 or ("input_gain", (names[0],)) in there:
             continue
         masses, springs, _ = chain_keys(before, chain)
@@ -488,5 +516,5 @@ def _wrong_gains(search: Search) -> list[WrongGain]:
         effect = Effect("input_gain", (names[0],), {"gain": float(np.exp(common))})
         outputs = [o.name for o in before.outputs if chain.intersection(o.of)]
         alike = [Effect("sensor_gain", (outputs[0],))] if len(outputs) == 1 else []
-        found.append(WrongGain(effect, tuple(alike)))
+        found.append(GainError(effect, tuple(alike)))
     return found

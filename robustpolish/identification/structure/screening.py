@@ -12,11 +12,11 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from robustpolish.base.arrays import Array
-from robustpolish.base.budget import on_all_cores
+from robustpolish.base.budget import parallel_map
 from robustpolish.identification.fit.parameters import connected, free_parameters
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.observer.kalman import FREE, Level, LinearObserver, force_sites
-from robustpolish.identification.observer.missing_force import Smoothed, known_forces
+from robustpolish.identification.observer.missing_force import SmoothedMotion, known_forces
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.record import Record
 from robustpolish.machines.effects.effect import Effect, kinds
@@ -24,13 +24,13 @@ from robustpolish.machines.effects.evaluate import shapes_along
 from robustpolish.machines.effects.kind import CONSTANT, EffectKind, Motion, Shape
 from robustpolish.machines.mechanical.data import motion_at, port_pairs, port_row, port_rows
 from robustpolish.machines.mechanical.model import MechanicalModel
-from robustpolish.machines.simulation.run import Lines, lines_through
+from robustpolish.machines.simulation.run import IntersampleLines, linear_interpolation
 
 # Where effects can act, and the forces they would make along a known motion.
 
 
 @dataclass(frozen=True, eq=False)
-class Columns:
+class CandidateColumns:
     """Candidate columns: forces along rows, or additions to outputs."""
 
     kind: EffectKind
@@ -73,7 +73,9 @@ def places(model: MechanicalModel, kind: EffectKind) -> list[tuple[str, ...]]:
         unique.setdefault(frozenset(pair), (pair[0], pair[1]))
     if "spring_stiffness" in kind.context:
         springs = {frozenset(s.between) for s in model.springs}
-        return [pair for key, pair in unique.items() if key in springs or _slips(model, pair)]
+        return [
+            pair for key, pair in unique.items() if key in springs or _needs_clearance(model, pair)
+        ]
     return list(unique.values())
 
 
@@ -89,16 +91,16 @@ def _axes(model: MechanicalModel) -> list[tuple[str, ...]]:
     return pairs
 
 
-def columns_at(
+def candidate_columns(
     model: MechanicalModel,
     kind: EffectKind,
     at: tuple[str, ...],
-    motion: Smoothed,
+    motion: SmoothedMotion,
     record: Record,
-) -> list[Columns]:
+) -> list[CandidateColumns]:
     """Return the candidate columns of a kind at a place, none if one of its family is there."""
     here = [e.definition for e in model.effects if set(e.at) == set(at)]
-    if any(e.kind == kind.kind or rivals(e, kind) for e in here):
+    if any(e.kind == kind.kind or mutually_exclusive(e, kind) for e in here):
         return []
     if kind.domain in ("input", "output"):
         return _signal_columns(model, kind, at, motion, record.time)
@@ -111,21 +113,21 @@ def columns_at(
     force = None
     if kind.domain == "dof" and (at[0], "ground") in sites:
         force = motion.force[sites.index((at[0], "ground"))][None]
-    if "clearance" in dict(kind.gives) and _slips(model, at):
+    if "clearance" in dict(kind.gives) and _needs_clearance(model, at):
         return _clearances(model, kind, at, motion, record)
     rows, pairs = port_rows(model, effect), port_pairs(effect)
     return [
-        Columns(kind, at, shape, rows, pairs, shape.columns)
+        CandidateColumns(kind, at, shape, rows, pairs, shape.columns)
         for shape in shapes_along(kind, replace(here, force=force))
     ]
 
 
-def rivals(one: EffectKind, other: EffectKind) -> bool:
+def mutually_exclusive(one: EffectKind, other: EffectKind) -> bool:
     """Return whether a place has at most one of two kinds."""
     return bool(one.family) and one.family == other.family and one.domain == other.domain
 
 
-def _slips(model: MechanicalModel, at: tuple[str, ...]) -> bool:
+def _needs_clearance(model: MechanicalModel, at: tuple[str, ...]) -> bool:
     """Return whether an effect at a place asks for the clearance there."""
     return any("clearance" in e.definition.context and set(e.at) == set(at) for e in model.effects)
 
@@ -134,9 +136,9 @@ def _clearances(
     model: MechanicalModel,
     kind: EffectKind,
     at: tuple[str, ...],
-    motion: Smoothed,
+    motion: SmoothedMotion,
     record: Record,
-) -> list[Columns]:
+) -> list[CandidateColumns]:
     """Return what clearances would change about the forces of the effects that are there."""
     along = (motion.q, motion.v, record.time, record.dt)
     base = known_forces(model, *along)
@@ -145,18 +147,20 @@ def _clearances(
     # with a clearance, the elastic part has to be stiffer than it seemed without
     for share, ratio in itertools.product((0.03, 0.07, 0.15, 0.3, 0.5), (1.0, 2.0)):
         gap = share * amplitude
-        stiffer = _stiffer(model, at, ratio)
+        stiffer = _with_stiffer_elements(model, at, ratio)
         moved = known_forces(stiffer.with_effect(kind.kind, at, {name: gap}), *along)
         if base is None or moved is None:
             return []
         change = moved.values.copy()
         change[: len(base.values)] -= base.values
         shape = Shape(change[None], lambda c, g=gap: {name: g}, (1,))
-        found.append(Columns(kind, at, shape, moved.rows, moved.pairs, change[None]))
+        found.append(CandidateColumns(kind, at, shape, moved.rows, moved.pairs, change[None]))
     return found
 
 
-def _stiffer(model: MechanicalModel, at: tuple[str, ...], ratio: float) -> MechanicalModel:
+def _with_stiffer_elements(
+    model: MechanicalModel, at: tuple[str, ...], ratio: float
+) -> MechanicalModel:
     """Return the model with stiffer elements that ask for the clearance at a place."""
     changes = {
         f"effect[{i}].stiffness": ratio * e.values["stiffness"]
@@ -167,8 +171,12 @@ def _stiffer(model: MechanicalModel, at: tuple[str, ...], ratio: float) -> Mecha
 
 
 def _signal_columns(
-    model: MechanicalModel, kind: EffectKind, at: tuple[str, ...], motion: Smoothed, time: Array
-) -> list[Columns]:
+    model: MechanicalModel,
+    kind: EffectKind,
+    at: tuple[str, ...],
+    motion: SmoothedMotion,
+    time: Array,
+) -> list[CandidateColumns]:
     """Return the columns of an effect on an input or an output."""
     found = []
     if kind.domain == "input":
@@ -179,14 +187,14 @@ def _signal_columns(
         ends = [(name, "ground") for name in model.dof_names]
         for shape in shapes_along(kind, Motion(time, u[None], du[None])):
             forces = m.B[:, j][None, :, None] * shape.columns
-            found.append(Columns(kind, at, shape, np.eye(len(m.B)), ends, forces))
+            found.append(CandidateColumns(kind, at, shape, np.eye(len(m.B)), ends, forces))
         return found
     i = model.output_names.index(at[0])
     y = motion.outputs[:, i]
     for shape in shapes_along(kind, Motion(time, y[None], np.gradient(y, time)[None])):
         full = np.zeros((len(shape.columns), len(model.outputs), len(time)))
         full[:, i] = shape.columns[:, 0]
-        found.append(Columns(kind, at, shape, None, [], full))
+        found.append(CandidateColumns(kind, at, shape, None, [], full))
     return found
 
 
@@ -203,7 +211,7 @@ class FilteredRecord:
     record : Record
         The part.
     level : Level
-    motion : Smoothed
+    motion : SmoothedMotion
         Along the part.
     """
 
@@ -213,7 +221,7 @@ class FilteredRecord:
         prepared: PreparedRecord,
         record: Record,
         level: Level,
-        motion: Smoothed,
+        motion: SmoothedMotion,
     ) -> None:
         self.level, self.policy = level, prepared.policy
         self.model = model
@@ -224,7 +232,7 @@ class FilteredRecord:
         _, errors = self.observer.innovations(Y, motion.inputs, forces, lines=lines)
         self.errors = errors
         self.sigma = np.ones(errors.shape[1])
-        self.raw, self.ridge = own_errors(model, self.policy, self.observer, motion, record)
+        self.raw, self.ridge = nuisance_columns(model, self.policy, self.observer, motion, record)
         self.reweigh(np.std(errors[len(errors) // 20 :], axis=0))
         for _ in range(2):
             rest = self.residual(None)[0]
@@ -267,7 +275,7 @@ class FilteredRecord:
         rest = self.e - self.N.T @ beta - X.T @ c
         return rest.reshape(self.errors.shape) * self.sigma, c
 
-    def respond(self, entry: Columns) -> Array:
+    def respond(self, entry: CandidateColumns) -> Array:
         """Return the innovations that an entry's columns leave."""
         if entry.rows is None:
             return self.observer.respond_outputs(entry.values)
@@ -282,7 +290,7 @@ class FilteredRecord:
             total = 0.0
             for e in rest.T:
                 a = autoregression(e, order)
-                if resonates(a, self.policy.own_damping):
+                if has_lightly_damped_mode(a, self.policy.own_damping):
                     total = np.inf
                     break
                 white = np.asarray(lfilter(a, [1.0], e)) if order else e
@@ -306,11 +314,11 @@ def null_score(model: MechanicalModel, prepared: PreparedRecord) -> float:
     return float(min(scores))
 
 
-def own_errors(
+def nuisance_columns(
     model: MechanicalModel,
     policy: Policy,
     observer: LinearObserver,
-    motion: Smoothed,
+    motion: SmoothedMotion,
     record: Record,
 ) -> tuple[Array, Array]:
     """Return innovations left by errors of the model's own numbers and of the start.
@@ -344,11 +352,11 @@ def own_errors(
     columns = []
     for row, pair, force in zip(rows, pairs, forces, strict=True):
         columns.append(observer.respond(row[None], [pair], force[None, None])[0])
-    lines = record.own_lines(record.lines(model)) or lines_through(motion.inputs)
+    lines = record.own_lines(record.lines(model)) or linear_interpolation(motion.inputs)
     nothing = np.zeros((record.samples, len(model.outputs)))
     for j in range(m.B.shape[1]):
         only = np.arange(motion.inputs.shape[1]) == j
-        force = Lines(only * lines.begin, only * lines.end)
+        force = IntersampleLines(only * lines.begin, only * lines.end)
         columns.append(-observer.innovations(nothing, only * motion.inputs, None, lines=force)[1])
         ridge.append(1 / policy.gain_prior)
     for column in _effect_columns(model, policy, observer, motion, record):
@@ -375,7 +383,7 @@ def _effect_columns(
     model: MechanicalModel,
     policy: Policy,
     observer: LinearObserver,
-    motion: Smoothed,
+    motion: SmoothedMotion,
     record: Record,
 ) -> list[Array]:
     """Return the derivatives of the innovations to the parameters of effects in the model."""
@@ -395,7 +403,7 @@ def _effect_columns(
     return found
 
 
-def resonates(a: Array, least: float) -> bool:
+def has_lightly_damped_mode(a: Array, least: float) -> bool:
     """Return whether a noise model has a mode damped less than `least`: a machine, no sensor."""
     if a.size < 3:
         return False  # one root is real
@@ -470,7 +478,7 @@ class Screening:
     """
 
     candidates: tuple[ScreenedEffect, ...]
-    finalists: tuple[Columns, ...]
+    finalists: tuple[CandidateColumns, ...]
     level: Level
 
     @property
@@ -484,7 +492,7 @@ class Screening:
         """What makes an input act late: delays and lags."""
         return [c for c in self.candidates if c.effect.definition.timing is not None]
 
-    def shows(self, odds: float) -> bool:
+    def has_candidate(self, odds: float) -> bool:
         """Return whether any effect with physical signs and values has at least such log odds."""
         return any(c.sensible and c.score >= odds for c in self.candidates)
 
@@ -510,12 +518,12 @@ def screen(
     policy, record = prepared.policy, prepared.screened
     motion = prepared.motion(model, record)
     levels = policy.screening
-    seen = on_all_cores(lambda at: FilteredRecord(model, prepared, record, at, motion), levels)
+    seen = parallel_map(lambda at: FilteredRecord(model, prepared, record, at, motion), levels)
     filtered = dict(zip(levels, seen, strict=True))
     if not all(np.isfinite(f.errors).all() for f in filtered.values()):
         # along the smoothed motion an effect of the model diverges: nothing can be said beside it
         return Screening((), (), FREE)
-    alone = on_all_cores(lambda f: f.null_scores(policy.noise_orders), seen)
+    alone = parallel_map(lambda f: f.null_scores(policy.noise_orders), seen)
     nulls = {
         (level, order): score
         for level, scores in zip(levels, alone, strict=True)
@@ -526,26 +534,26 @@ def screen(
     tried_at = [(e.definition, e.at) for e in allowed or ()]
     if allowed is None:
         tried_at = [(kind, at) for kind in kinds().values() for at in places(model, kind)]
-    at_each = on_all_cores(lambda where: columns_at(model, *where, motion, record), tried_at)
+    at_each = parallel_map(lambda where: candidate_columns(model, *where, motion, record), tried_at)
     entries = [entry for found in at_each for entry in found]
     coarse = dict.fromkeys([best_level, *policy.coarse])
-    hardly = dict.fromkeys(policy.hardly_led)
-    rough, wide = _Looked(), _Looked()
+    hardly = dict.fromkeys(policy.weak_guidance)
+    rough, wide = _FirstScreening(), _FirstScreening()
     first = {level: filtered[level] for level in {**coarse, **hardly}}
-    for entry, tried in zip(entries, _looked_at(first, entries, (0,)), strict=True):
+    for entry, tried in zip(entries, _score_entries(first, entries, (0,)), strict=True):
         rough.add(entry, [(tried[level][0][0], tried[level][1]) for level in coarse])
         wide.add(
             entry, [(tried[level][0][0] - nulls[level, 0], tried[level][1]) for level in hardly]
         )
     found = []
-    chosen: dict[int, Columns] = {}
-    _choose(chosen, rough.right, policy.finalists, 2)
-    _choose(chosen, wide.right, policy.further_finalists, 1)
-    _choose(chosen, rough.wrong, policy.further_finalists, 1)
+    chosen: dict[int, CandidateColumns] = {}
+    _select_finalists(chosen, rough.right, policy.finalists, 2)
+    _select_finalists(chosen, wide.right, policy.further_finalists, 1)
+    _select_finalists(chosen, rough.wrong, policy.further_finalists, 1)
     finalists = list(chosen.values())
-    looked = _looked_at(filtered, finalists, policy.noise_orders)
+    looked = _score_entries(filtered, finalists, policy.noise_orders)
     for entry, tried in zip(finalists, looked, strict=True):
-        right = {level: t for level, t in tried.items() if not _pulls_wrong(entry, t[1])}
+        right = {level: t for level, t in tried.items() if not _has_wrong_sign(entry, t[1])}
         score, level = min(
             (
                 (score, level)
@@ -559,20 +567,23 @@ def screen(
     found.sort(key=lambda c: (-c.sensible, -c.score))
     shapes = Counter((entry.kind.kind, entry.at) for entry in entries)
     plain = [e for e in entries if id(e) not in chosen and shapes[e.kind.kind, e.at] == 1]
-    return Screening(_best_of_each(found), (*finalists, *plain), best_level)
+    return Screening(_best_per_place(found), (*finalists, *plain), best_level)
 
 
-def _looked_at(
-    filtered: Mapping[Level, FilteredRecord], entries: Sequence[Columns], orders: Sequence[int]
+def _score_entries(
+    filtered: Mapping[Level, FilteredRecord],
+    entries: Sequence[CandidateColumns],
+    orders: Sequence[int],
 ) -> list[dict[Level, tuple[dict[int, float], Array]]]:
-    """Return for each entry what :func:`_try` finds at some levels."""
-    return on_all_cores(
-        lambda entry: {level: _try(f, entry, orders) for level, f in filtered.items()}, entries
+    """Return for each entry what :func:`_score_entry` finds at some levels."""
+    return parallel_map(
+        lambda entry: {level: _score_entry(f, entry, orders) for level, f in filtered.items()},
+        entries,
     )
 
 
-def _try(
-    f: FilteredRecord, entry: Columns, orders: Sequence[int]
+def _score_entry(
+    f: FilteredRecord, entry: CandidateColumns, orders: Sequence[int]
 ) -> tuple[dict[int, float], Array]:
     """Return the information criterion with an entry's columns, and their coefficients."""
     raw = f.respond(entry)
@@ -580,7 +591,11 @@ def _try(
     if not np.isfinite(raw).all():
         return bad, np.full(len(raw), np.nan)
     rest, c = f.residual(f.weighted(raw))
-    if not np.isfinite(c).all() or not entry.shape.valid(c) or too_heavy(entry, c, f.model):
+    if (
+        not np.isfinite(c).all()
+        or not entry.shape.valid(c)
+        or exceeds_machine_mass(entry, c, f.model)
+    ):
         return bad, c
     samples = len(f.errors)
     scores = f.scores(rest, len(c), orders)
@@ -594,7 +609,7 @@ def _try(
     return scores, c
 
 
-class _Looked:
+class _FirstScreening:
     """What a first look found: shapes that pull the right way somewhere, and those that never do.
 
     A shape that pulls the wrong way may well fit best of all shapes of its effect: the place of the
@@ -602,21 +617,21 @@ class _Looked:
     """
 
     def __init__(self) -> None:
-        self.right: list[tuple[float, Columns]] = []
-        self.wrong: list[tuple[float, Columns]] = []
+        self.right: list[tuple[float, CandidateColumns]] = []
+        self.wrong: list[tuple[float, CandidateColumns]] = []
 
-    def add(self, entry: Columns, tried: Sequence[tuple[float, Array]]) -> None:
+    def add(self, entry: CandidateColumns, tried: Sequence[tuple[float, Array]]) -> None:
         """Add a shape with its scores and coefficients at some levels."""
-        right = [score for score, c in tried if not _pulls_wrong(entry, c)]
+        right = [score for score, c in tried if not _has_wrong_sign(entry, c)]
         where = self.right if right else self.wrong
         where.append((min(right or [score for score, _ in tried]), entry))
 
 
-def _pulls_wrong(entry: Columns, c: Array) -> bool:
+def _has_wrong_sign(entry: CandidateColumns, c: Array) -> bool:
     return any(s * v < 0 for s, v in zip(entry.shape.signs, c, strict=True))
 
 
-def too_heavy(entry: Columns, c: Array, model: MechanicalModel) -> bool:
+def exceeds_machine_mass(entry: CandidateColumns, c: Array, model: MechanicalModel) -> bool:
     """Return whether a mass that an effect attaches would outweigh all that it is attached to.
 
     A mass that hardly moves turns its spring into one to ground, which another effect is.
@@ -630,33 +645,42 @@ def too_heavy(entry: Columns, c: Array, model: MechanicalModel) -> bool:
     return any(abs(values[name]) > most for name in names)
 
 
-def _choose(
-    chosen: dict[int, Columns], scored: list[tuple[float, Columns]], most: int, shapes: int
+def _select_finalists(
+    chosen: dict[int, CandidateColumns],
+    scored: list[tuple[float, CandidateColumns]],
+    most: int,
+    shapes: int,
 ) -> None:
     """Add the best shapes of each effect and place, the best places first, no two much alike."""
-    seen: dict[tuple[str, tuple[str, ...]], list[Columns]] = {}
+    seen: dict[tuple[str, tuple[str, ...]], list[CandidateColumns]] = {}
     for score, entry in sorted(scored, key=lambda item: item[0]):
         key = (entry.kind.kind, entry.at)
         full = len(seen) >= most if key not in seen else len(seen[key]) >= shapes
-        if full or not np.isfinite(score) or any(_alike(entry, s) for s in seen.get(key, [])):
+        if (
+            full
+            or not np.isfinite(score)
+            or any(_nearly_collinear(entry, s) for s in seen.get(key, []))
+        ):
             continue
         seen.setdefault(key, []).append(entry)
         chosen[id(entry)] = entry
 
 
-_ALIKE = 0.95
+_COLLINEAR_COSINE = 0.95
 """Cosine of two shapes from which the second would tell nothing that the first does not."""
 
 
-def _alike(one: Columns, other: Columns) -> bool:
+def _nearly_collinear(one: CandidateColumns, other: CandidateColumns) -> bool:
     a, b = one.shape.columns[0].ravel(), other.shape.columns[0].ravel()
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
-    return abs(float(a @ b)) > _ALIKE * size
+    return abs(float(a @ b)) > _COLLINEAR_COSINE * size
 
 
-def _candidate(entry: Columns, score: float, c: Array, f: FilteredRecord) -> ScreenedEffect:
+def _candidate(
+    entry: CandidateColumns, score: float, c: Array, f: FilteredRecord
+) -> ScreenedEffect:
     """Return an entry at one level, with the coefficients that it has there."""
-    remark = "its force has the wrong sign" if _pulls_wrong(entry, c) else ""
+    remark = "its force has the wrong sign" if _has_wrong_sign(entry, c) else ""
     values = dict(entry.shape.values(c)) if np.isfinite(c).all() else {}
     for name, value in values.items():
         parameter = entry.kind.parameter(name)
@@ -667,14 +691,14 @@ def _candidate(entry: Columns, score: float, c: Array, f: FilteredRecord) -> Scr
     return ScreenedEffect(effect, score, float(1 - np.min(after / before)), remark)
 
 
-def _size(errors: Array, entry: Columns) -> Array:
+def _size(errors: Array, entry: CandidateColumns) -> Array:
     """Return the size of errors; their mean is the business of constants alone."""
     if entry.kind.family == CONSTANT:
         return np.sqrt(np.mean(errors**2, axis=0))
     return np.std(errors, axis=0)
 
 
-def _best_of_each(found: list[ScreenedEffect]) -> tuple[ScreenedEffect, ...]:
+def _best_per_place(found: list[ScreenedEffect]) -> tuple[ScreenedEffect, ...]:
     best: dict[tuple[str, tuple[str, ...]], ScreenedEffect] = {}
     for candidate in found:
         best.setdefault(candidate.place, candidate)

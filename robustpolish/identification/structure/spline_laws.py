@@ -10,21 +10,21 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.base.arrays import Array
-from robustpolish.identification.diagnosis.findings import laws_of
+from robustpolish.identification.diagnosis.findings import learned_laws_of
 from robustpolish.identification.fit.least_squares import (
+    EvaluatedFit,
     Fit,
-    JudgedFit,
     best_stage,
     covariance_of,
-    free_rms,
+    free_run_rms,
+    free_run_rms_checked,
     homotopy,
-    rms_over,
-    short_rms,
+    short_window_rms,
 )
 from robustpolish.identification.fit.prepared import PreparedRecord
-from robustpolish.identification.observer.missing_force import Smoothed, motion_of
+from robustpolish.identification.observer.missing_force import SmoothedMotion, motion_of
 from robustpolish.identification.record import Record
-from robustpolish.identification.residuals.tests import floor_beside
+from robustpolish.identification.residuals.tests import residual_noise_floor
 from robustpolish.identification.structure.screening import FilteredRecord, places
 from robustpolish.machines.effects.effect import Effect, lookup
 from robustpolish.machines.effects.learned_law import LearnedLaw
@@ -32,7 +32,7 @@ from robustpolish.machines.effects.spline_law import (
     Over,
     coefficients_of,
     learned_name,
-    smoothness,
+    smoothness_prior,
     spline_basis,
     spline_centres,
 )
@@ -110,7 +110,7 @@ def _explains(
 # makes the innovations likeliest (restricted maximum likelihood, as for the variances of a mixed
 # model: Ruppert, Wand, Carroll 2003, Semiparametric Regression, chapter 4).
 
-_STIFFER = np.geomspace(1e-9, 1e3, 37)
+_PENALTY_GRID = np.geomspace(1e-9, 1e3, 37)
 """What is tried for the price of bending, in units in which data and bending weigh alike."""
 DRY = "coulomb_friction"
 _TURNS_OVER = 0.02
@@ -183,14 +183,16 @@ class CurveFit:
         return all(e.values["force"] > 0 for e in self.others)
 
 
-def dry_block(model: MechanicalModel, at: tuple[str, ...], motion: Smoothed) -> Block | None:
+def dry_friction_block(
+    model: MechanicalModel, at: tuple[str, ...], motion: SmoothedMotion
+) -> Block | None:
     """Return dry friction at a place as a law with one coefficient, None if nothing moves there.
 
     Parameters
     ----------
     model : MechanicalModel
     at : tuple of str
-    motion : Smoothed
+    motion : SmoothedMotion
     """
     v = port_row(model, at) @ motion.v
     width = _TURNS_OVER * float(np.percentile(np.abs(v), 95))
@@ -205,7 +207,7 @@ def block(
     at: tuple[str, ...],
     over: Over,
     count: int,
-    motion: Smoothed,
+    motion: SmoothedMotion,
     record: Record,
 ) -> Block | None:
     """Return the splines of a law at a place, None if nothing moves there.
@@ -217,7 +219,7 @@ def block(
     over : {"stiffness", "damping", "force", "varying_stiffness", "varying_damping"}
     count : int
         Of coefficients, in each direction.
-    motion : Smoothed
+    motion : SmoothedMotion
     record : Record
         The part that moved so: what changes along the record does so over the whole of it.
     """
@@ -239,7 +241,7 @@ def block(
     elif over == "varying_damping":
         basis = basis * v
     effect = Effect(learned_name(over, count), at, knots)
-    bending = smoothness({**effect.values, "roughness": 1.0})
+    bending = smoothness_prior({**effect.values, "roughness": 1.0})
     return Block(effect, -basis[:, None, :], bending)
 
 
@@ -260,7 +262,7 @@ def fit_curves(f: FilteredRecord, row: Array, blocks: Sequence[Block]) -> CurveF
     A = X @ X.T - NX.T @ f.factor @ NX
     b = X @ f.e - NX.T @ f.factor @ f.Ne
     total = float(f.e @ f.e - f.Ne @ f.factor @ f.Ne)
-    priced = _priced(A, b, total, len(f.e), [block.bending for block in blocks])
+    priced = _select_bending_penalty(A, b, total, len(f.e), [block.bending for block in blocks])
     V = np.linalg.inv(A + priced.price)
     c = V @ b
     freedom = float(np.trace(V @ A))
@@ -274,7 +276,7 @@ def fit_curves(f: FilteredRecord, row: Array, blocks: Sequence[Block]) -> CurveF
     effects, first = [], 0
     for item, weight in zip(blocks, priced.weights, strict=True):
         last = first + item.bending.shape[1]
-        law = with_numbers(item.effect, c[first:last])
+        law = with_coefficients(item.effect, c[first:last])
         if len(item.bending):
             law = law.with_parameters(roughness=float(np.sqrt(variance / weight)))
         effects.append(law)
@@ -283,12 +285,14 @@ def fit_curves(f: FilteredRecord, row: Array, blocks: Sequence[Block]) -> CurveF
 
 
 @dataclass(frozen=True, eq=False)
-class _Priced:
+class _BendingPenalty:
     weights: tuple[float, ...]
     price: Array
 
 
-def _priced(A: Array, b: Array, total: float, samples: int, bending: Sequence[Array]) -> _Priced:
+def _select_bending_penalty(
+    A: Array, b: Array, total: float, samples: int, bending: Sequence[Array]
+) -> _BendingPenalty:
     """Return the price of bending that makes the data likeliest, one weight for each law."""
     n = len(b)
     hold = _HOLD * float(np.trace(A)) / n * np.eye(n)
@@ -311,15 +315,15 @@ def _priced(A: Array, b: Array, total: float, samples: int, bending: Sequence[Ar
         known = sum(r * np.log(w) for r, w in zip(ranks, weights, strict=True))
         return samples * np.log(left) + float(np.linalg.slogdet(V)[1]) - known
 
-    weights = [unit * _STIFFER[-1] for unit in units]  # straight lines to begin with
+    weights = [unit * _PENALTY_GRID[-1] for unit in units]  # straight lines to begin with
     for _ in range(3 if len(grams) > 1 else 1):
         for k, unit in ((k, unit) for k, unit in enumerate(units) if ranks[k]):
-            tried = [[*weights[:k], unit * share, *weights[k + 1 :]] for share in _STIFFER]
+            tried = [[*weights[:k], unit * share, *weights[k + 1 :]] for share in _PENALTY_GRID]
             weights = min(tried, key=unlikely)
-    return _Priced(tuple(weights), price(weights))
+    return _BendingPenalty(tuple(weights), price(weights))
 
 
-def with_numbers_of(
+def absorb_own_parameters(
     effects: Sequence[Effect], model: MechanicalModel, reference: MechanicalModel
 ) -> tuple[MechanicalModel, tuple[Effect, ...]]:
     """Return a model whose springs and dampers at the place of laws are as they were, and the laws.
@@ -365,10 +369,10 @@ def _steeper(effect: Effect, stiffness: float, damping: float) -> Effect:
         slope = stiffness if "spring" in kind.contains else damping
         varies = kind.over == ("time",)
         added = c + slope * (1.0 if varies else spline_centres(ends[0], ends[1], len(c)))
-    return with_numbers(effect, added.ravel())
+    return with_coefficients(effect, added.ravel())
 
 
-def with_numbers(effect: Effect, c: Array) -> Effect:
+def with_coefficients(effect: Effect, c: Array) -> Effect:
     """Return a law with other fitted numbers."""
     names = [p.name for p in effect.definition.parameters if p.fitted]
     return effect.with_parameters(**dict(zip(names, c.tolist(), strict=True)))
@@ -443,25 +447,25 @@ LEARNING = LearnPolicy()
 """What `learn` goes by."""
 
 
-def log_size(error: Array) -> float:
+def mean_log_error(error: Array) -> float:
     """Return the mean log of the errors of all outputs: what a fit makes small."""
     return float(np.mean(np.log(error)))
 
 
 def held_out(model: MechanicalModel, prepared: PreparedRecord) -> Array:
     """Return the held-out error of a model, of short runs where whole ones judge nothing."""
-    error, calm = free_rms(model, prepared, prepared.held_out)
-    if calm:
+    error, predictable = free_run_rms_checked(model, prepared, prepared.held_out)
+    if predictable:
         return error
-    return short_rms(model, prepared, prepared.held_out)
+    return short_window_rms(model, prepared, prepared.held_out)
 
 
-def with_laws(
+def fit_with_laws(
     model: MechanicalModel,
     curves: CurveFit,
     prepared: PreparedRecord,
     reference: MechanicalModel,
-) -> JudgedFit | None:
+) -> EvaluatedFit | None:
     """Return the model with the laws, fitted by free runs that grow longer.
 
     Where the record hardly saw a curve, the whole of it may be too much for a run: it begins with
@@ -470,23 +474,25 @@ def with_laws(
     spans = prepared.spans(prepared.trial, prepared.policy.growth)
     starts = []
     for share in LEARNING.shares:
-        effects = [with_numbers(e, share * coefficients_of(e.values).ravel()) for e in curves.laws]
-        start, laws = with_numbers_of(effects, model, reference)
+        effects = [
+            with_coefficients(e, share * coefficients_of(e.values).ravel()) for e in curves.laws
+        ]
+        start, laws = absorb_own_parameters(effects, model, reference)
         extended = replace(start, effects=(*start.effects, *laws, *curves.others))
-        error = short_rms(extended, prepared, prepared.trial)
+        error = short_window_rms(extended, prepared, prepared.trial)
         starts.append((float(np.sum(np.log(np.nan_to_num(error, nan=np.inf)))), share, extended))
     extended = min(starts, key=lambda item: (item[0], -item[1]))[2]
     stages = homotopy(extended, prepared, prepared.trial, reference, spans, LEARNING.steps)
     return best_stage(stages, prepared) if stages else None
 
 
-def with_closer_knots(
-    stage: JudgedFit,
+def refine_knots(
+    stage: EvaluatedFit,
     first: int,
     prepared: PreparedRecord,
     reference: MechanicalModel,
     white: Array,
-) -> JudgedFit:
+) -> EvaluatedFit:
     """Return a stage with twice as close knots, over the motion that its model now shows.
 
     As long as more than white noise is left and the held-out error falls: what a curve leaves
@@ -494,7 +500,7 @@ def with_closer_knots(
 
     Parameters
     ----------
-    stage : JudgedFit
+    stage : EvaluatedFit
     first : int
         From which effect on laws are concerned.
     prepared : PreparedRecord
@@ -503,16 +509,19 @@ def with_closer_knots(
         Noise of the sensors if it has no colour.
     """
     while np.any(stage.error > LEARNING.rest * white):
-        finer = _with_other_knots(stage, first, closer, prepared, reference, 2)
-        if finer is None or log_size(finer.error) > log_size(stage.error) - LEARNING.better:
+        finer = _with_other_knots(stage, first, with_halved_spacing, prepared, reference, 2)
+        if (
+            finer is None
+            or mean_log_error(finer.error) > mean_log_error(stage.error) - LEARNING.better
+        ):
             break
         stage = finer
     return stage
 
 
-def over_own_motion(
-    stage: JudgedFit, first: int, prepared: PreparedRecord, reference: MechanicalModel
-) -> JudgedFit:
+def with_knots_over_motion(
+    stage: EvaluatedFit, first: int, prepared: PreparedRecord, reference: MechanicalModel
+) -> EvaluatedFit:
     """Return a stage whose curves have their knots where its model moves.
 
     Before it was known, a place may have seemed to move farther than it does: what a curve does
@@ -520,45 +529,45 @@ def over_own_motion(
 
     Parameters
     ----------
-    stage : JudgedFit
+    stage : EvaluatedFit
     first, prepared, reference
-        As of :func:`with_closer_knots`.
+        As of :func:`refine_knots`.
     """
 
     def as_many(effect: Effect, low: float, high: float) -> Effect:
         values, narrow = effect.values, LEARNING.narrow * (high - low)
         if abs(values["low"] - low) <= narrow and abs(values["high"] - high) <= narrow:
             return effect
-        return laid(effect, low, high, coefficients_of(values).size)
+        return resampled_spline(effect, low, high, coefficients_of(values).size)
 
     other = _with_other_knots(stage, first, as_many, prepared, reference, 1)
-    if other is None or log_size(other.error) > log_size(stage.error) + LEARNING.better:
+    if other is None or mean_log_error(other.error) > mean_log_error(stage.error) + LEARNING.better:
         return stage
     return other
 
 
-def _of_free_runs(stage: JudgedFit, prepared: PreparedRecord) -> tuple[Array, Array]:
+def _simulated_motion(stage: EvaluatedFit, prepared: PreparedRecord) -> tuple[Array, Array]:
     """Return displacements and velocities of a model's own runs, shape (coordinates, samples)."""
     model, pieces = stage.model, prepared.everything if stage.reproducible else prepared.windows
-    run, started = prepared.closest_runs(model, pieces)
+    run, started = prepared.run_with_fitted_starts(model, pieces)
     signals = np.concatenate([run.runner.inputs(model, piece.record) for piece in started])
     return motion_of(model, run.over_all(started, keep=True).states, signals)
 
 
 def _with_other_knots(
-    stage: JudgedFit,
+    stage: EvaluatedFit,
     first: int,
     knots: Callable[[Effect, float, float], Effect],
     prepared: PreparedRecord,
     reference: MechanicalModel,
     spans: int,
-) -> JudgedFit | None:
+) -> EvaluatedFit | None:
     """Return a stage with other knots by the range of each law, fitted over the longest windows.
 
     The range is that of the model's own runs: smoothed accelerations wander. None if no knot is
     another one, or no fit ended well.
     """
-    effects, motion = list(stage.model.effects), _of_free_runs(stage, prepared)
+    effects, motion = list(stage.model.effects), _simulated_motion(stage, prepared)
     for i in range(first, len(effects)):
         over = effects[i].definition.over
         if len(over) == 1:
@@ -574,16 +583,16 @@ def _with_other_knots(
     return best_stage(fits, prepared) if fits else None
 
 
-def closer(effect: Effect, low: float, high: float) -> Effect:
+def with_halved_spacing(effect: Effect, low: float, high: float) -> Effect:
     """Return a learned curve with twice as many stretches between knots over a range.
 
     The same effect if there would be too many.
     """
     count = 2 * coefficients_of(effect.values).size - 3
-    return effect if count > LEARNING.closest else laid(effect, low, high, count)
+    return effect if count > LEARNING.closest else resampled_spline(effect, low, high, count)
 
 
-def laid(effect: Effect, low: float, high: float, count: int) -> Effect:
+def resampled_spline(effect: Effect, low: float, high: float, count: int) -> Effect:
     """Return a learned curve with so many coefficients over a range; itself if that is none."""
     values = effect.values
     if not high > low:
@@ -597,18 +606,20 @@ def laid(effect: Effect, low: float, high: float, count: int) -> Effect:
     step = (high - low) / (count - 3) / ((values["high"] - values["low"]) / (c.size - 3))
     knots = {"low": low, "high": high, "roughness": values["roughness"] * step}
     kind = f"{effect.kind.rpartition('_')[0]}_{count}"
-    return with_numbers(Effect(kind, effect.at, knots), finer)
+    return with_coefficients(Effect(kind, effect.at, knots), finer)
 
 
-def fitted_to_all(stage: JudgedFit, prepared: PreparedRecord, reference: MechanicalModel) -> Fit:
+def fit_laws_to_record(
+    stage: EvaluatedFit, prepared: PreparedRecord, reference: MechanicalModel
+) -> Fit:
     """Return the fit to the whole record, the one to its trial pieces if that did not end well."""
     if not stage.reproducible:
         return stage.fit
     pieces = prepared.everything
     whole = prepared.spans(pieces)[-1:]
     fits = homotopy(stage.model, prepared, pieces, reference, whole, LEARNING.steps, known=True)
-    before = rms_over(stage.model, prepared, prepared.everything)
-    if not fits or log_size(fits[-1].rmse) > log_size(before):
+    before = free_run_rms(stage.model, prepared, prepared.everything)
+    if not fits or mean_log_error(fits[-1].rmse) > mean_log_error(before):
         return stage.fit
     return fits[-1]
 
@@ -624,10 +635,10 @@ def fitted_to_all(stage: JudgedFit, prepared: PreparedRecord, reference: Mechani
 
 LawKinds = tuple[Over | Literal["dry"], ...]
 
-ONE_CURVE: tuple[LawKinds, ...] = (("stiffness",), ("damping",), ("stiffness", "dry"))
+SINGLE_CURVE: tuple[LawKinds, ...] = (("stiffness",), ("damping",), ("stiffness", "dry"))
 """What is tried at every place first: one curve. Dry friction stands beside one over the
 displacement because no smooth curve jumps as it does."""
-CURVES: tuple[LawKinds, ...] = (*ONE_CURVE, ("stiffness", "damping"))
+CURVES: tuple[LawKinds, ...] = (*SINGLE_CURVE, ("stiffness", "damping"))
 """The same, and two curves."""
 KINDS: tuple[LawKinds, ...] = (*CURVES, ("force",))
 """All of these, and a force over displacement and velocity at once, which can be anything."""
@@ -636,7 +647,7 @@ OVER_TIME: tuple[LawKinds, ...] = (("varying_stiffness",), ("varying_damping",))
 
 
 @dataclass(frozen=True, eq=False)
-class Tried:
+class TriedLaw:
     """A law that was tried.
 
     Attributes
@@ -668,7 +679,7 @@ class Learned:
 
     Attributes
     ----------
-    fitted : JudgedFit
+    fitted : EvaluatedFit
         The model with the laws, fitted to parts of the record and judged on the others.
     final : Fit
         The same, fitted to the whole of it.
@@ -685,13 +696,13 @@ class Learned:
         law, or not that alone: it may depend on time, on the past, or on more than one place.
     """
 
-    fitted: JudgedFit
+    fitted: EvaluatedFit
     final: Fit
     laws: tuple[LearnedLaw, ...]
     covariance: xr.DataArray
     before: Array
     after: Array
-    tried: tuple[Tried, ...]
+    tried: tuple[TriedLaw, ...]
     explains: bool
 
     @property
@@ -754,11 +765,11 @@ def learn(
     """
     before = held_out(model, prepared)
     given = replace(reference, effects=model.effects)
-    ranked = _ranked([model] if given == model else [model, given], prepared, kinds)
+    ranked = _rank_laws([model] if given == model else [model, given], prepared, kinds)
     least = max(LEARNING.odds, LEARNING.near * ranked[0].odds) if ranked else np.inf
     likely = [(i, law) for i, law in enumerate(ranked) if law.odds >= least]
-    enough = prepared.policy.at_floor * prepared.scales.noise
-    refits: dict[int, JudgedFit] = {}
+    enough = prepared.policy.at_noise_floor * prepared.scales.noise
+    refits: dict[int, EvaluatedFit] = {}
     stood: int | None = None
     for i, law in likely:
         if len(refits) == LEARNING.refits:
@@ -767,11 +778,11 @@ def learn(
         here = [fitted for j, fitted in refits.items() if ranked[j].curves.at == law.curves.at]
         if any(_helps(fitted.error, before) for fitted in here):
             continue
-        fitted = with_laws(law.beside, law.curves, prepared, reference)
+        fitted = fit_with_laws(law.beside, law.curves, prepared, reference)
         if fitted is None:
             continue
         refits[i] = fitted
-        if stood is None or _better(fitted, refits[stood]):
+        if stood is None or _has_lower_error(fitted, refits[stood]):
             stood = i
         if np.all(refits[stood].error < enough):
             break
@@ -779,25 +790,26 @@ def learn(
         return None
     for i, law in likely:  # a second law at a place has to earn it
         if law.curves.within(ranked[stood].curves) and i not in refits:
-            fitted = with_laws(law.beside, law.curves, prepared, reference)
-            if fitted is not None and not _better(refits[stood], fitted):
+            fitted = fit_with_laws(law.beside, law.curves, prepared, reference)
+            if fitted is not None and not _has_lower_error(refits[stood], fitted):
                 refits[i], stood = fitted, i
                 break
-    best = over_own_motion(refits[stood], len(model.effects), prepared, reference)
+    best = with_knots_over_motion(refits[stood], len(model.effects), prepared, reference)
     least_noise = prepared.scales.noise if white is None else white
-    best = with_closer_knots(best, len(model.effects), prepared, reference, least_noise)
-    final = fitted_to_all(best, prepared, reference)
+    best = refine_knots(best, len(model.effects), prepared, reference, least_noise)
+    final = fit_laws_to_record(best, prepared, reference)
     covariance = covariance_of(final)
-    noise = floor_beside(final.model, prepared, best.reproducible)
+    noise = residual_noise_floor(final.model, prepared, best.reproducible)
     old = sum(bool(e.definition.over) for e in model.effects)
     told = [
-        (i != stood, _told(law, refits.get(i), before, prepared)) for i, law in enumerate(ranked)
+        (i != stood, _tried_law(law, refits.get(i), before, prepared))
+        for i, law in enumerate(ranked)
     ]
     told.sort(key=lambda item: (item[0], item[1].ratio, -item[1].odds))
     return Learned(
         best,
         final,
-        laws_of(final.model, covariance)[old:],
+        learned_laws_of(final.model, covariance)[old:],
         covariance,
         before / noise,
         best.error / noise,
@@ -806,11 +818,13 @@ def learn(
     )
 
 
-def _better(one: JudgedFit, other: JudgedFit) -> bool:
-    return log_size(one.error) < log_size(other.error) - LEARNING.better
+def _has_lower_error(one: EvaluatedFit, other: EvaluatedFit) -> bool:
+    return mean_log_error(one.error) < mean_log_error(other.error) - LEARNING.better
 
 
-def _told(law: _Likely, fitted: JudgedFit | None, before: Array, prepared: PreparedRecord) -> Tried:
+def _tried_law(
+    law: _RankedLaw, fitted: EvaluatedFit | None, before: Array, prepared: PreparedRecord
+) -> TriedLaw:
     curves = law.curves
     over = " and ".join(
         name for e in curves.effects for name in e.definition.over or [e.definition.title]
@@ -819,22 +833,22 @@ def _told(law: _Likely, fitted: JudgedFit | None, before: Array, prepared: Prepa
     if fitted is not None:
         ratio = float(np.max(fitted.error / prepared.scales.noise))
         helps = _helps(fitted.error, before)
-    return Tried(curves.at, over, law.odds, curves.fall, ratio, helps)
+    return TriedLaw(curves.at, over, law.odds, curves.fall, ratio, helps)
 
 
 def _helps(error: Array, before: Array) -> bool:
-    return log_size(error) <= log_size(before) + np.log(1 - LEARNING.fall)
+    return mean_log_error(error) <= mean_log_error(before) + np.log(1 - LEARNING.fall)
 
 
-class _Look(NamedTuple):
+class _ModelView(NamedTuple):
     """A model and what it makes of the record: its motion, and its innovations at some levels."""
 
     model: MechanicalModel
-    motion: Smoothed
+    motion: SmoothedMotion
     seen: list[FilteredRecord]
 
 
-class _Likely(NamedTuple):
+class _RankedLaw(NamedTuple):
     """Laws at a place, their log odds, and the model beside which they are likeliest."""
 
     odds: float
@@ -842,44 +856,49 @@ class _Likely(NamedTuple):
     beside: MechanicalModel
 
 
-def _ranked(
+def _rank_laws(
     models: Sequence[MechanicalModel], prepared: PreparedRecord, tried: Sequence[LawKinds]
-) -> list[_Likely]:
+) -> list[_RankedLaw]:
     """Return laws by their log odds, the best of each place and kind, the best first."""
     policy, record = prepared.policy, prepared.screened
     looks = []
     for model in models:
         motion = prepared.motion(model, record)
         seen = [FilteredRecord(model, prepared, record, n, motion) for n in policy.shape_levels]
-        looks.append(_Look(model, motion, seen))
+        looks.append(_ModelView(model, motion, seen))
     null = min(
         min(f.null_scores(policy.noise_orders).values()) for look in looks for f in look.seen
     )
     rough = []
     for at in places(models[0], lookup("cubic_stiffness")):
         for kinds in tried:
-            found = [(_best(look, at, kinds, LEARNING.first, record), look) for look in looks]
+            found = [
+                (_fit_at_best_level(look, at, kinds, LEARNING.first, record), look)
+                for look in looks
+            ]
             known = [(fit, look) for fit, look in found if fit is not None]
             if known:
                 fit, look = min(known, key=lambda item: item[0].score)
-                rough.append((_Likely(float(null - fit.score) / 2, fit, look.model), look, kinds))
+                rough.append(
+                    (_RankedLaw(float(null - fit.score) / 2, fit, look.model), look, kinds)
+                )
     rough.sort(key=lambda item: -item[0].odds)
     ranked = [law for law, _, _ in rough]
     for i, (law, look, kinds) in enumerate(rough[: LEARNING.refits]):
         for count in LEARNING.counts if kinds != ("force",) else ():
             if count * LEARNING.samples > record.samples:
                 continue
-            finer = _best(look, law.curves.at, kinds, count, record)
+            finer = _fit_at_best_level(look, law.curves.at, kinds, count, record)
             if finer is None:
                 continue
             odds = float(null - finer.score) / 2
             if odds > ranked[i].odds + LEARNING.simpler:
-                ranked[i] = _Likely(odds, finer, law.beside)
+                ranked[i] = _RankedLaw(odds, finer, law.beside)
     return sorted(ranked, key=lambda law: -law.odds)
 
 
-def _best(
-    look: _Look,
+def _fit_at_best_level(
+    look: _ModelView,
     at: tuple[str, ...],
     kinds: Sequence[Over | Literal["dry"]],
     count: int,
@@ -894,7 +913,7 @@ def _best(
     for over in kinds:
         size = LEARNING.across[0] if over == "force" else count
         made = (
-            dry_block(model, at, motion)
+            dry_friction_block(model, at, motion)
             if over == "dry"
             else block(model, at, over, size, motion, record)
         )

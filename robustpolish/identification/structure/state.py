@@ -9,22 +9,27 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robustpolish.base.arrays import Array
-from robustpolish.identification.diagnosis.findings import Confusion, RankedCandidate
-from robustpolish.identification.fit.least_squares import JudgedFit, best_stage, homotopy, left_by
-from robustpolish.identification.fit.parameters import idle, sized, turns_over_gently
+from robustpolish.identification.diagnosis.findings import IndistinguishablePair, RankedCandidate
+from robustpolish.identification.fit.least_squares import (
+    EvaluatedFit,
+    best_stage,
+    homotopy,
+    ranking_log_error,
+)
+from robustpolish.identification.fit.parameters import has_smoothing, makes_no_force, scaled_effect
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.policy import Policy
-from robustpolish.identification.refit import timely
-from robustpolish.identification.residuals.tests import floor_beside
+from robustpolish.identification.refit import with_resolved_delay
+from robustpolish.identification.residuals.tests import residual_noise_floor
 from robustpolish.identification.structure.screening import ScreenedEffect, Screening
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.mechanical.model import MechanicalModel
 
 
-def numbers_of(effect: Effect) -> int:
+def parameter_count(effect: Effect) -> int:
     """Return how many numbers of an effect that was found are fitted."""
     own = sum(p.fitted for p in effect.definition.parameters)
-    return own + turns_over_gently(effect)
+    return own + has_smoothing(effect)
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +37,7 @@ class RefittedEffect:
     """A screened effect, and the model with it, fitted and judged."""
 
     screened: ScreenedEffect
-    fitted: JudgedFit
+    fitted: EvaluatedFit
 
     @property
     def effect(self) -> Effect:
@@ -42,7 +47,7 @@ class RefittedEffect:
     @property
     def size(self) -> int:
         """Number of its fitted parameters."""
-        return numbers_of(self.effect)
+        return parameter_count(self.effect)
 
     @property
     def constant(self) -> bool:
@@ -56,7 +61,7 @@ class RefittedEffect:
         return kind.family or kind.kind, self.effect.at
 
 
-class Turn(NamedTuple):
+class SelectionStep(NamedTuple):
     """An effect that was added, or two together, or none, and what could have been.
 
     Attributes
@@ -106,17 +111,17 @@ class Search:
     prepared: PreparedRecord
     reference: MechanicalModel
     say: Callable[[str], None]
-    linear: JudgedFit
-    stage: JudgedFit
-    guided: MechanicalModel
+    linear: EvaluatedFit
+    stage: EvaluatedFit
+    short_window_model: MechanicalModel
     steps: list[tuple[str, MechanicalModel]]
     candidates: list[RankedCandidate] = field(default_factory=list)
-    confusions: list[Confusion] = field(default_factory=list)
+    indistinguishable_pairs: list[IndistinguishablePair] = field(default_factory=list)
     reasons: list[str] = field(default_factory=list)
     screening: Screening | None = None
-    turns: list[Turn] = field(default_factory=list)
-    barred: tuple[tuple[str, tuple[str, ...]], ...] = ()
-    beside: dict[tuple[JudgedFit, str, tuple[str, ...]], JudgedFit | None] = field(
+    selection_steps: list[SelectionStep] = field(default_factory=list)
+    excluded_effects: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    beside: dict[tuple[EvaluatedFit, str, tuple[str, ...]], EvaluatedFit | None] = field(
         default_factory=dict
     )
     begin: Callable[[MechanicalModel], Search] | None = None
@@ -135,26 +140,26 @@ class Search:
         """Return the effects of a model that the reference lacks."""
         return model.effects[len(self.reference.effects) :]
 
-    def at_floor(self, stage: JudgedFit) -> bool:
+    def at_noise_floor(self, stage: EvaluatedFit) -> bool:
         """Return whether not even the noise alone would make the error fall visibly.
 
         What is held out of a decay is the quieter part of it: what was fitted counts too.
         """
-        least = self.policy.at_floor * self.prepared.scales.noise
+        least = self.policy.at_noise_floor * self.prepared.scales.noise
         fitted = np.all(stage.fit.rmse < least) or not stage.reproducible
         return bool(np.all(stage.error < least) and fitted)
 
-    def noise_alone(self, times: float) -> bool:
+    def residual_is_noise(self, times: float) -> bool:
         """Return whether the model leaves noise alone, white or of the colour that it shows."""
         stage = self.stage
-        if self.at_floor(stage):
+        if self.at_noise_floor(stage):
             return True
-        floor = self.floor_beside(stage.model, stage.reproducible)
+        floor = self.residual_noise_floor(stage.model, stage.reproducible)
         return bool(np.all(stage.error < times * floor))
 
-    def floor_beside(self, model: MechanicalModel, calm: bool) -> Array:
+    def residual_noise_floor(self, model: MechanicalModel, predictable: bool) -> Array:
         """Return the noise of each output that the errors of a fitted model show, shape (ny,)."""
-        return floor_beside(model, self.prepared, calm)
+        return residual_noise_floor(model, self.prepared, predictable)
 
     def copy(self) -> Search:
         """Return the search as it is, to go on in another way."""
@@ -162,32 +167,32 @@ class Search:
         lists: dict[str, Any] = {k: list(v) for k, v in values.items() if isinstance(v, list)}
         return replace(self, **lists)
 
-    def fitted_with(
+    def fit_with(
         self, model: MechanicalModel, *effects: Effect, anew: bool = False, near: bool = False
-    ) -> JudgedFit | None:
+    ) -> EvaluatedFit | None:
         """Return a model with more effects, fitted; None if no fit ended well.
 
         Where masses and springs were bent to what these do, they begin as they were known, too.
         With `anew` the first windows are begun anew as their law is found; with `near` they begin
         where the model comes closest to them, for its numbers are near those to be found.
         """
-        found = self._begun_smaller(model, *effects, anew=anew, near=near)
-        if not self._bent(model, found, effects):
+        found = self._fit_from_smaller_sizes(model, *effects, anew=anew, near=near)
+        if not self._parameters_distorted(model, found, effects):
             return found
         known = replace(self.reference, effects=model.effects)
-        again = self._begun_smaller(known, *effects, anew=anew, near=near)
+        again = self._fit_from_smaller_sizes(known, *effects, anew=anew, near=near)
         fits = [f for f in (found, again) if f is not None]
-        return min(fits, key=lambda fitted: left_by(fitted, fits), default=None)
+        return min(fits, key=lambda fitted: ranking_log_error(fitted, fits), default=None)
 
-    def fitted_beside(self, fitted: JudgedFit, effect: Effect) -> JudgedFit | None:
+    def cached_fit_with(self, fitted: EvaluatedFit, effect: Effect) -> EvaluatedFit | None:
         """Return a fitted model with one more effect, fitted; None if no fit ended well."""
         key = (fitted, effect.kind, effect.at)
         if key not in self.beside:
-            self.beside[key] = self.fitted_with(fitted.model, effect)
+            self.beside[key] = self.fit_with(fitted.model, effect)
         return self.beside[key]
 
-    def _bent(
-        self, model: MechanicalModel, found: JudgedFit | None, effects: Sequence[Effect]
+    def _parameters_distorted(
+        self, model: MechanicalModel, found: EvaluatedFit | None, effects: Sequence[Effect]
     ) -> bool:
         """Return whether fits without these effects may have moved masses and springs to theirs.
 
@@ -197,7 +202,7 @@ class Search:
         """
         if any(effect.kind == "sensor_gain" for effect in effects):
             return True
-        if found is not None and self.at_floor(found):
+        if found is not None and self.at_noise_floor(found):
             return False
         if any(effect.definition.swinging for effect in effects):
             return True
@@ -210,16 +215,16 @@ class Search:
         )
         return any(a > 0 and not a / far <= b <= a * far for a, b in zip(known, now, strict=True))
 
-    def _begun_smaller(
+    def _fit_from_smaller_sizes(
         self, model: MechanicalModel, *effects: Effect, anew: bool = False, near: bool = False
-    ) -> JudgedFit | None:
+    ) -> EvaluatedFit | None:
         """Return a model with more effects, fitted, begun with a share of their first sizes.
 
         Where these make runs diverge, as a softening spring does beyond its peak, smaller ones may
         not.
         """
         prepared, policy = self.prepared, self.policy
-        first = [timely(effect, model, prepared) for effect in effects]
+        first = [with_resolved_delay(effect, model, prepared) for effect in effects]
         pieces = prepared.trial
         steps = prepared.steps if model.free else 2 * prepared.steps
         spans = prepared.spans(pieces, policy.growth)
@@ -227,7 +232,7 @@ class Search:
         for share in policy.shares if first else policy.shares[:1]:
             extended = model
             for effect in first:
-                values = sized(effect, share).values
+                values = scaled_effect(effect, share).values
                 extended = extended.with_effect(effect.definition, effect.at, values)
             stages = homotopy(
                 extended, prepared, pieces, self.reference, spans, steps,
@@ -239,7 +244,7 @@ class Search:
                     return found
         return found
 
-    def fitted_without(self, model: MechanicalModel, at: int, *instead: Effect) -> JudgedFit | None:
+    def fit_without(self, model: MechanicalModel, at: int, *instead: Effect) -> EvaluatedFit | None:
         """Return a model without one of its effects, or with others in its place, fitted anew.
 
         None if no fit ended well. The others may be right as they are, where short windows would
@@ -248,15 +253,15 @@ class Search:
         rest = (*model.effects[:at], *model.effects[at + 1 :])
         bare = replace(model, effects=rest)
         if instead:
-            return self.fitted_with(bare, *instead, near=True)
+            return self.fit_with(bare, *instead, near=True)
         prepared = self.prepared
-        tried = [self.fitted_over(bare, prepared.spans(prepared.trial)[-1:])]
-        if not idle(model.effects[at]):
-            tried.append(self.fitted_with(bare))
+        tried = [self.fit_over_windows(bare, prepared.spans(prepared.trial)[-1:])]
+        if not makes_no_force(model.effects[at]):
+            tried.append(self.fit_with(bare))
         fits = [fitted for fitted in tried if fitted is not None]
-        return min(fits, key=lambda fitted: left_by(fitted, fits), default=None)
+        return min(fits, key=lambda fitted: ranking_log_error(fitted, fits), default=None)
 
-    def fitted_over(self, model: MechanicalModel, spans: Sequence[int]) -> JudgedFit | None:
+    def fit_over_windows(self, model: MechanicalModel, spans: Sequence[int]) -> EvaluatedFit | None:
         """Return a model fitted from its numbers over windows of these lengths, one by one.
 
         None if no fit ended well.
@@ -273,7 +278,7 @@ class Search:
             refused = f"{item.effect} was not added"
             self.reasons = [reason for reason in self.reasons if not reason.startswith(refused)]
 
-    def remember(
+    def record_candidates(
         self,
         ranked: Sequence[RefittedEffect],
         screened: Sequence[ScreenedEffect],
@@ -295,14 +300,14 @@ class Search:
         size = np.std(self.prepared.record.Y, axis=0)
         for item in ranked:
             effect, error = item.fitted.model.effects[-1], float(np.mean(item.fitted.error / size))
-            self._remember(effect, error, item.screened.score, number)
+            self._record_candidate(effect, error, item.screened.score, number)
         done = {item.screened.place for item in ranked}
         for other in screened:
             if other.place not in done and other.score > 0:
                 remark = other.remark or (why or {}).get(other.place, "screened only")
-                self._remember(other.effect, np.inf, other.score, number, remark)
+                self._record_candidate(other.effect, np.inf, other.score, number, remark)
 
-    def _remember(
+    def _record_candidate(
         self, effect: Effect, error: float, score: float, number: int, remark: str = ""
     ) -> None:
         place, values = (effect.kind, effect.at), effect.values

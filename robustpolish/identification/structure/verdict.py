@@ -10,47 +10,51 @@ import numpy as np
 
 from robustpolish.base.arrays import Array
 from robustpolish.identification.diagnosis.findings import (
-    Confusion,
     Entry,
     FoundEffect,
+    IndistinguishablePair,
     Ledger,
     Value,
-    confused,
+    indistinguishable_pair,
 )
 from robustpolish.identification.diagnosis.result import Diagnosis
 from robustpolish.identification.fit.least_squares import (
+    EvaluatedFit,
     Fit,
-    JudgedFit,
     covariance_of,
-    errors_from,
-    free_rms,
+    effective_samples,
+    free_run_rms,
+    free_run_rms_checked,
     homotopy,
-    independent,
     log_odds,
-    rms_over,
+    stderr_from_covariance,
 )
-from robustpolish.identification.fit.parameters import turns_over_gently
+from robustpolish.identification.fit.parameters import has_smoothing
 from robustpolish.identification.observer.kalman import force_sites
 from robustpolish.identification.policy import Policy
-from robustpolish.identification.refit import with_other_holds
+from robustpolish.identification.refit import with_reselected_holds
 from robustpolish.identification.residuals.tests import force_maps
-from robustpolish.identification.structure.decays import cut_decays
+from robustpolish.identification.structure.decays import split_decays
 from robustpolish.identification.structure.moves_replace import (
-    bends_others,
-    closer_kinds,
-    gently,
-    knows_turn,
-    nearly_the_same,
-    simpler,
+    close_force_equivalents,
+    fits_of_simpler_kinds,
+    lower_error_kinds,
+    makes_others_implausible,
+    smoothing_is_determined,
+    with_smoothing_velocity,
 )
-from robustpolish.identification.structure.score import falls_where_fitted, more_left, undetermined
+from robustpolish.identification.structure.score import (
+    improves_fitted_pieces,
+    log_error_ratio,
+    undetermined_parameter,
+)
 from robustpolish.identification.structure.screening import screen
 from robustpolish.identification.structure.spline_laws import (
     CURVES,
     KINDS,
     LEARNING,
-    ONE_CURVE,
     OVER_TIME,
+    SINGLE_CURVE,
     LawKinds,
     Learned,
     better_shape,
@@ -65,44 +69,48 @@ from robustpolish.machines.mechanical.parts import FORCE
 # The final fit of what a search found: to the whole record, each effect asked for once more.
 
 
-class Final(NamedTuple):
+class FinalFit(NamedTuple):
     """A model fitted to the whole record, and its free-run error there, shape (ny,).
 
-    A model that is not `calm`, whose long runs are not reproducible, is run in windows.
+    A model that is not `predictable`, whose long runs are not reproducible, is run in windows.
     """
 
     fit: Fit
     error: Array
-    calm: bool
+    predictable: bool
 
 
-def final_fit(search: Search) -> Final:
+def final_fit(search: Search) -> FinalFit:
     """Fit what a search found to the whole record, without what that leaves open.
 
     The steps and the confusions of the search follow.
     """
-    final = _without_idle(search, fit_to_all(search, search.stage, is_calm(search)))
-    final = _likeliest_kinds(search, final)
-    gentle = _gently(search, final)
+    final = _drop_undetermined(
+        search, fit_whole_record(search, search.stage, free_runs_predictable(search))
+    )
+    final = _select_by_likelihood(search, final)
+    gentle = _smooth_frictions(search, final)
     # what stood in for the turn has nothing left to do
-    return final if gentle is final else _without_idle(search, gentle)
+    return final if gentle is final else _drop_undetermined(search, gentle)
 
 
-def is_calm(search: Search) -> bool:
+def free_runs_predictable(search: Search) -> bool:
     """Return whether free runs over the whole record judge what was found; windows do otherwise."""
     stage, prepared = search.stage, search.prepared
-    return stage.reproducible and free_rms(stage.model, prepared, prepared.everything)[1]
+    return (
+        stage.reproducible and free_run_rms_checked(stage.model, prepared, prepared.everything)[1]
+    )
 
 
-def fit_to_all(search: Search, stage: JudgedFit, calm: bool) -> Final:
+def fit_whole_record(search: Search, stage: EvaluatedFit, predictable: bool) -> FinalFit:
     """Fit the model of a stage to the whole record, and judge it there."""
     prepared = search.prepared
     pieces = prepared.everything
     spans = prepared.spans(pieces, search.policy.growth)
-    if not calm:
+    if not predictable:
         spans = [span for span in spans if span < prepared.short] + [prepared.short]
-    before = whole_error(stage.model, search, calm)
-    if calm and np.all(before < search.policy.lost * stage.error):
+    before = whole_record_error(stage.model, search, predictable)
+    if predictable and np.all(before < search.policy.lost * stage.error):
         spans = spans[-2:]  # what follows the whole record already is not lost on long windows
     last = search.policy.follows(prepared.record.Y.size)
     fits = homotopy(
@@ -110,23 +118,23 @@ def fit_to_all(search: Search, stage: JudgedFit, calm: bool) -> Final:
         last=last, known=True,
     )  # fmt: skip
     if not fits:
-        return Final(stage.fit, before, calm)
-    error = whole_error(fits[-1].model, search, calm)
+        return FinalFit(stage.fit, before, predictable)
+    error = whole_record_error(fits[-1].model, search, predictable)
     if np.mean(np.log(error)) > np.mean(np.log(before)):
-        return Final(stage.fit, before, calm)
-    return Final(fits[-1], error, calm)
+        return FinalFit(stage.fit, before, predictable)
+    return FinalFit(fits[-1], error, predictable)
 
 
-def whole_error(model: MechanicalModel, search: Search, calm: bool) -> Array:
+def whole_record_error(model: MechanicalModel, search: Search, predictable: bool) -> Array:
     """Return the free-run error of each output over the whole record.
 
     A model whose long runs are not reproducible is run in windows.
     """
     prepared = search.prepared
-    return rms_over(model, prepared, prepared.everything if calm else prepared.windows)
+    return free_run_rms(model, prepared, prepared.everything if predictable else prepared.windows)
 
 
-def _without_idle(search: Search, final: Final) -> Final:
+def _drop_undetermined(search: Search, final: FinalFit) -> FinalFit:
     """Return the final fit without effects or numbers that the whole record leaves open.
 
     An effect that was added early may have nothing left to do beside those that came after it, and
@@ -138,30 +146,32 @@ def _without_idle(search: Search, final: Final) -> Final:
     for at in reversed(range(first, len(final.fit.model.effects))):
         effects = final.fit.model.effects
         effect = effects[at]
-        if len(effects) > first + 1 and undetermined(final.fit, at, policy):
-            shorter = _no_worse(search, search.fitted_without(final.fit.model, at), final)
+        if len(effects) > first + 1 and undetermined_parameter(final.fit, at, policy):
+            shorter = _accept_if_no_worse(search, search.fit_without(final.fit.model, at), final)
             if shorter is not None:
                 final = shorter
                 del search.steps[2 + at - first]
                 search.reasons.append(f"{effect} was not kept: the others explain as much.")
                 continue
         absurd = effect.definition.implausible(effect.values)
-        if not absurd and not undetermined(final.fit, at, policy, every=True):
+        if not absurd and not undetermined_parameter(final.fit, at, policy, every=True):
             continue
-        for instead in simpler(search, final.fit.model, at):
-            shorter = _no_worse(search, instead, final)
+        for instead in fits_of_simpler_kinds(search, final.fit.model, at):
+            shorter = _accept_if_no_worse(search, instead, final)
             if shorter is not None:
                 final = shorter
                 last = final.fit.model.effects[-1]
                 del search.steps[2 + at - first]
                 search.steps.append((last.kind, final.fit.model))
-                alike = {each.kind: each for each in (*closer_kinds(search), effect)}
-                search.confusions += [confused(last, other) for other in alike.values()]
+                alike = {each.kind: each for each in (*lower_error_kinds(search), effect)}
+                search.indistinguishable_pairs += [
+                    indistinguishable_pair(last, other) for other in alike.values()
+                ]
                 break
     return final
 
 
-def _likeliest_kinds(search: Search, whole: Final) -> Final:
+def _select_by_likelihood(search: Search, whole: FinalFit) -> FinalFit:
     """Return the final fit with the kinds of friction with memory that the whole record prefers.
 
     A part of the record may leave numbers of one kind more open than those of another, and held-out
@@ -169,29 +179,31 @@ def _likeliest_kinds(search: Search, whole: Final) -> Final:
     decides, each kind begun with the force that the one found makes. What comes near is told alike.
     """
     first, policy = len(search.reference.effects), search.policy
-    final, error, calm = whole
-    over_all = calm and len(final.errors) == search.prepared.record.samples
+    final, error, predictable = whole
+    over_all = predictable and len(final.errors) == search.prepared.record.samples
     found = [e for e in final.model.effects[first:] if e.definition.family]
     remembering = [(e.kind, e.at) for e in found if e.definition.has_memory]
     if not (over_all and remembering) or np.any(
-        error > policy.shape_above * search.floor_beside(final.model, calm)
+        error > policy.shape_above * search.residual_noise_floor(final.model, predictable)
     ):
         return whole
     for place in remembering:
-        here = [p for p in search.confusions if (p.first.kind, p.first.at) == place]
+        here = [p for p in search.indistinguishable_pairs if (p.first.kind, p.first.at) == place]
         began = at = [(e.kind, e.at) for e in final.model.effects].index(place)
-        others, passed = list(_kinds_instead(search, final, at)), []
-        while likelier := _likelier(others, final, policy):
+        others, passed = list(_replacement_kind_fits(search, final, at)), []
+        while likelier := _more_likely_fits(others, final, policy):
             effect = final.model.effects[at]
             passed += [(effect, final), *((f.model.effects[-1], f) for f in others)]
             odds, final = max(likelier, key=lambda pair: pair[0])
             said = f"{effect} is less likely over the whole record, by log odds of {odds:.1f}."
             search.reasons.append(said)
             at = len(final.model.effects) - 1
-            others = list(_kinds_instead(search, final, at))  # begun with the force of this one
+            others = list(
+                _replacement_kind_fits(search, final, at)
+            )  # begun with the force of this one
         now = final.model.effects[at]
         if now.kind != place[0]:
-            error = whole_error(final.model, search, calm)
+            error = whole_record_error(final.model, search, predictable)
             del search.steps[2 + began - first]
             search.steps.append((now.kind, final.model))
         # begun with the force of this one, a kind may end farther from it than it came before
@@ -203,17 +215,21 @@ def _likeliest_kinds(search: Search, whole: Final) -> Final:
         near = {e.kind: e for e, odds in odds_of if odds > -policy.strong_odds}
         alike = list(near.values())
         alike += [p.second for p in here if p.second.at != now.at or p.second.kind not in judged]
-        search.confusions[:] = [p for p in search.confusions if p not in here]
-        search.confusions += [confused(now, other) for other in alike]
-    return Final(final, error, calm)
+        search.indistinguishable_pairs[:] = [
+            p for p in search.indistinguishable_pairs if p not in here
+        ]
+        search.indistinguishable_pairs += [indistinguishable_pair(now, other) for other in alike]
+    return FinalFit(final, error, predictable)
 
 
-def _likelier(others: Sequence[Fit], final: Fit, policy: Policy) -> list[tuple[float, Fit]]:
+def _more_likely_fits(others: Sequence[Fit], final: Fit, policy: Policy) -> list[tuple[float, Fit]]:
     """Return the fits that the whole record prefers, with their log odds.
 
     One with more numbers needs more evidence than they cost.
     """
-    judged = [(log_odds(other, final) - _cost(other, final), other) for other in others]
+    judged = [
+        (log_odds(other, final) - _parameter_penalty(other, final), other) for other in others
+    ]
     return [
         (odds, other)
         for odds, other in judged
@@ -221,34 +237,34 @@ def _likelier(others: Sequence[Fit], final: Fit, policy: Policy) -> list[tuple[f
     ]
 
 
-def _kinds_instead(search: Search, final: Fit, at: int) -> Iterator[Fit]:
+def _replacement_kind_fits(search: Search, final: Fit, at: int) -> Iterator[Fit]:
     """Yield fits to the whole record with other kinds in place of an effect, at the end of all.
 
     Those whose numbers are physical, and determined. Friction that jumps comes rounded, too: what a
     jump leaves at every reversal is no evidence of memory.
     """
     effects, last = final.model.effects, len(final.model.effects) - 1
-    for instead in nearly_the_same(search, final.model, at):
+    for instead in close_force_equivalents(search, final.model, at):
         model = replace(final.model, effects=(*effects[:at], *effects[at + 1 :], instead))
-        for fitted in _over_all(model, search, calm=True):
-            for tried in (fitted, *_rounded(fitted, last, search, calm=True)):
+        for fitted in _fit_long_windows(model, search, predictable=True):
+            for tried in (fitted, *_smoothed_whole_fit(fitted, last, search, predictable=True)):
                 other = tried.model.effects[-1]
                 if not (
                     other.definition.implausible(other.values)
-                    or undetermined(tried, last, search.policy)
+                    or undetermined_parameter(tried, last, search.policy)
                 ):
                     yield tried
 
 
-def _cost(one: Fit, other: Fit) -> float:
+def _parameter_penalty(one: Fit, other: Fit) -> float:
     """Return the log odds that the numbers which one fit has more than another cost it."""
-    return 0.5 * (len(one.free) - len(other.free)) * float(np.log(np.sum(independent(other))))
+    return 0.5 * (len(one.free) - len(other.free)) * float(np.log(np.sum(effective_samples(other))))
 
 
-def _over_all(model: MechanicalModel, search: Search, calm: bool) -> list[Fit]:
+def _fit_long_windows(model: MechanicalModel, search: Search, predictable: bool) -> list[Fit]:
     """Return a model fitted to the whole record from its numbers; none if that did not end well."""
     prepared = search.prepared
-    pieces = prepared.everything if calm else prepared.windows
+    pieces = prepared.everything if predictable else prepared.windows
     spans = prepared.spans(pieces)[-1:]
     last = search.policy.follows(prepared.record.Y.size)
     return homotopy(
@@ -256,48 +272,54 @@ def _over_all(model: MechanicalModel, search: Search, calm: bool) -> list[Fit]:
     )
 
 
-def _gently(search: Search, final: Final) -> Final:
+def _smooth_frictions(search: Search, final: FinalFit) -> FinalFit:
     """Return the final fit with those jumps of friction rounded that the data know to be none.
 
     What a jump leaves at every reversal may be less than the noise and yet move all other numbers
     by more than their standard errors. So likelihood decides, not a visible fall.
     """
     for at in range(len(search.reference.effects), len(final.fit.model.effects)):
-        for fitted in _rounded(final.fit, at, search, final.calm):
-            left = whole_error(fitted.model, search, final.calm)
+        for fitted in _smoothed_whole_fit(final.fit, at, search, final.predictable):
+            left = whole_record_error(fitted.model, search, final.predictable)
             odds = search.prepared.record.samples * float(np.sum(np.log(final.error / left)))
             if odds > search.policy.least_odds:
-                final = Final(fitted, left, final.calm)
+                final = FinalFit(fitted, left, final.predictable)
     return final
 
 
-def _rounded(jumping: Fit, at: int, search: Search, calm: bool) -> list[Fit]:
+def _smoothed_whole_fit(jumping: Fit, at: int, search: Search, predictable: bool) -> list[Fit]:
     """Return a fit to the whole record with a jump of friction rounded.
 
     None where nothing jumps, or the data leave the speed of the turn open.
     """
     effects = jumping.model.effects
-    if not effects[at].definition.turns_over or turns_over_gently(effects[at]):
+    if not effects[at].definition.turns_over or has_smoothing(effects[at]):
         return []
-    gentle = gently(jumping.model, at, search)
+    gentle = with_smoothing_velocity(jumping.model, at, search)
     if gentle is None:
         return []
     model = replace(jumping.model, effects=(*effects[:at], gentle, *effects[at + 1 :]))
-    return [fitted for fitted in _over_all(model, search, calm) if knows_turn(fitted, at, search)]
+    return [
+        fitted
+        for fitted in _fit_long_windows(model, search, predictable)
+        if smoothing_is_determined(fitted, at, search)
+    ]
 
 
-def _no_worse(search: Search, instead: JudgedFit | None, final: Final) -> Final | None:
+def _accept_if_no_worse(
+    search: Search, instead: EvaluatedFit | None, final: FinalFit
+) -> FinalFit | None:
     """Go on with a model, and return its final fit, if that leaves little more than another.
 
     No effect may have become absurd for that.
     """
     if instead is None:
         return None
-    fitted = fit_to_all(search, instead, final.calm)
+    fitted = fit_whole_record(search, instead, final.predictable)
     little = np.log(1 + search.policy.together)
     if not np.mean(np.log(fitted.error / final.error)) < little:
         return None
-    if bends_others(search, final.fit.model, fitted.fit.model):
+    if makes_others_implausible(search, final.fit.model, fitted.fit.model):
         return None
     search.stage = instead
     return fitted
@@ -314,54 +336,56 @@ class Verdict(NamedTuple):
     floor: Array
 
 
-def verdict_on(search: Search, final: Final, base: Array, refitted: Array) -> Verdict:
+def verdict_on(search: Search, final: FinalFit, base: Array, refitted: Array) -> Verdict:
     """Choose the verdict.
 
     Parameters
     ----------
     search : Search
-    final : Final
+    final : FinalFit
     base, refitted : ndarray, shape (ny,)
         Errors of the model as it was, and refitted; of windows where `final` is not calm.
     """
     policy, error = search.policy, final.error
     size = np.std(search.prepared.record.Y, axis=0)
-    floor = search.floor_beside(final.fit.model, final.calm)
-    at_floor, into = bool(np.all(error < policy.shape_above * floor)), []
-    if not at_floor and _noise_on_inputs(search) and np.all(error < policy.loudest * size):
+    floor = search.residual_noise_floor(final.fit.model, final.predictable)
+    at_noise_floor, into = bool(np.all(error < policy.shape_above * floor)), []
+    if not at_noise_floor and _noise_on_inputs(search) and np.all(error < policy.loudest * size):
         times = float(np.max(error / floor))
         into = [f"What is left is {times:.3g} times the noise of the sensors, "
                 "and like a noise on the inputs."]  # fmt: skip
-        at_floor, floor = True, error
+        at_noise_floor, floor = True, error
     if search.added_to(final.fit.model):
         share = _explained(refitted, error, floor)
         told = [*into, f"The effects explain {100 * share:.0f} % of the error above the noise."]
         times = float(np.max(error / floor))
         if times > policy.far:
             told.insert(0, f"What is left is {times:.3g} times the noise.")
-        if at_floor or share > policy.explained or not final.calm:
+        if at_noise_floor or share > policy.explained or not final.predictable:
             return Verdict("missing_effect", told if share > 0 else [], floor)
         told[-1] += f" {100 * (1 - share):.0f} % is left."
         return Verdict("partly_explained", told, floor)
-    if not at_floor:
+    if not at_noise_floor:
         return Verdict("unexplained", [NO_EFFECT], floor)
     wrong = np.any(base > policy.improved * error)
     return Verdict("parameters" if wrong else "adequate", into, floor)
 
 
-def more_is_left(search: Search, final: Final, verdict: Verdict) -> bool:
+def residual_exceeds_noise(search: Search, final: FinalFit, verdict: Verdict) -> bool:
     """Return whether more than noise is left."""
     return bool(np.any(final.error > search.policy.shape_above * verdict.floor))
 
 
-def wrong_name(search: Search, final: Final, refitted: Array, verdict: Verdict) -> str | None:
+def misidentification_reason(
+    search: Search, final: FinalFit, refitted: Array, verdict: Verdict
+) -> str | None:
     """Say why the effects that were found are no names of what is missing.
 
     None if they are, or if there are none.
     """
     if not search.added_to(final.fit.model):
         return None
-    if more_is_left(search, final, verdict):
+    if residual_exceeds_noise(search, final, verdict):
         shape = better_shape(final.fit.model, search.prepared)
         if shape is not None:
             return shape
@@ -371,13 +395,13 @@ def wrong_name(search: Search, final: Final, refitted: Array, verdict: Verdict) 
     if fall < search.policy.visible_fall or _explained(refitted, final.error, verdict.floor) <= 0:
         return NO_EFFECT  # a fit to all may leave nothing of what helped on some blocks
     effects = range(len(search.reference.effects), len(final.fit.model.effects))
-    if all(undetermined(final.fit, at, search.policy) for at in effects):
+    if all(undetermined_parameter(final.fit, at, search.policy) for at in effects):
         # a size that stands for others is a finding where all is explained, and only there
         return "What helps has no size that the data determine."
     return None
 
 
-def crowded(search: Search, model: MechanicalModel) -> bool:
+def many_effects_at_one_place(search: Search, model: MechanicalModel) -> bool:
     """Return whether three effects or more were added at one place: one curve may be all that."""
     effects = search.added_to(model)
     added = [frozenset(e.at) for e in effects if e.definition.domain == "pair"]
@@ -392,11 +416,16 @@ def _noise_on_inputs(search: Search) -> bool:
     Nor is it while so many effects share a place that one curve may be all of them, and more.
     """
     stage, policy = search.stage, search.policy
-    if search.screening is None or crowded(search, stage.model):
+    if search.screening is None or many_effects_at_one_place(search, stage.model):
         return False
-    tried = [item.fitted for turn in search.turns if not turn.added for item in turn.tried]
+    tried = [
+        item.fitted for turn in search.selection_steps if not turn.added for item in turn.tried
+    ]
     visible = np.log(1 - policy.visible_fall)
-    if any(more_left(f, stage) < visible or falls_where_fitted(stage, f, policy) for f in tried):
+    if any(
+        log_error_ratio(f, stage) < visible or improves_fitted_pieces(stage, f, policy)
+        for f in tried
+    ):
         return False
     level = search.screening.level
     return level.force <= search.policy.silent and level.input_noise > 0
@@ -412,7 +441,7 @@ def _explained(before: Array, after: Array, noise: Array) -> float:
 # A law that no catalogue holds, in place of the effects that a search found.
 
 
-class LawFound(NamedTuple):
+class NonparametricLaw(NamedTuple):
     """A law, and beside what it was learned.
 
     Attributes
@@ -426,7 +455,7 @@ class LawFound(NamedTuple):
     learned: Learned
 
 
-def one_curve(search: Search) -> LawFound | None:
+def single_curve_law(search: Search) -> NonparametricLaw | None:
     """Return a curve that explains all of which the effects that were found leave visibly more.
 
     Each kind of the catalogue has been tried at its place by then, alone and beside others. What
@@ -435,23 +464,23 @@ def one_curve(search: Search) -> LawFound | None:
     for where more than noise of any colour is left. Of a decay names are not complete yet: its
     damping is settled later.
     """
-    stage, more = search.stage, not search.noise_alone(search.policy.shape_above)
-    if search.at_floor(stage) or _is_decay(search) or not (search.added or more):
+    stage, more = search.stage, not search.residual_is_noise(search.policy.shape_above)
+    if search.at_noise_floor(stage) or _is_free_decay(search) or not (search.added or more):
         return None
     search.say("one curve that explains all")
-    floor = search.floor_beside(stage.model, is_calm(search))
-    for kinds in _kinds(search, ONE_CURVE, over_time=more):
-        law = _found_law(search, floor, kinds)
+    floor = search.residual_noise_floor(stage.model, free_runs_predictable(search))
+    for kinds in _law_kinds_to_try(search, SINGLE_CURVE, over_time=more):
+        law = _best_law(search, floor, kinds)
         if law is None or not law.learned.explains:
             continue
-        if more_left(law.learned.fitted, stage) < _visibly(search):
+        if log_error_ratio(law.learned.fitted, stage) < _significant_log_ratio(search):
             return law
     return None
 
 
 def unknown_law(
-    search: Search, names: Final, verdict: Verdict, wrong: str | None
-) -> LawFound | None:
+    search: Search, names: FinalFit, verdict: Verdict, wrong: str | None
+) -> NonparametricLaw | None:
     """Return a law in place of all that was added, if it explains all or they are far from it.
 
     Whatever several named forces are, a surface is too, and much may look like a drift: a surface
@@ -470,7 +499,7 @@ def unknown_law(
     Parameters
     ----------
     search : Search
-    names : Final
+    names : FinalFit
         The model with the effects that were found.
     verdict : Verdict
         On that.
@@ -479,24 +508,26 @@ def unknown_law(
     """
     if np.all(names.error <= LEARNING.rest * search.prepared.scales.noise):
         return None
-    more = more_is_left(search, names, verdict)
-    hint = not more and search.added > 0 and _more_shows(names.fit.model, search)
-    if not more and not (search.added and (hint or not search.at_floor(search.stage))):
+    more = residual_exceeds_noise(search, names, verdict)
+    hint = not more and search.added > 0 and _screening_finds_more(names.fit.model, search)
+    if not more and not (search.added and (hint or not search.at_noise_floor(search.stage))):
         return None
     partly = verdict.word == "partly_explained"
     failed = more and (
-        wrong is not None or not search.added or (partly and crowded(search, names.fit.model))
+        wrong is not None
+        or not search.added
+        or (partly and many_effects_at_one_place(search, names.fit.model))
     )
     search.say("a law that no catalogue holds")
-    floor = search.floor_beside(names.fit.model, names.calm)
-    curves = KINDS if failed else CURVES if more else ONE_CURVE
+    floor = search.residual_noise_floor(names.fit.model, names.predictable)
+    curves = KINDS if failed else CURVES if more else SINGLE_CURVE
     best, far, told = None, -float(np.log(search.policy.far)), []
-    for kinds in _kinds(search, curves, over_time=failed or partly or hint):
-        law = _found_law(search, floor, kinds)
+    for kinds in _law_kinds_to_try(search, curves, over_time=failed or partly or hint):
+        law = _best_law(search, floor, kinds)
         if law is None:
             continue
-        left = _over_names(law, names)
-        if law.learned.explains and (failed or replaces(law, names)):
+        left = _law_log_error_ratio(law, names)
+        if law.learned.explains and (failed or law_is_better(law, names)):
             return law
         if law.learned.explains and left < -LEARNING.better:
             told.append(
@@ -504,14 +535,14 @@ def unknown_law(
                 f"less than the effects that have names. Under {search.policy.visible_fall:.0%} "
                 "they stay, unless more shows beside them and nothing beside the law."
             )
-        if left < far and _is_one_curve(law):
+        if left < far and _is_single_curve(law):
             best, far = law, left
     if best is None:
         search.reasons += told
     return best
 
 
-def _kinds(
+def _law_kinds_to_try(
     search: Search, curves: tuple[LawKinds, ...], over_time: bool
 ) -> list[tuple[LawKinds, ...]]:
     """Return what is tried, one after the other, until it explains.
@@ -519,49 +550,50 @@ def _kinds(
     In a decay what depends on the amplitude changes with time too, and the record does not tell the
     two apart.
     """
-    return [curves, OVER_TIME] if over_time and not _is_decay(search) else [curves]
+    return [curves, OVER_TIME] if over_time and not _is_free_decay(search) else [curves]
 
 
-def _is_decay(search: Search) -> bool:
+def _is_free_decay(search: Search) -> bool:
     """Return whether the machine is left to itself while its motion dies, in all records."""
-    return cut_decays(search.reference, search.prepared.record) is not None
+    return split_decays(search.reference, search.prepared.record) is not None
 
 
-def error_left(law: LawFound, names: Final) -> Array:
+def law_error(law: NonparametricLaw, names: FinalFit) -> Array:
     """Return the free-run error of a law over the whole record, as it was taken of the names."""
-    return whole_error(law.learned.model, law.search, names.calm)
+    return whole_record_error(law.learned.model, law.search, names.predictable)
 
 
-def replaces(law: LawFound, names: Final) -> bool:
+def law_is_better(law: NonparametricLaw, names: FinalFit) -> bool:
     """Return whether a law that explains leaves visibly less than names, or less and nothing shows.
 
     Nothing that the catalogue holds shows beside the law then, while something does beside names.
     """
-    left = _over_names(law, names)
+    left = _law_log_error_ratio(law, names)
     if left >= -LEARNING.better:
         return False
-    return left < _visibly(law.search) or (
-        not _more_shows(law.learned.model, law.search) and _more_shows(names.fit.model, law.search)
+    return left < _significant_log_ratio(law.search) or (
+        not _screening_finds_more(law.learned.model, law.search)
+        and _screening_finds_more(names.fit.model, law.search)
     )
 
 
-def _over_names(law: LawFound, names: Final) -> float:
+def _law_log_error_ratio(law: NonparametricLaw, names: FinalFit) -> float:
     """Return the mean log of the errors that a law leaves over those that names leave."""
-    return float(np.mean(np.log(error_left(law, names) / names.error)))
+    return float(np.mean(np.log(law_error(law, names) / names.error)))
 
 
-def _more_shows(model: MechanicalModel, search: Search) -> bool:
+def _screening_finds_more(model: MechanicalModel, search: Search) -> bool:
     """Return whether any effect is worth a refit beside a model."""
-    return screen(model, search.prepared).shows(search.policy.least_odds)
+    return screen(model, search.prepared).has_candidate(search.policy.least_odds)
 
 
-def _is_one_curve(law: LawFound) -> bool:
+def _is_single_curve(law: NonparametricLaw) -> bool:
     """Return whether a law is a curve over one signal, with nothing beside it."""
     added = law.search.added_to(law.learned.model)
     return len(added) == 1 and len(added[0].definition.over) == 1
 
 
-def _found_law(search: Search, floor: Array, kinds: Sequence[LawKinds]) -> LawFound | None:
+def _best_law(search: Search, floor: Array, kinds: Sequence[LawKinds]) -> NonparametricLaw | None:
     """Return the law that explains most, beside the model's own numbers; None if none helps.
 
     Beside names that do not explain what is missing a hold of the inputs may have been believed, or
@@ -570,14 +602,14 @@ def _found_law(search: Search, floor: Array, kinds: Sequence[LawKinds]) -> LawFo
     found = _learned(search, floor, kinds)
     if found is None:
         return None
-    law = LawFound(search, found)
+    law = NonparametricLaw(search, found)
     if search.begin is not None:
-        held = with_other_holds(found.model, search.reference, search.prepared)
+        held = with_reselected_holds(found.model, search.reference, search.prepared)
         if held is not None:
             beside = search.begin(held)
             other = _learned(beside, floor, kinds)
-            if other is not None and more_left(other.fitted, found.fitted) < 0:
-                law = LawFound(beside, other)
+            if other is not None and log_error_ratio(other.fitted, found.fitted) < 0:
+                law = NonparametricLaw(beside, other)
     return law
 
 
@@ -588,7 +620,7 @@ def _learned(search: Search, floor: Array, kinds: Sequence[LawKinds]) -> Learned
     return learn(search.linear.model, prepared, search.reference, kinds, white)
 
 
-def _visibly(search: Search) -> float:
+def _significant_log_ratio(search: Search) -> float:
     """Return the log of the share of all errors that a law leaves at most of what names leave."""
     return float(np.log(1 - search.policy.visible_fall))
 
@@ -613,44 +645,46 @@ def conclude(search: Search, model: MechanicalModel) -> Diagnosis:
     """
     search.say("final fit")
     names = final_fit(search)
-    before = _errors_before(search, names.calm)
+    before = _step_errors(search, names.predictable)
     base, refitted = before[0], [*before, names.error][1]
     if search.reference is not model:
         # how an input acts between its samples is no number of the model
-        base = whole_error(search.reference, search, names.calm)
+        base = whole_record_error(search.reference, search, names.predictable)
     verdict = verdict_on(search, names, base, refitted)
-    wrong = wrong_name(search, names, refitted, verdict)
+    wrong = misidentification_reason(search, names, refitted, verdict)
     law = unknown_law(search, names, verdict, wrong)
     if law is not None:
-        return _with_law(search, names, law, wrong)
+        return _conclude_with_law(search, names, law, wrong)
     if wrong is not None:
-        return _unexplained(search, names, before, wrong)
+        return _conclude_unexplained(search, names, before, wrong)
     return _diagnosis(search, names, before, verdict)
 
 
-def conclude_with_one_curve(search: Search) -> Diagnosis | None:
+def conclude_with_single_curve(search: Search) -> Diagnosis | None:
     """Conclude with a curve that explains all of which the effects found leave visibly more.
 
     None if there is no such curve. The search stays as it is.
     """
-    law = one_curve(search)
+    law = single_curve_law(search)
     if law is None:
         return None
     search.say("final fit")
     beside = search.copy()
     names = final_fit(beside)
-    return _with_law(beside, names, law) if replaces(law, names) else None
+    return _conclude_with_law(beside, names, law) if law_is_better(law, names) else None
 
 
-def _errors_before(search: Search, calm: bool) -> list[Array]:
+def _step_errors(search: Search, predictable: bool) -> list[Array]:
     """Return the errors of every step but the last."""
     search.say("errors of every step")
-    return [whole_error(model, search, calm) for _, model in search.steps[:-1]]
+    return [whole_record_error(model, search, predictable) for _, model in search.steps[:-1]]
 
 
-def _with_law(search: Search, names: Final, law: LawFound, wrong: str | None = None) -> Diagnosis:
+def _conclude_with_law(
+    search: Search, names: FinalFit, law: NonparametricLaw, wrong: str | None = None
+) -> Diagnosis:
     """Conclude with a law in place of the effects that were found."""
-    learned, error = law.learned, error_left(law, names)
+    learned, error = law.learned, law_error(law, names)
     reasons = [*([wrong] if wrong else []), learned.evidence()]
     found = search.added_to(names.fit.model)
     if found:
@@ -665,26 +699,28 @@ def _with_law(search: Search, names: Final, law: LawFound, wrong: str | None = N
         linear=law.search.linear,
         stage=learned.fitted,
         steps=[*law.search.steps[:2], last],
-        confusions=[],
+        indistinguishable_pairs=[],
     )
-    floor = told.floor_beside(learned.model, names.calm)
+    floor = told.residual_noise_floor(learned.model, names.predictable)
     verdict = Verdict("unknown_law", reasons, np.minimum(floor, error))
-    final = Final(learned.final, error, names.calm)
-    return _diagnosis(told, final, _errors_before(told, names.calm), verdict)
+    final = FinalFit(learned.final, error, names.predictable)
+    return _diagnosis(told, final, _step_errors(told, names.predictable), verdict)
 
 
-def _unexplained(search: Search, names: Final, before: list[Array], wrong: str) -> Diagnosis:
+def _conclude_unexplained(
+    search: Search, names: FinalFit, before: list[Array], wrong: str
+) -> Diagnosis:
     """Conclude with the model's own numbers; what was found is reported, not kept."""
     named = " and ".join(map(str, search.added_to(names.fit.model)))
-    floor = search.floor_beside(names.fit.model, names.calm)
-    own = fit_to_all(search, search.linear, search.linear.reproducible)
+    floor = search.residual_noise_floor(names.fit.model, names.predictable)
+    own = fit_whole_record(search, search.linear, search.linear.reproducible)
     reasons = [wrong, f"The nearest of the catalogue, not kept: {named}."]
     verdict = Verdict("unexplained", reasons, np.minimum(floor, own.error))
-    told = replace(search, stage=search.linear, steps=search.steps[:2], confusions=[])
-    return _diagnosis(told, own._replace(calm=names.calm), before[:1], verdict)
+    told = replace(search, stage=search.linear, steps=search.steps[:2], indistinguishable_pairs=[])
+    return _diagnosis(told, own._replace(predictable=names.predictable), before[:1], verdict)
 
 
-def _diagnosis(search: Search, final: Final, before: list[Array], verdict: Verdict) -> Diagnosis:
+def _diagnosis(search: Search, final: FinalFit, before: list[Array], verdict: Verdict) -> Diagnosis:
     """Put the findings together; `before` are the errors of all steps but the last."""
     fit, errors = final.fit, [*before, final.error]
     model, record, reference = fit.model, search.prepared.record, search.reference
@@ -700,32 +736,40 @@ def _diagnosis(search: Search, final: Final, before: list[Array], verdict: Verdi
     )
     left = search.prepared.motion(model, record)
     covariance = covariance_of(fit)
-    deviations = errors_from(covariance)
+    deviations = stderr_from_covariance(covariance)
     numbers = model.parameters
     added = range(len(reference.effects), len(model.effects))
     limited = [_NOT_ALL_TRIED] if search.prepared.work.refused else []
-    found = tuple(_found(model, index, deviations) for index in added)
+    found = tuple(_found_effect(model, index, deviations) for index in added)
     return Diagnosis(
         verdict=verdict.word,
         model=model,
         effects=found,
         candidates=tuple(search.candidates),
-        indistinguishable=(*search.confusions, *_asymmetries(reference, found)),
+        indistinguishable=(
+            *search.indistinguishable_pairs,
+            *_friction_asymmetries(reference, found),
+        ),
         ledger=Ledger(entries, by_output(verdict.floor)),
         missing_force=left.force,
         maps=force_maps(model, left),
         sites=tuple(force_sites(reference)[1]),
         parameters={k: Value(numbers[k], e, unit_of(model, k)) for k, e in deviations.items()},
         covariance=covariance,
-        reasons=(*search.reasons, *limited, *_left_open(fit, added, search), *verdict.reasons),
-        reproducible=final.calm,
+        reasons=(
+            *search.reasons,
+            *limited,
+            *_undetermined_effects(fit, added, search),
+            *verdict.reasons,
+        ),
+        reproducible=final.predictable,
         time=record.axis,
     )
 
 
-def _left_open(final: Fit, added: Sequence[int], search: Search) -> list[str]:
+def _undetermined_effects(final: Fit, added: Sequence[int], search: Search) -> list[str]:
     """Say of which effects the first number is not determined, though they are there."""
-    leads = {i: undetermined(final, i, search.policy) for i in added}
+    leads = {i: undetermined_parameter(final, i, search.policy) for i in added}
     effects = final.model.effects
     return [
         f"{effects[i]} is there, but the data leave its {lead} open."
@@ -734,7 +778,7 @@ def _left_open(final: Fit, added: Sequence[int], search: Search) -> list[str]:
     ]
 
 
-def _found(model: MechanicalModel, index: int, errors: dict[str, float]) -> FoundEffect:
+def _found_effect(model: MechanicalModel, index: int, errors: dict[str, float]) -> FoundEffect:
     effect = model.effects[index]
     parameters = {}
     for p in effect.definition.parameters:
@@ -746,14 +790,16 @@ def _found(model: MechanicalModel, index: int, errors: dict[str, float]) -> Foun
     return FoundEffect(effect.kind, effect.at, parameters, effect.own)
 
 
-def _asymmetries(model: MechanicalModel, found: Sequence[FoundEffect]) -> list[Confusion]:
+def _friction_asymmetries(
+    model: MechanicalModel, found: Sequence[FoundEffect]
+) -> list[IndistinguishablePair]:
     """Return the constants that friction of unlike size in the two directions would be.
 
     Only the friction in each direction plus or minus the constant shows while something slides.
     """
     pairs = []
     for constant in found:
-        end = _loaded(model, constant)
+        end = _loaded_coordinate(model, constant)
         for friction in found:
             if end is None or friction.kind not in _DRY or end not in friction.at:
                 continue
@@ -761,11 +807,11 @@ def _asymmetries(model: MechanicalModel, found: Sequence[FoundEffect]) -> list[C
             name = next(iter(constant.parameters))
             lopsided = Effect("coulomb_friction", friction.at, {"asymmetry": -size})
             here = Effect(constant.kind, constant.at, {name: size})
-            pairs.append(confused(here, lopsided))
+            pairs.append(indistinguishable_pair(here, lopsided))
     return pairs
 
 
-def _loaded(model: MechanicalModel, constant: FoundEffect) -> str | None:
+def _loaded_coordinate(model: MechanicalModel, constant: FoundEffect) -> str | None:
     """Return the coordinate on which a constant force acts, or seems to act by an offset."""
     if constant.kind == "constant_force":
         return constant.at[0]

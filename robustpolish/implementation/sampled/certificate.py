@@ -13,21 +13,21 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from robustpolish.base.arrays import AnyMatrix, Matrix, Vector
-from robustpolish.base.budget import same_bits
+from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import described, invalid, positive, state_space
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.implementation.sampled.induced_norm import (
     GainTest,
     bracket,
-    judge_gain,
+    check_gain,
     peak_frequency,
 )
 from robustpolish.implementation.sampled.lifting import (
     ScaledMap,
     beyond_a_period,
-    loop_delay_taken_out,
     period_map,
     scaled,
+    without_loop_delay,
 )
 from robustpolish.implementation.sampled.proof import average_power, prove_above, prove_below
 from robustpolish.plants.blocks import as_state_space
@@ -249,14 +249,14 @@ class SampledCertificate(Displayed):
         )
 
 
-@same_bits
+@single_threaded_blas
 def certificate_of(
     plant: GeneralizedPlant, controller: control.StateSpace, delay: float, norm: Norm
 ) -> SampledCertificate:
     """Certify a loop whose arguments have been checked; see `certify_sampled`."""
     period = float(controller.dt)
     given = plant
-    plant, own = loop_delay_taken_out(plant)
+    plant, own = without_loop_delay(plant)
     found = period_map(plant, controller, period, delay + own)
     loop = scaled(found)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -326,7 +326,7 @@ def _first_guess(loop: ScaledMap) -> float:
 def _proven_gain(loop: ScaledMap, failed: GainTest) -> float:
     """Return the largest gain near that of a failed test which is proven to be reached."""
     for part in _BELOW:
-        test = failed if part == 0 else judge_gain(loop, failed.gamma * (1 - part))
+        test = failed if part == 0 else check_gain(loop, failed.gamma * (1 - part))
         if test.gamma > 0 and not test.below and prove_above(loop, test):
             return test.gamma
     return 0.0
@@ -362,7 +362,7 @@ _POINTS = 120
 _DECADES = 4.0
 
 
-def tone_gains(
+def sinusoid_gains(
     plant: GeneralizedPlant, controller: control.StateSpace, delay: float
 ) -> xr.DataArray:
     """Return the largest RMS of z for a sinusoidal w of RMS one, over frequency.
@@ -383,7 +383,7 @@ def tone_gains(
         which count too.
     """
     period = float(controller.dt)
-    plant, own = loop_delay_taken_out(plant)
+    plant, own = without_loop_delay(plant)
     loop = scaled(period_map(plant, controller, period, delay + own))
     half = 0.5 / period
     poles = np.abs(np.angle(np.linalg.eigvals(loop.transition()))) / (2 * np.pi * period)

@@ -15,7 +15,7 @@ import numpy as np
 
 from robustpolish.base.arrays import Matrix
 from robustpolish.implementation.sampled.lifting import Phase, ScaledMap
-from robustpolish.linear.arithmetic.powers_of_two import BeyondDoublesError
+from robustpolish.linear.arithmetic.powers_of_two import FloatRangeError
 
 # Stretches of a loop as maps of state and energy, joined by doubling, in doubles.
 #
@@ -35,7 +35,7 @@ a norm below one; a quarter leaves the series its quick convergence.
 _TERMS = 16
 
 
-class Section(NamedTuple):
+class EnergySection(NamedTuple):
     """State map A, reach G of inputs and output energy Q of a stretch; G and Q are symmetric."""
 
     A: Matrix
@@ -48,14 +48,14 @@ class Section(NamedTuple):
         return float(np.linalg.norm(self.A))
 
 
-class Conflict(NamedTuple):
+class GainReached(NamedTuple):
     """Where a gain of one is reached: after how many doublings, and along which costate."""
 
     stage: int
     costate: Matrix
 
 
-def joined(first: Section, second: Section) -> Section | Matrix:
+def joined(first: EnergySection, second: EnergySection) -> EnergySection | Matrix:
     """Return two stretches as one, or the costate along which their gain reaches one."""
     clash = _clash(first.G, second.Q)
     if clash is not None:
@@ -65,7 +65,7 @@ def joined(first: Section, second: Section) -> Section | Matrix:
     through = W @ first.A
     G = second.G + second.A @ W @ first.G @ second.A.T
     Q = first.Q + first.A.T @ second.Q @ through
-    return Section(second.A @ through, (G + G.T) / 2, (Q + Q.T) / 2)
+    return EnergySection(second.A @ through, (G + G.T) / 2, (Q + Q.T) / 2)
 
 
 def _clash(G: Matrix, Q: Matrix) -> Matrix | None:
@@ -99,23 +99,23 @@ def halvings(H: Matrix, length: float) -> int:
     """Return how often to halve a stretch until its first step is small."""
     size = float(np.linalg.norm(H, 1)) * length / SMALL_STEP
     if not math.isfinite(size):
-        raise BeyondDoublesError
+        raise FloatRangeError
     return max(0, math.ceil(math.log2(size))) if size > 1 else 0
 
 
-def phase_section(phase: Phase, gamma: float) -> Section | Conflict:
+def phase_section(phase: Phase, gamma: float) -> EnergySection | GainReached:
     """Return a phase as a section at gamma, or where in it the gain reaches gamma."""
     H = hamiltonian(phase, gamma)
     n = phase.A.shape[0]
     if H is None:
-        return Conflict(-1, np.zeros(n))
+        return GainReached(-1, np.zeros(n))
     times = halvings(H, phase.length)
     E, G, Q = _first_step(H * (phase.length / 2**times))
     eye = np.eye(n)
     for stage in range(times):
         clash = _clash(G, Q)
         if clash is not None:
-            return Conflict(stage, clash)
+            return GainReached(stage, clash)
         # A = I + E; keeping E saves what would be lost in a sum with the identity.
         W = np.linalg.inv(eye - G @ Q)
         A = eye + E
@@ -125,7 +125,7 @@ def phase_section(phase: Phase, gamma: float) -> Section | Conflict:
             2 * E + E @ E + A @ (G @ Q @ W) @ A,
         )
         Q, G = (Q + Q.T) / 2, (G + G.T) / 2
-    return Section(eye + E, G, Q)
+    return EnergySection(eye + E, G, Q)
 
 
 def _first_step(H: Matrix) -> tuple[Matrix, Matrix, Matrix]:
@@ -171,7 +171,7 @@ class GainTest:
     costate: Matrix | None = None
 
 
-def period_section(loop: ScaledMap, gamma: float) -> Section | GainTest:
+def period_section(loop: ScaledMap, gamma: float) -> EnergySection | GainTest:
     """Return a period at gamma in the states at the samples, or a test if gamma is reached in it.
 
     Parameters
@@ -183,24 +183,24 @@ def period_section(loop: ScaledMap, gamma: float) -> Section | GainTest:
     -------
     Section or GainTest
     """
-    flow: Section | None = None
+    flow: EnergySection | None = None
     for i, phase in enumerate(loop.phases):
         found = phase_section(phase, gamma)
-        if isinstance(found, Conflict):
+        if isinstance(found, GainReached):
             return GainTest(gamma, False, None, i, found.stage, found.costate)
         both = found if flow is None else joined(flow, found)
-        if not isinstance(both, Section):
+        if not isinstance(both, EnergySection):
             return GainTest(gamma, False, None, len(loop.phases), 0, both)
         flow = both
     assert flow is not None
-    return Section(
+    return EnergySection(
         loop.N + loop.M @ flow.A @ loop.L,
         loop.M @ flow.G @ loop.M.T,
         loop.L.T @ flow.Q @ loop.L,
     )
 
 
-def judge_gain(loop: ScaledMap, gamma: float, margin: float = 0.0) -> GainTest:
+def check_gain(loop: ScaledMap, gamma: float, margin: float = 0.0) -> GainTest:
     """Test whether the gain of a stable loop lies below gamma.
 
     Parameters
@@ -223,7 +223,7 @@ def judge_gain(loop: ScaledMap, gamma: float, margin: float = 0.0) -> GainTest:
         section = section._replace(Q=section.Q + level * np.eye(len(section.Q)))
     for stage in range(_DOUBLINGS):
         twice = joined(section, section)
-        if not isinstance(twice, Section):
+        if not isinstance(twice, EnergySection):
             return GainTest(gamma, False, None, len(loop.phases) + 1, stage, twice)
         change = np.linalg.norm(twice.Q - section.Q)
         section = twice
@@ -253,18 +253,18 @@ def bracket(
         The last that failed and the last that passed; None if none passed. A norm of zero has a
         first one with gamma = 0.
     """
-    low, high = GainTest(0.0, False), judge_gain(loop, start)
+    low, high = GainTest(0.0, False), check_gain(loop, start)
     factor = 2.0
     while not high.below:
         low = high
         factor **= 2
         if low.gamma * factor > start * 1e30:
             return None
-        high = judge_gain(loop, low.gamma * factor)
+        high = check_gain(loop, low.gamma * factor)
     factor = 2.0
     while low.gamma == 0.0:
         factor **= 2
-        test = judge_gain(loop, max(high.gamma / factor, start * _NOTHING))
+        test = check_gain(loop, max(high.gamma / factor, start * _NOTHING))
         if not test.below:
             low = test
         elif test.gamma <= start * _NOTHING:
@@ -272,7 +272,7 @@ def bracket(
         else:
             high = test
     while high.gamma > low.gamma * (1 + tolerance):
-        middle = judge_gain(loop, math.sqrt(low.gamma * high.gamma))
+        middle = check_gain(loop, math.sqrt(low.gamma * high.gamma))
         low, high = (low, middle) if middle.below else (middle, high)
     return low, high
 
@@ -298,7 +298,7 @@ def peak_frequency(loop: ScaledMap, gamma: float) -> float | None:
         rad/s, from 0 to half the sample rate.
     """
     section = period_section(loop, gamma)
-    if not isinstance(section, Section):
+    if not isinstance(section, EnergySection):
         return None
     poles = np.linalg.eigvals(section.A)
     angles = np.concatenate(
@@ -314,7 +314,7 @@ def peak_frequency(loop: ScaledMap, gamma: float) -> float | None:
     return float(angles[int(np.argmax(values))]) / loop.map.period
 
 
-def _gains(section: Section, angles: np.ndarray) -> np.ndarray:
+def _gains(section: EnergySection, angles: np.ndarray) -> np.ndarray:
     reach, see = _root(section.G), _root(section.Q).T
     eye = np.eye(len(section.A))
     shifted = np.exp(1j * angles)[:, None, None] * eye - section.A

@@ -25,7 +25,7 @@ _SAME = 1e-12
 """Delays that differ by less than this part of one are the same."""
 
 
-def loop_delay_taken_out(plant: GeneralizedPlant) -> tuple[GeneralizedPlant, float]:
+def without_loop_delay(plant: GeneralizedPlant) -> tuple[GeneralizedPlant, float]:
     """Return the plant without what delays all its controls, or all its measurements, alike.
 
     Parameters
@@ -61,7 +61,7 @@ def loop_delay_taken_out(plant: GeneralizedPlant) -> tuple[GeneralizedPlant, flo
             wiring = replace(wiring, lines=_with(wiring.lines, i, rest))
         shut = sorted({i for chain in chains for i in chain} - kept.keys(), reverse=True)
         for i in shut:
-            wiring = _shorted(wiring, i)
+            wiring = _without_line_delay(wiring, i)
         total += common
     if not total:
         return plant, 0.0
@@ -114,7 +114,7 @@ def _only_line(B: Matrix, C: Matrix, D: Matrix, at: int, w: int, z: int, k: int)
     return port - z
 
 
-def _shorted(wiring: Wiring, line: int) -> Wiring:
+def _without_line_delay(wiring: Wiring, line: int) -> Wiring:
     """Return the wiring with one of its lines without a delay."""
     A, B, C, D = wiring.arrays()
     k = len(wiring.lines)

@@ -13,9 +13,9 @@ from robustpolish.base.arrays import Matrix, Vector
 from robustpolish.implementation.sampled.induced_norm import (
     SMALL_STEP,
     GainTest,
+    check_gain,
     halvings,
     hamiltonian,
-    judge_gain,
 )
 from robustpolish.implementation.sampled.lifting import Phase, ScaledMap
 from robustpolish.linear.arithmetic import balls
@@ -63,7 +63,7 @@ def joined_balls(first: BallSection, second: BallSection) -> BallSection:
     )
 
 
-def joins(first: BallSection, second: BallSection) -> bool:
+def prove_joined_gain(first: BallSection, second: BallSection) -> bool:
     """Prove that two stretches in a row keep the gain below one.
 
     With S = G1 + e I for a small e > 0, S - S Q2 S > 0 says that all eigenvalues of S Q2,
@@ -130,7 +130,7 @@ def phase_balls(phase: Phase, flow: Vector, gamma: float, doublings: int | None 
     )
     sound = True
     for _ in range(times if doublings is None else doublings):
-        sound = sound and joins(found, found)
+        sound = sound and prove_joined_gain(found, found)
         found = joined_balls(found, found)
     return found, sound
 
@@ -148,7 +148,7 @@ def period_balls(loop: ScaledMap, gamma: float) -> tuple[BallSection, bool]:
         own, safe = phase_balls(phase, loop.flow, gamma)
         sound = sound and safe
         if found is not None:
-            sound = sound and joins(found, own)
+            sound = sound and prove_joined_gain(found, own)
             own = joined_balls(found, own)
         found = own
     assert found is not None
@@ -357,7 +357,7 @@ def prove_below(loop: ScaledMap, gamma: float) -> tuple[float, Matrix] | None:
                 if not sound:
                     continue
                 for margin in _MARGINS:
-                    test = judge_gain(loop, bound, margin)
+                    test = check_gain(loop, bound, margin)
                     if test.storage is None:
                         continue
                     proven = _dissipating(section, test.storage, margin)
@@ -382,14 +382,14 @@ def _dissipating(section: BallSection, storage: Matrix, margin: float) -> Matrix
         if _dissipates(section, P, after):
             return balls.midpoint(P)
         rest = balls.midpoint(section.Q + extra + after - P)
-        step = _flow_sum(balls.midpoint(through), rest)
+        step = _lyapunov_sum(balls.midpoint(through), rest)
         if step is None:
             return None
         P = balls.symmetric((P + balls.ball(step)).mid())
     return None
 
 
-def _flow_sum(through: Matrix, rest: Matrix) -> Matrix | None:
+def _lyapunov_sum(through: Matrix, rest: Matrix) -> Matrix | None:
     """Return the sum of T'^k R T^k: Newton's step on the Riccati equation."""
     total, power = rest, through
     for _ in range(_DOUBLINGS):

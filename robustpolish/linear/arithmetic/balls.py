@@ -16,7 +16,7 @@ import numpy as np
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.arrays import Vector
-from robustpolish.base.budget import look_at_the_clock
+from robustpolish.base.budget import check_deadline
 
 Ball = Any  # flint.arb_mat; python-flint ships no stubs for it
 
@@ -136,7 +136,7 @@ def is_positive_definite(matrix: Ball) -> bool:
     scale = np.exp2(-np.round(np.log2(diagonal) / 2))
     turned = scaled(matrix, scale, scale)
     for _ in range(flint.ctx.prec // _BITS_PER_PASS + 1):
-        look_at_the_clock()
+        check_deadline()
         centre = midpoint(turned)
         if not np.isfinite(centre).all():
             return False

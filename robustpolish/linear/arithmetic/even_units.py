@@ -2,7 +2,7 @@
 
 All functions work in place on the four matrices as one, [[A, B], [C, D]], and on the exponents
 which its rows and columns have been given. A power that pushes an entry out of the range of doubles
-loses it, so that :func:`rounded_nothing` has to have the last word.
+loses it, so that :func:`is_exact_scaling` has to have the last word.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _nearest = njit(cache=True)(nearest_exponent)
 
 
 @njit(cache=True, error_model="numpy")
-def even_states(M, n, rows, columns, continuous):  # type: ignore[no-untyped-def]  # compiled
+def equilibrate_states(M, n, rows, columns, continuous):  # type: ignore[no-untyped-def]  # compiled
     """Bring the largest entry of A near one, then balance the states; return the exponent of time.
 
     The largest entry comes first, so that squares neither overflow nor vanish.
@@ -34,7 +34,7 @@ def even_states(M, n, rows, columns, continuous):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, error_model="numpy")
-def even_signals(M, n, rows, columns, unit):  # type: ignore[no-untyped-def]  # compiled
+def equilibrate_signals(M, n, rows, columns, unit):  # type: ignore[no-untyped-def]  # compiled
     """Divide rates by 2**unit, balance states and signals together; return exponents of the gain.
 
     Three of them, in turn: their product may leave the range of doubles where their sum would not.
@@ -48,7 +48,7 @@ def even_signals(M, n, rows, columns, unit):  # type: ignore[no-untyped-def]  # 
 
 
 @njit(cache=True, error_model="numpy")
-def rounded_nothing(M, rows, columns, given, largest):  # type: ignore[no-untyped-def]  # compiled
+def is_exact_scaling(M, rows, columns, given, largest):  # type: ignore[no-untyped-def]  # compiled
     """Whether the entries are what was given times the powers, and none is above `largest`."""
     for i in range(M.shape[0]):
         for j in range(M.shape[1]):

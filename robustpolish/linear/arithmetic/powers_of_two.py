@@ -30,7 +30,7 @@ MOST_EXPONENT = 1000
 _LEAST = float(np.finfo(float).tiny)
 
 
-class BeyondDoublesError(InvalidInputError):
+class FloatRangeError(InvalidInputError):
     """A number that is computed on the way and that no double holds."""
 
     def __init__(self) -> None:
@@ -70,7 +70,7 @@ def scaled(M: Any, *factors: Any) -> Matrix:
 
     Raises
     ------
-    BeyondDoublesError
+    FloatRangeError
         If an entry overflows, vanishes or loses bits.
 
     Examples
@@ -86,12 +86,12 @@ def scaled(M: Any, *factors: Any) -> Matrix:
     by: Any = 0
     for factor in factors:
         if not np.all((factor > 0) & np.isfinite(factor)):
-            raise BeyondDoublesError
+            raise FloatRangeError
         by = by + np.frexp(factor)[1] - 1
     with np.errstate(over="ignore", under="ignore"):
         found = np.ldexp(M, by)
         if not np.array_equal(np.ldexp(found, -by), M):
-            raise BeyondDoublesError
+            raise FloatRangeError
     return found
 
 
@@ -112,7 +112,7 @@ def bracket(value: float, lower: float, upper: float, factor: float) -> tuple[fl
 
     Raises
     ------
-    BeyondDoublesError
+    FloatRangeError
         If a finite bound is no longer finite.
 
     Examples
@@ -124,7 +124,7 @@ def bracket(value: float, lower: float, upper: float, factor: float) -> tuple[fl
     """
     most = upper * factor
     if math.isinf(most) and not math.isinf(upper):
-        raise BeyondDoublesError
+        raise FloatRangeError
     if upper > 0:
         most = max(most, _LEAST)
     least = lower * factor
@@ -132,8 +132,8 @@ def bracket(value: float, lower: float, upper: float, factor: float) -> tuple[fl
 
 
 @contextmanager
-def within_doubles(argument: str, matrices: Mapping[str, Any]) -> Iterator[None]:
-    """Turn :class:`BeyondDoublesError` into an error about the largest and the smallest entry.
+def range_errors_as_input_errors(argument: str, matrices: Mapping[str, Any]) -> Iterator[None]:
+    """Turn :class:`FloatRangeError` into an error about the largest and the smallest entry.
 
     Parameters
     ----------
@@ -149,19 +149,21 @@ def within_doubles(argument: str, matrices: Mapping[str, Any]) -> Iterator[None]
     Examples
     --------
     >>> import numpy as np
-    >>> with within_doubles("system", {"A": np.array([[1e300]]), "B": np.array([[1e-300]])}):
-    ...     raise BeyondDoublesError
+    >>> with range_errors_as_input_errors(
+    ...     "system", {"A": np.array([[1e300]]), "B": np.array([[1e-300]])}
+    ... ):
+    ...     raise FloatRangeError
     Traceback (most recent call last):
     ...
     robustpolish.errors.InvalidInputError: system: got entries from 1e-300 (B[0, 0]) to 1e+300...
     """
     try:
         yield
-    except BeyondDoublesError:
-        raise too_far_apart(argument, matrices) from None
+    except FloatRangeError:
+        raise entry_range_error(argument, matrices) from None
 
 
-def too_far_apart(argument: str, matrices: Mapping[str, Any]) -> InvalidInputError:
+def entry_range_error(argument: str, matrices: Mapping[str, Any]) -> InvalidInputError:
     """Build the error about numbers that doubles cannot multiply; the caller raises it."""
     sizes = [
         (abs(float(M[place])), f"{name}[{', '.join(map(str, place))}]")
@@ -196,20 +198,20 @@ def refuse_extreme(argument: str, matrices: Mapping[str, Any]) -> None:
     ...
     robustpolish.errors.InvalidInputError: system: got entries from 1 (A[0, 0]) to 1e+200...
     """
-    with within_doubles(argument, matrices):
-        refuse_beyond(*matrices.values())
+    with range_errors_as_input_errors(argument, matrices):
+        refuse_out_of_range(*matrices.values())
         for M in matrices.values():
             if 0 < np.abs(M).max(initial=0.0) < 1 / LARGEST:
-                raise BeyondDoublesError
+                raise FloatRangeError
 
 
-def refuse_beyond(*matrices: Any) -> None:
+def refuse_out_of_range(*matrices: Any) -> None:
     """Refuse scaled matrices with entries above :data:`LARGEST`, or that are not finite.
 
     Raises
     ------
-    BeyondDoublesError
+    FloatRangeError
     """
     for M in matrices:
         if M.size and not np.abs(M).max() <= LARGEST:
-            raise BeyondDoublesError
+            raise FloatRangeError

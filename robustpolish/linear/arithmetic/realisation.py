@@ -15,9 +15,9 @@ from robustpolish.base.arrays import AnyMatrix, Matrix
 from robustpolish.base.checks import state_space
 from robustpolish.linear.arithmetic.powers_of_two import (
     LARGEST,
-    BeyondDoublesError,
+    FloatRangeError,
+    entry_range_error,
     nearest_exponent,
-    too_far_apart,
 )
 
 _lapack: Any = lapack
@@ -138,7 +138,7 @@ def state_scales(
         M, signals = np.zeros((n + C.shape[0], n + B.shape[1])), True
         M[:n, :n], M[:n, n:], M[n:, :n] = A, B, C
     if not np.isfinite(M).all():
-        raise BeyondDoublesError
+        raise FloatRangeError
     rows, columns = (np.zeros(size, np.int64) for size in M.shape)
     balance(M, n, rows, columns, signals)
     scales = np.ldexp(1.0, columns)
@@ -151,26 +151,30 @@ def rescaled(system: Realisation) -> Realisation:
         return system
     try:  # no `within_doubles`: small systems would wait for the context of it
         return _rescaled(system)
-    except BeyondDoublesError:
-        raise too_far_apart("system", system.matrices) from None
+    except FloatRangeError:
+        raise entry_range_error("system", system.matrices) from None
 
 
 def _rescaled(system: Realisation) -> Realisation:
     # Imports Numba, which what only holds a realisation does without.
-    from robustpolish.linear.arithmetic.even_units import even_signals, even_states, rounded_nothing
+    from robustpolish.linear.arithmetic.even_units import (
+        equilibrate_signals,
+        equilibrate_states,
+        is_exact_scaling,
+    )
 
     n, m, p = system.states, system.B.shape[1], system.C.shape[0]
     given = np.empty((n + p, n + m))
     given[:n, :n], given[:n, n:] = system.A, system.B
     given[n:, :n], given[n:, n:] = system.C, system.D
     M, rows, columns = given.copy(), np.zeros(n + p, np.int64), np.zeros(n + m, np.int64)
-    rates = [even_states(M, n, rows, columns, not system.discrete), 0]
+    rates = [equilibrate_states(M, n, rows, columns, not system.discrete), 0]
     if not system.discrete:
         rates[1] = nearest_exponent(typical_rate(M[:n, :n]))
-    gains = even_signals(M, n, rows, columns, rates[1])
+    gains = equilibrate_signals(M, n, rows, columns, rates[1])
     time, gain = _times(system.time, rates), _times(system.gain, gains)
-    if time < _LEAST_NORMAL or not rounded_nothing(M, rows, columns, given, LARGEST):
-        raise BeyondDoublesError
+    if time < _LEAST_NORMAL or not is_exact_scaling(M, rows, columns, given, LARGEST):
+        raise FloatRangeError
     A, B, C, D = M[:n, :n].copy(), M[:n, n:].copy(), M[n:, :n].copy(), M[n:, n:].copy()
     return Realisation(A, B, C, D, system.discrete, system.step, time, gain)
 
@@ -181,9 +185,9 @@ def _times(value: float, exponents: Iterable[int]) -> float:
         try:
             value = math.ldexp(value, exponent)
         except OverflowError as error:
-            raise BeyondDoublesError from error
+            raise FloatRangeError from error
         if not 0 < value < math.inf:
-            raise BeyondDoublesError
+            raise FloatRangeError
     return value
 
 

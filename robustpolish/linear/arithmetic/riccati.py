@@ -12,7 +12,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from robustpolish.base.budget import look_at_the_clock, now
+from robustpolish.base.budget import check_deadline, now
 from robustpolish.linear.arithmetic.balls import (
     Ball,
     ball,
@@ -25,7 +25,7 @@ from robustpolish.linear.arithmetic.balls import (
 
 
 @dataclass(frozen=True)
-class LongPolicy:
+class MultiprecisionPolicy:
     """What decides in long arithmetic; every size is 2^-(bits / share).
 
     Attributes
@@ -58,7 +58,7 @@ class LongPolicy:
     roots: int = 64
 
 
-_POLICY = LongPolicy()
+_POLICY = MultiprecisionPolicy()
 # So much longer twice the bits take, at most.
 _TWICE_THE_BITS = 4.0
 
@@ -201,7 +201,7 @@ def _roots(polynomial: Any) -> list[Any]:
     """Enclose the roots with twice the bits again and again, as long as there is time for it."""
     bits, spent = flint.ctx.prec, 0.0
     while bits <= _POLICY.roots * flint.ctx.prec:
-        look_at_the_clock(_TWICE_THE_BITS * spent)
+        check_deadline(_TWICE_THE_BITS * spent)
         begins = now()
         try:
             return polynomial.roots(maxprec=bits)

@@ -13,7 +13,7 @@ from flint import arb, arb_mat
 from numpy.typing import NDArray
 
 from robustpolish.base.arrays import Matrix
-from robustpolish.base.budget import look_at_the_clock
+from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic.balls import precision
 from robustpolish.linear.arithmetic.rational import ExactModel, identity
 from robustpolish.linear.arithmetic.realisation import Realisation
@@ -21,7 +21,7 @@ from robustpolish.linear.eigen import EPS
 
 
 @dataclass(frozen=True)
-class Energy:
+class EnergyBounds:
     """Square of an H2 norm with bounds; the upper one is infinite where nothing is known."""
 
     square: float
@@ -36,11 +36,11 @@ class Energy:
         return (self.upper - self.lower) / (2 * self.upper) if self.upper > 0 else 0.0
 
 
-Wide = NDArray[Any]
+ExtendedArray = NDArray[Any]
 _WIDE: Any = np.finfo(np.longdouble).eps
 
 
-def energy(model: Realisation, tolerance: float) -> Energy:
+def h2_energy(model: Realisation, tolerance: float) -> EnergyBounds:
     r"""Bound trace(C X C') + trace(D D') for a stable system, X its controllability Gramian.
 
     The residual R, formed in extended precision where the machine has it, refines X until
@@ -51,7 +51,7 @@ def energy(model: Realisation, tolerance: float) -> Energy:
     X = np.zeros(model.A.shape, dtype=np.longdouble)
     B = model.B.astype(np.longdouble)
     residual = B @ B.T
-    best = Energy(0.0, 0.0, math.inf)
+    best = EnergyBounds(0.0, 0.0, math.inf)
     for step in range(6):
         X = X + _gramian(model.A, residual.astype(float), model.discrete)
         residual, rounding = _residual(model, X)
@@ -64,7 +64,7 @@ def energy(model: Realisation, tolerance: float) -> Energy:
     return best
 
 
-def _bounds(model: Realisation, X: Wide, residual: Wide) -> Energy:
+def _bounds(model: Realisation, X: ExtendedArray, residual: ExtendedArray) -> EnergyBounds:
     """Bound the energy that X shows; `residual` bounds the entries of its residual."""
     C = model.C.astype(np.longdouble)
     rows = np.sum(residual, axis=1).astype(float)
@@ -75,12 +75,12 @@ def _bounds(model: Realisation, X: Wide, residual: Wide) -> Energy:
     if model.discrete:
         square += float(np.sum(model.D**2))
     if not (math.isfinite(square) and error >= 0 and np.all(np.diag(W) >= 0)):
-        return Energy(0.0, 0.0, math.inf)
+        return EnergyBounds(0.0, 0.0, math.inf)
     error += 4 * EPS * abs(square)
-    return Energy(square, max(square - error, 0.0), square + error)
+    return EnergyBounds(square, max(square - error, 0.0), square + error)
 
 
-def _residual(model: Realisation, X: Wide) -> tuple[Wide, Matrix]:
+def _residual(model: Realisation, X: ExtendedArray) -> tuple[ExtendedArray, Matrix]:
     """Return the residual of the Lyapunov equation at a symmetric X, and a bound of its rounding.
 
     Products in extended precision take most of the time of a large system, so that there is one
@@ -107,7 +107,7 @@ def _gramian(A: Matrix, Q: Matrix, discrete: bool) -> Matrix:
     return (X + X.T) / 2
 
 
-def exact_energy(model: ExactModel) -> Energy:
+def exact_h2_energy(model: ExactModel) -> EnergyBounds:
     """Enclose the same number to double precision, whatever the damping."""
     bits = 192 if model.states <= 40 else 448
     while True:
@@ -119,14 +119,14 @@ def exact_energy(model: ExactModel) -> Energy:
             if ball.is_finite() and ball > 0 and ball.rel_accuracy_bits() >= 60:
                 return _outward(ball)
         if bits >= 768 and model.is_zero():
-            return Energy(0.0, 0.0, 0.0)
+            return EnergyBounds(0.0, 0.0, 0.0)
         bits *= 2
 
 
-def _outward(ball: arb) -> Energy:
+def _outward(ball: arb) -> EnergyBounds:
     with precision(53):
         middle = float(ball)
-    return Energy(middle, middle * (1 - 2 * EPS), middle * (1 + 2 * EPS))
+    return EnergyBounds(middle, middle * (1 - 2 * EPS), middle * (1 + 2 * EPS))
 
 
 def _energy_ball(model: ExactModel) -> arb:
@@ -135,7 +135,7 @@ def _energy_ball(model: ExactModel) -> arb:
     X, C = source, arb_mat(model.C)
     seen = (C * X * C.transpose()).trace() + direct
     for _ in range(20_000):
-        look_at_the_clock()
+        check_deadline()
         gain = _square_size(M)
         if gain < 0.5:
             rest = _square_size(C) * gain * X.trace() / (1 - gain)

@@ -9,14 +9,14 @@ import control
 import numpy as np
 from matplotlib.axes import Axes
 
-from robustpolish.base.budget import same_bits
+from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import invalid, positive, source_of
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear.arithmetic.powers_of_two import bracket
 from robustpolish.linear.arithmetic.rational import EXACT_STATES, ExactModel
 from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
 from robustpolish.linear.eigen import EPS, eigensystem
-from robustpolish.linear.norms.gramian import Energy, energy, exact_energy
+from robustpolish.linear.norms.gramian import EnergyBounds, exact_h2_energy, h2_energy
 from robustpolish.linear.norms.modal_form import ModalForm, modal_form
 from robustpolish.linear.norms.singular_values import singular_values
 from robustpolish.linear.scaling import parts
@@ -30,7 +30,7 @@ from robustpolish.plots.frequency import plot_gains
 # with the residues R of a continuous system without D.
 
 
-def modal_energy(form: ModalForm) -> Energy | None:
+def modal_energy(form: ModalForm) -> EnergyBounds | None:
     """Enclose it; None where the modal form does not prove that the system is stable.
 
     With E the diagonal matrix of the inverse decay rates, the L2 norms w of the states' impulse
@@ -60,7 +60,7 @@ def modal_energy(form: ModalForm) -> Energy | None:
         return None
     low, high = math.sqrt(square - rounding), math.sqrt(square + rounding)
     lower = max(0.0, low - moved) ** 2 * (1 - 8 * EPS)
-    return Energy(square, lower, (high + moved) ** 2 * (1 + 8 * EPS))
+    return EnergyBounds(square, lower, (high + moved) ** 2 * (1 + 8 * EPS))
 
 
 MODAL_FROM = 12
@@ -151,7 +151,7 @@ class H2Norm(Displayed):
         return Card("H2 norm", (quantities(*rows),), (self.reason,))
 
 
-@same_bits
+@single_threaded_blas
 def h2_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> H2Norm:
     r"""Compute the H2 norm, the root of trace(C X C'), with X the controllability Gramian.
 
@@ -241,16 +241,16 @@ def _part_norm(model: Realisation, tolerance: float) -> H2Norm:
         widest = tolerance if model.states <= EXACT_STATES else max(tolerance, 1e-6)
         if found is not None and found.width <= widest:
             return _in_units(model, found, "sum over pairs of modes, rounding errors enclosed")
-    found = energy(model, tolerance)
+    found = h2_energy(model, tolerance)
     text = "trace of the controllability Gramian, its residual checked"
     hopeless = math.isinf(found.width)
     if hopeless or (found.width > tolerance and model.states <= EXACT_STATES):
-        found = exact_energy(ExactModel.of(model))
+        found = exact_h2_energy(ExactModel.of(model))
         text = "trace of the controllability Gramian, in ball arithmetic"
     return _in_units(model, found, text)
 
 
-def _in_units(model: Realisation, found: Energy, reason: str) -> H2Norm:
+def _in_units(model: Realisation, found: EnergyBounds, reason: str) -> H2Norm:
     value, lower, upper = bracket(
         *map(math.sqrt, (found.square, found.lower, found.upper)),
         factor=model.gain * math.sqrt(model.time),
@@ -270,4 +270,4 @@ def _marginal_norm(model: Realisation, verdict: Stability) -> H2Norm:
     if not model.discrete and model.D.any():
         return _feedthrough(stable=False)
     reason = f"{verdict.reason}, but hidden from inputs or outputs: not internally stable"
-    return replace(_in_units(model, exact_energy(seen), reason), stable=False)
+    return replace(_in_units(model, exact_h2_energy(seen), reason), stable=False)

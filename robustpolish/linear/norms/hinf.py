@@ -9,7 +9,7 @@ import control
 import numpy as np
 from matplotlib.axes import Axes
 
-from robustpolish.base.budget import same_bits
+from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import invalid, positive, source_of
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear.arithmetic.rational import to_float
@@ -181,7 +181,7 @@ def hinf_norm(
     if not 1e-12 <= tolerance <= 0.5:
         raise invalid("tolerance", tolerance, "1e-12 to 0.5", "The default is 1e-9.")
     model = realisation("system", system)
-    norm = _norm if model.states <= _ONE_THREAD_ANYWAY else same_bits(_norm)
+    norm = _norm if model.states <= _ONE_THREAD_ANYWAY else single_threaded_blas(_norm)
     found = norm(model, tolerance, exact)
     # by its fields: `replace` would take a fiftieth of the time of a small system
     return HinfNorm(**{**vars(found), "system": system})

@@ -32,7 +32,7 @@ from robustpolish.linear.arithmetic.rational import (
 )
 from robustpolish.linear.arithmetic.realisation import Realisation, power_of_two, realisation
 from robustpolish.linear.norms.peak import ModalModel, largest_response, modal_model, rebased
-from robustpolish.linear.scaling import Scaling, even_scales, in_units, parts_with_indices
+from robustpolish.linear.scaling import Scaling, equilibrating_scales, in_units, parts_with_indices
 
 # The thesis's analysis inequalities, handed to a solver in a basis that suits it.
 
@@ -40,7 +40,7 @@ Equation = Literal["10.15", "10.17", "10.44", "10.45"]
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class LmiSolution:
     """What the solver says: K in the coordinates of the system, gamma and the status."""
 
     K: NDArray[np.float64] | None
@@ -48,7 +48,7 @@ class Answer:
     status: str
 
 
-def minimise(model: ModalModel, equation: Equation) -> Answer:
+def minimise_gamma(model: ModalModel, equation: Equation) -> LmiSolution:
     """Find the smallest gamma for which the inequality has a solution."""
     import cvxpy as cp  # late: importing takes a second, and only these checks need it
 
@@ -56,10 +56,10 @@ def minimise(model: ModalModel, equation: Equation) -> Answer:
     K, constraints = _constraints(model, equation, bound, cp.Constant(0.0))
     answer, status = _solved(cp.Problem(cp.Minimize(bound), constraints), K, model)
     gamma = math.nan if answer is None else _gamma(equation, float(bound.value))
-    return Answer(answer, gamma, status)
+    return LmiSolution(answer, gamma, status)
 
 
-def well_inside(model: ModalModel, equation: Equation, gamma: float) -> Answer:
+def interior_solution(model: ModalModel, equation: Equation, gamma: float) -> LmiSolution:
     """Find K that satisfies the inequality for a given gamma with the largest margin."""
     import cvxpy as cp  # late, as above
 
@@ -68,7 +68,7 @@ def well_inside(model: ModalModel, equation: Equation, gamma: float) -> Answer:
     K, constraints = _constraints(model, equation, bound, margin)
     constraints.append(margin <= 1)
     answer, status = _solved(cp.Problem(cp.Maximize(margin), constraints), K, model)
-    return Answer(answer, gamma, status)
+    return LmiSolution(answer, gamma, status)
 
 
 def _gamma(equation: Equation, bound: float) -> float:
@@ -127,7 +127,7 @@ def _solved(problem: Any, K: Any, model: ModalModel) -> tuple[NDArray[np.float64
 # Does a given matrix satisfy the strict inequality? Decided in rational arithmetic.
 
 
-def proves(system: ExactModel, equation: Equation, K: NDArray, gamma: float) -> bool:
+def proves_lmi(system: ExactModel, equation: Equation, K: NDArray, gamma: float) -> bool:
     """Say whether K > 0 satisfies the equation with this gamma, without rounding."""
     X, bound = rational(K), fraction(gamma)
     if not exactly_positive_definite(X):
@@ -322,7 +322,7 @@ def _checked(system: control.StateSpace, equation: Equation) -> LmiCheck:
         )
     K: Matrix | None = np.zeros((model.states, model.states))
     combined = math.hypot if equation == "10.45" else max
-    found = [(indices, _Problem.of(part)) for part, indices in parts_with_indices(model)]
+    found = [(indices, _LmiProblem.of(part)) for part, indices in parts_with_indices(model)]
     checks = [problem.solved(equation) for _, problem in found]
     value = combined(0.0, *(check.value for check in checks))
     for (indices, _), check in zip(found, checks, strict=True):
@@ -346,7 +346,7 @@ def _optimum(combined: Callable[..., float], optima: list[float]) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class _Problem:
+class _LmiProblem:
     """A system in even units, in a modal basis for the solver and exactly for the proof."""
 
     scales: Scaling
@@ -354,9 +354,9 @@ class _Problem:
     exact: ExactModel
 
     @classmethod
-    def of(cls, model: Realisation) -> _Problem:
+    def of(cls, model: Realisation) -> _LmiProblem:
         p, m = model.D.shape
-        scales = even_scales(model, [np.arange(m)], [np.arange(p)])
+        scales = equilibrating_scales(model, [np.arange(m)], [np.arange(p)])
         guess = largest_response(in_units(model, scales))
         scales = replace(scales, outputs=scales.outputs * power_of_two(guess))
         scaled = in_units(model, scales)
@@ -369,14 +369,14 @@ class _Problem:
         if 0 in self.modal.D.shape:  # no norm to bound, only stability to prove
             return replace(self._lyapunov(), equation=equation)
         unit, weight = self._units(equation)
-        best = minimise(self.modal, equation)
+        best = minimise_gamma(self.modal, equation)
         if best.K is None:
             return LmiCheck(math.inf, None, False, math.nan, equation, best.status)
         bases = [self.modal, rebased(self.modal, best.K)]
         for back_off, basis in product((1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2), bases):
             gamma = best.gamma * (1 + back_off)
-            inside = well_inside(basis, equation, gamma)
-            if inside.K is not None and proves(self.exact, equation, inside.K, gamma):
+            inside = interior_solution(basis, equation, gamma)
+            if inside.K is not None and proves_lmi(self.exact, equation, inside.K, gamma):
                 K = self._physical(inside.K, weight)
                 return LmiCheck(gamma * unit, K, True, best.gamma * unit, equation, best.status)
         K = self._physical(best.K, weight)
@@ -384,8 +384,8 @@ class _Problem:
 
     def _lyapunov(self) -> LmiCheck:
         """Find K for (10.15)."""
-        found = well_inside(self.modal, "10.15", 1.0)
-        proven = found.K is not None and proves(self.exact, "10.15", found.K, 1.0)
+        found = interior_solution(self.modal, "10.15", 1.0)
+        proven = found.K is not None and proves_lmi(self.exact, "10.15", found.K, 1.0)
         K = None if found.K is None else self._physical(found.K, 1.0)
         value = 0.0 if proven else math.inf
         return LmiCheck(value, K, proven, math.nan, "10.15", found.status)

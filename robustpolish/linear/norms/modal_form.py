@@ -34,7 +34,7 @@ _SLICES = 3
 _SLICED = 64
 
 
-def wide_product(M: Matrix, V: AnyArray) -> tuple[AnyArray, Matrix]:
+def extended_product(M: Matrix, V: AnyArray) -> tuple[AnyArray, Matrix]:
     """Multiply a real and a complex matrix.
 
     Large matrices are cut into slices of so few digits that doubles hold the products of these
@@ -217,7 +217,7 @@ def _remainder(
 ) -> tuple[AnyArray, Vector]:
     """Return better eigenvalues, and bounds of the entries of V^-1 A V - diag(eigenvalues)."""
     n = A.shape[0]
-    product, rounding = wide_product(A, V)
+    product, rounding = extended_product(A, V)
     rounding = rounding + (8 * WIDE * np.abs(V) * np.abs(values)).astype(float)
     residual = (product - V * values).astype(complex)
     rounding = rounding + 2 * EPS * np.abs(residual)
@@ -246,14 +246,14 @@ def _reached(B: AnyArray, V: AnyArray, X: AnyArray, gap: float) -> tuple[AnyArra
 
 def _missing(B: AnyArray, V: AnyArray, b: AnyArray) -> tuple[AnyArray, Vector]:
     """Return B - V b and a bound of its error."""
-    (real, first), (imag, second) = wide_product(np.real(V), b), wide_product(np.imag(V), b)
+    (real, first), (imag, second) = extended_product(np.real(V), b), extended_product(np.imag(V), b)
     missing = (B - (real + 1j * imag)).astype(complex)
     return missing, 2 * (first + second) + 4 * WIDE * np.abs(B)
 
 
 def _seen(C: AnyArray, V: AnyArray) -> tuple[AnyArray, Vector]:
     """Return C V and bounds of the errors of its columns' norms."""
-    exact, grain = wide_product(C, V)
+    exact, grain = extended_product(C, V)
     c = exact.astype(complex)
     return c, np.linalg.norm(grain + EPS * np.abs(c), axis=0) * _OUTWARD
 
@@ -315,7 +315,7 @@ def _on_the_axis(
 # A modal form as compiled code reads it.
 
 
-class Modes(NamedTuple):
+class ModalArrays(NamedTuple):
     """The arrays of a :class:`ModalForm` in the layout that compiled functions expect.
 
     Attributes
@@ -350,10 +350,10 @@ class Modes(NamedTuple):
     discrete: bool
 
 
-def modes_of(form: ModalForm) -> Modes:
+def modal_arrays(form: ModalForm) -> ModalArrays:
     """Lay the arrays of a modal form out."""
     high = form.imag.astype(float)
-    return Modes(
+    return ModalArrays(
         form.real,
         high,
         (form.imag - high).astype(float),

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from robustpolish.base.budget import look_at_the_clock
+from robustpolish.base.budget import check_deadline
 from robustpolish.base.jit import njit
 from robustpolish.linear.eigen import EPS
 from robustpolish.linear.norms.modal_expansion import (
@@ -24,7 +24,7 @@ from robustpolish.linear.norms.modal_expansion import (
     first_pieces,
     overlapping,
 )
-from robustpolish.linear.norms.modal_form import ModalForm, modes_of
+from robustpolish.linear.norms.modal_form import ModalForm, modal_arrays
 
 # Eigenvalues of small Hermitian matrices, compiled: calls of LAPACK would cost more than these.
 
@@ -216,11 +216,15 @@ def below(found, late, error, level):  # type: ignore[no-untyped-def]  # compile
         An estimate of t, from -1 to 1; 0 where the gain has no peak.
     """
     m = found.shape[1]
-    F0, F1, F2 = _less(found, 0, level), _less(found, 1, 0.0), _less(found, 2, 0.0)
+    F0, F1, F2 = (
+        _level_remainder(found, 0, level),
+        _level_remainder(found, 1, 0.0),
+        _level_remainder(found, 2, 0.0),
+    )
     V, room = np.empty((m, m), np.complex128), np.empty((m, m), np.complex128)
     # Coordinates in which F_0 is diagonal up to rounding; these need not be exact.
     eigen(F0, V)
-    F0 = _less(found, 0, level)
+    F0 = _level_remainder(found, 0, level)
     _turn(F0, V, room)
     _turn(F1, V, room)
     _turn(F2, V, room)
@@ -250,7 +254,7 @@ def below(found, late, error, level):  # type: ignore[no-untyped-def]  # compile
 
 
 @njit(cache=True, error_model="numpy")
-def _less(found, order, level):  # type: ignore[no-untyped-def]  # compiled
+def _level_remainder(found, order, level):  # type: ignore[no-untyped-def]  # compiled
     """Return what a term leaves of the square of a level."""
     m = found.shape[1]
     F = np.empty((m, m), np.complex128)
@@ -355,11 +359,11 @@ def modal_peak(form: ModalForm, tolerance: float, widest: float) -> ModalPeak | 
     ModalPeak or None
         None if these errors, or too much work, leave it open.
     """
-    modes = modes_of(form)
+    modes = modal_arrays(form)
     by_height = np.argsort(modes.high)
     centre, half, count = first_pieces(modes.real[by_height], modes.high[by_height])
     search: Any = _search  # compiled, so that no types are known
-    look_at_the_clock()
+    check_deadline()
     pieces = centre[:count], half[:count]
     settled, *found = search(modes, *pieces, float(tolerance), float(widest))
     return ModalPeak(*found) if settled else None

@@ -16,7 +16,7 @@ from scipy.optimize import minimize_scalar
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.arrays import Array, Vector
-from robustpolish.base.budget import look_at_the_clock
+from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic.powers_of_two import bracket
 from robustpolish.linear.arithmetic.rational import ExactModel, fraction, identity, joined, transfer
 from robustpolish.linear.arithmetic.realisation import Realisation, rescaled
@@ -27,7 +27,7 @@ from robustpolish.linear.stability import positive_roots
 # The frequencies at which a singular value equals a given gain, in exact arithmetic.
 
 
-def crossings(model: ExactModel, square: fmpq) -> list[fmpq]:
+def gain_crossings(model: ExactModel, square: fmpq) -> list[fmpq]:
     """Return the frequencies x >= 0 at which a singular value of G is the root of `square`.
 
     The Hamiltonian matrix (continuous time) or the symplectic pencil (discrete
@@ -82,7 +82,7 @@ def _pencil_polynomial(model: ExactModel, square: fmpq) -> fmpz_poly:
     n = model.states
     values = []
     for k in range(n + 1):
-        look_at_the_clock()
+        check_deadline()
         values.append(fmpq((constant + slope * k).det()))
     nodes = [-k * k for k in range(n + 1)]  # x^2 = -s^2
     for level in range(1, n + 1):  # divided differences
@@ -456,7 +456,7 @@ def _proven(model: ExactModel, start: float, tolerance: float) -> Peak:
     far = False
     trial += [fmpq(k, k + 2) for k in range(1, 2 * model.states + 3)] if gain == 0 else []
     for _ in range(100):  # every pass raises the gain by more than the tolerance; few are needed
-        look_at_the_clock()
+        check_deadline()
         values = [_gain(model, x) for x in trial]
         best = int(np.argmax(values))
         if values[best] > gain:
@@ -465,7 +465,7 @@ def _proven(model: ExactModel, start: float, tolerance: float) -> Peak:
             values = [_gain(model, x) for x in touching]
             gain, at = max(values), touching[int(np.argmax(values))]
         upper = gain * (1 + tolerance)
-        found = crossings(model, fraction(upper) ** 2)
+        found = gain_crossings(model, fraction(upper) ** 2)
         if not found:
             for a, b in pairwise(touching):
                 if far and at is not None and a <= at <= b:

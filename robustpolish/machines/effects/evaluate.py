@@ -36,7 +36,7 @@ _SIGNATURE = types.void(types.float64, *[POINTER] * 6)
 
 
 @runtime_checkable
-class CompilesItself(Protocol):
+class SelfCompilingLaw(Protocol):
     """A law that no file holds as a function, and that therefore compiles itself."""
 
     def compiled(self) -> Any:
@@ -63,7 +63,7 @@ def compiled_law(kind: EffectKind) -> Any:
     """Return the law of a kind as a C function; its address holds as long as it is kept."""
     if kind.law is None:
         raise invalid("kind", kind.kind, "an effect with a force law", "Choose another kind.")
-    if isinstance(kind.law, CompilesItself):
+    if isinstance(kind.law, SelfCompilingLaw):
         return kind.law.compiled()
     return machine_code(kind.law)
 
@@ -92,12 +92,12 @@ _LEAST_SUBSTEPS = 8
 MOST_SUBSTEPS = 64
 """Of a sample, in which internal states are followed along a motion."""
 
-_NEXT_TO_NOTHING = 1e-12
+_ROUNDING_RATIO = 1e-12
 """A column this much smaller than another is rounding: the sine of a spin that stands still."""
 
 
 @njit(cache=True, nogil=True)
-def _between(q, v, n, x, qs, vs):  # type: ignore[no-untyped-def]  # compiled
+def _interpolate_motion(q, v, n, x, qs, vs):  # type: ignore[no-untyped-def]  # compiled
     for i in range(qs.size):
         qs[i] = (1 - x) * q[i, n] + x * q[i, n + 1]
         vs[i] = (1 - x) * v[i, n] + x * v[i, n + 1]
@@ -123,7 +123,7 @@ def _run(law, t, q, v, p, z, f, substeps):  # type: ignore[no-untyped-def]  # co
                 call_law(law, t[n] + j * dt, qs, 0, vs, 0, z, 0, p, 0, f, 0, k1, 0)
             for i in range(z.size):
                 ahead[i] = z[i] + dt * k1[i]
-            _between(q, v, n, (j + 1) / substeps, qs, vs)
+            _interpolate_motion(q, v, n, (j + 1) / substeps, qs, vs)
             call_law(law, t[n] + (j + 1) * dt, qs, 0, vs, 0, ahead, 0, p, 0, f, 0, k2, 0)
             for i in range(z.size):
                 z[i] += 0.5 * dt * (k1[i] + k2[i])
@@ -210,7 +210,7 @@ def shapes_along(kind: EffectKind, motion: Motion) -> list[Shape]:
 
 def _excited(columns: Array) -> bool:
     sizes = np.abs(columns).max(axis=(1, 2))
-    return bool(np.isfinite(sizes).all() and sizes.min() > _NEXT_TO_NOTHING * sizes.max())
+    return bool(np.isfinite(sizes).all() and sizes.min() > _ROUNDING_RATIO * sizes.max())
 
 
 def _shape(kind: EffectKind, motion: Motion, choice: tuple[float, ...]) -> Shape:
@@ -247,7 +247,7 @@ def _shape(kind: EffectKind, motion: Motion, choice: tuple[float, ...]) -> Shape
     return Shape(np.stack(columns), values, signs)
 
 
-def lagged(begin: Array, end: Array, step: float, lag: float) -> Array:
+def first_order_lag(begin: Array, end: Array, step: float, lag: float) -> Array:
     """Return a signal behind a first-order lag, at its samples: exact for lines between them.
 
     Parameters
@@ -265,7 +265,7 @@ def lagged(begin: Array, end: Array, step: float, lag: float) -> Array:
     Examples
     --------
     >>> ramp = np.arange(4.0)
-    >>> (ramp - lagged(ramp, ramp + 1, 1.0, 0.1)).round(3).tolist()
+    >>> (ramp - first_order_lag(ramp, ramp + 1, 1.0, 0.1)).round(3).tolist()
     [0.0, 0.1, 0.1, 0.1]
     """
     if not lag > 0:

@@ -50,7 +50,7 @@ PAIRS: Mapping[str, Any] = {
 
 
 @dataclass(frozen=True)
-class Formula:
+class PostfixProgram:
     """A formula as a program in postfix order.
 
     Parameters
@@ -106,7 +106,7 @@ class Formula:
 
         Examples
         --------
-        >>> twice = Formula("f = 2*q", (("number", 2.0), ("name", "q"), ("*", None)))
+        >>> twice = PostfixProgram("f = 2*q", (("number", 2.0), ("name", "q"), ("*", None)))
         >>> twice.value({"q": 3.0})
         6.0
         """
@@ -179,7 +179,7 @@ def multiplied(powers: Powers, others: Mapping[str, float], exponent: float = 1.
 
 
 def graded(
-    formula: Formula,
+    formula: PostfixProgram,
     grades: Mapping[str, Grade],
     loose_numbers: bool = False,
     shown: Callable[[Powers], str] = str,
@@ -188,7 +188,7 @@ def graded(
 
     Parameters
     ----------
-    formula : Formula
+    formula : PostfixProgram
     grades : mapping of str to Grade
         Of every name in it.
     loose_numbers : bool, optional
@@ -264,12 +264,12 @@ def _power(base: Grade, exponent: Grade, shown: Callable[[Powers], str]) -> Grad
     return Grade(multiplied({}, base.powers, exponent.number), base.loose)
 
 
-def grows_with(formula: Formula, names: Collection[str]) -> bool:
+def grows_with(formula: PostfixProgram, names: Collection[str]) -> bool:
     """Return whether the force is multiplied by what all of these names are multiplied by.
 
     Parameters
     ----------
-    formula : Formula
+    formula : PostfixProgram
     names : collection of str
 
     Returns
@@ -290,12 +290,12 @@ def grows_with(formula: Formula, names: Collection[str]) -> bool:
     return whole.powers == {"size": 1.0}
 
 
-def linear_in(formula: Formula, names: Collection[str]) -> bool:
+def linear_in(formula: PostfixProgram, names: Collection[str]) -> bool:
     """Return whether the force is a sum of terms that each have one of these names as a factor.
 
     Parameters
     ----------
-    formula : Formula
+    formula : PostfixProgram
     names : collection of str
 
     Returns
@@ -347,7 +347,7 @@ _HINTS: Mapping[type, str] = {
 }
 
 
-def read_formula(text: str, declared: Iterable[str]) -> Formula:
+def read_formula(text: str, declared: Iterable[str]) -> PostfixProgram:
     """Read a formula such as ``"f = -k*q**5"``.
 
     Parameters
@@ -360,7 +360,7 @@ def read_formula(text: str, declared: Iterable[str]) -> Formula:
 
     Returns
     -------
-    Formula
+    PostfixProgram
 
     Raises
     ------
@@ -378,7 +378,7 @@ def read_formula(text: str, declared: Iterable[str]) -> Formula:
     tree = _tree(text)
     program: list[tuple[str, Any]] = []
     _append(program, tree, {*MOTION, *names}, 0)
-    formula = Formula(" ".join(text.split()), tuple(program))
+    formula = PostfixProgram(" ".join(text.split()), tuple(program))
     for name in names:
         if name not in formula.names:
             raise invalid(
@@ -646,13 +646,13 @@ def channel_unit(text: Any, key: Key) -> str:
 
 
 def dimensions(
-    formula: Formula, units: Mapping[str, str], channels: Mapping[str, str]
+    formula: PostfixProgram, units: Mapping[str, str], channels: Mapping[str, str]
 ) -> dict[str, Powers]:
     """Return the dimension of each parameter, as the formula needs it.
 
     Parameters
     ----------
-    formula : Formula
+    formula : PostfixProgram
     units, channels : mapping of str to str
         Units of the parameters and of the channels.
 
@@ -702,7 +702,7 @@ def _in_letters(powers: Powers, table: Mapping[str, Powers]) -> Powers:
     return result
 
 
-def _loose(formula: Formula, names: Mapping[str, Powers], rotation: bool) -> bool:
+def _loose(formula: PostfixProgram, names: Mapping[str, Powers], rotation: bool) -> bool:
     """Return whether the formula is a force only if its numbers have units.
 
     Raises
@@ -768,7 +768,7 @@ _MOST = 10  # parameters
 
 
 @dataclass(frozen=True)
-class Written:
+class EffectSpecification:
     """An effect as it was written; all else follows from it.
 
     Parameters
@@ -799,12 +799,12 @@ class Written:
     known: tuple[tuple[str, float], ...] = ()
     channels: tuple[tuple[str, str], ...] = ()
 
-    def read(self) -> Formula:
+    def read(self) -> PostfixProgram:
         """Return the formula, read.
 
         Returns
         -------
-        Formula
+        PostfixProgram
         """
         return read_formula(self.formula, (*dict(self.units), *dict(self.channels)))
 
@@ -826,11 +826,11 @@ class Written:
             "known": dict(self.known),
             "channels": dict(self.channels),
         }
-        default = Written("").domain
+        default = EffectSpecification("").domain
         return {k: v for k, v in whole.items() if v and (k, v) != ("domain", default)}
 
 
-def written_from(table: Mapping[str, Any]) -> Written:
+def specification_from(table: Mapping[str, Any]) -> EffectSpecification:
     """Check a table of a file or the arguments of a call.
 
     Parameters
@@ -840,7 +840,7 @@ def written_from(table: Mapping[str, Any]) -> Written:
 
     Returns
     -------
-    Written
+    EffectSpecification
 
     Raises
     ------
@@ -849,7 +849,7 @@ def written_from(table: Mapping[str, Any]) -> Written:
 
     Examples
     --------
-    >>> written = written_from({"formula": "f = -k*q**5", "units": {"k": "N/m^5"}})
+    >>> written = specification_from({"formula": "f = -k*q**5", "units": {"k": "N/m^5"}})
     >>> written.table()
     {'formula': 'f = -k*q**5', 'units': {'k': 'N/m^5'}}
     """
@@ -871,7 +871,7 @@ def written_from(table: Mapping[str, Any]) -> Written:
     for name in known:
         if name in scan:
             raise invalid(("known", name), name, "no values to scan", "It is known or scanned.")
-    return Written(
+    return EffectSpecification(
         formula.text,
         tuple(units.items()),
         _text("name", table.get("name")),

@@ -204,7 +204,7 @@ class SignalSlope(NamedTuple):
     lag: float = 0.0
 
 
-def as_it_is(values: Values) -> SignalSlope:
+def unchanged_signal(values: Values) -> SignalSlope:
     """Return that a linear model keeps a signal as it is, whatever the values of its effect."""
     return SignalSlope()
 

@@ -18,7 +18,7 @@ from robustpolish.base.arrays import Array
 from robustpolish.base.checks import invalid
 from robustpolish.base.results import Card, Displayed, plus_minus, quantities
 from robustpolish.machines.effects.effect import Effect
-from robustpolish.machines.effects.spline_law import between_knots, coefficients_of, spline_basis
+from robustpolish.machines.effects.spline_law import coefficients_of, knot_error_bound, spline_basis
 from robustpolish.plots.residuals import plot_force_curve, plot_surface
 
 # The simplest formula that lies within the band of a learned curve.
@@ -35,7 +35,7 @@ _REFINED = 6
 
 
 @dataclass(frozen=True)
-class Likeness:
+class FormulaMatchPolicy:
     """When a formula counts as the one behind a curve.
 
     Attributes
@@ -58,7 +58,7 @@ class Likeness:
     turns: tuple[float, ...] = tuple(np.geomspace(0.003, 0.9, 36).tolist())
 
 
-LIKENESS = Likeness()
+FORMULA_MATCH = FormulaMatchPolicy()
 """What :meth:`LearnedLaw.formula` goes by."""
 
 
@@ -174,7 +174,7 @@ class Curve(NamedTuple):
     project: Array
 
 
-def simplest(curve: Curve, over: str, units: tuple[str, str]) -> Formula | None:
+def simplest_formula(curve: Curve, over: str, units: tuple[str, str]) -> Formula | None:
     """Return the simplest formula that lies within the band of a curve, None if none does.
 
     Parameters
@@ -196,7 +196,7 @@ def simplest(curve: Curve, over: str, units: tuple[str, str]) -> Formula | None:
         found = [fit(terms, turn) for terms, turn in _choices(TERMS[over], number, curve.axes)]
         found += [fit.turned(f) for f in sorted(found, key=lambda f: f.chi2)[:_REFINED] if f.turn]
         best = min(found, key=lambda f: f.chi2, default=None)
-        if best is not None and best.chi2 <= chi2.ppf(LIKENESS.chance, fit.freedom(number)):
+        if best is not None and best.chi2 <= chi2.ppf(FORMULA_MATCH.chance, fit.freedom(number)):
             return _formula(best, fit, units)
     return None
 
@@ -215,7 +215,7 @@ def _choices(
                 yield chosen, 0.0
                 continue
             reach = float(np.max(np.abs(axes[turning[0].over])))
-            yield from ((chosen, share * reach) for share in LIKENESS.turns)
+            yield from ((chosen, share * reach) for share in FORMULA_MATCH.turns)
 
 
 class _Found(NamedTuple):
@@ -235,7 +235,7 @@ class _Fit:
         self.largest = float(np.max(np.abs(values)))
         known = curve.covariance is not None and bool(np.isfinite(curve.covariance).all())
         self.known = known
-        share = LIKENESS.as_good if known else LIKENESS.unknown
+        share = FORMULA_MATCH.as_good if known else FORMULA_MATCH.unknown
         spread = np.eye(curve.coefficients.size) * (share * self.largest) ** 2
         if known and curve.covariance is not None:
             spread = spread + curve.covariance
@@ -256,7 +256,7 @@ class _Fit:
 
     def turned(self, found: _Found) -> _Found:
         """Return the same terms with the length that fits best about the one that was tried."""
-        turns = LIKENESS.turns
+        turns = FORMULA_MATCH.turns
         step = turns[1] / turns[0]
         bounds = found.turn / step, found.turn * step
         best: Any = minimize_scalar(lambda d: self(found.terms, float(d)).chi2, bounds=bounds)
@@ -370,7 +370,7 @@ WORDS = WordPolicy()
 """What :meth:`LearnedLaw.describe` goes by."""
 
 
-def in_words(curve: xr.Dataset, place: str, formula: Formula | None) -> str:
+def describe_law(curve: xr.Dataset, place: str, formula: Formula | None) -> str:
     """Return sentences on a learned curve or surface.
 
     Parameters
@@ -678,7 +678,7 @@ class LearnedLaw(Displayed):
         if self.covariance is not None:
             power = np.einsum("ip,ij,jp->p", basis, np.nan_to_num(self.covariance), basis)
             unseen = np.abs(basis).T @ ~np.isfinite(np.diag(self.covariance)) > 0
-            swings = between_knots(coefficients_of(self.effect.values)).ravel() @ np.abs(basis)
+            swings = knot_error_bound(coefficients_of(self.effect.values)).ravel() @ np.abs(basis)
             stderr = np.sqrt(np.maximum(power, 0.0) + swings**2)
             stderr = np.where(unseen, np.inf, stderr).reshape(shape)
         length = self.units[1]
@@ -720,7 +720,7 @@ class LearnedLaw(Displayed):
         project = np.array(inverse, dtype=np.float64)
         curve = Curve(self.coefficients, self.covariance, named, basis, project)
         units = (self.unit, "s") if self.over == "time" else self.units
-        return simplest(curve, self.over, units)
+        return simplest_formula(curve, self.over, units)
 
     def describe(self) -> str:
         """Say in words what the law resembles, with numbers.
@@ -730,7 +730,7 @@ class LearnedLaw(Displayed):
         str
             Several lines.
         """
-        return in_words(self.curve(), ", ".join(self.effect.at), self.formula())
+        return describe_law(self.curve(), ", ".join(self.effect.at), self.formula())
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the curve with its 95 % band, or the surface.

@@ -193,7 +193,7 @@ def spline_centres(low: float, high: float, count: int) -> Array:
     return np.array(low + (high - low) / (count - 3) * (np.arange(count) - 1.0), dtype=float)
 
 
-def bends(count: int) -> Array:
+def second_differences(count: int) -> Array:
     """Return the matrix that takes second differences of neighbours.
 
     Parameters
@@ -208,7 +208,7 @@ def bends(count: int) -> Array:
     return np.array(np.diff(np.eye(count), 2, axis=0), dtype=np.float64)
 
 
-def between_knots(c: Array) -> Array:
+def knot_error_bound(c: Array) -> Array:
     """Return how far a law may be from its splines for want of knots, one value a coefficient.
 
     A spline cannot follow a corner between its knots and swings about it. How far shows in the
@@ -227,7 +227,7 @@ def between_knots(c: Array) -> Array:
     Examples
     --------
     >>> corner = np.abs(spline_centres(-1.0, 1.0, 11))
-    >>> between_knots(corner).round(3).tolist()
+    >>> knot_error_bound(corner).round(3).tolist()
     [0.0, 0.0, 0.006, 0.012, 0.012, 0.012, 0.012, 0.012, 0.006, 0.0, 0.0]
     """
     found = np.zeros_like(c)
@@ -259,7 +259,7 @@ def coefficients_of(values: Mapping[str, float]) -> Array:
     return numbers[_SURFACE:].reshape(count, count)
 
 
-def smoothness(values: Mapping[str, float]) -> Array:
+def smoothness_prior(values: Mapping[str, float]) -> Array:
     """Return rows whose products with the coefficients are standard normal beforehand.
 
     Parameters
@@ -276,7 +276,7 @@ def smoothness(values: Mapping[str, float]) -> Array:
     roughness = values["roughness"]
     if not roughness > 0:
         return np.zeros((0, c.size))
-    rows = bends(len(c))
+    rows = second_differences(len(c))
     if c.ndim == 2:
         eye = np.eye(len(c))
         rows = np.vstack([np.kron(rows, eye), np.kron(eye, rows)])
@@ -430,7 +430,7 @@ def learned_kind(name: str) -> EffectKind | None:
         parameters=(*_knots(shape), *_coefficients(count, bool(across), shape.dimension)),
         law=SplineLaw(cast(Over, over), count),
         gains=shape.gains,
-        prior=smoothness,
+        prior=smoothness_prior,
         over=shape.over,
         contains=shape.contains,
         looks_like=f"{what}; its curve was learned from the data.",

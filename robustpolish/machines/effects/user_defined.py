@@ -21,13 +21,13 @@ from robustpolish.machines.effects.evaluate import POINTER, machine_code
 from robustpolish.machines.effects.formula_language import (
     FUNCTIONS,
     OWN_KEYS,
-    Formula,
-    Written,
+    EffectSpecification,
+    PostfixProgram,
     dimension_text,
     dimensions,
     grows_with,
     linear_in,
-    written_from,
+    specification_from,
 )
 from robustpolish.machines.effects.kind import EffectKind, Parameter, Scan, Values
 
@@ -49,7 +49,7 @@ _MOST = 200
 
 
 @dataclass(frozen=True)
-class Candidates:
+class ScreeningPlan:
     """How a screening finds first values.
 
     Parameters
@@ -77,20 +77,20 @@ class Candidates:
 
 
 def candidates(
-    formula: Formula, parameters: Sequence[Parameter], given: Mapping[str, Sequence[float]]
-) -> Candidates:
+    formula: PostfixProgram, parameters: Sequence[Parameter], given: Mapping[str, Sequence[float]]
+) -> ScreeningPlan:
     """Return what a screening tries of a formula.
 
     Parameters
     ----------
-    formula : Formula
+    formula : PostfixProgram
     parameters : sequence of Parameter
     given : mapping of str to sequence of float
         Values to try, by parameter, in SI units.
 
     Returns
     -------
-    Candidates
+    ScreeningPlan
 
     Raises
     ------
@@ -98,7 +98,7 @@ def candidates(
         If there are too many values.
     """
     if not parameters:
-        return Candidates()
+        return ScreeningPlan()
     by_name = {p.name: p for p in parameters}
     powers = {p.name: p.powers["F"] + p.powers["M"] for p in parameters}
     forces = [name for name in powers if powers[name] == 1]
@@ -109,15 +109,15 @@ def candidates(
         together = forces
         if any(powers[name] != 1 for name in bent) or not grows_with(formula, forces):
             why = f"{formula.text!r}, which is not proportional to {', '.join(bent)}"
-            return Candidates(missing=why, remedy="Give it factors that it is proportional to.")
+            return ScreeningPlan(missing=why, remedy="Give it factors that it is proportional to.")
         half_given = [name for name in forces if name in given]
         solved = [] if len(half_given) == len(forces) else forces[:1]
         if half_given and solved:
             remedy = f"They grow together: give values of {', '.join(forces)}, or of none."
-            return Candidates(missing=f"values of {', '.join(half_given)} alone", remedy=remedy)
+            return ScreeningPlan(missing=f"values of {', '.join(half_given)} alone", remedy=remedy)
     elif not solved:
         why = f"{formula.text!r}, which is proportional to no parameter"
-        return Candidates(missing=why, remedy="Give it a factor in front.")
+        return ScreeningPlan(missing=why, remedy="Give it a factor in front.")
     scan, unknown = [], []
     for name in (name for name in powers if name not in solved):
         unit = by_name[solved[0]] if solved and name in together else None
@@ -130,7 +130,7 @@ def candidates(
             unknown.append(name)
     if unknown:
         example = ", ".join(f"{name!r}: (0.5, 1.0, 2.0)" for name in unknown)
-        return Candidates(
+        return ScreeningPlan(
             missing=f"{formula.text!r}, which is not proportional to {', '.join(unknown)}, "
             "and the motion gives no size for it",
             remedy=f"Say which values to try: scan={{{example}}}.",
@@ -140,10 +140,10 @@ def candidates(
     if combinations > _MOST:
         shown = described(f"{combinations} combinations of {', '.join(s.parameter for s in scan)}")
         raise invalid("scan", shown, f"at most {_MOST}", "Give fewer values of each.")
-    return Candidates(tuple(solved), tuple(scan), tuple(together))
+    return ScreeningPlan(tuple(solved), tuple(scan), tuple(together))
 
 
-def _linear(formula: Formula, names: Sequence[str]) -> list[str]:
+def _linear(formula: PostfixProgram, names: Sequence[str]) -> list[str]:
     """Return the most parameters that the force is linear in together, the first ones first."""
     for count in range(len(names), 0, -1):
         for chosen in itertools.combinations(names, count):
@@ -210,13 +210,13 @@ class FormulaLaw:
 
     Parameters
     ----------
-    written : Written
+    written : EffectSpecification
     """
 
-    written: Written
+    written: EffectSpecification
 
     @cached_property
-    def formula(self) -> Formula:
+    def formula(self) -> PostfixProgram:
         """The formula, read."""
         return self.written.read()
 
@@ -449,7 +449,7 @@ def effect(
         "channels": channels,
     }
     try:
-        kind, tried = _made(written_from(given))
+        kind, tried = _build_kind(specification_from(given))
     except InvalidInputError as error:
         if error.key[:1] != ("units",):
             raise
@@ -493,7 +493,7 @@ def own_kind(table: Mapping[str, Any]) -> EffectKind:
     for key in table:
         if key not in OWN_KEYS:
             raise invalid((key,), described("an unknown key"), ", ".join(OWN_KEYS), "Correct it.")
-    return _made(written_from(table))[0]
+    return _build_kind(specification_from(table))[0]
 
 
 def own_table(kind: EffectKind) -> dict[str, Any] | None:
@@ -510,7 +510,7 @@ def own_table(kind: EffectKind) -> dict[str, Any] | None:
     return kind.law.written.table() if isinstance(kind.law, FormulaLaw) else None
 
 
-def _made(written: Written) -> tuple[EffectKind, Candidates]:
+def _build_kind(written: EffectSpecification) -> tuple[EffectKind, ScreeningPlan]:
     """Return the kind, and what a screening tries of it."""
     name = written.name or written.formula
     if name in BUILT_IN:

@@ -177,7 +177,7 @@ def values(model: MechanicalData) -> dict[str, float]:
     return result
 
 
-def replaced(model: Model, changes: Mapping[str, float]) -> Model:
+def with_parameter_values(model: Model, changes: Mapping[str, float]) -> Model:
     """Return `model` with the numbers of `changes` instead of its own."""
     known = values(model)
     for key in changes:
@@ -234,7 +234,7 @@ def _effect_with(effect: Effect, prefix: str, new: Mapping[str, float]) -> Effec
 _LEFT = 1e-3
 
 
-def share_of_couplings(model: MechanicalData, changes: Mapping[str, float]) -> float:
+def definite_coupling_share(model: MechanicalData, changes: Mapping[str, float]) -> float:
     """Return the share of all coupled inertias with which every motion has a kinetic energy.
 
     Parameters

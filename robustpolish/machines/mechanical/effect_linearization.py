@@ -161,7 +161,9 @@ def _slopes(model: MechanicalData, effect: Effect, rest: Array, warn: bool = Tru
     return [part[:, c] for part in (table[: kind.ports], table[kind.ports :]) for c in columns]
 
 
-def with_effects(model: MechanicalData, e: LinearEffects) -> tuple[Array, Array, Array, Array]:
+def close_effect_loops(
+    model: MechanicalData, e: LinearEffects
+) -> tuple[Array, Array, Array, Array]:
     """Close the loops from the motion at the ports over the effects' slopes to their forces.
 
     Returns A, B, C, D from the signals to the outputs; the effects' states follow the model's.

@@ -12,18 +12,23 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from robustpolish.base.arrays import AnyArray, Array, Matrix
-from robustpolish.base.checks import described, invalid, one_of, spelled
+from robustpolish.base.checks import closest_name_remedy, described, invalid, one_of
 from robustpolish.base.results import Card, Table
 from robustpolish.errors import RobustPolishWarning
-from robustpolish.machines.mechanical.data import MechanicalData, replaced, unit_of, values
+from robustpolish.machines.mechanical.data import (
+    MechanicalData,
+    unit_of,
+    values,
+    with_parameter_values,
+)
 from robustpolish.machines.mechanical.effect_linearization import (
     LinearEffects,
     add_timing,
+    close_effect_loops,
     linear_effects,
     sensor_gains,
     signal_gains,
     signal_timing,
-    with_effects,
 )
 from robustpolish.machines.mechanical.parts import (
     ACCELERATION,
@@ -35,9 +40,9 @@ from robustpolish.machines.mechanical.parts import (
     Output,
 )
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.plants.uncertain.elements import Block, RealElement, real_element
-from robustpolish.plants.uncertain.lft import Lft, reduced
-from robustpolish.plants.uncertain.system import UncertainSystem, closed
+from robustpolish.plants.uncertain.elements import RealElement, UncertainBlock, real_element
+from robustpolish.plants.uncertain.lft import Lft, reduce_copies
+from robustpolish.plants.uncertain.system import UncertainSystem, close_block
 from robustpolish.signals.frequency_response import labelled_response, ratio_unit
 
 # How a mechanical model shows itself.
@@ -148,7 +153,7 @@ def linear_system(
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RobustPolishWarning)
-        system = with_effects(model, linear_effects(model, operating_point))
+        system = close_effect_loops(model, linear_effects(model, operating_point))
     return system, list(dict.fromkeys(str(item.message) for item in caught))
 
 
@@ -219,7 +224,7 @@ def linearize(
     m = model.matrices
     names, nf = model.free, len(model.free)
     effects = linear_effects(model, operating_point)
-    A, B, C, D = with_effects(model, effects)
+    A, B, C, D = close_effect_loops(model, effects)
     disturbances = list(m.signals)
     pushes, chosen, B2, D22 = _controls(model, controls, actuation, A.shape[0], effects)
     B *= signal_gains(model)
@@ -337,7 +342,9 @@ def uncertain_model(model: MechanicalData, ranges: Mapping[str, Any]) -> Uncerta
     """
     given = dict(_checked(ranges))
     numbers = {key: value for key, value in given.items() if isinstance(value, UncertainSystem)}
-    model = replaced(model, {key: _nominal(model, key, n) for key, n in numbers.items()})
+    model = with_parameter_values(
+        model, {key: _nominal(model, key, n) for key, n in numbers.items()}
+    )
     elements = [_element(model, key, value) for key, value in given.items()]
     m = model.matrices
     pieces = [_pieces(model, element) for element in elements]
@@ -371,7 +378,7 @@ def uncertain_model(model: MechanicalData, ranges: Mapping[str, Any]) -> Uncerta
         np.hstack([C[deltas:], D[deltas:, :deltas]]),
         D[deltas:, deltas:],
         m.states,
-        tuple(Block(_renamed(e, numbers), left[0].shape[1])
+        tuple(UncertainBlock(_renamed(e, numbers), left[0].shape[1])
               for e, (left, _) in zip(elements, pieces, strict=True) if left[0].shape[1]),
         0,
         m.signals,
@@ -379,7 +386,7 @@ def uncertain_model(model: MechanicalData, ranges: Mapping[str, Any]) -> Uncerta
     )  # fmt: skip
     for key, number in numbers.items():
         whole = _with_number(whole, key, number)
-    return UncertainSystem(reduced(whole))
+    return UncertainSystem(reduce_copies(whole))
 
 
 def _nominal(model: MechanicalData, key: str, number: UncertainSystem) -> float:
@@ -397,7 +404,7 @@ def _with_number(whole: Lft, key: str, number: UncertainSystem) -> Lft:
     if _STAND_IN + key not in names:
         return whole  # it does nothing
     change = number - number.matrices.J
-    return closed(whole, names.index(_STAND_IN + key), change.matrices)
+    return close_block(whole, names.index(_STAND_IN + key), change.matrices)
 
 
 def _checked(ranges: Any) -> Mapping[str, Any]:
@@ -417,7 +424,7 @@ def _known(model: MechanicalData, key: str) -> float:
     """Return the value of a number that may be uncertain."""
     known = values(model)
     if key not in known:
-        remedy = spelled(key, known)
+        remedy = closest_name_remedy(key, known)
         raise invalid("ranges", key, f"a key of model.parameters: {', '.join(known)}", remedy)
     if key.startswith("effect["):
         shown = described(f"{key}, a number of an effect")
@@ -456,7 +463,7 @@ def _pieces(
     """Return what forces and outputs come with a change of a number, and of what motions."""
     # All matrices are linear in every number: a difference is a derivative.
     step = element.nominal or 1.0
-    moved = replaced(model, {element.name: element.nominal + step}).matrices
+    moved = with_parameter_values(model, {element.name: element.nominal + step}).matrices
     m = model.matrices
     if len(moved.signals) != len(m.signals):
         raise _coupled(element)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from robustpolish.base.results import Card, Displayed
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import GROUND, EffectKind
-from robustpolish.machines.mechanical.data import MechanicalData, replaced, values
+from robustpolish.machines.mechanical.data import MechanicalData, values, with_parameter_values
 from robustpolish.machines.mechanical.linear import (
     frequency_response,
     linearize,
@@ -360,7 +360,7 @@ class MechanicalModel(MechanicalData, Displayed):
         InvalidInputError
             If there is no such key, or a value is not allowed.
         """
-        return replaced(self, values)
+        return with_parameter_values(self, values)
 
     # Files and machines --------------------------------------------------------------
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from robustpolish.base.atomic_writes import write_file
 from robustpolish.base.checks import Key, described, instance_of, invalid, known_keys, one_of
-from robustpolish.base.input_files import Wanted, check_tree
+from robustpolish.base.input_files import FileSpec, check_tree
 from robustpolish.base.input_files import text as read_text
 from robustpolish.base.versions import __version__
 from robustpolish.errors import InvalidInputError
@@ -127,7 +127,7 @@ def _bare(name: str) -> str:
 
 Table = Mapping[str, Any]
 
-_FILE = Wanted(
+_FILE = FileSpec(
     "model", "a TOML file with a mechanical model", "Check the path and the file.", 10_000_000
 )
 
@@ -139,12 +139,12 @@ _TOP = (
 
 def read_model(source: str | Path, max_bytes: float | None = None) -> MechanicalData:
     """Read a model from a file, or from TOML text if `source` has a line break."""
-    with located(source, max_bytes) as table:
+    with toml_with_line_numbers(source, max_bytes) as table:
         return _model(table)
 
 
 @contextmanager
-def located(source: str | Path, max_bytes: float | None = None) -> Iterator[Table]:
+def toml_with_line_numbers(source: str | Path, max_bytes: float | None = None) -> Iterator[Table]:
     """Read a TOML file, or text; what is complained about inside gets the number of its line.
 
     Parameters

@@ -343,7 +343,7 @@ class Campbell(Displayed):
         return Card("Campbell diagram", (Table("", columns, rows, digits=6),), (note,))
 
 
-def followed(
+def track_modes(
     system: SecondOrder, rows: Matrix, speeds: Vector, count: int
 ) -> tuple[AnyMatrix, Matrix]:
     """Return eigenvalues and whirl of the lowest modes at the first speed, over all speeds.
@@ -368,7 +368,7 @@ def followed(
     eigenvalues = np.empty((len(speeds), count), dtype=complex)
     whirl = np.empty((len(speeds), count))
     for i, speed in enumerate(speeds.tolist()):
-        values, vectors, chosen = _carried(system, shapes, at, speed, 0)
+        values, vectors, chosen = _continued_modes(system, shapes, at, speed, 0)
         if speed >= slow:
             shapes, at = vectors[:, chosen], speed
         eigenvalues[i] = values[chosen]
@@ -383,7 +383,7 @@ def _modes(
     return [found[k] for k in chosen]
 
 
-def _carried(
+def _continued_modes(
     system: SecondOrder, shapes: AnyMatrix, start: float, end: float, depth: int
 ) -> tuple[AnyVector, AnyMatrix, AnyArray]:
     """Return eigenvalues and vectors at `end`, and which of them continue `shapes`.
@@ -398,5 +398,5 @@ def _carried(
     if least >= _ALIKE or depth == _HALVINGS or end <= start:
         return values, vectors, chosen
     middle = (start + end) / 2
-    _, between, there = _carried(system, shapes, start, middle, depth + 1)
-    return _carried(system, between[:, there], middle, end, depth + 1)
+    _, between, there = _continued_modes(system, shapes, start, middle, depth + 1)
+    return _continued_modes(system, between[:, there], middle, end, depth + 1)

@@ -31,7 +31,7 @@ from robustpolish.machines.rotor.modes import (
     RotorModes,
     critical_speeds,
     eigen_whirl,
-    followed,
+    track_modes,
     whirl_modes,
 )
 from robustpolish.plants.plant import GeneralizedPlant
@@ -674,7 +674,7 @@ class RotorModel(Displayed):
             shown = described(f"an array of shape {given.shape}")
             raise invalid("speeds", shown, "rising speeds of at least 0 rad/s", "Sort them.")
         rows = self.assembly.ports(self.assembly.mesh.nodes.tolist())
-        eigenvalues, whirl = followed(self.assembly.system, rows, given, count)
+        eigenvalues, whirl = track_modes(self.assembly.system, rows, given, count)
         critical = self.critical_speeds()
         within = (critical >= given[0]) & (critical <= given[-1])
         return Campbell(given, eigenvalues, whirl, critical[within])

@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 from robustpolish.base.arrays import Array
 from robustpolish.base.checks import described, invalid, matrix
 from robustpolish.machines.effects.effect import Effect
-from robustpolish.machines.effects.evaluate import compiled_law, lagged
+from robustpolish.machines.effects.evaluate import compiled_law, first_order_lag
 from robustpolish.machines.effects.kind import Timing
 from robustpolish.machines.mechanical.data import (
     MechanicalData,
@@ -26,8 +26,8 @@ from robustpolish.machines.mechanical.data import (
 )
 from robustpolish.machines.mechanical.parts import DISPLACEMENT, VELOCITY
 from robustpolish.machines.simulation.stepper import (
-    Ahead,
-    ahead,
+    KernelMatrices,
+    kernel_matrices,
     run_pieces,
     run_steps,
     step_matrices,
@@ -46,7 +46,7 @@ _DIGITS = 9
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 
 
-class Lines(NamedTuple):
+class IntersampleLines(NamedTuple):
     """What signals are at the beginning and the end of the step after each sample.
 
     Attributes
@@ -59,12 +59,14 @@ class Lines(NamedTuple):
     end: Array
 
 
-def lines_through(W: Array) -> Lines:
+def linear_interpolation(W: Array) -> IntersampleLines:
     """Return the lines between the samples of signals that are linear, W of shape (samples, n)."""
-    return Lines(W, np.concatenate([W[1:], W[-1:]]))
+    return IntersampleLines(W, np.concatenate([W[1:], W[-1:]]))
 
 
-def between(u: Array, step: float, order: float, delay: float) -> tuple[Array, Array, Array]:
+def intersample_signal(
+    u: Array, step: float, order: float, delay: float
+) -> tuple[Array, Array, Array]:
     """Return a signal as it acts, from its record.
 
     Parameters
@@ -86,7 +88,7 @@ def between(u: Array, step: float, order: float, delay: float) -> tuple[Array, A
 
     Examples
     --------
-    >>> at, begin, end = between(np.array([0.0, 1.0, 0.0]), 1.0, 0.0, 0.0)
+    >>> at, begin, end = intersample_signal(np.array([0.0, 1.0, 0.0]), 1.0, 0.0, 0.0)
     >>> begin.round(9).tolist(), end.round(9).tolist()
     ([0.0, 1.0, 0.0], [0.0, 1.0, 0.0])
     """
@@ -118,7 +120,7 @@ def _signal(u: Array, order: float) -> Callable[[Array], Array]:
 # What effects on inputs and outputs make of signals, and how measured outputs lose it again.
 
 # How much of the signal may be left over when output effects are put on again; it is rounding.
-_LEFT_OVER = 1e-6
+_LINEARITY_TOLERANCE = 1e-6
 
 
 def signals(model: MechanicalData, data: xr.Dataset) -> Array:
@@ -143,7 +145,7 @@ def signals(model: MechanicalData, data: xr.Dataset) -> Array:
     return _signals(model, data)[0]
 
 
-def lines(model: MechanicalData, data: xr.Dataset) -> Lines | None:
+def lines(model: MechanicalData, data: xr.Dataset) -> IntersampleLines | None:
     """Return what signals do between the samples, None if all are linear.
 
     Parameters
@@ -155,12 +157,12 @@ def lines(model: MechanicalData, data: xr.Dataset) -> Lines | None:
     Returns
     -------
     Lines or None
-        See :mod:`robustpolish.machines.simulation.run`.
+        See :mod:`robustpolish.machines.simulation.run.intersample_signal`.
     """
     return _signals(model, data)[1]
 
 
-def _signals(model: MechanicalData, data: xr.Dataset) -> tuple[Array, Lines | None]:
+def _signals(model: MechanicalData, data: xr.Dataset) -> tuple[Array, IntersampleLines | None]:
     """Return the signals at the samples, and between them where one of them is not linear."""
     for name in model.input_names:
         if name not in data:
@@ -178,13 +180,13 @@ def _signals(model: MechanicalData, data: xr.Dataset) -> tuple[Array, Lines | No
             columns.append(CubicSpline(time, data[signal.source].values)(time, order))
     W = np.column_stack(columns) if columns else np.zeros((time.size, 0))
     timed: dict[int, _Timing] = {}
-    for effect in _on(model, "input"):
+    for effect in _effects_on(model, "input"):
         timing = effect.definition.timing
         for j, (name, source) in enumerate(zip(m.signals, m.sources, strict=True)):
             if source != effect.at[0]:
                 continue
             if timing is None:
-                W[:, j] = _changed(effect, W[:, j], time, derivative=name != source)
+                W[:, j] = _apply_effect(effect, W[:, j], time, derivative=name != source)
                 continue
             # an imposed motion has a velocity, so that it is smooth
             first = _Timing(LINEAR if j < len(m.force_inputs) else SMOOTH)
@@ -195,10 +197,10 @@ def _signals(model: MechanicalData, data: xr.Dataset) -> tuple[Array, Lines | No
         W[:, j] = at_samples
     if all(timing.linear for timing in timed.values()):
         return np.ascontiguousarray(W), None
-    begin, end = (side.copy() for side in lines_through(W))
+    begin, end = (side.copy() for side in linear_interpolation(W))
     for j, (_, *sides) in acting.items():
         begin[:, j], end[:, j] = sides
-    return np.ascontiguousarray(W), Lines(begin, end)
+    return np.ascontiguousarray(W), IntersampleLines(begin, end)
 
 
 class _Timing(NamedTuple):
@@ -226,23 +228,23 @@ class _Timing(NamedTuple):
     def acting(self, u: Array, step: float) -> tuple[Array, Array, Array]:
         """Return a signal as it acts: at the samples, and at both ends of the step after each."""
         if self._at_once:
-            at, (begin, end) = u, lines_through(u)
+            at, (begin, end) = u, linear_interpolation(u)
         else:
-            at, begin, end = between(u, step, self.order, self.delay)
+            at, begin, end = intersample_signal(u, step, self.order, self.delay)
         for lag in self.lags:
-            at = lagged(begin, end, step, lag)
-            begin, end = lines_through(at)
+            at = first_order_lag(begin, end, step, lag)
+            begin, end = linear_interpolation(at)
         return at, begin, end
 
 
-def _changed(effect: Effect, signal: Array, time: Array, derivative: bool) -> Array:
+def _apply_effect(effect: Effect, signal: Array, time: Array, derivative: bool) -> Array:
     """Return what an effect makes of a signal; a constant that it adds has no derivative."""
     changed = effect.on_signal(signal, time)
     if not derivative:
         return changed
     rest = effect.on_signal(np.zeros(time.size), time)
     twice = effect.on_signal(2 * signal, time) - rest
-    if np.max(np.abs(twice - 2 * (changed - rest))) > _LEFT_OVER * np.max(np.abs(twice)):
+    if np.max(np.abs(twice - 2 * (changed - rest))) > _LINEARITY_TOLERANCE * np.max(np.abs(twice)):
         raise invalid(
             f"{effect.kind}.at",
             effect.at[0],
@@ -267,7 +269,7 @@ def measured(model: MechanicalData, outputs: Array, time: Array) -> Array:
     ndarray, shape (samples, ny)
     """
     result = outputs.copy()
-    for effect in _on(model, "output"):
+    for effect in _effects_on(model, "output"):
         j = model.output_names.index(effect.at[0])
         result[:, j] = effect.on_signal(result[:, j], time)
     return result
@@ -292,7 +294,7 @@ def raw_outputs(model: MechanicalData, Y: Array, time: Array) -> Array:
     InvalidInputError
         If an effect is not linear and sample by sample, apart from a constant.
     """
-    effects = _on(model, "output")
+    effects = _effects_on(model, "output")
     if not effects:
         return Y
     zero = measured(model, np.zeros_like(Y), time)
@@ -302,7 +304,7 @@ def raw_outputs(model: MechanicalData, Y: Array, time: Array) -> Array:
     size = np.max(np.abs(Y) + np.abs(zero), axis=0, initial=0.0)
     for effect in effects:
         j = model.output_names.index(effect.at[0])
-        if np.max(left_over[:, j], initial=0.0) > _LEFT_OVER * size[j]:
+        if np.max(left_over[:, j], initial=0.0) > _LINEARITY_TOLERANCE * size[j]:
             raise invalid(
                 f"{effect.kind}.on_signal",
                 described(f"an effect on {effect.at[0]!r} that measured data cannot be freed of"),
@@ -312,7 +314,7 @@ def raw_outputs(model: MechanicalData, Y: Array, time: Array) -> Array:
     return np.ascontiguousarray(raw)
 
 
-def _on(model: MechanicalData, domain: str) -> list[Effect]:
+def _effects_on(model: MechanicalData, domain: str) -> list[Effect]:
     return [effect for effect in model.effects if effect.definition.domain == domain]
 
 
@@ -358,18 +360,20 @@ class NonlinearSystem:
         """Number of states without the internal ones."""
         return self.A.shape[0]
 
-    def steps(self, step: float) -> Ahead:
+    def steps(self, step: float) -> KernelMatrices:
         """Return the matrices of a substep."""
         matrices = (self.A, self.B, self.G, *self.motion)
         parts = tuple((part.shape, part.tobytes()) for part in matrices)
-        return _known_steps(parts, step)
+        return _cached_kernel_matrices(parts, step)
 
 
 @lru_cache(maxsize=64)
-def _known_steps(parts: tuple[tuple[tuple[int, ...], bytes], ...], step: float) -> Ahead:
+def _cached_kernel_matrices(
+    parts: tuple[tuple[tuple[int, ...], bytes], ...], step: float
+) -> KernelMatrices:
     """Return the matrices of a substep; fits ask again and again, with other forces only."""
     A, B, G, *motion = (np.frombuffer(data).reshape(shape) for shape, data in parts)
-    return ahead(step_matrices(A, B, G, step), motion)
+    return kernel_matrices(step_matrices(A, B, G, step), motion)
 
 
 def build_system(model: MechanicalData, step: float) -> NonlinearSystem:
@@ -380,7 +384,7 @@ def build_system(model: MechanicalData, step: float) -> NonlinearSystem:
     for effect in effects:
         kind, known = effect.definition, effect.values
         context = context_values(model, effect, step)
-        dry = kind.turns_over != "" and _too_sharp(effect, context)
+        dry = kind.turns_over != "" and _unresolved_friction(effect, context)
         if dry:
             known = {**known, kind.turns_over: 0.0}
             context = [0.0] * len(context)
@@ -404,7 +408,7 @@ def build_system(model: MechanicalData, step: float) -> NonlinearSystem:
     )
 
 
-def _too_sharp(effect: Effect, context: list[float]) -> bool:
+def _unresolved_friction(effect: Effect, context: list[float]) -> bool:
     """Return whether a step cannot resolve how a dry friction turns over: then it is ideal."""
     kind = effect.definition
     forces = [abs(effect.values[p.name]) for p in kind.parameters if p.dimension == "F"]
@@ -450,7 +454,7 @@ class NonlinearResponse(NamedTuple):
     internal: Array
 
 
-class Course(NamedTuple):
+class InputCourse(NamedTuple):
     """Pieces of record that follow each other in the arrays, and what acts on a machine there.
 
     Attributes
@@ -473,10 +477,10 @@ class Course(NamedTuple):
 
     @classmethod
     def of(
-        cls, inputs: Array, lines: Lines | None, time: Array, marks: NDArray[np.int64]
-    ) -> Course:
+        cls, inputs: Array, lines: IntersampleLines | None, time: Array, marks: NDArray[np.int64]
+    ) -> InputCourse:
         """Return a course of signals at the samples, linear between them unless lines are given."""
-        begin, end = lines_through(inputs) if lines is None else lines
+        begin, end = linear_interpolation(inputs) if lines is None else lines
         beside = None if lines is None else inputs - begin
         begin, end, time = (np.ascontiguousarray(part) for part in (begin, end, time))
         return cls(begin, end, beside, time, marks)
@@ -504,7 +508,7 @@ class Stepper:
     substeps: int
 
     @cached_property
-    def matrices(self) -> Ahead:
+    def matrices(self) -> KernelMatrices:
         """Matrices of a substep."""
         return self.system.steps(self.step / self.substeps)
 
@@ -517,7 +521,7 @@ class Stepper:
         led_by: Array | None = None,
         gain: Array | None = None,
         keep: bool = True,
-        lines: Lines | None = None,
+        lines: IntersampleLines | None = None,
     ) -> NonlinearResponse:
         """Return outputs as the sensors show them, states and internal states.
 
@@ -544,7 +548,7 @@ class Stepper:
         """
         system = self.system
         ny = len(system.C)
-        course = Course.of(inputs, lines, time, np.array([0, time.size]))
+        course = InputCourse.of(inputs, lines, time, np.array([0, time.size]))
         seen = self._beside(course)
         Y = np.zeros((1, ny)) if led_by is None else raw_outputs(self.model, led_by, time) - seen
         K = np.zeros((system.states, ny)) if gain is None else gain
@@ -557,13 +561,13 @@ class Stepper:
         return NonlinearResponse(measured(self.model, outputs + seen, time), states, inner)
 
     def over_pieces(
-        self, course: Course, starts: Array, internal: Array, keep: bool = False
+        self, course: InputCourse, starts: Array, internal: Array, keep: bool = False
     ) -> NonlinearResponse:
         """Return what :meth:`over` does freely, of pieces that follow each other in the arrays.
 
         Parameters
         ----------
-        course : Course
+        course : InputCourse
         starts, internal : ndarray, shapes (pieces, n) and (pieces, nz)
             At the first sample of each piece.
         keep : bool, optional
@@ -583,7 +587,7 @@ class Stepper:
         seen = self._beside(course)
         return NonlinearResponse(measured(self.model, outputs + seen, time), states, inner)
 
-    def _beside(self, course: Course) -> Array | float:
+    def _beside(self, course: InputCourse) -> Array | float:
         """Return what outputs see of a sample that is no end of a line.
 
         An accelerometer sees a held force as it is.

@@ -179,7 +179,7 @@ def _hold_at_start(ahead, layout, dry, out, x, n, ports, by_push, ends, slow, he
 
 
 @njit(cache=True, error_model="numpy")
-def _settle(out, v0, v1, mean, push, tilt, by_push, by_tilt, ends, slow, last, held):  # type: ignore[no-untyped-def]
+def _apply_stopping(out, v0, v1, mean, push, tilt, by_push, by_tilt, ends, slow, last, held):  # type: ignore[no-untyped-def]
     """Put into the next state what frictions do that stop, turn round or hold within a step.
 
     On entry `mean` holds what acted on it so far, and `v1` the velocities that came of it. What
@@ -348,7 +348,7 @@ def run_steps(m, output, laws, layout, p, W, E, Y, K, s0, z0, t0, dt, substeps, 
                         stops = stops or not v0[d] * v1[d] > 0.0
                     if stops:
                         _limits(laws, layout, p, t + h, now, 0, ports, zs, fc, dc, dry, *ends)
-                        _settle(
+                        _apply_stopping(
                             out,
                             v0,
                             v1,
@@ -426,7 +426,7 @@ class StepMatrices(NamedTuple):
     last: Array
 
 
-class Ahead(NamedTuple):
+class KernelMatrices(NamedTuple):
     """What a substep needs, put together once: products and sums are the kernel's whole cost.
 
     Motions at the ports, first all displacements and then all velocities, are linear in the state,
@@ -455,7 +455,7 @@ class Ahead(NamedTuple):
     last: Array
 
 
-def ahead(m: StepMatrices, motion: Sequence[Array]) -> Ahead:
+def kernel_matrices(m: StepMatrices, motion: Sequence[Array]) -> KernelMatrices:
     """Return the matrices of a substep as the kernel takes them.
 
     Parameters
@@ -483,7 +483,7 @@ def ahead(m: StepMatrices, motion: Sequence[Array]) -> Ahead:
         2 * of_state @ m.half_force,
         m.first, m.middle, m.last,
     )  # fmt: skip
-    return Ahead(*(np.ascontiguousarray(part.T) for part in parts))
+    return KernelMatrices(*(np.ascontiguousarray(part.T) for part in parts))
 
 
 def step_matrices(A: Array, B: Array, G: Array, step: float) -> StepMatrices:

@@ -15,17 +15,17 @@ from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import described, invalid, is_whole, matrix, positive
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.plants.uncertain.elements import (
-    Block,
     ComplexElement,
     Directions,
     DynamicElement,
     Element,
     RealElement,
+    UncertainBlock,
     checked_name,
     real_element,
     real_number,
 )
-from robustpolish.plants.uncertain.lft import Lft, numbers_at, point_of, reduced
+from robustpolish.plants.uncertain.lft import Lft, numbers_at, point_of, reduce_copies
 from robustpolish.plants.uncertain.system import UncertainSystem, as_uncertain
 
 # Systems joined, with what is uncertain kept: functions for operands of any kind.
@@ -230,7 +230,7 @@ def uncertain_system(
     for argument, given, count in (("inputs", inputs, nu), ("outputs", outputs, ny)):
         if given is not None and len(given) != count:
             raise invalid(argument, given, f"{count} names", "Name each signal.")
-    return UncertainSystem(reduced(system).names(tuple(inputs or ()), tuple(outputs or ())))
+    return UncertainSystem(reduce_copies(system).names(tuple(inputs or ()), tuple(outputs or ())))
 
 
 def _column(B: Any) -> Any:
@@ -386,7 +386,7 @@ class Ellipsoid(Displayed, Mapping[str, UncertainSystem]):
                 row[None, used],
                 np.full((1, 1), self.centre[name]),
                 (),
-                tuple(Block(elements[i], 1) for i in used),
+                tuple(UncertainBlock(elements[i], 1) for i in used),
             )
         )
 
@@ -641,7 +641,7 @@ def uncertain_dynamics(
     element = DynamicElement(checked_name(name), (p, q))
     weight = as_uncertain("bound", bound)
     delta = Lft(
-        np.zeros((q, p)), np.eye(q), np.eye(p), np.zeros((p, q)), (), (Block(element, 1),),
+        np.zeros((q, p)), np.eye(q), np.eye(p), np.zeros((p, q)), (), (UncertainBlock(element, 1),),
         weight.dt or 0,
     )  # fmt: skip
     if weight.shape not in ((1, 1), (p, p)):
@@ -659,4 +659,6 @@ def _is_size(size: Any) -> bool:
 
 def _number(element: Element, own: float, out: float, nominal: float) -> UncertainSystem:
     one = np.ones((1, 1))
-    return UncertainSystem(Lft(own * one, one, out * one, nominal * one, (), (Block(element, 1),)))
+    return UncertainSystem(
+        Lft(own * one, one, out * one, nominal * one, (), (UncertainBlock(element, 1),))
+    )

@@ -84,7 +84,7 @@ def bounding_weight(omega: Vector, gains: Vector, order: int) -> control.StateSp
     found: list[tuple[float, control.StateSpace]] = []
     start = np.array([asked.max()]), np.ones(1)
     for degree in range(order + 1):
-        start = _Lines(points, asked, x.size, degree).nearest(start)
+        start = _RatioConstraints(points, asked, x.size, degree).nearest(start)
         b, a = start
         system = _sections(_factor(b) * centre, _factor(a) * centre)
         if system is None:
@@ -92,12 +92,12 @@ def bounding_weight(omega: Vector, gains: Vector, order: int) -> control.StateSp
         # What programs and roots have lost is given back; nothing is believed.
         ratio = np.abs(system(1j * omega).ravel()) / wanted
         factor = 1 / float(ratio.min())
-        found.append((float(ratio.max() * factor), raised(system, factor)))
+        found.append((float(ratio.max() * factor), amplified(system, factor)))
     best = min(ratio for ratio, _ in found)
     return next(system for ratio, system in found if ratio <= (1 + _WORTH) * best)
 
 
-def raised(system: control.StateSpace, factor: float) -> control.StateSpace:
+def amplified(system: control.StateSpace, factor: float) -> control.StateSpace:
     """Return a system of a larger gain, with something for the rounding of its response."""
     larger = factor * (1 + _ROUNDING)
     C, D = (larger * np.asarray(getattr(system, name)) for name in "CD")
@@ -123,7 +123,7 @@ def envelope(omega: Vector, gains: Vector) -> Vector:
     return np.array([spread[i:j].min() for i, j in zip(first, last, strict=True)])
 
 
-class _Lines:
+class _RatioConstraints:
     """Values of b / a that are asked for at squares of frequencies, as linear inequalities.
 
     Polynomials in x of a degree, over (1 + x) to that power, are polynomials in
@@ -238,7 +238,7 @@ _AXIS = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
-class Family:
+class PlantFamily:
     """Plants at common frequencies.
 
     Attributes
@@ -260,7 +260,7 @@ class Family:
     dt: float | bool
 
 
-def refined(family: Family) -> Family:
+def refined(family: PlantFamily) -> PlantFamily:
     """Return a family of models at more frequencies, those between its own."""
     steps = np.arange(_FINER) / _FINER
     ratio = (family.omega[1:] / family.omega[:-1])[:, None]
@@ -270,7 +270,7 @@ def refined(family: Family) -> Family:
                                                             family.models]))  # fmt: skip
 
 
-def read_family(plants: Any, nominal: Any) -> Family:
+def read_family(plants: Any, nominal: Any) -> PlantFamily:
     """Return what a user gave as a family."""
     if isinstance(plants, Mapping):
         plants = list(plants.values())
@@ -309,12 +309,12 @@ def _response(system: control.StateSpace, omega: Vector) -> AnyArray:
     return np.moveaxis(values, -1, 0)
 
 
-def errors(family: Family, nominal: AnyArray, kind: Kind, refuse: bool = True) -> AnyArray:
+def errors(family: PlantFamily, nominal: AnyArray, kind: Kind, refuse: bool = True) -> AnyArray:
     """Return the largest gain of each plant's error over frequency, shape (plants, frequencies).
 
     Parameters
     ----------
-    family : Family
+    family : PlantFamily
     nominal : ndarray of complex
         Its response.
     kind : {"output", "input", "additive"}
@@ -359,7 +359,7 @@ def _measured(i: int, item: Any) -> control.FrequencyResponseData | None:
 
 def _of_responses(
     measured: Sequence[control.FrequencyResponseData], count: int, centre: Any
-) -> Family:
+) -> PlantFamily:
     if len(measured) != count:
         shown = described("models among measured responses")
         raise invalid("plants", shown, _EXPECTED, "Cover them one kind at a time.")
@@ -382,10 +382,10 @@ def _of_responses(
     if np.count_nonzero(use) < 2:
         raise invalid("plants", described("fewer than two lines"), _EXPECTED, "Measure more.")
     _same_shape([v.shape[1:] for v in values], centre)
-    return Family(omega[use], np.array(values)[:, use], (), centre, centre.dt or 0)
+    return PlantFamily(omega[use], np.array(values)[:, use], (), centre, centre.dt or 0)
 
 
-def _of_models(models: tuple[control.StateSpace, ...], centre: Any) -> Family:
+def _of_models(models: tuple[control.StateSpace, ...], centre: Any) -> PlantFamily:
     every = (*models, *(() if centre is None else (centre,)))
     times = {float(m.dt) if m.dt is not None else 0.0 for m in every if m.nstates}
     if len(times) > 1:
@@ -400,7 +400,7 @@ def _of_models(models: tuple[control.StateSpace, ...], centre: Any) -> Family:
         remedy = "No stable error makes one of another: cover them apart."
         raise invalid("plants", shown, "plants with as many unstable poles", remedy)
     omega = _frequencies(np.concatenate([*poles, *(_zeros(m) for m in every)]), dt)
-    return Family(omega, np.array([response(m, omega) for m in models]), models, centre, dt)
+    return PlantFamily(omega, np.array([response(m, omega) for m in models]), models, centre, dt)
 
 
 def _same_shape(shapes: Sequence[tuple[int, ...]], centre: control.StateSpace) -> None:
@@ -626,7 +626,7 @@ def cover(
     return Cover(centre, weight, kind, _system(centre, weight, kind, name), family.omega, found)
 
 
-def _chosen(family: Family, kind: Kind) -> tuple[control.StateSpace, AnyArray]:
+def _chosen(family: PlantFamily, kind: Kind) -> tuple[control.StateSpace, AnyArray]:
     """Return the nominal plant and the errors of all plants from it."""
     if family.nominal is not None:
         return family.nominal, errors(family, response(family.nominal, family.omega), kind)
@@ -641,7 +641,7 @@ def _chosen(family: Family, kind: Kind) -> tuple[control.StateSpace, AnyArray]:
     return model, found
 
 
-def _weight(family: Family, largest: Vector, order: int) -> control.StateSpace:
+def _weight(family: PlantFamily, largest: Vector, order: int) -> control.StateSpace:
     """Return the weight, of sampled plants the bilinear image of a continuous one."""
     if not family.dt:
         return bounding_weight(family.omega, largest, order)
@@ -655,7 +655,7 @@ def _weight(family: Family, largest: Vector, order: int) -> control.StateSpace:
 def _above(weight: control.StateSpace, omega: Vector, gains: Vector) -> control.StateSpace:
     """Return a weight raised to where it lies above gains at all frequencies."""
     short = float((gains / np.abs(response(weight, omega)[:, 0, 0])).max())
-    return raised(weight, short) if short > 1 else weight
+    return amplified(weight, short) if short > 1 else weight
 
 
 def _system(

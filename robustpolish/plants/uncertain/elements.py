@@ -185,7 +185,7 @@ Element = RealElement | ComplexElement | DynamicElement
 
 
 @dataclass(frozen=True)
-class Block:
+class UncertainBlock:
     """An element and how often it occurs: the diagonal block of so many equal deltas.
 
     Attributes

@@ -22,10 +22,10 @@ from scipy.linalg import block_diag
 from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import described, invalid
 from robustpolish.plants.uncertain.elements import (
-    Block,
     Directions,
     Element,
     RealElement,
+    UncertainBlock,
     real_number,
 )
 
@@ -35,7 +35,7 @@ from robustpolish.plants.uncertain.elements import (
 _OUTSIDE = 1e-9
 
 
-def groups(blocks: Iterable[Block]) -> list[list[RealElement]]:
+def groups(blocks: Iterable[UncertainBlock]) -> list[list[RealElement]]:
     """Return the elements of each group."""
     found: dict[str, list[RealElement]] = {}
     for block in blocks:
@@ -44,7 +44,7 @@ def groups(blocks: Iterable[Block]) -> list[list[RealElement]]:
     return list(found.values())
 
 
-def physical(blocks: Iterable[Block], values: Mapping[str, Any]) -> dict[str, Any]:
+def physical(blocks: Iterable[UncertainBlock], values: Mapping[str, Any]) -> dict[str, Any]:
     """Return values with physical numbers in place of the directions of ellipsoids."""
     found: dict[str, Any] = {}
     rest = dict(values)
@@ -56,7 +56,7 @@ def physical(blocks: Iterable[Block], values: Mapping[str, Any]) -> dict[str, An
     return found | rest
 
 
-def by_element(blocks: Sequence[Block], values: Mapping[str, Any]) -> dict[str, Any]:
+def by_element(blocks: Sequence[UncertainBlock], values: Mapping[str, Any]) -> dict[str, Any]:
     """Return values with the directions of ellipsoids in place of physical numbers.
 
     Directions that the system does not depend on are left out.
@@ -158,16 +158,16 @@ def reduced_copies(
     steps = steps.reshape(-1, copies, copies) * scale[None, None, :] / scale[None, :, None]
     enter = moved.reshape(copies, -1) / scale[:, None]
     leave = seen.reshape(len(seen), copies, rows).transpose(0, 2, 1).reshape(-1, copies) * scale
-    reached = _span(enter, steps)
+    reached = _invariant_subspace(enter, steps)
     inner = np.einsum("ai,kab,bj->kij", reached, steps, reached)
-    visible = _span((leave @ reached).T, inner.transpose(0, 2, 1))
+    visible = _invariant_subspace((leave @ reached).T, inner.transpose(0, 2, 1))
     basis = reached @ visible
     if basis.shape[1] == copies:
         return None
     return scale[:, None] * basis, basis.T / scale
 
 
-def _span(start: Matrix, steps: Matrix) -> Matrix:
+def _invariant_subspace(start: Matrix, steps: Matrix) -> Matrix:
     """Return an orthonormal basis of the least space with `start` that all `steps` map into it."""
     basis = np.zeros((start.shape[0], 0))
     fresh = _beyond(start, basis)
@@ -240,7 +240,7 @@ class Lft:
     H: Matrix
     J: Matrix
     states: tuple[str, ...] = ()
-    blocks: tuple[Block, ...] = ()
+    blocks: tuple[UncertainBlock, ...] = ()
     dt: float | bool | None = None
     inputs: tuple[str, ...] = field(default=())
     outputs: tuple[str, ...] = field(default=())
@@ -303,7 +303,7 @@ def inverse(one: Lft) -> Lft:
     )
 
 
-def appended(parts: Sequence[Lft]) -> Lft:
+def block_diagonal(parts: Sequence[Lft]) -> Lft:
     """Return systems side by side."""
     result = parts[0]
     for part in parts[1:]:
@@ -315,10 +315,10 @@ def appended(parts: Sequence[Lft]) -> Lft:
 
 def repeated(one: Lft, times: int) -> Lft:
     """Return the same system for each of several signals: one with each of them."""
-    return appended([one] * times)
+    return block_diagonal([one] * times)
 
 
-def wired(one: Lft, loop: Matrix, enter: Matrix, leave: Matrix) -> Lft:
+def interconnect(one: Lft, loop: Matrix, enter: Matrix, leave: Matrix) -> Lft:
     """Return the system from r to ``leave y`` with ``u = loop y + enter r``."""
     back = np.eye(one.shape[0]) - one.J @ loop
     back = _inverted(back, "the loop", "its algebraic part: the loop is not well posed")
@@ -335,7 +335,7 @@ def wired(one: Lft, loop: Matrix, enter: Matrix, leave: Matrix) -> Lft:
     )
 
 
-def exposed(one: Lft, index: int) -> Lft:
+def pull_out_block(one: Lft, index: int) -> Lft:
     """Return the system with the signals of a block as its first inputs and outputs."""
     rows, columns = block_slices(one)[index]
     F, G, H, J = one.F, one.G, one.H, one.J
@@ -408,16 +408,16 @@ def _merged(F: Matrix, G: Matrix, H: Matrix, J: Matrix, one: Lft, two: Lft) -> L
                     rows += (z + row0).tolist()
                     columns += (w + column0).tolist()
                     copies += block.copies
-        blocks.append(Block(element, copies))
+        blocks.append(UncertainBlock(element, copies))
     states = _distinct((*one.states, *two.states))
     merged = Lft(
         F[rows][:, columns], G[rows], H[:, columns], J, states, tuple(blocks),
         common_time(one, two),
     )  # fmt: skip
-    return reduced(merged)
+    return reduce_copies(merged)
 
 
-def reduced(one: Lft) -> Lft:
+def reduce_copies(one: Lft) -> Lft:
     """Return the system with as few copies of each block as one-dimensional reductions leave.
 
     A block's copies are to its delta what states are to an integrator: those that nothing else
@@ -465,7 +465,7 @@ def _block_reduced(one: Lft, index: int) -> Lft:
     whole = left @ whole @ right
     # What cancels is zero: its rounding would look like a coupling to the next reduction.
     whole[np.abs(whole) <= _CANCELLED * size] = 0.0
-    fewer = Block(block.element, out.shape[1])
+    fewer = UncertainBlock(block.element, out.shape[1])
     inside_rows = one.F.shape[0] - block.columns + fewer.columns
     inside_columns = one.F.shape[1] - block.rows + fewer.rows
     return replace(

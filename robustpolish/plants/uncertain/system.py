@@ -11,40 +11,47 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.base.arrays import Matrix
-from robustpolish.base.checks import described, invalid, is_whole, matrix, spelled
+from robustpolish.base.checks import closest_name_remedy, described, invalid, is_whole, matrix
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.plants.blocks import as_state_space, named_system
-from robustpolish.plants.uncertain.elements import Block, ComplexElement, Element, RealElement
+from robustpolish.plants.uncertain.elements import (
+    ComplexElement,
+    Element,
+    RealElement,
+    UncertainBlock,
+)
 from robustpolish.plants.uncertain.lft import (
     Lft,
-    appended,
+    block_diagonal,
     by_element,
     constant,
     drawn,
-    exposed,
     groups,
+    interconnect,
     inverse,
     physical,
     product,
+    pull_out_block,
     repeated,
     total,
-    wired,
 )
 
 # Values in place of what is uncertain: given ones, nominal ones, and random ones.
 
 
-def substituted(system: Lft, values: Mapping[str, Any]) -> Lft:
+def substitute(system: Lft, values: Mapping[str, Any]) -> Lft:
     """Return the system with values in place of some of its elements."""
     values = by_element(system.blocks, values)
     known = [block.element.name for block in system.blocks]
     for name in values:
         if name not in known:
-            raise invalid("values", name, f"names among {', '.join(known)}", spelled(name, known))
+            raise invalid(
+                "values", name, f"names among {', '.join(known)}", closest_name_remedy(name, known)
+            )
     for name, value in values.items():
         index = [block.element.name for block in system.blocks].index(name)
         block = system.blocks[index]
-        system = closed(system, index, normalised(block.element, value, system.dt))
+        system = close_block(system, index, normalised(block.element, value, system.dt))
     return system
 
 
@@ -60,7 +67,7 @@ def normalised(element: Element, value: Any, dt: Any) -> Lft:
             "A complex number is no real system: pass one that has this value at a frequency.",
         )
     plain = value if isinstance(value, control.LTI) else np.real(value)
-    system = lifted(as_state_space(element.name, plain, dt))
+    system = as_lft(as_state_space(element.name, plain, dt))
     if system.shape != element.shape:
         shown = described(f"{system.shape[0]} x {system.shape[1]}")
         wanted = f"{element.shape[0]} x {element.shape[1]}"
@@ -71,11 +78,11 @@ def normalised(element: Element, value: Any, dt: Any) -> Lft:
     return system
 
 
-def closed(system: Lft, index: int, delta: Lft) -> Lft:
+def close_block(system: Lft, index: int, delta: Lft) -> Lft:
     """Return the system with a delta in place of a block."""
     block = system.blocks[index]
-    opened = exposed(system, index)
-    both = appended([opened, repeated(delta, block.copies)])
+    opened = pull_out_block(system, index)
+    both = block_diagonal([opened, repeated(delta, block.copies)])
     z, w = block.columns, block.rows
     ny, nu = system.shape
     loop = np.zeros((w + nu + z, z + ny + w))  # inputs: w, u, delta's z; outputs: z, y, delta's w
@@ -84,7 +91,7 @@ def closed(system: Lft, index: int, delta: Lft) -> Lft:
     enter, leave = np.zeros((w + nu + z, nu)), np.zeros((ny, z + ny + w))
     enter[w : w + nu] = np.eye(nu)
     leave[:, z : z + ny] = np.eye(ny)
-    return wired(both, loop, enter, leave).names(system.inputs, system.outputs)
+    return interconnect(both, loop, enter, leave).names(system.inputs, system.outputs)
 
 
 def nominal(system: Lft) -> Lft:
@@ -93,7 +100,7 @@ def nominal(system: Lft) -> Lft:
     return replace(system, F=system.F[:n, :n], G=system.G[:n], H=system.H[:, :n], blocks=())
 
 
-def lifted(system: control.StateSpace) -> Lft:
+def as_lft(system: control.StateSpace) -> Lft:
     """Return a certain system as one without blocks."""
     n, m, p = system.nstates, system.ninputs, system.noutputs
     A, B, C, D = (
@@ -120,7 +127,7 @@ def random_values(system: Lft, random: np.random.Generator) -> dict[str, Any]:
     return values
 
 
-def _random_value(block: Block, system: Lft, random: np.random.Generator) -> Any:
+def _random_value(block: UncertainBlock, system: Lft, random: np.random.Generator) -> Any:
     element = block.element
     if isinstance(element, RealElement):
         return float(random.uniform(element.low, element.high))
@@ -202,7 +209,7 @@ class UncertainSystem(Displayed):
     # What it is -----------------------------------------------------------------------
 
     @property
-    def blocks(self) -> tuple[Block, ...]:
+    def blocks(self) -> tuple[UncertainBlock, ...]:
         """What is uncertain, each with the number of times that it occurs."""
         return self.matrices.blocks
 
@@ -302,7 +309,7 @@ class UncertainSystem(Displayed):
         """
         if not isinstance(values, Mapping):
             raise invalid("values", values, "a mapping of names to values", 'Write {"k": 11}.')
-        return _certain(substituted(self.matrices, values))
+        return _certain(substitute(self.matrices, values))
 
     def sample(self, n: int = 1, *, seed: int = 0) -> list[Any]:
         """Draw machines: real numbers evenly, also of ellipsoids, the others as all-passes.
@@ -374,15 +381,15 @@ class UncertainSystem(Displayed):
         ny, nu = self.shape
         back = as_uncertain("other", other).matrices
         if back.shape == (1, 1) != (nu, ny) and nu == ny > 0:
-            back = appended([back] * ny)
+            back = block_diagonal([back] * ny)
         if back.shape != (nu, ny):
             shown = described(f"{back.shape[0]} x {back.shape[1]}")
             raise invalid("other", shown, f"{nu} x {ny}", "Check its inputs and outputs.")
-        both = appended([self.matrices, back])
+        both = block_diagonal([self.matrices, back])
         loop = np.zeros((nu + ny, ny + nu))
         loop[:nu, ny:], loop[nu:, :ny] = sign * np.eye(nu), np.eye(ny)
         enter, leave = np.eye(nu + ny, nu), np.eye(ny, ny + nu)
-        result = wired(both, loop, enter, leave)
+        result = interconnect(both, loop, enter, leave)
         return UncertainSystem(result.names(self.matrices.inputs, self.matrices.outputs))
 
     def lft(self, other: Any, nu: int = -1, ny: int = -1) -> UncertainSystem:
@@ -414,13 +421,13 @@ class UncertainSystem(Displayed):
             shown = described(f"{nu} inputs and {ny} outputs to join")
             expected = f"at most {min(m1, p2)} and {min(p1, m2)}"
             raise invalid("other", shown, expected, "Check its inputs and outputs.")
-        both = appended([self.matrices, lower])
+        both = block_diagonal([self.matrices, lower])
         loop = np.zeros((m1 + m2, p1 + p2))
         loop[m1 - nu : m1, p1 : p1 + nu] = np.eye(nu)
         loop[m1 : m1 + ny, p1 - ny : p1] = np.eye(ny)
         into = [*range(m1 - nu), *range(m1 + ny, m1 + m2)]
         out = [*range(p1 - ny), *range(p1 + nu, p1 + p2)]
-        result = wired(both, loop, np.eye(m1 + m2)[:, into], np.eye(p1 + p2)[out])
+        result = interconnect(both, loop, np.eye(m1 + m2)[:, into], np.eye(p1 + p2)[out])
         names_in = tuple(both.inputs[i] for i in into) if both.inputs else ()
         names_out = tuple(both.outputs[i] for i in out) if both.outputs else ()
         return UncertainSystem(result.names(names_in, names_out))
@@ -437,7 +444,7 @@ class UncertainSystem(Displayed):
         UncertainSystem
         """
         return UncertainSystem(
-            appended([self.matrices, *(as_uncertain("other", o).matrices for o in others)])
+            block_diagonal([self.matrices, *(as_uncertain("other", o).matrices for o in others)])
         )
 
     def update_names(self) -> None:
@@ -492,7 +499,9 @@ class UncertainSystem(Displayed):
         ny, nu = self.shape
         rows = _chosen(key[0], list(self.output_labels))
         columns = _chosen(key[1], list(self.input_labels))
-        picked = wired(self.matrices, np.zeros((nu, ny)), np.eye(nu)[:, columns], np.eye(ny)[rows])
+        picked = interconnect(
+            self.matrices, np.zeros((nu, ny)), np.eye(nu)[:, columns], np.eye(ny)[rows]
+        )
         inputs = tuple(np.array(self.input_labels)[columns].tolist())
         outputs = tuple(np.array(self.output_labels)[rows].tolist())
         return UncertainSystem(picked.names(inputs, outputs))
@@ -523,16 +532,16 @@ def as_uncertain(argument: str, value: Any) -> UncertainSystem:
     if isinstance(value, UncertainSystem):
         return value
     if (isinstance(value, np.ndarray) and value.dtype == object) or _nested(value):
-        return UncertainSystem(stacked(argument, value))
+        return UncertainSystem(block_matrix(argument, value))
     if np.iscomplexobj(value) and not isinstance(value, control.LTI):
         raise invalid(argument, value, _OPERANDS, "Matrices are real: use uncertain_complex.")
     if isinstance(value, control.LTI | control.InputOutputSystem):
-        return UncertainSystem(lifted(as_state_space(argument, value)))
+        return UncertainSystem(as_lft(as_state_space(argument, value)))
     plain = np.atleast_2d(value) if isinstance(value, list | tuple | np.ndarray) else value
     return UncertainSystem(constant(matrix(argument, plain)))
 
 
-def stacked(argument: str, value: Any) -> Lft:
+def block_matrix(argument: str, value: Any) -> Lft:
     """Return a table of uncertain and certain entries as one matrix."""
     table = np.array(value, dtype=object)
     if table.ndim == 0:

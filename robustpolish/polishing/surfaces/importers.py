@@ -25,10 +25,10 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from robustpolish.base.arrays import AnyArray as Array
-from robustpolish.base.checks import described, invalid, one_of, positive, spelled
-from robustpolish.base.input_files import Wanted, content, text
+from robustpolish.base.checks import closest_name_remedy, described, invalid, one_of, positive
+from robustpolish.base.input_files import FileSpec, content, text
 from robustpolish.base.jit import njit
-from robustpolish.machines.effects.formula_language import FUNCTIONS, Formula, read_formula
+from robustpolish.machines.effects.formula_language import FUNCTIONS, PostfixProgram, read_formula
 from robustpolish.polishing.surfaces.spline import FEWEST, coefficients, expansions, pack, weights
 from robustpolish.polishing.surfaces.surface import Floats
 
@@ -71,7 +71,7 @@ def sampled(
         count *= 2
 
 
-def _read(text: str, parameters: Mapping[str, float]) -> Formula:
+def _read(text: str, parameters: Mapping[str, float]) -> PostfixProgram:
     """Read the formula of a height by the reader of laws, which wants every name to be used."""
     if not isinstance(text, str):
         raise invalid("text", text, "a formula such as '0.5*x**2'", "Write it as text.")
@@ -85,7 +85,7 @@ def _read(text: str, parameters: Mapping[str, float]) -> Formula:
         if name not in known:
             edge = " It has an edge, on which no curvature exists." if name in _EDGED else ""
             what = f"x, y, pi, one of {', '.join(_SMOOTH)}, or a name in parameters"
-            remedy = spelled(name, known) + edge
+            remedy = closest_name_remedy(name, known) + edge
             raise invalid("text", described(f"the name {name!r}"), what, remedy)
     for name in parameters:
         if name in ("q", "v", "t"):
@@ -100,7 +100,9 @@ def _interval(name: str, ends: tuple[float, float]) -> tuple[float, float]:
     return float(ends[0]), float(ends[1])
 
 
-def _heights(formula: Formula, x: Floats, y: Floats, parameters: Mapping[str, float]) -> Floats:
+def _heights(
+    formula: PostfixProgram, x: Floats, y: Floats, parameters: Mapping[str, float]
+) -> Floats:
     values = {"x": x[:, None], "y": y[None, :], **parameters}
     heights = np.broadcast_to(formula.value(values), (x.size, y.size)).astype(float)
     wrong = np.argwhere(~np.isfinite(heights))
@@ -124,7 +126,7 @@ def _between(heights: Floats) -> float:
 # Maps of heights as they come: checked, and read from CSV files.
 
 _METRES = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
-FILE = Wanted("path", "a file that can be read", "Check the path.", 100_000_000)
+FILE = FileSpec("path", "a file that can be read", "Check the path.", 100_000_000)
 """What the files of this room are."""
 
 _ATOM, _TOWN = 1e-10, 1e4  # m; squares and their ratios stay far from the ends of doubles
@@ -181,7 +183,7 @@ def _places(name: str, values: ArrayLike) -> Floats:
 
 
 def read_csv(
-    path: str | Path, spacing: float | None, wanted: Wanted = FILE
+    path: str | Path, spacing: float | None, wanted: FileSpec = FILE
 ) -> tuple[Floats, Floats, Floats]:
     """Return heights, x and y of a file; with a spacing, the file holds heights alone."""
     lines = io.StringIO(text(path, wanted, "utf-8-sig"), newline="")
@@ -225,7 +227,7 @@ _REMEDY = "Cut the polished side out of the model as one open sheet, z up."
 
 
 @dataclass(frozen=True)
-class Sheet:
+class TriangleMesh:
     """A checked mesh.
 
     Attributes
@@ -240,7 +242,7 @@ class Sheet:
     faces: Array
 
 
-def read_mesh(path: str | Path, scale: float, wanted: Wanted = FILE) -> Sheet:
+def read_mesh(path: str | Path, scale: float, wanted: FileSpec = FILE) -> TriangleMesh:
     """Read a mesh in metres, or say what is wrong with it."""
     whole = content(path, wanted)
     kind = one_of("path", Path(path).suffix.casefold(), _FORMATS, "Convert the file.")
@@ -268,7 +270,7 @@ def read_mesh(path: str | Path, scale: float, wanted: Wanted = FILE) -> Sheet:
     return checked_mesh(scale * vertices, faces)
 
 
-def checked_mesh(vertices: Floats, faces: Array) -> Sheet:
+def checked_mesh(vertices: Floats, faces: Array) -> TriangleMesh:
     """Join equal corners and refuse what is no sheet that can be polished from above."""
     size = float(np.max(np.ptp(vertices, axis=0))) if len(vertices) else 0.0
     if len(faces) < 2 or not size > 0:
@@ -296,12 +298,12 @@ def checked_mesh(vertices: Floats, faces: Array) -> Sheet:
         what = f"{steep.size} faces that are vertical or hang over, {where}"
         raise _refused(what, "a surface that is seen from above everywhere", _REMEDY)
     used, renumbered = np.unique(faces, return_inverse=True)
-    sheet = Sheet(vertices[used], renumbered.reshape(faces.shape))
+    sheet = TriangleMesh(vertices[used], renumbered.reshape(faces.shape))
     _check_edges(sheet)
     return sheet
 
 
-def _check_edges(sheet: Sheet) -> None:
+def _check_edges(sheet: TriangleMesh) -> None:
     """Refuse several pieces, holes, and edges at which more than two faces meet."""
     edges = np.concatenate([sheet.faces[:, [0, 1]], sheet.faces[:, [1, 2]], sheet.faces[:, [2, 0]]])
     count = len(sheet.vertices)
@@ -341,7 +343,7 @@ def _refused(what: str, wanted: str, remedy: str) -> Exception:
     return invalid("path", described(f"a mesh with {what}"), wanted, remedy)
 
 
-def covered(sheet: Sheet, spacing: float | None) -> tuple[Floats, Floats, Floats]:
+def covered(sheet: TriangleMesh, spacing: float | None) -> tuple[Floats, Floats, Floats]:
     """Return a grid over a sheet and the heights of its faces there; nan where there is none.
 
     Without a spacing [m] it is 1.2 times the median length of an edge, so that there are about as
@@ -398,7 +400,7 @@ _BENDING = 1e-6  # weight of a squared second difference, where a vertex has wei
 _FACES = 1e-4  # weight of the faces at a place of the grid
 
 
-def fitted(sheet: Sheet, x: Floats, y: Floats, faces: Floats) -> tuple[Floats, float]:
+def fitted(sheet: TriangleMesh, x: Floats, y: Floats, faces: Floats) -> tuple[Floats, float]:
     """Return the coefficients of the spline on a grid, and its largest error at a vertex [m].
 
     `faces` are the heights of the faces on the grid, nan where there is none.

@@ -15,7 +15,7 @@ from scipy import optimize
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 
 from robustpolish.base.arrays import Matrix, Vector
-from robustpolish.base.budget import working
+from robustpolish.base.budget import progress_bar
 from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.plots.charts import plot_bars
@@ -1062,7 +1062,7 @@ def force_study(
     for name in suspects:
         one_of("suspects", name, known)
     found: list[tuple[str, str, float, float]] = []
-    with working("Changing one thing at a time"):
+    with progress_bar("Changing one thing at a time"):
         for suspect, row, forces, press in _rows(run, duration, suspects):
             spacing = duration / (len(forces) - 1)
             impulse = cumulative_trapezoid(forces, dx=spacing, axis=0, initial=0.0)

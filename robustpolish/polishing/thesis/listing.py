@@ -317,7 +317,7 @@ def relative_error(slopes, step, start, end, relative, scale):  # pragma: no cov
 
 
 @njit(cache=True)
-def shorter(step, error, relative, again):  # pragma: no cover - compiled
+def rejected_step(step, error, relative, again):  # pragma: no cover - compiled
     """Return the step after a refusal; `again` if the step before it was refused too."""
     if again or not np.isfinite(error):
         return 0.5 * step
@@ -325,13 +325,13 @@ def shorter(step, error, relative, again):  # pragma: no cover - compiled
 
 
 @njit(cache=True)
-def longer(step, error, relative):  # pragma: no cover - compiled
+def accepted_step(step, error, relative):  # pragma: no cover - compiled
     """Return the step after one that passed at the first attempt."""
     return step / max(0.2, 1.25 * (error / relative) ** 0.2)
 
 
 @njit(cache=True)
-def shortest(time):  # pragma: no cover - compiled
+def smallest_step(time):  # pragma: no cover - compiled
     """Return the step below which rounding of the time takes over."""
     return 16.0 * np.spacing(time)
 
@@ -405,7 +405,7 @@ def _integrate_motion(
     touching = False
     store[0] = state
     while time < end:
-        step = min(longest, max(shortest(time), step))
+        step = min(longest, max(smallest_step(time), step))
         last = 1.1 * step >= end - time
         step = end - time if last else step
         attempts = 0
@@ -416,13 +416,13 @@ def _integrate_motion(
             error = relative_error(slopes, step, state, stage, relative, scale)
             if error <= relative:
                 break
-            if step <= shortest(time):
+            if step <= smallest_step(time):
                 return time, accepted, refused, impacts
             refused += 1
             attempts += 1
             last = False
-            step = shorter(step, error, relative, attempts > 1)
-            step = max(shortest(time), step)
+            step = rejected_step(step, error, relative, attempts > 1)
+            step = max(smallest_step(time), step)
         accepted += 1
         reached = end if last else time + step
         while following < store.shape[0] and following * interval <= reached:
@@ -433,7 +433,7 @@ def _integrate_motion(
         state[:] = stage
         slopes[0] = slopes[STAGES - 1]
         if attempts == 0:
-            step = longer(step, error, relative)
+            step = accepted_step(step, error, relative)
         contact = impact(time, state[0], state[1], state[2], state[3], constants, flags)
         now = contact[5] or contact[6] or contact[7]
         if now and not touching:
@@ -717,7 +717,7 @@ def _integrate(
     time, following = 0.0, 1
     response[0] = 0.0
     while time < end:
-        step = min(longest, max(shortest(time), step))
+        step = min(longest, max(smallest_step(time), step))
         last = 1.1 * step >= end - time
         step = end - time if last else step
         attempts = 0
@@ -728,12 +728,12 @@ def _integrate(
             error = relative_error(slopes, step, state, stage, relative, scale)
             if error <= relative:
                 break
-            if step <= shortest(time):
+            if step <= smallest_step(time):
                 return time
             attempts += 1
             last = False
-            step = shorter(step, error, relative, attempts > 1)
-            step = max(shortest(time), step)
+            step = rejected_step(step, error, relative, attempts > 1)
+            step = max(smallest_step(time), step)
         reached = end if last else time + step
         while following < samples.size and samples[following] <= reached:
             inside_step(slopes, state, step, (samples[following] - time) / step, 0, inside)
@@ -746,5 +746,5 @@ def _integrate(
         state[:] = stage
         slopes[0] = slopes[STAGES - 1]
         if attempts == 0:
-            step = longer(step, error, relative)
+            step = accepted_step(step, error, relative)
     return time

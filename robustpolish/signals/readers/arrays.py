@@ -12,10 +12,10 @@ import numpy as np
 import scipy.io.wavfile
 
 from robustpolish.base.checks import described, invalid
-from robustpolish.base.input_files import Wanted, members, opened
+from robustpolish.base.input_files import FileSpec, members, open_checked
 from robustpolish.errors import InvalidInputError
 from robustpolish.signals.headers import split_header
-from robustpolish.signals.raw import RECORD, RawTable, unreadable
+from robustpolish.signals.raw import RECORD, RawTable, unreadable_file
 
 # Arrays by name, as binary files hold them, sorted into a table.
 
@@ -137,9 +137,9 @@ def _add_matrix(table: RawTable, name: str, matrix: np.ndarray, arrays: dict[str
 # NumPy archives.
 
 
-def read_npz(path: Path, table: str | None = None, wanted: Wanted = RECORD) -> RawTable:
+def read_npz(path: Path, table: str | None = None, wanted: FileSpec = RECORD) -> RawTable:
     """Read the vectors of an ``.npz`` archive, or one matrix of it with named columns."""
-    with opened(path, wanted) as file:
+    with open_checked(path, wanted) as file:
         try:
             for member in members(file, path, wanted):
                 _check_head(file, member)
@@ -149,7 +149,7 @@ def read_npz(path: Path, table: str | None = None, wanted: Wanted = RECORD) -> R
         except InvalidInputError:
             raise
         except Exception as error:  # zipfile, zlib, NumPy, and what is no archive
-            raise unreadable(path, "NPZ", error) from None
+            raise unreadable_file(path, "NPZ", error) from None
     return table_of(arrays, table, str(path))
 
 
@@ -169,15 +169,15 @@ def _check_head(file: BinaryIO, member: zipfile.ZipInfo) -> None:
         raise ValueError(f"{member.filename} is shorter than it says")
 
 
-def read_wav(path: Path, wanted: Wanted = RECORD) -> RawTable:
+def read_wav(path: Path, wanted: FileSpec = RECORD) -> RawTable:
     """Read the channels ``channel_1``, ``channel_2``, ...; integers become shares of full scale."""
-    with opened(path, wanted) as file, warnings.catch_warnings():
+    with open_checked(path, wanted) as file, warnings.catch_warnings():
         # SciPy warns of chunks that it skips; they hold remarks, no samples.
         warnings.simplefilter("ignore", scipy.io.wavfile.WavFileWarning)
         try:
             rate, samples = scipy.io.wavfile.read(file)
         except Exception as error:  # struct.error, ValueError and more on damage
-            raise unreadable(path, "WAV", error) from None
+            raise unreadable_file(path, "WAV", error) from None
     table = RawTable(sampling_rate=float(rate))
     samples = np.atleast_2d(samples.T).T
     values = samples.astype(float)

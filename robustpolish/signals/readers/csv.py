@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from robustpolish.base.checks import described, invalid
-from robustpolish.base.input_files import Wanted, content, opened
+from robustpolish.base.input_files import FileSpec, content, open_checked
 from robustpolish.signals.headers import line_of_units
 from robustpolish.signals.raw import RECORD, RawTable
 from robustpolish.signals.time_axis import is_clock_text
@@ -238,7 +238,7 @@ def _rate_above(preamble: Sequence[Line]) -> float | None:
 _BEGIN = 1 << 16
 
 
-def read_csv(path: Path, wanted: Wanted = RECORD) -> RawTable:
+def read_csv(path: Path, wanted: FileSpec = RECORD) -> RawTable:
     """Read a text table.
 
     Columns are separated by comma, semicolon, tab or blanks (the rows decide); unless it is a
@@ -267,7 +267,7 @@ def read_csv(path: Path, wanted: Wanted = RECORD) -> RawTable:
 
 def csv_headers(path: Path) -> tuple[str, ...]:
     """Return the heads of the columns as they are written, from the beginning of a text table."""
-    with opened(path, RECORD) as file:
+    with open_checked(path, RECORD) as file:
         begin = file.read(_BEGIN)
     if len(begin) == _BEGIN:  # the last line is not whole
         begin = begin[: max(begin.rfind(b"\n"), begin.rfind(b"\r")) + 1]

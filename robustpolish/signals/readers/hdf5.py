@@ -10,10 +10,10 @@ from typing import Any, BinaryIO
 import h5py
 import numpy as np
 
-from robustpolish.base.input_files import Wanted, opened
+from robustpolish.base.input_files import FileSpec, open_checked
 from robustpolish.errors import InvalidInputError
 from robustpolish.signals.headers import split_header
-from robustpolish.signals.raw import RECORD, RawTable, unreadable
+from robustpolish.signals.raw import RECORD, RawTable, unreadable_file
 from robustpolish.signals.readers.arrays import table_of
 
 # Check of the places where an HDF5 file keeps text, before its library reads them.
@@ -63,13 +63,13 @@ def _check_heap(whole: mmap.mmap, start: int) -> None:
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
-def read_hdf5(path: Path, table: str | None = None, wanted: Wanted = RECORD) -> RawTable:
+def read_hdf5(path: Path, table: str | None = None, wanted: FileSpec = RECORD) -> RawTable:
     """Read the vectors of an HDF5 file; the attribute ``units`` or ``unit`` gives their unit.
 
     Datasets in groups are named ``group/name``.
     """
-    found = _Found(path, wanted)
-    with opened(path, wanted) as stream:
+    found = _Hdf5Content(path, wanted)
+    with open_checked(path, wanted) as stream:
         try:
             check_heaps(stream)
             with h5py.File(stream, "r") as file:
@@ -77,7 +77,7 @@ def read_hdf5(path: Path, table: str | None = None, wanted: Wanted = RECORD) -> 
         except InvalidInputError:
             raise
         except Exception as error:  # h5py raises OSError, RuntimeError and KeyError on damage
-            raise unreadable(path, "HDF5", error) from None
+            raise unreadable_file(path, "HDF5", error) from None
     result = table_of(found.arrays, table, str(path))
     for name, unit in found.units.items():
         column = split_header(name.removeprefix(f"{table}/"))[0]
@@ -86,10 +86,10 @@ def read_hdf5(path: Path, table: str | None = None, wanted: Wanted = RECORD) -> 
     return result
 
 
-class _Found:
+class _Hdf5Content:
     """What a file holds, read until the limit is reached."""
 
-    def __init__(self, path: Path, wanted: Wanted) -> None:
+    def __init__(self, path: Path, wanted: FileSpec) -> None:
         self.arrays: dict[str, Any] = {}
         self.units: dict[str, str] = {}
         self._path, self._wanted = path, wanted

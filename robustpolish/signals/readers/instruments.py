@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from robustpolish.base.checks import described, invalid
-from robustpolish.base.input_files import Wanted, opened
+from robustpolish.base.input_files import FileSpec, open_checked
 from robustpolish.errors import InvalidInputError, MissingDependencyError
-from robustpolish.signals.raw import RECORD, RawResponse, RawTable, unreadable
+from robustpolish.signals.raw import RECORD, RawResponse, RawTable, unreadable_file
 
 # LabVIEW's TDMS files, through npTDMS.
 
 
-def read_tdms(path: Path, table: str | None = None, wanted: Wanted = RECORD) -> RawTable:
+def read_tdms(path: Path, table: str | None = None, wanted: FileSpec = RECORD) -> RawTable:
     """Read the channels of a TDMS file, or of one group of it.
 
     The waveform properties give sampling rate and unit.
@@ -30,7 +30,7 @@ def read_tdms(path: Path, table: str | None = None, wanted: Wanted = RECORD) -> 
             "TDMS files need npTDMS: pip install 'robustpolish[io]'."
         ) from None
     log_manager.set_level(logging.CRITICAL)  # npTDMS writes whole damaged files to the log
-    with opened(path, wanted) as stream:
+    with open_checked(path, wanted) as stream:
         try:
             file = TdmsFile.open(stream)
             size = 8 * sum(len(c) for group in file.groups() for c in group.channels())
@@ -45,7 +45,7 @@ def read_tdms(path: Path, table: str | None = None, wanted: Wanted = RECORD) -> 
         except InvalidInputError:
             raise
         except Exception as error:  # npTDMS raises ValueError, struct.error, KeyError on damage
-            raise unreadable(path, "TDMS", error) from None
+            raise unreadable_file(path, "TDMS", error) from None
     filled = {name: channels for name, channels in groups.items() if channels}
     if table is not None and table not in filled:
         raise invalid("table", table, f"a group: {', '.join(filled)}", "Check its name.")
@@ -81,7 +81,7 @@ _TIME_RESPONSE, _FREQUENCY_RESPONSE, _COHERENCE = 1, 4, 6
 _DIRECTIONS = {1: "x", 2: "y", 3: "z", -1: "-x", -2: "-y", -3: "-z"}
 
 
-def read_uff(path: Path, wanted: Wanted = RECORD) -> RawTable:
+def read_uff(path: Path, wanted: FileSpec = RECORD) -> RawTable:
     """Read the time responses of a universal file; spectra in it are left out with a note."""
     sets, count = _sets(path, wanted)
     responses = [item for item in sets if item.get("func_type") == _TIME_RESPONSE]
@@ -110,7 +110,7 @@ def read_uff(path: Path, wanted: Wanted = RECORD) -> RawTable:
     return table
 
 
-def read_uff_responses(path: Path, wanted: Wanted = RECORD) -> list[RawResponse]:
+def read_uff_responses(path: Path, wanted: FileSpec = RECORD) -> list[RawResponse]:
     """Read the frequency responses of a universal file, and their coherences."""
     sets, _ = _sets(path, wanted)
     found = []
@@ -138,7 +138,7 @@ def uff_holds_responses_only(path: Path) -> bool:
     return _FREQUENCY_RESPONSE in kinds and _TIME_RESPONSE not in kinds
 
 
-def _sets(path: Path, wanted: Wanted) -> tuple[list[Any], int]:
+def _sets(path: Path, wanted: FileSpec) -> tuple[list[Any], int]:
     """Return the data sets 58 of a file, and how many data sets it has in all."""
     try:
         import pyuff
@@ -146,7 +146,7 @@ def _sets(path: Path, wanted: Wanted) -> tuple[list[Any], int]:
         raise MissingDependencyError(
             "Universal files need pyuff: pip install 'robustpolish[io]'."
         ) from None
-    with opened(path, wanted):  # pyuff opens it by its name once more
+    with open_checked(path, wanted):  # pyuff opens it by its name once more
         pass
     try:
         with warnings.catch_warnings():
@@ -158,7 +158,7 @@ def _sets(path: Path, wanted: Wanted) -> tuple[list[Any], int]:
             if np.shape(item["x"]) != np.shape(item["data"]):
                 raise ValueError("a record that is shorter than its axis")
     except Exception as error:  # pyuff raises bare Exception
-        raise unreadable(path, "universal (UFF)", error) from None
+        raise unreadable_file(path, "universal (UFF)", error) from None
     return sets, len(kinds)
 
 

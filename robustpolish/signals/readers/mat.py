@@ -14,8 +14,8 @@ import numpy as np
 import scipy.io
 import scipy.sparse
 
-from robustpolish.base.input_files import Wanted, content
-from robustpolish.signals.raw import RECORD, RawTable, unreadable
+from robustpolish.base.input_files import FileSpec, content
+from robustpolish.signals.raw import RECORD, RawTable, unreadable_file
 from robustpolish.signals.readers.arrays import table_of
 from robustpolish.signals.readers.hdf5 import SIGNATURE, read_hdf5
 
@@ -40,7 +40,7 @@ class DamagedFileError(ValueError):
     """The structure of the file contradicts itself."""
 
 
-class UnpacksTooFarError(Exception):
+class DecompressedSizeError(Exception):
     """The compressed variables are larger than allowed; `size` bytes are known of."""
 
     def __init__(self, size: int) -> None:
@@ -72,7 +72,7 @@ def readable_variables(content: bytes, largest: int = _LARGEST) -> list[str] | N
     ------
     DamagedFileError
         If a part is larger than what holds it, or of an impossible kind.
-    UnpacksTooFarError
+    DecompressedSizeError
         If the variables are larger than `largest`.
     """
     if len(content) < _HEADER or 0 in content[:4]:
@@ -122,7 +122,7 @@ def _decompressed(part: bytes, room: int) -> bytes:
     except zlib.error as error:
         raise DamagedFileError(f"a compressed element is damaged ({error})") from None
     if len(content) > room:
-        raise UnpacksTooFarError(len(content))
+        raise DecompressedSizeError(len(content))
     if not engine.eof:
         raise DamagedFileError("a compressed element is not complete")
     return content
@@ -196,7 +196,7 @@ _OPTIONS: dict[str, Any] = (
 )
 
 
-def read_mat(path: Path, table: str | None = None, wanted: Wanted = RECORD) -> RawTable:
+def read_mat(path: Path, table: str | None = None, wanted: FileSpec = RECORD) -> RawTable:
     """Read the vectors of a MATLAB file.
 
     The fields of a struct are named ``struct/field``, those of several ``struct(1)/field``, and the
@@ -213,10 +213,10 @@ def read_mat(path: Path, table: str | None = None, wanted: Wanted = RECORD) -> R
         for name, value in found.items():
             if not name.startswith("__"):
                 _flatten(name, value, arrays)
-    except UnpacksTooFarError as error:
+    except DecompressedSizeError as error:
         raise wanted.too_large(path, error.size, packed=True) from None
     except Exception as error:  # SciPy raises many kinds for a damaged file
-        raise unreadable(path, "MATLAB", error) from None
+        raise unreadable_file(path, "MATLAB", error) from None
     return table_of(arrays, table, str(path))
 
 

@@ -14,7 +14,7 @@ import threading
 _PR_SET_PDEATHSIG = 1
 
 
-def end_with(parent: int, life: int) -> None:
+def exit_with_parent(parent: int, life: int) -> None:
     """End this process at once when its parent does; to be called in the child.
 
     On Linux the kernel sees to it, even while a solver computes and lets no other thread run.

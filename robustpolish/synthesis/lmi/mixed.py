@@ -10,7 +10,7 @@ import numpy as np
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.lmi.output_feedback import Unknowns, reconstruct, stacked
+from robustpolish.synthesis.lmi.output_feedback import LmiVariables, assemble_blocks, reconstruct
 from robustpolish.synthesis.lmi.program import (
     Affine,
     ProgramSolver,
@@ -18,7 +18,7 @@ from robustpolish.synthesis.lmi.program import (
     SemidefiniteSolution,
     symmetric_block,
 )
-from robustpolish.synthesis.problem.matrices import PlantMatrices, shift
+from robustpolish.synthesis.problem.matrices import PlantMatrices, absorb_d22
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 from robustpolish.synthesis.state_feedback.lmi import (
     h2_inequality,
@@ -100,10 +100,10 @@ def mixed_start(
     return None if third.x is None else reconstructed(P, variables, third)
 
 
-def _size(program: SemidefiniteProgram, v: Unknowns) -> Affine:
+def _size(program: SemidefiniteProgram, v: LmiVariables) -> Affine:
     """Bound the largest singular value of all variables by a scalar."""
     size = program.scalar()
-    whole = stacked([[v.A, v.B], [v.C, v.D]])
+    whole = assemble_blocks([[v.A, v.B], [v.C, v.D]])
     rows, columns = (size.times(np.eye(n)) for n in whole.shape)
     program.positive(symmetric_block([[rows, whole], [columns]]))
     for M in (v.X, v.Y):
@@ -113,15 +113,17 @@ def _size(program: SemidefiniteProgram, v: Unknowns) -> Affine:
 
 def mixed_program(
     specifications: Sequence[Specification], regions: Sequence[PoleRegion], level: float | None
-) -> tuple[SemidefiniteProgram, Unknowns, Affine]:
+) -> tuple[SemidefiniteProgram, LmiVariables, Affine]:
     """State the inequalities; `level` fixes the square of the norm that is minimised."""
     P = specifications[0].plant
     program = SemidefiniteProgram()
-    v = Unknowns.of(program, PlantMatrices.of(P), "hinf")
+    v = LmiVariables.of(program, PlantMatrices.of(P), "hinf")
     square = program.scalar() if level is None else Affine.of(level)
     lyapunov = symmetric_block([[v.Y, np.eye(P.nx)], [v.X]])
     program.positive(lyapunov)
-    A = stacked([[P.A @ v.Y + P.B2 @ v.C, P.B2 @ v.D @ P.C2 + P.A], [v.A, v.X @ P.A + v.B @ P.C2]])
+    A = assemble_blocks(
+        [[P.A @ v.Y + P.B2 @ v.C, P.B2 @ v.D @ P.C2 + P.A], [v.A, v.X @ P.A + v.B @ P.C2]]
+    )
     for s in specifications:
         target = square if s.bound is None else Affine.of(s.bound**2)
         _add_norm(program, s, v, lyapunov, A, target)
@@ -133,14 +135,14 @@ def mixed_program(
 def _add_norm(
     program: SemidefiniteProgram,
     s: Specification,
-    v: Unknowns,
+    v: LmiVariables,
     lyapunov: Affine,
     A: Affine,
     square: Affine,
 ) -> None:
     P = s.plant
-    B = stacked([[P.B2 @ v.D @ P.D21 + P.B1], [v.X @ P.B1 + v.B @ P.D21]])
-    C = stacked([[P.C1 @ v.Y + P.D12 @ v.C, P.D12 @ v.D @ P.C2 + P.C1]])
+    B = assemble_blocks([[P.B2 @ v.D @ P.D21 + P.B1], [v.X @ P.B1 + v.B @ P.D21]])
+    C = assemble_blocks([[P.C1 @ v.Y + P.D12 @ v.C, P.D12 @ v.D @ P.C2 + P.C1]])
     D = P.D12 @ v.D @ P.D21 + P.D11
     decay = -(A + A.T)
     if s.norm == "hinf":
@@ -156,12 +158,12 @@ def _add_norm(
 
 
 def reconstructed(
-    P: GeneralizedPlant, variables: Unknowns, solution: SemidefiniteSolution
+    P: GeneralizedPlant, variables: LmiVariables, solution: SemidefiniteSolution
 ) -> Matrix | None:
     """Undo the change of variables, (10.23) and (10.24)."""
     v = variables.at(solution)
     inner = reconstruct(PlantMatrices.of(P).without_d22(), v._replace(X=v.Y, Y=v.X))
-    K = None if inner is None else shift(inner, P.D22)
+    K = None if inner is None else absorb_d22(inner, P.D22)
     if K is None or not all(np.isfinite(M).all() for M in K):
         return None
     return np.block([[K.A, K.B], [K.C, K.D]])

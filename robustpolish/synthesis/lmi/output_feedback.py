@@ -72,7 +72,7 @@ def balanced_states(
 # (10.24) for the H-infinity norm and (10.29) to (10.32) for the H2 norm.
 
 
-class Unknowns(NamedTuple):
+class LmiVariables(NamedTuple):
     """X, Y and the changed controller variables as unknowns of a program."""
 
     X: Affine
@@ -83,7 +83,7 @@ class Unknowns(NamedTuple):
     D: Affine
 
     @classmethod
-    def of(cls, program: SemidefiniteProgram, plant: PlantMatrices, norm: Norm) -> Unknowns:
+    def of(cls, program: SemidefiniteProgram, plant: PlantMatrices, norm: Norm) -> LmiVariables:
         """Declare them; for the H2 norm without entries of D that would let w through to z."""
         unpriced, exact = np.all(plant.D12 == 0, axis=0), np.all(plant.D21 == 0, axis=1)
         hidden = np.logical_or.outer(unpriced, exact)
@@ -97,12 +97,12 @@ class Unknowns(NamedTuple):
             program.matrix(nu, ny, hidden if norm == "h2" else None),
         )
 
-    def at(self, solution: SemidefiniteSolution) -> Variables:
+    def at(self, solution: SemidefiniteSolution) -> LmiValues:
         """Return their values."""
-        return Variables(*(solution.value(M) for M in self))
+        return LmiValues(*(solution.value(M) for M in self))
 
 
-class Variables(NamedTuple):
+class LmiValues(NamedTuple):
     """Values of the unknowns, unverified."""
 
     X: Matrix
@@ -126,7 +126,7 @@ class LoopTerms(NamedTuple):
     direct: Affine
 
 
-def loop_terms(plant: PlantMatrices, v: Unknowns) -> LoopTerms:
+def loop_terms(plant: PlantMatrices, v: LmiVariables) -> LoopTerms:
     """Return the closed loop in the changed variables."""
     P = plant
     AX, YA = P.A @ v.X + P.B2 @ v.C, v.Y @ P.A + v.B @ P.C2
@@ -151,7 +151,7 @@ def bounded_real(loop: LoopTerms, gamma: float) -> Affine:
     )
 
 
-def impose_h2(program: SemidefiniteProgram, loop: LoopTerms, v: Unknowns) -> Affine:
+def impose_h2(program: SemidefiniteProgram, loop: LoopTerms, v: LmiVariables) -> Affine:
     """Impose the inequalities of the H2 norm; return the bound on its square."""
     nz, nw = loop.direct.shape
     n = v.X.shape[0]
@@ -171,12 +171,12 @@ def impose_h2(program: SemidefiniteProgram, loop: LoopTerms, v: Unknowns) -> Aff
     return energy.trace
 
 
-def size_of(program: SemidefiniteProgram, v: Unknowns) -> Affine:
+def variable_bound(program: SemidefiniteProgram, v: LmiVariables) -> Affine:
     """Return a scalar that bounds X, Y and the norm of the controller variables."""
     size = program.scalar()
     for M in (v.X, v.Y):
         program.positive(size.times(np.eye(M.shape[0])) - M)
-    K = stacked([[v.A, v.B], [v.C, v.D]])
+    K = assemble_blocks([[v.A, v.B], [v.C, v.D]])
     rows, columns = K.shape
     program.positive(
         symmetric_block([[size.times(np.eye(rows)), K], [size.times(np.eye(columns))]])
@@ -184,14 +184,14 @@ def size_of(program: SemidefiniteProgram, v: Unknowns) -> Affine:
     return size
 
 
-def coupling(program: SemidefiniteProgram, v: Unknowns, beta: Affine | None = None) -> None:
+def coupling(program: SemidefiniteProgram, v: LmiVariables, beta: Affine | None = None) -> None:
     """Require [X, beta I; beta I, Y] >= 0, with beta = 1 if it is not given."""
     identity = np.eye(v.X.shape[0])
     corner = identity if beta is None else beta.times(identity)
     program.positive(symmetric_block([[v.X, corner], [v.Y]]))
 
 
-def stacked(blocks: list[list[Affine]]) -> Affine:
+def assemble_blocks(blocks: list[list[Affine]]) -> Affine:
     """Assemble a matrix of blocks by products with constant selections."""
     rows, columns = sum(row[0].shape[0] for row in blocks), sum(b.shape[1] for b in blocks[0])
     total, top = Affine.of(np.zeros((rows, columns))), 0
@@ -222,7 +222,7 @@ _GROWTH = 3.0
 _SLACK = 1e-2
 
 
-class Point(NamedTuple):
+class ProjectedSolution(NamedTuple):
     """R and S of the projected inequalities for a norm below gamma, unverified."""
 
     R: Matrix
@@ -231,8 +231,8 @@ class Point(NamedTuple):
 
 
 def solve_projected(
-    plant: PlantMatrices, gamma: float, solver: ProgramSolver, near: Point | None = None
-) -> Point | None:
+    plant: PlantMatrices, gamma: float, solver: ProgramSolver, near: ProjectedSolution | None = None
+) -> ProjectedSolution | None:
     """Find R and S for a norm below gamma that are small and whose product stays away from I.
 
     First the larger of R and S is made small, then beta is maximised in [R, beta I; beta I, S] >= 0
@@ -253,7 +253,7 @@ def solve_projected(
     Point or None
         None if there is none, or none was found.
     """
-    inequalities = _Inequalities(plant, gamma, near)
+    inequalities = _ProjectedLmi(plant, gamma, near)
     if near is not None:
         # R and S grow but little from one gamma to the next.
         largest = _GROWTH * max(float(np.linalg.norm(M, 2)) for M in near[:2])
@@ -267,21 +267,21 @@ def solve_projected(
     return inequalities.apart(_ROOM * size, solver) or point
 
 
-class _Inequalities:
+class _ProjectedLmi:
     """Both inequalities at one gamma, stretched to even sizes."""
 
-    def __init__(self, plant: PlantMatrices, gamma: float, near: Point | None) -> None:
+    def __init__(self, plant: PlantMatrices, gamma: float, near: ProjectedSolution | None) -> None:
         P = plant
         self.plant, self.gamma = P, gamma
         n, nw, nz = P.nx, P.nw, P.nz
         left = _with_identity(linalg.null_space(np.hstack([P.B2.T, P.D12.T])), nw)
         right = _with_identity(linalg.null_space(np.hstack([P.C2, P.D21])), nz)
-        stretch = _evened if near is None else _stretched
-        R, S, level = near or Point(np.eye(n), np.eye(n), gamma)
+        stretch = _row_balanced if near is None else _slack_normalised
+        R, S, level = near or ProjectedSolution(np.eye(n), np.eye(n), gamma)
         self.control = stretch(left, _control(P, Affine.of(R), level).at(np.zeros(0)))
         self.estimate = stretch(right, _estimate(P, Affine.of(S), level).at(np.zeros(0)))
 
-    def smallest(self, solver: ProgramSolver) -> tuple[Point, float] | None:
+    def smallest(self, solver: ProgramSolver) -> tuple[ProjectedSolution, float] | None:
         """Make the larger of R and S small; return both, and its size."""
         program, R, S, size = self._program()
         identity = np.eye(self.plant.nx)
@@ -292,10 +292,10 @@ class _Inequalities:
         found = solver.solve(program)
         if found.x is None:
             return None
-        point = Point(found.value(R), found.value(S), self.gamma)
+        point = ProjectedSolution(found.value(R), found.value(S), self.gamma)
         return point, float(found.value(size).item())
 
-    def apart(self, largest: float, solver: ProgramSolver) -> Point | None:
+    def apart(self, largest: float, solver: ProgramSolver) -> ProjectedSolution | None:
         """Hold R S away from I with R and S up to a size."""
         program, R, S, beta = self._program()
         identity = np.eye(self.plant.nx)
@@ -306,7 +306,7 @@ class _Inequalities:
         found = solver.solve(program)
         if found.x is None or found.value(beta).item() < 1:
             return None
-        return Point(found.value(R), found.value(S), self.gamma)
+        return ProjectedSolution(found.value(R), found.value(S), self.gamma)
 
     def _program(self) -> tuple[SemidefiniteProgram, Affine, Affine, Affine]:
         """Begin a program with R, S and a scalar."""
@@ -345,7 +345,7 @@ def _estimate(plant: PlantMatrices, S: Affine, gamma: float) -> Affine:
     )
 
 
-def _evened(basis: Matrix, blocks: Matrix) -> Matrix:
+def _row_balanced(basis: Matrix, blocks: Matrix) -> Matrix:
     """Return a basis in which the sizes of rows are alike."""
     size = np.abs(blocks).sum(axis=1)
     size = np.maximum(size, 1e-12 * size.max(initial=0.0))
@@ -353,7 +353,7 @@ def _evened(basis: Matrix, blocks: Matrix) -> Matrix:
     return np.linalg.solve(L, basis.T).T
 
 
-def _stretched(basis: Matrix, blocks: Matrix) -> Matrix:
+def _slack_normalised(basis: Matrix, blocks: Matrix) -> Matrix:
     """Return a basis in which the slack of a point is the identity, where it has any."""
     slack = -basis.T @ blocks @ basis
     slack = (slack + slack.T) / 2
@@ -389,10 +389,10 @@ def rebalanced(plant: PlantMatrices, R: Matrix, S: Matrix) -> tuple[PlantMatrice
 _RECONSTRUCTION_ROOM = 1.5
 
 
-def conditioned(
+def well_conditioned_controllers(
     plant: PlantMatrices,
     norm: Norm,
-    impose: Callable[[SemidefiniteProgram, Unknowns], None],
+    impose: Callable[[SemidefiniteProgram, LmiVariables], None],
     solver: ProgramSolver,
 ) -> Iterator[Controller]:
     """Yield controllers for a bound that has been backed off from the optimum.
@@ -425,14 +425,14 @@ def conditioned(
 def _solve(
     plant: PlantMatrices,
     norm: Norm,
-    impose: Callable[[SemidefiniteProgram, Unknowns], None],
+    impose: Callable[[SemidefiniteProgram, LmiVariables], None],
     solver: ProgramSolver,
     largest: float | None,
-) -> Variables | None:
+) -> LmiValues | None:
     program = SemidefiniteProgram()
-    v = Unknowns.of(program, plant, norm)
+    v = LmiVariables.of(program, plant, norm)
     impose(program, v)
-    size = size_of(program, v)
+    size = variable_bound(program, v)
     if largest is None:
         coupling(program, v)
         program.minimise(size)
@@ -445,7 +445,7 @@ def _solve(
     return None if found.x is None else v.at(found)
 
 
-def reconstruct(plant: PlantMatrices, found: Variables) -> Controller | None:
+def reconstruct(plant: PlantMatrices, found: LmiValues) -> Controller | None:
     """Undo the change of variables, with a balanced factorisation M N' = I - XY."""
     P, (X, Y, Ah, Bh, Ch, D) = plant, found
     U, s, Vt = np.linalg.svd(np.eye(len(X)) - X @ Y)
@@ -506,7 +506,7 @@ def explicit_controller(plant: PlantMatrices, gamma: float, sizes: Matrix) -> Co
         C = -np.linalg.solve(price @ W @ price.T, P.B2.T + price @ W @ known.T)
         B = -np.linalg.solve(noise @ W @ noise.T, P.C2 + noise @ W @ seen.T).T
         inner = -(A + (known + C.T @ price) @ W @ (seen + B @ noise).T).T
-        return reconstruct(P, Variables(X, X, inner, B, C, D))
+        return reconstruct(P, LmiValues(X, X, inner, B, C, D))
     except np.linalg.LinAlgError:
         return None
 

@@ -28,7 +28,7 @@ from robustpolish.base.arrays import AnyMatrix, Matrix
 from robustpolish.base.budget import Budget
 from robustpolish.base.checks import one_of
 from robustpolish.errors import RobustPolishError
-from robustpolish.synthesis.backends.parent_watch import end_with
+from robustpolish.synthesis.backends.parent_watch import exit_with_parent
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 
 # Matrices that are affine in the decision variables of a semidefinite program.
@@ -203,7 +203,7 @@ def _placed(block: Affine, top: int, left: int, total: int) -> Affine:
 _A_DAY = 86400.0
 
 
-def run_limited(call: Callable[[], Any], seconds: float) -> Any:
+def run_with_time_limit(call: Callable[[], Any], seconds: float) -> Any:
     """Run `call` in a process of its own and end it after some seconds.
 
     Solvers look at the clock between iterations at best, and one iteration on a large
@@ -228,7 +228,7 @@ def run_limited(call: Callable[[], Any], seconds: float) -> Any:
 
     Examples
     --------
-    >>> run_limited(lambda: 6 * 7, 10.0)
+    >>> run_with_time_limit(lambda: 6 * 7, 10.0)
     42
     """
     if not hasattr(os, "fork"):
@@ -246,7 +246,7 @@ def run_limited(call: Callable[[], Any], seconds: float) -> Any:
         os.setpgid(0, 0)
 
         def watched_call() -> Any:
-            end_with(parent, watched)
+            exit_with_parent(parent, watched)
             return call()
 
         _answer(watched_call, writer)
@@ -494,7 +494,7 @@ class SemidefiniteProgram:
         if time_limit is None or quick:
             x, status = call()
         else:
-            x, status = run_limited(call, time_limit) or (None, "time limit")
+            x, status = run_with_time_limit(call, time_limit) or (None, "time limit")
         if x is not None and not np.isfinite(x).all():
             x = None
         return SemidefiniteSolution(x, status, clock.elapsed)
@@ -538,7 +538,7 @@ class ProgramSolver:
             tolerance=self.accuracy,
             time_limit=self.budget.seconds_left,
         )
-        self.budget.look()
+        self.budget.update_late()
         return found
 
 
@@ -602,7 +602,7 @@ def stabilising_gain(
         gain = _gain(A, B, C, P0, mask, solver)
         if gain is not None and np.linalg.eigvals(A + B @ gain @ C).real.max() < 0:
             break
-    return None if gain is None else _behind(gain, D, mask)
+    return None if gain is None else _undo_feedthrough(gain, D, mask)
 
 
 def _gain(
@@ -653,7 +653,7 @@ def _continuous(
     return np.linalg.solve(shifted, A - eye), np.sqrt(2) * moved, np.sqrt(2) * seen, D - C @ moved
 
 
-def _behind(gain: AnyMatrix, D: AnyMatrix, mask: NDArray[np.bool_]) -> AnyMatrix:
+def _undo_feedthrough(gain: AnyMatrix, D: AnyMatrix, mask: NDArray[np.bool_]) -> AnyMatrix:
     """Return the gain that acts on y = y0 + D u as `gain` does on y0; a start only, with a mask."""
     if not D.any() or not mask.all():
         return gain

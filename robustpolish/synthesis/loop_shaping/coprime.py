@@ -19,7 +19,7 @@ from robustpolish.plants.controllers import GivenController, controller_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import exact_delays
 from robustpolish.synthesis.problem.matrices import SystemMatrices, balancing_scale
-from robustpolish.synthesis.problem.preflight import diagnose, refuse
+from robustpolish.synthesis.problem.preflight import check_solvability, infeasible_modes_error
 from robustpolish.synthesis.riccati.equations import solve_riccati
 
 
@@ -103,9 +103,9 @@ def coprime(plant: GeneralizedPlant) -> Coprime:
     InvalidInputError
         If a discrete-time plant has a pole at z = -1.
     """
-    exact = [mode for mode in diagnose(plant).fixed_modes if mode.exact]
+    exact = [mode for mode in check_solvability(plant).fixed_modes if mode.exact]
     if exact:
-        raise refuse(exact)
+        raise infeasible_modes_error(exact)
     A, B, C, D = plant.A, plant.B2, plant.C2, plant.D22
     if plant.is_discrete:
         A, B, C, D = cayley(A, B, C, D)
@@ -177,7 +177,7 @@ def in_series(first: SystemMatrices, second: SystemMatrices) -> SystemMatrices:
     )
 
 
-def arrays_of(system: control.StateSpace) -> SystemMatrices:
+def consistent_matrices(system: control.StateSpace) -> SystemMatrices:
     """Return the matrices of a system with consistent shapes."""
     return SystemMatrices(*matrices_of(system))
 
@@ -318,7 +318,7 @@ def nu_gap(first: Plant, second: Plant) -> float:
         shown = described(f"sampling time {P2.dt}")
         raise invalid("second", shown, f"{P1.dt} like the first", "Discretise one of them.")
     one, other = coprime(P1), coprime(P2)
-    if not _turns_nowhere(one, other):
+    if not _has_zero_winding(one, other):
         return 1.0
     gap = in_series(one.right(), other.left())
     value = hinf_norm(control.StateSpace(*gap, 0, remove_useless_states=False)).value
@@ -335,7 +335,7 @@ def _plant(argument: str, given: Any) -> GeneralizedPlant:
     return plant
 
 
-def _turns_nowhere(one: Coprime, other: Coprime) -> bool:
+def _has_zero_winding(one: Coprime, other: Coprime) -> bool:
     """Tell whether the determinant has as many zeros as poles to the right of the axis."""
     right, para = one.right(), _adjoint(other.right())
     A, B, C, D = in_series(right, para)

@@ -14,7 +14,7 @@ from scipy import linalg
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.arrays import AnyVector as Vector
-from robustpolish.base.budget import Budget, same_bits
+from robustpolish.base.budget import Budget, single_threaded_blas
 from robustpolish.base.checks import described, invalid, is_whole, positive
 from robustpolish.errors import SolverError
 from robustpolish.linear.delays.systems import resolvent_response
@@ -25,9 +25,9 @@ from robustpolish.synthesis.certificate import Certificate, certify
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.loop_shaping.coprime import (
     Coprime,
-    arrays_of,
     cayley,
     cayley_back,
+    consistent_matrices,
     coprime,
     in_series,
     loop_plant,
@@ -39,7 +39,7 @@ from robustpolish.synthesis.riccati.equations import solve_lyapunov
 # A controller of fewer states, by balanced truncation of its normalised coprime factors.
 
 
-def reduced(K: control.StateSpace, order: int) -> SystemMatrices:
+def reduce_in_gap_metric(K: control.StateSpace, order: int) -> SystemMatrices:
     """Return a controller near to another in the gap metric, with fewer states.
 
     Its right factors [N; M] are stable whatever the controller is; they are balanced and truncated,
@@ -130,7 +130,7 @@ POLICY = TargetPolicy()
 
 
 @dataclass(frozen=True, eq=False)
-class WantedLoop:
+class TargetLoop:
     """The gain that a loop is wanted to have.
 
     Attributes
@@ -150,7 +150,7 @@ class WantedLoop:
     band: tuple[float, float]
 
     @classmethod
-    def checked(cls, system: SystemMatrices, dt: float | bool, band_hz: Any) -> WantedLoop:
+    def checked(cls, system: SystemMatrices, dt: float | bool, band_hz: Any) -> TargetLoop:
         """Check a target and the band.
 
         Raises
@@ -272,7 +272,7 @@ def _band(given: Any, crossovers: tuple[float, float], dt: float | bool) -> tupl
 # The weight that gives a plant the gain of a wanted loop, and what the plant says to it.
 
 
-def target_weight(plant: SystemMatrices, wanted: WantedLoop) -> SystemMatrices:
+def target_weight(plant: SystemMatrices, wanted: TargetLoop) -> SystemMatrices:
     r"""Return a stable weight W1 for which G W1 has the wanted singular values.
 
     With G = inv(M) N, M inner, N has the singular values of G and no unstable poles; its
@@ -286,7 +286,7 @@ def target_weight(plant: SystemMatrices, wanted: WantedLoop) -> SystemMatrices:
     plant : SystemMatrices
         G. Of more controls than measurements, as many combinations are used as there are
         measurements.
-    wanted : WantedLoop
+    wanted : TargetLoop
     """
     T = _directions(plant, wanted)
     square = _driven(plant, T)
@@ -305,7 +305,7 @@ def target_weight(plant: SystemMatrices, wanted: WantedLoop) -> SystemMatrices:
     return in_series(in_series(into, back), _gain(T))
 
 
-def limits_in_words(plant: SystemMatrices, wanted: WantedLoop) -> str:
+def limits_in_words(plant: SystemMatrices, wanted: TargetLoop) -> str:
     """Say which unstable poles and zeros of a plant do not permit the wanted bandwidth.
 
     S. Skogestad, I. Postlethwaite, "Multivariable Feedback Control", 2nd ed., sections 5.7 and
@@ -314,7 +314,7 @@ def limits_in_words(plant: SystemMatrices, wanted: WantedLoop) -> str:
     Parameters
     ----------
     plant : SystemMatrices
-    wanted : WantedLoop
+    wanted : TargetLoop
 
     Returns
     -------
@@ -342,7 +342,7 @@ def limits_in_words(plant: SystemMatrices, wanted: WantedLoop) -> str:
     return text
 
 
-def _directions(plant: SystemMatrices, wanted: WantedLoop) -> Matrix:
+def _directions(plant: SystemMatrices, wanted: TargetLoop) -> Matrix:
     """Return the combinations of controls that are used, shape (nu, channels)."""
     ny, nu = plant.D.shape
     if nu <= ny:
@@ -420,7 +420,7 @@ Weight = control.StateSpace | control.TransferFunction | float
 Weights = Weight | Sequence[Weight | None] | None
 
 
-@same_bits
+@single_threaded_blas
 def loop_shaping(
     plant: GeneralizedPlant | control.StateSpace | control.TransferFunction,
     W1: Weights = None,
@@ -543,7 +543,7 @@ def loop_shaping(
     G = loop_plant("plant", plant)
     behind = _matrix_weight("W2", W2, G.ny, G.dt)
     part = in_series(SystemMatrices(G.A, G.B2, G.C2, G.D22), behind)
-    wanted = _wanted(target, W1, band_hz, G)
+    wanted = _target_loop(target, W1, band_hz, G)
     before = target_weight(part, wanted) if wanted else _matrix_weight("W1", W1, G.nu, G.dt)
     whole = in_series(before, part)
     inputs = list(G.control_names)
@@ -561,8 +561,8 @@ def loop_shaping(
     claim = optimal * number
     inner, proof = _certified(loop, solved, claim)
     if order is not None and order < inner.nstates:
-        inner, proof = _shorter(loop, inner, int(order), proof)
-    K = in_series(in_series(behind, arrays_of(inner)), before)
+        inner, proof = _reduced_order(loop, inner, int(order), proof)
+    K = in_series(in_series(behind, consistent_matrices(inner)), before)
     real = GeneralizedPlant.from_loop(G)
     controller = named_controller(real, *balanced(Controller(*K)))
     weighted = any(given is not None for given in (W1, W2, target))
@@ -573,7 +573,7 @@ def loop_shaping(
             + "; ".join(certificate.reasons)
             + ". Do not cancel slow or unstable modes of the plant by the weights."
         )
-    near, told = _near(wanted, whole, part, inner) if wanted else ({}, "")
+    near, told = _distance_to_target(wanted, whole, part, inner) if wanted else ({}, "")
     return Design(
         plant=real,
         controller=controller,
@@ -602,7 +602,9 @@ def loop_shaping(
     )
 
 
-def _wanted(target: Any, W1: Weights, band_hz: Any, plant: GeneralizedPlant) -> WantedLoop | None:
+def _target_loop(
+    target: Any, W1: Weights, band_hz: Any, plant: GeneralizedPlant
+) -> TargetLoop | None:
     """Return the loop that is wanted, if weights are not."""
     if target is None:
         if band_hz is not None:
@@ -617,15 +619,15 @@ def _wanted(target: Any, W1: Weights, band_hz: Any, plant: GeneralizedPlant) -> 
         raise invalid("target", shown, want, "Pass a diagonal system for a gain per control.")
     channels = min(plant.nu, plant.ny)
     system = _matrix_weight("target", target, channels, plant.dt)
-    return WantedLoop.checked(system, plant.dt, band_hz)
+    return TargetLoop.checked(system, plant.dt, band_hz)
 
 
-def _near(
-    wanted: WantedLoop, shaped: SystemMatrices, part: SystemMatrices, inner: control.StateSpace
+def _distance_to_target(
+    wanted: TargetLoop, shaped: SystemMatrices, part: SystemMatrices, inner: control.StateSpace
 ) -> tuple[dict[str, Any], str]:
     """Return how near the shaped plant and the loop come to the target, and say it."""
     shape, _ = wanted.distance_of(shaped)
-    factor, worst = wanted.shortfall_of(in_series(arrays_of(inner), shaped))
+    factor, worst = wanted.shortfall_of(in_series(consistent_matrices(inner), shaped))
     low, high, where = (omega / (2 * math.pi) for omega in (*wanted.band, worst))
     found = {
         "target_factor": factor,
@@ -660,11 +662,11 @@ def _certified(
     return inner, proof
 
 
-def _shorter(
+def _reduced_order(
     loop: GeneralizedPlant, inner: control.StateSpace, order: int, full: Certificate
 ) -> tuple[control.StateSpace, Certificate]:
     """Return the controller with fewer states, certified."""
-    short = named_controller(loop, *balanced(Controller(*reduced(inner, order))))
+    short = named_controller(loop, *balanced(Controller(*reduce_in_gap_metric(inner, order))))
     proof = certify(loop, short, "hinf")
     if not proof.valid:
         raise SolverError(
@@ -683,7 +685,7 @@ def _matrix_weight(argument: str, given: Any, count: int, dt: float | bool) -> S
             shown = described(f"{len(given)} weights")
             raise invalid(argument, shown, f"{count}, one per channel", "Write None for 1.")
         each = [
-            arrays_of(single_filter(f"{argument}[{i}]", 1.0 if one is None else one, dt))
+            consistent_matrices(single_filter(f"{argument}[{i}]", 1.0 if one is None else one, dt))
             for i, one in enumerate(given)
         ]
         return SystemMatrices(*(_diagonal([weight[k] for weight in each]) for k in range(4)))
@@ -697,7 +699,7 @@ def _matrix_weight(argument: str, given: Any, count: int, dt: float | bool) -> S
     if system.nstates and system.dt is not None and system.dt != dt:
         shown = described(f"sampling time {system.dt}")
         raise invalid(argument, shown, f"{dt} like the plant", "Discretise it.")
-    return arrays_of(system)
+    return consistent_matrices(system)
 
 
 def _diagonal(blocks: Sequence[np.ndarray]) -> np.ndarray:

@@ -29,7 +29,7 @@ Function = Callable[[AnyVector], tuple[float, AnyVector]]
 
 
 @dataclass(frozen=True, eq=False)
-class Descent:
+class BfgsResult:
     """Where a descent ended.
 
     Attributes
@@ -54,7 +54,7 @@ def bfgs(
     iterations: int = 300,
     target: float = -np.inf,
     tolerance: float = 1e-7,
-) -> Descent:
+) -> BfgsResult:
     """Minimise a function that is smooth almost everywhere.
 
     Parameters
@@ -75,7 +75,7 @@ def bfgs(
 
     Returns
     -------
-    Descent
+    BfgsResult
     """
 
     def counted(point: AnyVector) -> tuple[float, AnyVector]:
@@ -89,16 +89,16 @@ def bfgs(
     fresh = True
     for count in range(1, iterations + 1):
         if f < target:
-            return Descent(x, f, count, "target")
+            return BfgsResult(x, f, count, "target")
         if budget.over:
-            return Descent(x, f, count, ended_by(budget))
+            return BfgsResult(x, f, count, stop_reason(budget))
         direction = -H @ g
         slope = float(g @ direction)
         downhill = np.isfinite(slope) and slope < 0
         step = _weak_wolfe(counted, x, f, g, direction, slope, budget) if downhill else None
         if step is None:
             if fresh:
-                return Descent(x, f, count, "stalled" if downhill else "stationary")
+                return BfgsResult(x, f, count, "stalled" if downhill else "stationary")
             H, fresh = np.eye(len(x)) / max(1.0, float(np.linalg.norm(g))), True
             continue
         x_new, f_new, g_new = step
@@ -106,11 +106,11 @@ def bfgs(
         x, f, g, fresh = x_new, f_new, g_new, False
         past.append(f)
         if len(past) > 20 and past[-21] - f < tolerance:
-            return Descent(x, f, count, "stalled")
-    return Descent(x, f, iterations, "iterations")
+            return BfgsResult(x, f, count, "stalled")
+    return BfgsResult(x, f, iterations, "iterations")
 
 
-def ended_by(budget: Budget) -> str:
+def stop_reason(budget: Budget) -> str:
     """Return what ended a search whose budget is over: "work" or "time"."""
     return "work" if budget.exhausted else "time"
 
@@ -162,7 +162,7 @@ Bounds = tuple[AnyVector, AnyVector]
 
 
 @dataclass(frozen=True, eq=False)
-class Folded:
+class ReflectedParametrisation:
     """A parametrisation whose free numbers turn back at their bounds.
 
     A minimum at a bound becomes one at a kink, which BFGS with a weak Wolfe search finds; a smooth
@@ -185,18 +185,18 @@ class Folded:
 
     def point(self, theta: AnyVector) -> AnyVector:
         """Return where `theta` is folded to."""
-        return self._folded(theta)[0]
+        return self._reflected(theta)[0]
 
     def gain(self, theta: AnyVector) -> Matrix:
         """Return K(theta)."""
-        return self.inner.gain(self._folded(theta)[0])
+        return self.inner.gain(self._reflected(theta)[0])
 
     def back(self, theta: AnyVector, gradient: Matrix) -> AnyVector:
         """Turn a gradient over K into one over theta."""
-        point, slope = self._folded(theta)
+        point, slope = self._reflected(theta)
         return slope * self.inner.back(point, gradient)
 
-    def _folded(self, theta: AnyVector) -> tuple[AnyVector, AnyVector]:
+    def _reflected(self, theta: AnyVector) -> tuple[AnyVector, AnyVector]:
         low, high = self.bounds
         point, slope = np.array(theta, dtype=float), np.ones(len(theta))
         both = np.isfinite(low) & np.isfinite(high)
@@ -399,7 +399,7 @@ def minimax(
     width: float = 0.05,
     bounds: Bounds | None = None,
     weight: float = 10.0,
-) -> Descent:
+) -> BfgsResult:
     """Minimise the largest piece of a problem under its requirements.
 
     Parameters
@@ -424,7 +424,7 @@ def minimax(
 
     Returns
     -------
-    Descent
+    BfgsResult
         Its value is the logarithm of the objective; infinite if a requirement is violated.
     """
 
@@ -436,7 +436,7 @@ def minimax(
     x = np.array(start, dtype=float)
     model = evaluated(x)
     if model is None:
-        return Descent(x, np.inf, 0, "stalled")
+        return BfgsResult(x, np.inf, 0, "stalled")
     if len(x) > _MOST_NUMBERS:
         iterations = 0
     H = np.eye(len(x)) * 1e-3 * max(1e-6, float(np.abs(model.slopes).max()))
@@ -447,7 +447,7 @@ def minimax(
     while steps < iterations:
         steps += 1
         if budget.over:
-            reason = ended_by(budget)
+            reason = stop_reason(budget)
             break
         if model.objective < target and model.violation == 0:
             reason = "target"
@@ -491,7 +491,7 @@ def minimax(
     value = model.objective if model.violation <= 1e-9 else np.inf
     if kept[1] <= value:
         x, value = kept
-    return Descent(x, value, steps, reason)
+    return BfgsResult(x, value, steps, reason)
 
 
 # Beyond this many free numbers one quadratic programme takes longer than many steps of BFGS.
@@ -579,7 +579,7 @@ def _lagrangian_change(old: Model, new: Model, step: _Step) -> AnyVector:
     """Return the change of the weighted gradient, each peak followed as it moves."""
     change = np.zeros_like(step.d)
     for i in np.flatnonzero(step.weights > 1e-6):
-        j = _follow(old, new, int(i))
+        j = _matching_piece(old, new, int(i))
         change += step.weights[i] * (new.slopes[j] - old.slopes[i])
     if len(new.excess):
         for i in np.flatnonzero(step.excess_weights > 1e-6):
@@ -589,7 +589,7 @@ def _lagrangian_change(old: Model, new: Model, step: _Step) -> AnyVector:
     return change
 
 
-def _follow(old: Model, new: Model, i: int) -> int:
+def _matching_piece(old: Model, new: Model, i: int) -> int:
     """Find the new piece that continues an old one: near in frequency, then in gradient."""
     place = old.frequencies[i]
     candidates = np.arange(len(new.values))

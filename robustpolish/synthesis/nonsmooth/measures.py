@@ -15,7 +15,7 @@ from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.arrays import Vector
 from robustpolish.base.budget import step_cost
 from robustpolish.synthesis.nonsmooth.descent import ActivePiece, Measure
-from robustpolish.synthesis.problem.matrices import PlantMatrices, StaticLoop, close_static
+from robustpolish.synthesis.problem.matrices import PlantMatrices, StaticLoop, close_static_loop
 
 # Functions of the gain K itself, with gradients over K.
 
@@ -87,7 +87,7 @@ class H2Measure:
 
     def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[ActivePiece]:
         """Return the one piece; nothing if the loop is not stable or the norm infinite."""
-        closed = close_static(self.loop, K)
+        closed = close_static_loop(self.loop, K)
         if closed is None or not closed.stable:
             return []
         A, B, C, D = closed.A, closed.B, closed.C, closed.D
@@ -296,16 +296,16 @@ def highest_peak(response: LoopResponse, guesses: Sequence[float]) -> tuple[floa
         norm, peak = response.feedthrough, (np.pi if response.discrete else np.inf)
     if norm == 0:
         return norm, peak
-    tops = _hills(values)
+    tops = _local_maxima(values)
     hills = frequencies[tops]
-    climbed = _climbed(response, frequencies, values, tops)
+    climbed = _refined_maxima(response, frequencies, values, tops)
     if climbed[0] > norm:
         norm, peak = climbed
     for _ in range(40):
         better = _exceeding(response, norm)
         if better is None:
             near = [peak, *hills] if np.isfinite(peak) else list(hills)
-            better = _around(response, norm, np.array(near))
+            better = _near_poles(response, norm, np.array(near))
         if better is None:
             break
         norm, peak = better
@@ -333,7 +333,7 @@ def local_peaks(response: LoopResponse, level: float) -> list[float]:
     return [float(w) for w in 0.5 * (low + high)]
 
 
-def _hills(values: Vector) -> NDArray[np.intp]:
+def _local_maxima(values: Vector) -> NDArray[np.intp]:
     """Return the local maxima within a twentieth of the largest value, three at most."""
     padded = np.concatenate([[-np.inf], values, [-np.inf]])
     local = (values >= padded[:-2]) & (values >= padded[2:])
@@ -344,7 +344,7 @@ def _hills(values: Vector) -> NDArray[np.intp]:
 _CLIMBS = 4
 
 
-def _climbed(
+def _refined_maxima(
     response: LoopResponse, frequencies: Vector, values: Vector, tops: NDArray[np.intp]
 ) -> tuple[float, float]:
     """Climb some hills of a grid along parabolas: cheaper than one more level set."""
@@ -396,7 +396,7 @@ def _exceeding(response: LoopResponse, norm: float) -> tuple[float, float] | Non
     return None
 
 
-def _around(response: LoopResponse, norm: float, places: Vector) -> tuple[float, float] | None:
+def _near_poles(response: LoopResponse, norm: float, places: Vector) -> tuple[float, float] | None:
     """Look around some frequencies, on the scale of the nearest pole.
 
     Rounding in the Hamiltonian of a loop with large gains can hide a peak that ties.
@@ -445,7 +445,7 @@ class HinfMeasure:
 
     def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[ActivePiece]:
         """Return the active peaks; nothing if the loop is not stable."""
-        closed = close_static(self.loop, K)
+        closed = close_static_loop(self.loop, K)
         if closed is None or not closed.stable:
             return []
         response = LoopResponse(closed)
@@ -521,7 +521,7 @@ class RegionMeasure:
 
     def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[ActivePiece]:
         """Return one piece for each pole (pair) near the worst."""
-        closed = close_static(self.loop, K)
+        closed = close_static_loop(self.loop, K)
         if closed is None or not np.isfinite(closed.A).all():
             return []
         found = np.linalg.eig(closed.A)
@@ -556,7 +556,7 @@ class StabilityMeasure(RegionMeasure):
 
 
 @dataclass(frozen=True, eq=False)
-class WorstMeasure:
+class MaxMeasure:
     """The largest of several measures; infinite where one of them is."""
 
     measures: tuple[Measure, ...]

@@ -14,16 +14,16 @@ from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget, step_cost
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
-from robustpolish.synthesis.certificate import ANY_NORM, Norm, WantedNorm
+from robustpolish.synthesis.certificate import ANY_NORM, Norm, NormTarget
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, balanced, close
-from robustpolish.synthesis.proofs.achieved_norm import quick_norm
+from robustpolish.synthesis.proofs.achieved_norm import estimate_norm
 from robustpolish.synthesis.riccati.gamma import LowerBound
 
 # The thresholds of output feedback in one place, each with its reason.
 
 
 @dataclass(frozen=True)
-class SearchPolicy:
+class OutputSearchPolicy:
     """What the search for an output feedback decides by.
 
     Attributes
@@ -139,7 +139,7 @@ class SearchPolicy:
     slycot_epsilon: float = 1e-4
 
 
-POLICY = SearchPolicy()
+POLICY = OutputSearchPolicy()
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ class Settings:
     backend: str
     solver: str | None
     tolerance: float
-    wanted: WantedNorm = ANY_NORM
+    wanted: NormTarget = ANY_NORM
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +169,7 @@ class Task:
         How far above the infimum, relative, is good enough.
     bound : LowerBound or None
         A norm below which no controller comes, in scaled units; None if none is known.
-    wanted : WantedNorm
+    wanted : NormTarget
         What was asked for, in scaled units.
     """
 
@@ -178,7 +178,7 @@ class Task:
     regular: bool
     tolerance: float
     bound: LowerBound | None
-    wanted: WantedNorm = ANY_NORM
+    wanted: NormTarget = ANY_NORM
 
     @property
     def goal(self) -> float:
@@ -233,7 +233,7 @@ class Candidate:
         return len(self.controller.A)
 
     @property
-    def honest(self) -> bool:
+    def keeps_claim(self) -> bool:
         """Whether the loop keeps the promise."""
         return self.achieved <= self.claimed * (1 + 1e-3)
 
@@ -242,14 +242,14 @@ class Candidate:
         """What the method claimed; LQG promises no number, so that its norm is its claim."""
         return self.claimed if np.isfinite(self.claimed) else self.achieved
 
-    def beside(self, feedback: Matrix) -> Candidate:
+    def with_inner_feedback(self, feedback: Matrix) -> Candidate:
         """Return the candidate together with a static controller that was closed before."""
         K = self.controller
         return replace(self, controller=K._replace(D=K.D + feedback))
 
 
 @dataclass
-class Found:
+class EngineResult:
     """What an engine has found on one part.
 
     Attributes
@@ -289,16 +289,16 @@ class Engine(ABC):
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
 
-    def adds(self, problem: Task, earlier: Sequence[Found]) -> bool:
+    def is_useful(self, problem: Task, earlier: Sequence[EngineResult]) -> bool:
         """Tell whether a search is of use after those of other engines that missed the goal."""
         return True
 
     @abstractmethod
-    def search(self, problem: Task, budget: Budget) -> Found:
+    def search(self, problem: Task, budget: Budget) -> EngineResult:
         """Look for controllers with a small norm."""
 
 
-def examine(
+def check_candidate(
     problem: Task, K: Controller, claimed: float, origin: str, budget: Budget
 ) -> Candidate | None:
     """Balance a controller and check its loop; None if it does not stabilise."""
@@ -327,7 +327,7 @@ def _loop_norm(plant: PlantMatrices, K: Controller, norm: Norm) -> float:
     if 0 in loop.D.shape:
         return 0.0
     if norm == "hinf" and not plant.discrete:
-        found = quick_norm(*loop)
+        found = estimate_norm(*loop)
         if found.settled or len(loop.A) > POLICY.exact_loop_states:
             return found.value
     system = control.StateSpace(*loop, plant.discrete)

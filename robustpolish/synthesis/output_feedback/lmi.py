@@ -19,11 +19,10 @@ import numpy as np
 from robustpolish.base.budget import Budget, step_cost
 from robustpolish.synthesis.backends.slycot_backend import synthesise
 from robustpolish.synthesis.lmi.output_feedback import (
-    Point,
-    Unknowns,
-    Variables,
+    LmiValues,
+    LmiVariables,
+    ProjectedSolution,
     balanced_states,
-    conditioned,
     coupling,
     explicit_controller,
     impose_h2,
@@ -31,22 +30,23 @@ from robustpolish.synthesis.lmi.output_feedback import (
     rebalanced,
     reconstruct,
     solve_projected,
+    well_conditioned_controllers,
 )
 from robustpolish.synthesis.lmi.program import ProgramSolver, SemidefiniteProgram
 from robustpolish.synthesis.output_feedback.engine import (
     POLICY,
     Candidate,
     Engine,
-    Found,
+    EngineResult,
     Task,
-    examine,
+    check_candidate,
 )
 from robustpolish.synthesis.problem.matrices import (
     Controller,
     PlantMatrices,
     regularise,
     shifted,
-    with_price_and_noise,
+    with_penalty_and_noise,
 )
 from robustpolish.synthesis.riccati.gamma import Attempt, has_full_rank, normalise, search_gamma
 
@@ -94,7 +94,7 @@ _POLICY = LmiPolicy()
 
 
 @dataclass(frozen=True, eq=False)
-class _Rung:
+class _RegularisedSolution:
     """A regularised plant with solutions of its Riccati equations at a gamma."""
 
     epsilon: float
@@ -107,22 +107,22 @@ class _Rung:
 class LmiHinf(Engine):
     """Projected inequalities; the claims of the candidates are the gammas they were solved for."""
 
-    def adds(self, problem: Task, earlier: Sequence[Found]) -> bool:
+    def is_useful(self, problem: Task, earlier: Sequence[EngineResult]) -> bool:
         """Tell whether a small plant is left for which no limit of the gain explains the norm."""
         small = problem.plant.nx <= POLICY.lmi_states
         return not earlier or (small and not any(f.falling for f in earlier))
 
-    def search(self, problem: Task, budget: Budget) -> Found:
+    def search(self, problem: Task, budget: Budget) -> EngineResult:
         """Minimise the H-infinity norm of the loop."""
-        found = Found("lmi", self.settings.backend)
+        found = EngineResult("lmi", self.settings.backend)
         solver = ProgramSolver(self.settings.backend, self.settings.solver, budget)
-        descent = _Descent(problem, solver, found)
+        descent = _GammaDescent(problem, solver, found)
         reachable = problem.goal > 0 and self._at_goal(descent)
         if not reachable:
             self._downwards(descent)
         return found
 
-    def _at_goal(self, descent: _Descent) -> bool:
+    def _at_goal(self, descent: _GammaDescent) -> bool:
         """Aim at the goal on the plants that are regularised the most; tell whether it is met."""
         problem, found = descent.problem, descent.found
         bound = 0.0 if problem.bound is None else problem.bound.value
@@ -135,7 +135,7 @@ class LmiHinf(Engine):
                     return True
         return bool(found.candidates)
 
-    def _downwards(self, descent: _Descent) -> None:
+    def _downwards(self, descent: _GammaDescent) -> None:
         """Follow plants that are regularised less and less where no goal is known or reached."""
         problem, found = descent.problem, descent.found
         start, failures = 1.0, 0
@@ -163,14 +163,14 @@ class LmiHinf(Engine):
         )
 
 
-class _Descent:
+class _GammaDescent:
     """Programs at gammas that fall, on one regularised plant in one set of states."""
 
-    def __init__(self, problem: Task, solver: ProgramSolver, found: Found) -> None:
+    def __init__(self, problem: Task, solver: ProgramSolver, found: EngineResult) -> None:
         self.problem, self.solver, self.found = problem, solver, found
         self.budget = solver.budget
 
-    def run(self, rung: _Rung, goal: float, least: tuple[float, float]) -> None:
+    def run(self, rung: _RegularisedSolution, goal: float, least: tuple[float, float]) -> None:
         """Look for controllers with a norm below `goal`, at once or step by step."""
         solution = rung.solution
         if solution.X is None or solution.Y is None or self.budget.over:
@@ -179,7 +179,7 @@ class _Descent:
         if frame is None:
             return
         # Numbers of order one suit the solver.
-        start = _Known(_in_unit(frame, goal), None)
+        start = _KnownSolution(_in_unit(frame, goal), None)
         if self._solved(start, 1.0, goal, rung) is not None:
             return
         gamma, failures = _POLICY.first, 0
@@ -200,7 +200,9 @@ class _Descent:
             lower = 1 + _POLICY.step * (gamma - 1)
             gamma = lower if lower > 1 + 1e-3 else 1.0
 
-    def _solved(self, known: _Known, gamma: float, goal: float, rung: _Rung) -> _Known | None:
+    def _solved(
+        self, known: _KnownSolution, gamma: float, goal: float, rung: _RegularisedSolution
+    ) -> _KnownSolution | None:
         """Solve at a gamma, in units of `goal`; None unless the controller keeps it."""
         point = solve_projected(known.plant, gamma, self.solver, known.point)
         after = None if point is None else rebalanced(known.plant, point.R, point.S)
@@ -214,23 +216,23 @@ class _Descent:
         if K is not None:
             origin = f"lmi, epsilon {rung.epsilon:.1e}"
             back = K.shifted_back(rung.shift)
-            candidate = examine(self.problem, back, claim, origin, self.budget)
+            candidate = check_candidate(self.problem, back, claim, origin, self.budget)
         if candidate is None or after is None:
             return None
         note["achieved"], note["gain"] = candidate.achieved, candidate.gain
         self.found.candidates.append(candidate)
-        if not candidate.honest:
+        if not candidate.keeps_claim:
             return None
         sizes = np.diag(after[1])
-        return _Known(after[0], Point(sizes, sizes, gamma))
+        return _KnownSolution(after[0], ProjectedSolution(sizes, sizes, gamma))
 
 
 @dataclass(frozen=True, eq=False)
-class _Known:
+class _KnownSolution:
     """A plant in some states, and a solution of its inequalities, if one is known."""
 
     plant: PlantMatrices
-    point: Point | None
+    point: ProjectedSolution | None
 
 
 def _in_unit(plant: PlantMatrices, unit: float) -> PlantMatrices:
@@ -241,7 +243,7 @@ def _in_unit(plant: PlantMatrices, unit: float) -> PlantMatrices:
     )
 
 
-def _feasible(plant: PlantMatrices, gamma: float, budget: Budget) -> Iterator[_Rung]:
+def _feasible(plant: PlantMatrices, gamma: float, budget: Budget) -> Iterator[_RegularisedSolution]:
     """Yield regularised plants whose equations have solutions at a gamma, the strongest first."""
     pairs = [(epsilon, shift) for epsilon in POLICY.epsilons for shift in _POLICY.shifts]
     if has_full_rank(plant):
@@ -249,28 +251,30 @@ def _feasible(plant: PlantMatrices, gamma: float, budget: Budget) -> Iterator[_R
     for epsilon, shift in pairs:
         if budget.over:
             return
-        regular = shifted(with_price_and_noise(plant, epsilon), shift)
+        regular = shifted(with_penalty_and_noise(plant, epsilon), shift)
         budget.spend(step_cost(plant.nx))
         solution = normalise(regular).halves.attempt(gamma)
         if solution.feasible:
-            yield _Rung(epsilon, shift, regular, gamma, solution)
+            yield _RegularisedSolution(epsilon, shift, regular, gamma, solution)
 
 
-def _optimal(plant: PlantMatrices, epsilon: float, start: float, budget: Budget) -> _Rung | None:
+def _optimal(
+    plant: PlantMatrices, epsilon: float, start: float, budget: Budget
+) -> _RegularisedSolution | None:
     """Return a regularised plant a little above the optimum of its equations.
 
     Of all shifts that with the smallest optimum: a smaller one leaves zeros too near the axis.
     """
-    best: _Rung | None = None
+    best: _RegularisedSolution | None = None
     for shift in _POLICY.shifts:
-        regular = shifted(with_price_and_noise(plant, epsilon), shift)
+        regular = shifted(with_penalty_and_noise(plant, epsilon), shift)
         halves = normalise(regular).halves
         bracket = search_gamma(halves, start, _POLICY.back_off - 1, budget)
         gamma = np.inf if bracket is None else bracket.upper * _POLICY.back_off
         if best is None or gamma < best.gamma:
             solution = halves.attempt(gamma) if np.isfinite(gamma) else None
             if solution is not None and solution.feasible:
-                best = _Rung(epsilon, shift, regular, gamma, solution)
+                best = _RegularisedSolution(epsilon, shift, regular, gamma, solution)
     return best
 
 
@@ -285,9 +289,9 @@ _BACK_OFFS = (1.00005, 1.003)
 class LmiH2(Engine):
     """Inequalities (10.29) to (10.32)."""
 
-    def search(self, problem: Task, budget: Budget) -> Found:
+    def search(self, problem: Task, budget: Budget) -> EngineResult:
         """Minimise the H2 norm of the loop."""
-        plant, found = problem.plant, Found("lmi", self.settings.backend)
+        plant, found = problem.plant, EngineResult("lmi", self.settings.backend)
         solver = ProgramSolver(self.settings.backend, self.settings.solver, budget)
         optimum, frame = np.inf, plant
         trial: PlantMatrices | None = plant
@@ -312,17 +316,17 @@ class LmiH2(Engine):
         for factor in _BACK_OFFS:
             bound = factor * np.sqrt(optimum)
 
-            def impose(program: SemidefiniteProgram, v: Unknowns, bound: float = bound) -> None:
+            def impose(program: SemidefiniteProgram, v: LmiVariables, bound: float = bound) -> None:
                 program.nonnegative(bound**2 - impose_h2(program, loop_terms(frame, v), v))
 
-            for K in conditioned(frame, "h2", impose, solver):
+            for K in well_conditioned_controllers(frame, "h2", impose, solver):
                 _note(problem, K, bound, "lmi", found, budget)
         return found
 
 
-def _h2_optimum(plant: PlantMatrices, solver: ProgramSolver) -> tuple[float, Variables] | None:
+def _h2_optimum(plant: PlantMatrices, solver: ProgramSolver) -> tuple[float, LmiValues] | None:
     program = SemidefiniteProgram()
-    v = Unknowns.of(program, plant, "h2")
+    v = LmiVariables.of(program, plant, "h2")
     square = impose_h2(program, loop_terms(plant, v), v)
     coupling(program, v)
     program.minimise(square)
@@ -334,9 +338,9 @@ def _h2_optimum(plant: PlantMatrices, solver: ProgramSolver) -> tuple[float, Var
 
 
 def _note(
-    problem: Task, K: Controller, bound: float, origin: str, found: Found, budget: Budget
+    problem: Task, K: Controller, bound: float, origin: str, found: EngineResult, budget: Budget
 ) -> None:
-    candidate = examine(problem, K, bound, origin, budget)
+    candidate = check_candidate(problem, K, bound, origin, budget)
     if candidate is not None:
         found.candidates.append(candidate)
 
@@ -350,9 +354,9 @@ class Slycot(Engine):
     They find at most one controller, whose claim may be false; a remark says so.
     """
 
-    def search(self, problem: Task, budget: Budget) -> Found:
+    def search(self, problem: Task, budget: Budget) -> EngineResult:
         """Run the routine in a process of its own, which the safety net ends."""
-        found = Found("slycot", "slycot")
+        found = EngineResult("slycot", "slycot")
         # The routines need D12 and D21 of full rank.
         P = regularise(problem.plant, 0.0 if problem.regular else POLICY.slycot_epsilon)
         whole = (
@@ -363,18 +367,20 @@ class Slycot(Engine):
         )
         routine = "SB10AD" if problem.norm == "hinf" else "SB10HD"
         answer = synthesise(routine, (P.nx, P.nu, P.ny), whole, budget.seconds_left)
-        budget.look()
+        budget.update_late()
         if answer.controller is None:
             found.remarks.append(f"{answer.message}.")
             return found
         claimed = np.inf if answer.gamma is None else answer.gamma
         found.history.append({"gamma": claimed, "regularised": not problem.regular})
-        candidate = examine(problem, Controller(*answer.controller), claimed, routine, budget)
+        candidate = check_candidate(
+            problem, Controller(*answer.controller), claimed, routine, budget
+        )
         if candidate is None:
             found.remarks.append(f"The controller of {routine} does not stabilise the plant.")
             return found
         found.candidates.append(candidate)
-        if not candidate.honest:
+        if not candidate.keeps_claim:
             found.remarks.append(
                 f"{routine} claimed a norm {candidate.achieved / claimed:.4g} times smaller than "
                 "that of its loop."

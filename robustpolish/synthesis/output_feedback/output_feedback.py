@@ -11,7 +11,13 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustpolish.base.budget import Budget, ends_with, same_bits, step_cost, working
+from robustpolish.base.budget import (
+    Budget,
+    enforce_deadline,
+    progress_bar,
+    single_threaded_blas,
+    step_cost,
+)
 from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
 from robustpolish.errors import SolverError
 from robustpolish.linear.norms.h2 import h2_norm
@@ -22,44 +28,49 @@ from robustpolish.synthesis.certificate import (
     Certificate,
     Gamma,
     Norm,
-    WantedNorm,
+    NormTarget,
     certify,
     norm_in_words,
-    out_of_reach,
+    unreachable_norm_error,
 )
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.output_feedback.engine import POLICY, Settings
-from robustpolish.synthesis.output_feedback.search import METHODS, Chosen, PartSearch, choose
+from robustpolish.synthesis.output_feedback.search import (
+    METHODS,
+    ChosenController,
+    PartSearch,
+    choose_controller,
+)
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.preflight import (
-    Preflight,
-    diagnose,
-    noisy,
-    priced,
-    refuse,
+    SolvabilityCheck,
+    check_solvability,
+    infeasible_modes_error,
     refuse_unstable,
+    with_control_penalty,
+    with_measurement_noise,
 )
 from robustpolish.synthesis.problem.scaling import (
     PlantPart,
     decoupled_parts,
     joined_controller,
-    undivided,
-    with_signals,
+    whole_plant,
+    with_dummy_signals,
 )
 from robustpolish.synthesis.problem.status import Status, worst_status
 from robustpolish.synthesis.riccati.lqg import no_finite_h2_norm
 from robustpolish.synthesis.structured.methods import (
-    Orders,
+    StructuredOptions,
     checked_order,
-    design_of_order,
-    refuse_beside_order,
+    design_fixed_order,
+    refuse_with_order,
 )
 from robustpolish.synthesis.structured.search import TIME_LIMIT
 
 Method = Literal["auto", "riccati", "lmi", "slycot"]
 
 
-@same_bits
+@single_threaded_blas
 def output_feedback(
     plant: GeneralizedPlant,
     norm: Norm = "hinf",
@@ -194,9 +205,11 @@ def output_feedback(
     _check(plant, norm, method, backend, tolerance, seconds, effort)
     if order is not None:
         most = checked_order(order)
-        refuse_beside_order(method, gamma)
-        orders = Orders.checked(norm, seconds, 0, effort=effort)
-        whole = noisy(priced(plant, control_weight), measurement_noise)
+        refuse_with_order(method, gamma)
+        orders = StructuredOptions.checked(norm, seconds, 0, effort=effort)
+        whole = with_measurement_noise(
+            with_control_penalty(plant, control_weight), measurement_noise
+        )
         try:
             full = output_feedback(
                 whole,
@@ -209,29 +222,31 @@ def output_feedback(
             )
         except SolverError:
             full = None  # nothing proven: few states may do where this found nothing
-        return design_of_order(plant, whole, most, full, norm, tolerance, orders)
-    wanted = WantedNorm.checked(gamma)
+        return design_fixed_order(plant, whole, most, full, norm, tolerance, orders)
+    wanted = NormTarget.checked(gamma)
     if control_weight is not None or measurement_noise is not None:
-        plant = noisy(priced(plant, control_weight), measurement_noise)
+        plant = with_measurement_noise(
+            with_control_penalty(plant, control_weight), measurement_noise
+        )
     settings = Settings(norm, method, backend, solver, tolerance, wanted)
     work = max(POLICY.work, POLICY.attempts * step_cost(plant.nx))
-    budget = Budget.before_a_proof(effort * work, seconds)
-    diagnosis = diagnose(plant)
+    budget = Budget.with_certificate_reserve(effort * work, seconds)
+    diagnosis = check_solvability(plant)
     exact = [mode for mode in diagnosis.fixed_modes if mode.exact]
     if exact:
-        raise refuse(exact)
+        raise infeasible_modes_error(exact)
     # Delays are approximated in the parts; the whole is certified with them as they are.
-    parts = decoupled_parts(plant) if split else (undivided(plant.without_delays()),)
-    with working("Designing an output feedback"), ends_with(budget):
+    parts = decoupled_parts(plant) if split else (whole_plant(plant.without_delays()),)
+    with progress_bar("Designing an output feedback"), enforce_deadline(budget):
         chosen = _solve_parts(parts, settings, diagnosis, budget)
         controller = joined_controller(plant, parts, [c.controller if c else None for c in chosen])
-        idle = _idle_norms(parts, chosen, norm)
+        idle = _open_loop_norms(parts, chosen, norm)
         certificate = _certificate(plant, parts, controller, norm, chosen, idle)
     done = [c for c in chosen if c is not None]
-    known = _is_known(done)
-    bound = _joined([*(c.bound.value if c.bound else 0.0 for c in done), *idle], norm)
-    _keep(wanted, certificate, bound, done)
-    status = _overall(done, certificate, bound, tolerance, budget)
+    known = _has_lower_bound(done)
+    bound = _combined_norm([*(c.bound.value if c.bound else 0.0 for c in done), *idle], norm)
+    _require_target(wanted, certificate, bound, done)
+    status = _overall_status(done, certificate, bound, tolerance, budget)
     if plant.nx <= POLICY.zero_states and not (
         diagnosis.regular_feedthrough and status == "optimal"
     ):
@@ -257,8 +272,8 @@ def output_feedback(
                 "diagnosis": diagnosis,
                 "parts": tuple(part.states for part in parts),
                 "part_norms": tuple(c.certificate.achieved if c else None for c in chosen),
-                "gamma": (wanted.enough, wanted.below) if wanted.asks else None,
-                "claim": _joined([c.claim for c in done], norm),
+                "gamma": (wanted.enough, wanted.below) if wanted.is_requested else None,
+                "claim": _combined_norm([c.claim for c in done], norm),
                 "work": budget.spent,
                 "estimated_infimum": None if known or not bound else bound,
             }
@@ -301,8 +316,8 @@ def _check(
 
 
 def _solve_parts(
-    parts: Sequence[PlantPart], settings: Settings, diagnosis: Preflight, budget: Budget
-) -> list[Chosen | None]:
+    parts: Sequence[PlantPart], settings: Settings, diagnosis: SolvabilityCheck, budget: Budget
+) -> list[ChosenController | None]:
     """Solve every decoupled part with its share of the work; identical ones once."""
     searched: dict[tuple[bytes, ...], PartSearch] = {}
     keys: list[tuple[bytes, ...] | None] = []
@@ -322,24 +337,24 @@ def _solve_parts(
             # Norms of parts add up for the H2 norm, so that only a single one can be told.
             alone = settings.norm == "hinf" or len(parts) == 1
             own = settings if alone else replace(settings, wanted=ANY_NORM)
-            searched[key] = PartSearch.of(with_signals(P), own, diagnosis, share)
+            searched[key] = PartSearch.of(with_dummy_signals(P), own, diagnosis, share)
     # No part has to be much better than the one that decides the norm of the whole.
     enough = POLICY.enough * max((s.best for s in searched.values()), default=0.0)
     chosen = {key: _choose(search, diagnosis, enough) for key, search in searched.items()}
     return [None if key is None else chosen[key] for key in keys]
 
 
-def _keep(
-    wanted: WantedNorm, certificate: Certificate, bound: float, done: Sequence[Chosen]
+def _require_target(
+    wanted: NormTarget, certificate: Certificate, bound: float, done: Sequence[ChosenController]
 ) -> None:
     """Refuse a controller that does not keep what was asked for."""
     if certificate.bound <= wanted.below:
         return
     kind = norm_in_words(certificate.norm)
     how = " and ".join(dict.fromkeys(c.bound.how for c in done if c.bound is not None))
-    if bound > wanted.below and _is_known(done):
-        raise out_of_reach(wanted, bound, certificate.norm, how)
-    floor = _floor(bound, how, done) or "no lower bound is known"
+    if bound > wanted.below and _has_lower_bound(done):
+        raise unreachable_norm_error(wanted, bound, certificate.norm, how)
+    floor = _lower_bound_note(bound, how, done) or "no lower bound is known"
     raise SolverError(
         f"No controller with {wanted.in_words()} was found; the best one that is certified "
         f"has the {kind} norm {certificate.achieved:.6g}, and {floor}. Ask for a larger gamma, or "
@@ -347,8 +362,10 @@ def _keep(
     )
 
 
-def _choose(search: PartSearch, diagnosis: Preflight, enough: float) -> Chosen:
-    chosen, reasons = choose(search.part, search.problem, search.searches, enough, search.budget)
+def _choose(search: PartSearch, diagnosis: SolvabilityCheck, enough: float) -> ChosenController:
+    chosen, reasons = choose_controller(
+        search.part, search.problem, search.searches, enough, search.budget
+    )
     if chosen is not None:
         return chosen
     if search.shortened:
@@ -362,13 +379,13 @@ def _choose(search: PartSearch, diagnosis: Preflight, enough: float) -> Chosen:
             "infinite. Filter w or z so that D11 vanishes, or use norm='hinf'."
         )
     remarks += [f"It has the {mode}." for mode in diagnosis.fixed_modes]
-    more = _more(search.budget)
+    more = _time_limit_note(search.budget)
     raise SolverError(" ".join([f"No certified controller was found: {why}.{more}", *remarks]))
 
 
-def _more(budget: Budget) -> str:
+def _time_limit_note(budget: Budget) -> str:
     """Say that the safety net was reached, if it was, and what to do about it."""
-    if not budget.stopped:
+    if not budget.was_late:
         return ""
     return (
         f" The safety net of {budget.seconds:g} s stopped the search, so that another machine "
@@ -376,8 +393,8 @@ def _more(budget: Budget) -> str:
     )
 
 
-def _idle_norms(
-    parts: Sequence[PlantPart], chosen: Sequence[Chosen | None], norm: Norm
+def _open_loop_norms(
+    parts: Sequence[PlantPart], chosen: Sequence[ChosenController | None], norm: Norm
 ) -> list[float]:
     """Return the norms of the parts without control, except those in which nothing happens."""
     size = hinf_norm if norm == "hinf" else h2_norm
@@ -390,7 +407,7 @@ def _certificate(
     parts: Sequence[PlantPart],
     controller: control.StateSpace,
     norm: Norm,
-    chosen: Sequence[Chosen | None],
+    chosen: Sequence[ChosenController | None],
     idle: Sequence[float],
 ) -> Certificate:
     """Certify the whole loop, which for a single part has been done."""
@@ -399,7 +416,7 @@ def _certificate(
     if own == [plant.nx] and not idle and not plant.delays:
         return done[0].certificate
     claims = [*(c.certificate.claimed or 0.0 for c in done), *idle]
-    certificate = certify(plant, controller, norm, _joined(claims, norm))
+    certificate = certify(plant, controller, norm, _combined_norm(claims, norm))
     if not certificate.valid:
         raise SolverError(
             "The controllers of the parts are certified, the whole is not: "
@@ -408,18 +425,22 @@ def _certificate(
     return certificate
 
 
-def _joined(norms: Sequence[float], norm: Norm) -> float:
+def _combined_norm(norms: Sequence[float], norm: Norm) -> float:
     """Return the norm of a whole from those of its decoupled parts."""
     return float(max(norms, default=0.0) if norm == "hinf" else np.linalg.norm(norms))
 
 
-def _overall(
-    done: Sequence[Chosen], certificate: Certificate, bound: float, tolerance: float, budget: Budget
+def _overall_status(
+    done: Sequence[ChosenController],
+    certificate: Certificate,
+    bound: float,
+    tolerance: float,
+    budget: Budget,
 ) -> Status:
     """Return the status of the whole: that of the parts that decide its norm."""
-    if budget.stopped:
+    if budget.was_late:
         return "time_limit"
-    if _is_known(done) and certificate.achieved <= bound * (1 + tolerance):
+    if _has_lower_bound(done) and certificate.achieved <= bound * (1 + tolerance):
         return "optimal"
     largest = max((c.certificate.achieved for c in done), default=0.0)
     return worst_status(
@@ -429,35 +450,35 @@ def _overall(
     )
 
 
-def _is_known(done: Sequence[Chosen]) -> bool:
+def _has_lower_bound(done: Sequence[ChosenController]) -> bool:
     """Tell whether the infimum of some part is bounded from below, and of none only estimated."""
     bounds = [c.bound for c in done if c.bound is not None]
     return bool(bounds) and all(b.proven for b in bounds)
 
 
-def _floor(bound: float, how: str, done: Sequence[Chosen]) -> str:
+def _lower_bound_note(bound: float, how: str, done: Sequence[ChosenController]) -> str:
     """Say how low the norm can be; nothing if that is not known."""
     if not how:
         return ""
-    if _is_known(done):
+    if _has_lower_bound(done):
         return f"no controller comes below {bound:.6g}, {how}"
     return f"the infimum may be near {bound:.6g}, {how}, which is no bound"
 
 
 def _message(
     status: Status,
-    diagnosis: Preflight,
+    diagnosis: SolvabilityCheck,
     certificate: Certificate,
-    done: Sequence[Chosen],
+    done: Sequence[ChosenController],
     bound: float,
     budget: Budget,
-    wanted: WantedNorm,
+    wanted: NormTarget,
 ) -> str:
     kind = norm_in_words(certificate.norm)
     achieved = certificate.achieved
     how = " and ".join(dict.fromkeys(c.bound.how for c in done if c.bound is not None))
-    floor = _floor(bound, how, done)
-    if bound > 0 and status == "suboptimal" and _is_known(done):
+    floor = _lower_bound_note(bound, how, done)
+    if bound > 0 and status == "suboptimal" and _has_lower_bound(done):
         floor = f"that is at most {achieved / bound - 1:.2g} of it above the infimum: {floor}"
     text = {
         "optimal": f"The {kind} norm is {achieved:.6g}; {floor}.",
@@ -468,7 +489,7 @@ def _message(
         "to y (D21) to choose how much gain is worth it.",
         "time_limit": f"The {kind} norm is {achieved:.6g}{f'; {floor}' if bound > 0 else ''}.",
     }[status]
-    if wanted.asks:
+    if wanted.is_requested:
         text += f" It was asked for {wanted.in_words()}."
     remarks = [remark for c in done for remark in c.findings.remarks]
-    return " ".join([text + _more(budget), *diagnosis.findings, *dict.fromkeys(remarks)])
+    return " ".join([text + _time_limit_note(budget), *diagnosis.findings, *dict.fromkeys(remarks)])

@@ -21,9 +21,9 @@ from robustpolish.synthesis.output_feedback.engine import (
     POLICY,
     Candidate,
     Engine,
-    Found,
+    EngineResult,
     Task,
-    examine,
+    check_candidate,
 )
 from robustpolish.synthesis.problem.matrices import PlantMatrices, regularise, shifted
 from robustpolish.synthesis.riccati.gamma import (
@@ -46,9 +46,9 @@ class Lqg(Engine):
     true loop settles.
     """
 
-    def search(self, problem: Task, budget: Budget) -> Found:
+    def search(self, problem: Task, budget: Budget) -> EngineResult:
         """Minimise the H2 norm of the loop."""
-        found = Found("riccati", "scipy")
+        found = EngineResult("riccati", "scipy")
         if _try(problem, 0.0, found, budget):
             return found
         quiet = 0
@@ -67,11 +67,11 @@ class Lqg(Engine):
         return found
 
 
-def _try(problem: Task, epsilon: float, found: Found, budget: Budget) -> bool:
+def _try(problem: Task, epsilon: float, found: EngineResult, budget: Budget) -> bool:
     budget.spend(step_cost(problem.plant.nx))
     K = lqg(regularise(problem.plant, epsilon))
     origin = f"riccati, {epsilon:.1e}"
-    candidate = None if K is None else examine(problem, K, np.inf, origin, budget)
+    candidate = None if K is None else check_candidate(problem, K, np.inf, origin, budget)
     if candidate is None:
         return False
     found.candidates.append(candidate)
@@ -81,7 +81,7 @@ def _try(problem: Task, epsilon: float, found: Found, budget: Budget) -> bool:
 
 
 @dataclass(frozen=True)
-class Rung:
+class Regularisation:
     """How a plant is changed so that its equations have a solution.
 
     Attributes
@@ -105,22 +105,22 @@ class Rung:
         return {**entry, "shift": self.shift} if self.shift else entry
 
 
-class RiccatiLadder(Engine):
+class RegularisedRiccati(Engine):
     """Two Riccati equations on plants regularised less and less."""
 
-    def search(self, problem: Task, budget: Budget) -> Found:
+    def search(self, problem: Task, budget: Budget) -> EngineResult:
         """Descend the ladder; a regular plant is solved as it is as well."""
-        return _Descent(problem, budget).run()
+        return _RegularisationDescent(problem, budget).run()
 
 
-class _Descent:
+class _RegularisationDescent:
     """One descent, and what it knows so far."""
 
     def __init__(self, problem: Task, budget: Budget) -> None:
         self.problem, self.budget = problem, budget
         self.plant = problem.plant
         self.costly = self.plant.nx > POLICY.costly_states
-        self.found = Found("riccati", "scipy")
+        self.found = EngineResult("riccati", "scipy")
         self.gamma = 1.0
         # Where every rung takes long, what keeps the tolerance is near enough.
         self.many = self.plant.nx > POLICY.refined_states
@@ -132,19 +132,19 @@ class _Descent:
             1 + (f - 1) * (fineness if f <= 1 + problem.tolerance else 1.0)
             for f in POLICY.back_offs
         ]
-        self.rungs: list[Rung] = []  # of the entries of the history
+        self.rungs: list[Regularisation] = []  # of the entries of the history
         self.refinements = [1 + (f - 1) * fineness for f in POLICY.refinements]
 
-    def run(self) -> Found:
+    def run(self) -> EngineResult:
         """Descend until the norm is good enough, settles or cannot be computed any more."""
-        if self.problem.asked and self._solve_asked():
+        if self.problem.asked and self._solve_requested_gamma():
             return self.found
         found, regular = self.found, self._solve_regular()
         quiet, failures = 0, 0
-        waiting: tuple[NormalisedPlant, GammaBracket, Rung] | None = None
+        waiting: tuple[NormalisedPlant, GammaBracket, Regularisation] | None = None
         # A price and a noise on x cost much beside weights that put zeros on the axis.
         done = found.best <= self.near and (self.many or any(rung.shift for rung in self.rungs))
-        for rung in () if done else (Rung(epsilon) for epsilon in POLICY.epsilons):
+        for rung in () if done else (Regularisation(epsilon) for epsilon in POLICY.epsilons):
             if self.budget.over or failures == 2:
                 break
             normal = rung.normalised(self.plant)
@@ -181,7 +181,7 @@ class _Descent:
             self._refine()
         return found
 
-    def _noted(self, rung: Rung, gamma: float) -> dict[str, Any]:
+    def _noted(self, rung: Regularisation, gamma: float) -> dict[str, Any]:
         """Begin an entry of the history, and return it."""
         note = rung.note(gamma)
         self.found.history.append(note)
@@ -193,14 +193,14 @@ class _Descent:
         note["achieved"], note["gain"] = candidate.achieved, candidate.gain
         self.found.candidates.append(candidate)
 
-    def _solve_asked(self) -> bool:
+    def _solve_requested_gamma(self) -> bool:
         """Make the central controller for the norm that was asked for; tell whether that worked.
 
         The gain grows down the ladder, so that the first rung that has one is the best.
         """
-        ladder = [Rung(epsilon) for epsilon in POLICY.epsilons]
+        ladder = [Regularisation(epsilon) for epsilon in POLICY.epsilons]
         if has_full_rank(self.plant):
-            ladder = [Rung(0.0), *_SHIFTS, *ladder]
+            ladder = [Regularisation(0.0), *_SHIFTS, *ladder]
         for rung in ladder:
             if self.budget.over:
                 return False
@@ -220,7 +220,7 @@ class _Descent:
             return 0
         bound = self.problem.bound
         bracket = None if bound is None else bound.bracket
-        for rung in (Rung(0.0), *_SHIFTS):
+        for rung in (Regularisation(0.0), *_SHIFTS):
             if self.budget.over:
                 break
             normal = rung.normalised(self.plant)
@@ -253,7 +253,7 @@ class _Descent:
         return search_gamma(normal.halves, rough.upper, self.settled, self.budget, known=rough)
 
     def _confirmed(
-        self, normal: NormalisedPlant, bracket: GammaBracket, rung: Rung
+        self, normal: NormalisedPlant, bracket: GammaBracket, rung: Regularisation
     ) -> Candidate | None:
         """Make a controller a little above the optimal gamma that keeps its promise."""
         for factor in self.back_offs:
@@ -264,7 +264,9 @@ class _Descent:
                 return None
         return None
 
-    def _controller(self, normal: NormalisedPlant, gamma: float, rung: Rung) -> Candidate | None:
+    def _controller(
+        self, normal: NormalisedPlant, gamma: float, rung: Regularisation
+    ) -> Candidate | None:
         self.budget.spend(step_cost(self.plant.nx))
         solution = normal.halves.attempt(gamma)
         if solution.X is None or solution.Y is None or not solution.feasible:
@@ -275,8 +277,8 @@ class _Descent:
             return None
         K = K.shifted_back(rung.shift)
         origin = f"riccati, epsilon {rung.epsilon:.1e}"
-        candidate = examine(self.problem, K, gamma, origin, self.budget)
-        return candidate if candidate is not None and candidate.honest else None
+        candidate = check_candidate(self.problem, K, gamma, origin, self.budget)
+        return candidate if candidate is not None and candidate.keeps_claim else None
 
     def _is_falling(self) -> bool:
         """Tell whether the last two decades of epsilon have lowered the norm for certain."""
@@ -298,4 +300,4 @@ class _Descent:
                 self.found.candidates += [] if candidate is None else [candidate]
 
 
-_SHIFTS = tuple(Rung(0.0, shift) for shift in POLICY.shifts)
+_SHIFTS = tuple(Regularisation(0.0, shift) for shift in POLICY.shifts)

@@ -12,27 +12,27 @@ import numpy as np
 from scipy import linalg
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
-from robustpolish.base.budget import Budget, OutOfTimeError, for_a_part, step_cost
+from robustpolish.base.budget import Budget, DeadlineError, partial_deadline, step_cost
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.certificate import Certificate, Norm, certify, out_of_reach
+from robustpolish.synthesis.certificate import Certificate, Norm, certify, unreachable_norm_error
 from robustpolish.synthesis.output_feedback.engine import (
     POLICY,
     Candidate,
     Engine,
-    Found,
+    EngineResult,
     Settings,
     Task,
-    examine,
+    check_candidate,
 )
 from robustpolish.synthesis.output_feedback.lmi import LmiH2, LmiHinf, Slycot
-from robustpolish.synthesis.output_feedback.riccati import Lqg, RiccatiLadder
+from robustpolish.synthesis.output_feedback.riccati import Lqg, RegularisedRiccati
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
-from robustpolish.synthesis.problem.preflight import Preflight
+from robustpolish.synthesis.problem.preflight import SolvabilityCheck
 from robustpolish.synthesis.problem.scaling import SolverPlant, truncated
 from robustpolish.synthesis.problem.status import Status
 from robustpolish.synthesis.riccati.gamma import (
     LowerBound,
-    estimated_bound,
+    estimated_lower_bound,
     is_out_of_reach,
     lower_bound,
 )
@@ -42,24 +42,24 @@ from robustpolish.synthesis.riccati.lqg import cancel_feedthrough, h2_lower_boun
 
 
 @dataclass(frozen=True, eq=False)
-class Chosen:
+class ChosenController:
     """A certified controller of one part, in the plant's units, and what its method claimed."""
 
     controller: control.StateSpace
     certificate: Certificate
     claim: float
-    findings: Found
+    findings: EngineResult
     status: Status
     bound: LowerBound | None
 
 
-def choose(
+def choose_controller(
     part: SolverPlant,
     problem: Task,
-    searches: Sequence[Found],
+    searches: Sequence[EngineResult],
     enough: float,
     budget: Budget,
-) -> tuple[Chosen | None, list[str]]:
+) -> tuple[ChosenController | None, list[str]]:
     """Pick the smallest gain among the controllers near the infimum, and certify it.
 
     Parameters
@@ -86,24 +86,26 @@ def choose(
     bound = problem.bound
     bound = bound and bound._replace(value=part.norm(bound.value, problem.norm))
     reasons: list[str] = []
-    spare: list[Chosen] = []
-    ranked = _preferred(everything, limit, few=level == limit)
-    for trial in _trials(len(ranked)):
+    spare: list[ChosenController] = []
+    ranked = _ranked(everything, limit, few=level == limit)
+    for trial in _spaced_trials(len(ranked)):
         candidate = ranked[trial]
         last = bool(trial) and budget.over
         if last:
             # The last chance goes to the gentlest controller, the easiest one to prove.
             candidate = min(everything, key=lambda c: c.gain)
         owner = owners[id(candidate)]
-        short = _simplified(problem, candidate, _given_away(problem, candidate, limit), budget)
+        short = _remove_modes(
+            problem, candidate, _reduction_limit(problem, candidate, limit), budget
+        )
         for each in (short, candidate) if short is not candidate else (candidate,):
             budget.spend(POLICY.certificate_work * step_cost(part.matrices.nx + each.order))
             try:
-                with for_a_part(1.0 if last else POLICY.first_proof):
+                with partial_deadline(1.0 if last else POLICY.first_proof):
                     found = _certified(part, each, problem, reasons)
-            except OutOfTimeError:
+            except DeadlineError:
                 reasons.append("the time was over before its certificate was complete")
-                budget.look()
+                budget.update_late()
                 continue
             if found is None:
                 continue
@@ -113,17 +115,17 @@ def choose(
             kept = found[1].bound <= problem.wanted.below * unit
             if achieved <= each.achieved * (1 + 1e-3) and kept:
                 status = _status(problem, searches, achieved)
-                done = Chosen(*found, claim, owner, status, bound)
+                done = ChosenController(*found, claim, owner, status, bound)
                 # The gentlest controller is no better than one that misses what was seen of it.
                 return _best([done, *spare]) if last else done, reasons
             # Its loop is worse in the plant's own units than the search saw in scaled ones.
-            spare.append(Chosen(*found, claim, owner, "suboptimal", bound))
+            spare.append(ChosenController(*found, claim, owner, "suboptimal", bound))
         if last:
             break
     return _best(spare), reasons
 
 
-def _best(certified: Sequence[Chosen]) -> Chosen | None:
+def _best(certified: Sequence[ChosenController]) -> ChosenController | None:
     return min(certified, key=lambda c: c.certificate.achieved, default=None)
 
 
@@ -138,7 +140,7 @@ def _limit(problem: Task, best: float) -> float:
     return best * (1 + (POLICY.settled if known else problem.tolerance))
 
 
-def _given_away(problem: Task, candidate: Candidate, limit: float) -> float:
+def _reduction_limit(problem: Task, candidate: Candidate, limit: float) -> float:
     """Return the norm up to which a controller may be shortened.
 
     Within a norm that was asked for by far more than the tolerance the central controller is
@@ -149,7 +151,7 @@ def _given_away(problem: Task, candidate: Candidate, limit: float) -> float:
     return max(limit, candidate.achieved)
 
 
-def _preferred(candidates: Sequence[Candidate], limit: float, few: bool) -> list[Candidate]:
+def _ranked(candidates: Sequence[Candidate], limit: float, few: bool) -> list[Candidate]:
     """Sort candidates: those within the limit by gain and then order, the others by norm.
 
     Where a `few` of those within the limit will do, because it lies far above the best norm, the
@@ -163,7 +165,7 @@ def _preferred(candidates: Sequence[Candidate], limit: float, few: bool) -> list
     return [*first, *above, *within[len(first) :]]
 
 
-def _trials(count: int) -> list[int]:
+def _spaced_trials(count: int) -> list[int]:
     """Skip ever more where one refusal follows the other, for neighbours fail alike."""
     steps = [0, 1, 2, 3, 5, 8, 12, 17, 23, 30, 40, 55, 75]
     return [i for i in steps if i < count]
@@ -186,7 +188,7 @@ def _certified(
     return None
 
 
-def _zero_level(searches: Sequence[Found], enough: float) -> float:
+def _zero_level(searches: Sequence[EngineResult], enough: float) -> float:
     """Return the norm below which a falling search need not go; zero if none is falling."""
     falling = [found for found in searches if found.falling and found.candidates]
     if not falling:
@@ -197,7 +199,7 @@ def _zero_level(searches: Sequence[Found], enough: float) -> float:
     return max(zero, enough if enough > 2 * best else 0.0)
 
 
-def _status(problem: Task, searches: Sequence[Found], achieved: float) -> Status:
+def _status(problem: Task, searches: Sequence[EngineResult], achieved: float) -> Status:
     bound = problem.bound
     near = bound is not None and achieved <= bound.value * (1 + problem.tolerance)
     # An estimate of the infimum may lie above it.
@@ -206,7 +208,7 @@ def _status(problem: Task, searches: Sequence[Found], achieved: float) -> Status
     return "infimum_not_attained" if any(found.falling for found in searches) else "suboptimal"
 
 
-def _simplified(problem: Task, candidate: Candidate, limit: float, budget: Budget) -> Candidate:
+def _remove_modes(problem: Task, candidate: Candidate, limit: float, budget: Budget) -> Candidate:
     """Remove modes of the controller while the norm of its loop stays below a limit.
 
     Near the optimum the central controller has a mode that runs away; elsewhere modes
@@ -215,40 +217,42 @@ def _simplified(problem: Task, candidate: Candidate, limit: float, budget: Budge
     """
     current = candidate
     if candidate.order > POLICY.costly_states:
-        return _halved(problem, candidate, limit, budget)
+        return _remove_fast_modes(problem, candidate, limit, budget)
     while current.order and not budget.over:
         trials = _reductions(current.controller, problem.norm)
-        shorter = _as_good(problem, trials, current, limit, budget)
+        shorter = _first_acceptable(problem, trials, current, limit, budget)
         if shorter is None:
             break
         current = shorter
     return current
 
 
-def _halved(problem: Task, current: Candidate, limit: float, budget: Budget) -> Candidate:
+def _remove_fast_modes(
+    problem: Task, current: Candidate, limit: float, budget: Budget
+) -> Candidate:
     """Remove the fastest half, quarter or eighth of many modes, for every trial takes long."""
     speeds = np.sort(np.abs(np.linalg.eigvals(current.controller.A)))
     n = len(speeds)
     for count in (n // 2, n // 4, n // 8):
         # Between two speeds, so that no pair is torn apart.
         bound = float(np.sqrt(speeds[n - count] * speeds[n - count - 1])) if count < n else 0.0
-        trials = _without(
+        trials = _truncate_modes(
             current.controller, lambda v, b=bound: np.abs(v) > b, residualise=problem.norm == "hinf"
         )
-        shorter = _as_good(problem, trials, current, limit, budget)
+        shorter = _first_acceptable(problem, trials, current, limit, budget)
         if shorter is not None:
             return shorter
     return current
 
 
-def _as_good(
+def _first_acceptable(
     problem: Task, trials: Iterator[Controller], current: Candidate, limit: float, budget: Budget
 ) -> Candidate | None:
     """Return the first trial within the limit whose gain is not much larger than the current."""
     for K in trials:
         if budget.over:
             return None
-        found = examine(problem, K, limit, current.origin, budget)
+        found = check_candidate(problem, K, limit, current.origin, budget)
         if found is not None and found.achieved <= limit and found.gain <= 1.5 * current.gain:
             return found
     return None
@@ -258,18 +262,18 @@ def _reductions(K: Controller, norm: str) -> Iterator[Controller]:
     """Propose controllers with one mode less: without the fastest, without the weakest."""
     values = np.linalg.eigvals(K.A)
     fastest = np.abs(values).max()
-    yield from _without(K, lambda v: np.abs(v) > 0.9 * fastest, residualise=norm == "hinf")
-    weakest = _weakest(K, values)
+    yield from _truncate_modes(K, lambda v: np.abs(v) > 0.9 * fastest, residualise=norm == "hinf")
+    weakest = _weakest_mode(K, values)
     if weakest is not None:
         close = 1e-9 * fastest
-        yield from _without(
+        yield from _truncate_modes(
             K,
             lambda v: (np.abs(v - weakest) <= close) | (np.abs(v - weakest.conjugate()) <= close),
             residualise=False,
         )
 
 
-def _weakest(K: Controller, values: Any) -> complex | None:
+def _weakest_mode(K: Controller, values: Any) -> complex | None:
     """Return the eigenvalue whose mode adds least to the controller's response."""
     _, vectors = np.linalg.eig(K.A)
     try:
@@ -282,7 +286,7 @@ def _weakest(K: Controller, values: Any) -> complex | None:
     return complex(values[i]) if size[i] <= 1e-2 * size.max() else None
 
 
-def _without(
+def _truncate_modes(
     K: Controller, removed: Callable[[Any], Any], residualise: bool
 ) -> Iterator[Controller]:
     """Split off the modes that `removed` selects and drop them, perhaps keeping their gain."""
@@ -311,10 +315,10 @@ def _without(
 # a file of its own and name it here.
 
 METHODS = ("auto", "riccati", "lmi", "slycot")
-ORDER: Mapping[tuple[Norm, str], tuple[type[Engine], ...]] = MappingProxyType(
+ENGINE_ORDER: Mapping[tuple[Norm, str], tuple[type[Engine], ...]] = MappingProxyType(
     {
-        ("hinf", "auto"): (RiccatiLadder, LmiHinf),
-        ("hinf", "riccati"): (RiccatiLadder,),
+        ("hinf", "auto"): (RegularisedRiccati, LmiHinf),
+        ("hinf", "riccati"): (RegularisedRiccati,),
         ("hinf", "lmi"): (LmiHinf,),
         ("hinf", "slycot"): (Slycot,),
         ("h2", "auto"): (Lqg,),
@@ -333,7 +337,7 @@ class PartSearch:
     ----------
     part : SolverPlant
     settings : Settings
-    diagnosis : Preflight
+    diagnosis : SolvabilityCheck
     budget : Budget
     problem : Task
         Of fewer states than the part where that is harmless.
@@ -342,17 +346,17 @@ class PartSearch:
 
     part: SolverPlant
     settings: Settings
-    diagnosis: Preflight
+    diagnosis: SolvabilityCheck
     budget: Budget
     problem: Task
-    searches: tuple[Found, ...]
+    searches: tuple[EngineResult, ...]
 
     @classmethod
     def of(
         cls,
         plant: GeneralizedPlant,
         settings: Settings,
-        diagnosis: Preflight,
+        diagnosis: SolvabilityCheck,
         budget: Budget,
         shorten: bool = True,
     ) -> PartSearch:
@@ -362,7 +366,7 @@ class PartSearch:
         ----------
         plant : GeneralizedPlant
         settings : Settings
-        diagnosis : Preflight
+        diagnosis : SolvabilityCheck
         budget : Budget
         shorten : bool
             Whether states that hardly count may be left out of a large plant.
@@ -370,20 +374,22 @@ class PartSearch:
         norm, work = settings.norm, budget.share(POLICY.search_share)
         part = SolverPlant.of(plant, mapped=norm == "hinf")
         wanted = settings.wanted.in_unit(part.norm(1.0, norm))
-        stated = _stated(part.matrices, settings, work, shorten)
+        stated = _with_lower_bound(part.matrices, settings, work, shorten)
         bound = stated.bound
         if bound is not None and bound.value > wanted.below and bound.proven:
-            raise out_of_reach(settings.wanted, part.norm(bound.value, norm), norm, bound.how)
+            raise unreachable_norm_error(
+                settings.wanted, part.norm(bound.value, norm), norm, bound.how
+            )
         regular, tolerance = diagnosis.regular_feedthrough, settings.tolerance
         problem = Task(stated.plant, norm, regular, tolerance, bound, wanted)
-        searches: list[Found] = []
-        for engine in (kind(settings) for kind in ORDER[norm, settings.method]):
+        searches: list[EngineResult] = []
+        for engine in (kind(settings) for kind in ENGINE_ORDER[norm, settings.method]):
             if any(found.best <= problem.goal for found in searches):
                 break
-            if engine.adds(problem, searches):
+            if engine.is_useful(problem, searches):
                 searches.append(engine.search(problem, work))
         if stated.remark:
-            if not _is_harmless(problem, searches, part.matrices, work):
+            if not _truncation_is_harmless(problem, searches, part.matrices, work):
                 return cls.of(plant, settings, diagnosis, budget, shorten=False)
             searches[0].remarks.append(stated.remark)
         if work.exhausted:
@@ -394,7 +400,9 @@ class PartSearch:
         if stated.feedback is not None and stated.feedback.any():
             problem = replace(problem, plant=part.matrices)
             for found in searches:
-                found.candidates = [c.beside(stated.feedback) for c in found.candidates]
+                found.candidates = [
+                    c.with_inner_feedback(stated.feedback) for c in found.candidates
+                ]
         return cls(part, settings, diagnosis, budget, problem, tuple(searches))
 
     @property
@@ -414,7 +422,7 @@ class PartSearch:
         return self.part.norm(found, self.problem.norm) if np.isfinite(found) else 0.0
 
 
-class _Stated(NamedTuple):
+class _PlantWithBound(NamedTuple):
     """The plant that is searched, and a norm below which none of its loops comes.
 
     ``feedback`` cancels a feedthrough; ``remark`` tells what was left out, "" for nothing.
@@ -426,27 +434,29 @@ class _Stated(NamedTuple):
     remark: str = ""
 
 
-def _stated(plant: PlantMatrices, settings: Settings, budget: Budget, shorten: bool) -> _Stated:
+def _with_lower_bound(
+    plant: PlantMatrices, settings: Settings, budget: Budget, shorten: bool
+) -> _PlantWithBound:
     """Bound the norm from below, without the feedthrough or without what hardly counts."""
     if settings.norm == "h2":
         plant, feedback = cancel_feedthrough(plant)
-        return _Stated(plant, h2_lower_bound(plant), feedback)
+        return _PlantWithBound(plant, h2_lower_bound(plant), feedback)
     accuracy = POLICY.bound_accuracy * min(settings.tolerance, 1e-2)
     if shorten and plant.nx > POLICY.truncated_states:
-        short = _shortened(plant, settings.tolerance, accuracy, budget)
+        short = _truncated_plant(plant, settings.tolerance, accuracy, budget)
         if short is not None:
             return short
-    return _Stated(plant, lower_bound(plant, accuracy, budget))
+    return _PlantWithBound(plant, lower_bound(plant, accuracy, budget))
 
 
-def _shortened(
+def _truncated_plant(
     plant: PlantMatrices, tolerance: float, accuracy: float, budget: Budget
-) -> _Stated | None:
+) -> _PlantWithBound | None:
     """Leave out what hardly counts; None unless the bound holds for the whole plant too."""
     short = truncated(plant)
     if short is None:
         return None
-    bound = estimated_bound(short.plant, accuracy, budget)
+    bound = estimated_lower_bound(short.plant, accuracy, budget)
     budget.spend(step_cost(plant.nx))
     if bound is None or not is_out_of_reach(plant, bound.value * (1 - tolerance / 10)):
         return None
@@ -456,11 +466,11 @@ def _shortened(
         "scaled units (Hankel bound)."
     )
     bound = bound._replace(how=f"{bound.how} {few}", proven=False)
-    return _Stated(short.plant, bound, remark=remark)
+    return _PlantWithBound(short.plant, bound, remark=remark)
 
 
-def _is_harmless(
-    problem: Task, searches: Sequence[Found], whole: PlantMatrices, budget: Budget
+def _truncation_is_harmless(
+    problem: Task, searches: Sequence[EngineResult], whole: PlantMatrices, budget: Budget
 ) -> bool:
     """Tell whether the best loop has the same norm with the whole plant."""
     candidates = [c for found in searches for c in found.candidates]
@@ -468,7 +478,7 @@ def _is_harmless(
     if best is None:
         return False
     true = replace(problem, plant=whole)
-    seen = examine(true, best.controller, best.claimed, best.origin, budget)
+    seen = check_candidate(true, best.controller, best.claimed, best.origin, budget)
     return seen is not None and (
         abs(seen.achieved - best.achieved) <= POLICY.harmless * best.achieved
     )

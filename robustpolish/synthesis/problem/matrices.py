@@ -138,7 +138,7 @@ class PlantMatrices:
         )
 
     def without_d22(self) -> PlantMatrices:
-        """Return the plant whose y lacks D22 u, which :func:`shift` accounts for."""
+        """Return the plant whose y lacks D22 u, which :func:`absorb_d22` accounts for."""
         return self.replace(D22=np.zeros_like(self.D22)) if self.has_d22 else self
 
     @cached_property
@@ -151,7 +151,7 @@ class PlantMatrices:
 _NAMES = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
 
 
-def with_price_and_noise(plant: PlantMatrices, epsilon: float) -> PlantMatrices:
+def with_penalty_and_noise(plant: PlantMatrices, epsilon: float) -> PlantMatrices:
     """Append epsilon times u to z and epsilon times noise on y to w; zero returns the plant."""
     if epsilon == 0:
         return plant
@@ -189,7 +189,7 @@ def regularise(plant: PlantMatrices, epsilon: float) -> PlantMatrices:
         D12=np.vstack([P.D12, np.zeros((n, P.nu))]),
         D21=np.hstack([P.D21, np.zeros((P.ny, n))]),
     )
-    return with_price_and_noise(disturbed, epsilon)
+    return with_penalty_and_noise(disturbed, epsilon)
 
 
 def shifted(plant: PlantMatrices, by: float) -> PlantMatrices:
@@ -244,7 +244,7 @@ def close(plant: PlantMatrices, K: Controller) -> SystemMatrices:
     )
 
 
-def shift(K: Controller, D22: Matrix) -> Controller | None:
+def absorb_d22(K: Controller, D22: Matrix) -> Controller | None:
     """Return the controller for the plant with D22 that acts as K does on the one without.
 
     K sees y - D22 u. None if I + Dk D22 is singular to working accuracy.
@@ -378,7 +378,7 @@ def to_discrete(K: Controller, feedback: Matrix, D22: Matrix) -> Controller | No
         root * K.C @ inverse,
         K.D + K.C @ inverse @ K.B + feedback,
     )
-    return shift(mapped, D22)
+    return absorb_d22(mapped, D22)
 
 
 # Plants whose whole state is measured, y = x: the loops of u = F x, and related plants.
@@ -386,7 +386,7 @@ def to_discrete(K: Controller, feedback: Matrix, D22: Matrix) -> Controller | No
 # Every function takes and returns :class:`PlantMatrices`; in discrete time x' is x(k + 1).
 
 
-def measuring_states(plant: PlantMatrices) -> PlantMatrices:
+def with_measured_states(plant: PlantMatrices) -> PlantMatrices:
     """Return the plant with y = x."""
     nx = plant.nx
     return plant.replace(C2=np.eye(nx), D21=np.zeros((nx, plant.nw)), D22=np.zeros((nx, plant.nu)))
@@ -424,7 +424,7 @@ def is_regular(plant: PlantMatrices) -> bool:
     return bool(singular[-1] > 1e-11 * size)
 
 
-def with_price(plant: PlantMatrices, price: float) -> PlantMatrices:
+def with_small_penalty(plant: PlantMatrices, price: float) -> PlantMatrices:
     """Append `price` times u to z, and a thousandth of it times x: no rank is missing then."""
     nx, nu, nw = plant.nx, plant.nu, plant.nw
     return plant.replace(
@@ -434,10 +434,10 @@ def with_price(plant: PlantMatrices, price: float) -> PlantMatrices:
     )
 
 
-def only_effort(plant: PlantMatrices, state_weight: float) -> PlantMatrices:
+def minimum_effort_problem(plant: PlantMatrices, state_weight: float) -> PlantMatrices:
     """Return the problem of stabilising with little effort, whatever w and z are."""
     nx, nu = plant.nx, plant.nu
-    return measuring_states(
+    return with_measured_states(
         plant.replace(
             B1=np.eye(nx),
             C1=np.vstack([state_weight * np.eye(nx), np.zeros((nu, nx))]),
@@ -451,7 +451,7 @@ def with_noise(plant: PlantMatrices, share: float) -> PlantMatrices:
     """Append a disturbance on every state, `share` times as large as those that are there."""
     nx = plant.nx
     size = share * (float(np.linalg.norm(plant.B1, 2)) if plant.B1.size else 1.0)
-    return measuring_states(
+    return with_measured_states(
         plant.replace(
             B1=np.hstack([plant.B1, size * np.eye(nx)]),
             D11=np.hstack([plant.D11, np.zeros((plant.nz, nx))]),
@@ -459,7 +459,7 @@ def with_noise(plant: PlantMatrices, share: float) -> PlantMatrices:
     )
 
 
-def compressed(plant: PlantMatrices) -> PlantMatrices:
+def compressed_outputs(plant: PlantMatrices) -> PlantMatrices:
     """Return the plant with as few performance outputs as give the same norms."""
     columns = np.hstack([plant.C1, plant.D11, plant.D12])
     if columns.shape[0] <= columns.shape[1]:
@@ -471,7 +471,7 @@ def compressed(plant: PlantMatrices) -> PlantMatrices:
 
 def in_states(plant: PlantMatrices, T: Matrix) -> PlantMatrices:
     """Return the plant for states x = T x_new, which are measured; F = F_new inv(T)."""
-    return measuring_states(
+    return with_measured_states(
         plant.replace(
             A=np.linalg.solve(T, plant.A @ T),
             B1=np.linalg.solve(T, plant.B1),
@@ -527,7 +527,7 @@ class StaticLoop:
         return self.left.T @ gradient @ self.right.T
 
 
-def close_static(plant: PlantMatrices, K: Matrix) -> StaticLoop | None:
+def close_static_loop(plant: PlantMatrices, K: Matrix) -> StaticLoop | None:
     """Connect u = K y with a constant K; None if the loop is not well posed."""
     if not plant.has_d22:
         return _closed(plant, K, K, None, None)

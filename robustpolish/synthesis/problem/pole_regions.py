@@ -303,7 +303,7 @@ def checked_regions(
     return tuple(several)
 
 
-def outside(regions: Sequence[PoleRegion], poles: ArrayLike) -> list[str]:
+def violated_regions(regions: Sequence[PoleRegion], poles: ArrayLike) -> list[str]:
     """Say of each region that some of the poles miss that they do."""
     return [f"a pole lies outside {region}" for region in regions if not region.contains(poles)]
 

@@ -19,7 +19,7 @@ from robustpolish.linear.controllability import controllability, observability
 from robustpolish.linear.zeros import AxisZero, zeros_on_axis
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import NOISE_PREFIX
-from robustpolish.synthesis.problem.matrices import PlantMatrices, close_static
+from robustpolish.synthesis.problem.matrices import PlantMatrices, close_static_loop
 from robustpolish.synthesis.problem.scaling import scale_plant
 
 _SUSPECT = 1e-7
@@ -66,7 +66,7 @@ class FixedMode:
 
 
 @dataclass(frozen=True)
-class Preflight:
+class SolvabilityCheck:
     """Findings about a plant.
 
     Attributes
@@ -105,7 +105,7 @@ class Preflight:
             return None
         return not (self.control_zeros or self.measurement_zeros)
 
-    def with_zeros(self, plant: GeneralizedPlant) -> Preflight:
+    def with_zeros(self, plant: GeneralizedPlant) -> SolvabilityCheck:
         """Return the diagnosis of the plant with its zeros on the axis, which take longer."""
         P = plant
         return replace(
@@ -141,7 +141,7 @@ def _zeros(A: Matrix, B: Matrix, C: Matrix, D: Matrix, dt: Any) -> tuple[AxisZer
     return zeros_on_axis(control.StateSpace(A, B, C, D, dt))
 
 
-def diagnose(plant: GeneralizedPlant) -> Preflight:
+def check_solvability(plant: GeneralizedPlant) -> SolvabilityCheck:
     """Look for what makes an output feedback impossible or singular."""
     scaled = scale_plant(plant)
     P = scaled.plant
@@ -150,10 +150,10 @@ def diagnose(plant: GeneralizedPlant) -> Preflight:
         *_fixed(P.A, P.B2, plant, scaled.time, "uncontrollable"),
         *_fixed(P.A.T, P.C2.T, plant, scaled.time, "unobservable"),
     ]
-    return Preflight(tuple(modes), rank12, rank21, rank12 == plant.nu, rank21 == plant.ny)
+    return SolvabilityCheck(tuple(modes), rank12, rank21, rank12 == plant.nu, rank21 == plant.ny)
 
 
-def refuse(modes: Sequence[FixedMode]) -> InfeasibleError:
+def infeasible_modes_error(modes: Sequence[FixedMode]) -> InfeasibleError:
     """Return the error that names the modes for which no controller exists."""
     listed = "; ".join(str(mode) for mode in modes)
     kinds = {mode.lack for mode in modes}
@@ -190,10 +190,10 @@ def _fixed(
         if distance < _SUSPECT:
             carries = plant.states[int(np.argmax(_participation(vectors, i)))]
             found.append(FixedMode(complex(values[i] / time), carries, lack, distance, False))
-    return _settled(found, A, B, plant, time, lack) if found else []
+    return _confirmed_modes(found, A, B, plant, time, lack) if found else []
 
 
-def _settled(
+def _confirmed_modes(
     found: list[FixedMode], A: Matrix, B: Matrix, plant: GeneralizedPlant, time: float, lack: str
 ) -> list[FixedMode]:
     """Decide which suspects are fixed to rounding, and drop those that are proven to be moved.
@@ -248,7 +248,7 @@ def _rank(D: Matrix) -> int:
     return int((np.linalg.svd(D, compute_uv=False) > _WEAKEST).sum()) if D.size else 0
 
 
-def priced(plant: GeneralizedPlant, weight: ArrayLike | None) -> GeneralizedPlant:
+def with_control_penalty(plant: GeneralizedPlant, weight: ArrayLike | None) -> GeneralizedPlant:
     """Append weighted controls to the performance outputs.
 
     Parameters
@@ -277,7 +277,7 @@ def priced(plant: GeneralizedPlant, weight: ArrayLike | None) -> GeneralizedPlan
     return plant.rewired(plant.wiring.with_performance(none, np.diag(weights)[paid], names))
 
 
-def noisy(plant: GeneralizedPlant, noise: ArrayLike | None) -> GeneralizedPlant:
+def with_measurement_noise(plant: GeneralizedPlant, noise: ArrayLike | None) -> GeneralizedPlant:
     """Append noise on the measurements to the disturbances.
 
     Without it a controller may amplify a small y without limit, so a price on u alone does
@@ -368,7 +368,7 @@ def unstable_fixed_modes(
     for scale in np.logspace(-1, 1, _GAINS):
         if not suspects:
             break
-        closed = close_static(loop, np.where(mask, scale * rng.normal(size=mask.shape), 0.0))
+        closed = close_static_loop(loop, np.where(mask, scale * rng.normal(size=mask.shape), 0.0))
         if closed is None:
             continue
         suspects = [i for i in suspects if np.abs(closed.poles - values[i]).min() <= _MOVED * size]

@@ -21,8 +21,8 @@ from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.problem.matrices import (
     Controller,
     PlantMatrices,
+    absorb_d22,
     balanced,
-    shift,
     to_continuous,
     to_discrete,
 )
@@ -75,7 +75,7 @@ def decoupled_parts(
     return tuple(_part(plant, b.states, b.inputs, b.outputs) for b in blocks)
 
 
-def undivided(plant: GeneralizedPlant) -> PlantPart:
+def whole_plant(plant: GeneralizedPlant) -> PlantPart:
     """Return the whole plant as its only part."""
     counts = (plant.nx, plant.nw, plant.nu, plant.nz, plant.ny)
     return PlantPart(plant, *(tuple(range(count)) for count in counts))
@@ -100,7 +100,7 @@ def _part(
     return PlantPart(part, *(tuple(indices) for indices in kept))
 
 
-def with_signals(part: GeneralizedPlant) -> GeneralizedPlant:
+def with_dummy_signals(part: GeneralizedPlant) -> GeneralizedPlant:
     """Add a w or a z without effect to a part that has none and only has to be stabilised."""
     if part.nw and part.nz:
         return part
@@ -265,7 +265,9 @@ def scale_plant(plant: GeneralizedPlant) -> ScaledPlant:
     >>> bool(abs(scale_plant(plant).plant.A).max() < 10)
     True
     """
-    with powers_of_two.within_doubles("plant", {name: getattr(plant, name) for name in _NAMES}):
+    with powers_of_two.range_errors_as_input_errors(
+        "plant", {name: getattr(plant, name) for name in _NAMES}
+    ):
         return _scaled_plant(plant)
 
 
@@ -281,7 +283,7 @@ def _scaled_plant(plant: GeneralizedPlant) -> ScaledPlant:
     )
     left, right = _balance(S, nx, nw, nz)
     S = powers_of_two.scaled(S, left[:, None], right)
-    powers_of_two.refuse_beyond(S)
+    powers_of_two.refuse_out_of_range(S)
     matrices = (S[:nx, :nx], S[:nx, nx:], S[nx:, :nx], S[nx:, nx:])
     whole = plant.system
     names = (whole.input_labels, whole.output_labels, whole.state_labels)
@@ -344,7 +346,7 @@ class SolverPlant:
 
     def controller(self, K: Controller) -> control.StateSpace | None:
         """Return a controller in the plant's units; None if its loop is not well posed."""
-        shifted = shift(K, self.scaled.plant.D22)
+        shifted = absorb_d22(K, self.scaled.plant.D22)
         if shifted is None:
             return None
         found = self.scaled.controller(control.StateSpace(*shifted, remove_useless_states=False))

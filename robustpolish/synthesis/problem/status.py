@@ -10,7 +10,7 @@ Status = Literal["optimal", "suboptimal", "infimum_not_attained", "time_limit"]
 # The word that says least comes first. After "time_limit" another machine may find something else;
 # "suboptimal" leaves open how much is to be gained, and by what; "infimum_not_attained" says both:
 # as much as wanted, by larger gains; "optimal" says that nothing is.
-_LEAST_KNOWN_FIRST: tuple[Status, ...] = (
+_WORST_FIRST: tuple[Status, ...] = (
     "time_limit",
     "suboptimal",
     "infimum_not_attained",
@@ -29,5 +29,5 @@ def worst_status(statuses: Iterable[str]) -> Status:
     'optimal'
     """
     found = set(statuses)
-    words: list[Status] = [status for status in _LEAST_KNOWN_FIRST if status in found]
+    words: list[Status] = [status for status in _WORST_FIRST if status in found]
     return words[0] if words else "optimal"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from robustpolish.base.arrays import AnyArray, Array
 from robustpolish.base.arrays import AnyMatrix as Matrix
-from robustpolish.base.budget import look_at_the_clock
+from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.realisation import Realisation
 from robustpolish.linear.eigen import eigensystem
@@ -44,7 +44,7 @@ _FEW = 4
 _WIDEST, _WIDEST_START = 1e-4, 1e-2
 
 
-class QuickNorm(NamedTuple):
+class EstimatedNorm(NamedTuple):
     """A gain that is reached, where, and whether nothing larger is in sight.
 
     ``settled`` is whether the Hamiltonian matrix shows no larger gain than ``value``. Doubles
@@ -57,7 +57,9 @@ class QuickNorm(NamedTuple):
     settled: bool
 
 
-def quick_norm(A: Matrix, B: Matrix, C: Matrix, D: Matrix, tolerance: float = 1e-6) -> QuickNorm:
+def estimate_norm(
+    A: Matrix, B: Matrix, C: Matrix, D: Matrix, tolerance: float = 1e-6
+) -> EstimatedNorm:
     """Estimate the norm of a stable continuous-time system.
 
     Parameters
@@ -68,7 +70,7 @@ def quick_norm(A: Matrix, B: Matrix, C: Matrix, D: Matrix, tolerance: float = 1e
 
     Returns
     -------
-    QuickNorm
+    EstimatedNorm
 
     Notes
     -----
@@ -76,7 +78,7 @@ def quick_norm(A: Matrix, B: Matrix, C: Matrix, D: Matrix, tolerance: float = 1e
     """
     scale = state_scale(A, B, C)
     A, B, C = A * scale / scale[:, None], B / scale[:, None], C * scale
-    peak = _peak_by_modes(A, B, C, D, tolerance) if len(A) > _MODAL else None
+    peak = _modal_peak(A, B, C, D, tolerance) if len(A) > _MODAL else None
     if peak is None:
         poles: Any = np.linalg.eigvals(A) if A.size else np.zeros(0, complex)
         seeds = np.concatenate([_resonances(poles), [np.inf]])
@@ -84,25 +86,23 @@ def quick_norm(A: Matrix, B: Matrix, C: Matrix, D: Matrix, tolerance: float = 1e
         seeds = np.array([peak.frequency])
     norm, where = _highest(A, B, C, D, seeds)
     if peak is not None and peak.upper <= (1 + _WIDEST) * peak.gain:
-        return QuickNorm(norm, where, abs(norm - peak.gain) <= _WIDEST * norm)
+        return EstimatedNorm(norm, where, abs(norm - peak.gain) <= _WIDEST * norm)
     if norm == 0 or not np.isfinite(norm) or not A.size:
-        return QuickNorm(norm, where, bool(np.isfinite(norm)))
+        return EstimatedNorm(norm, where, bool(np.isfinite(norm)))
     for _ in range(_STEPS):
         crossings = _crossings(A, B, C, D, norm * (1 + tolerance))
         if crossings is None or not crossings.size:
-            return QuickNorm(norm, where, crossings is not None)
+            return EstimatedNorm(norm, where, crossings is not None)
         middle = np.concatenate([crossings, (crossings[1:] + crossings[:-1]) / 2])
         higher, there = _highest(A, B, C, D, middle)
         if higher <= norm * (1 + tolerance):
             # Eigenvalues that only look as if they were on the axis.
-            return QuickNorm(norm, where, crossings.size <= 2)
+            return EstimatedNorm(norm, where, crossings.size <= 2)
         norm, where = higher, there
-    return QuickNorm(norm, where, False)
+    return EstimatedNorm(norm, where, False)
 
 
-def _peak_by_modes(
-    A: Matrix, B: Matrix, C: Matrix, D: Matrix, tolerance: float
-) -> ModalPeak | None:
+def _modal_peak(A: Matrix, B: Matrix, C: Matrix, D: Matrix, tolerance: float) -> ModalPeak | None:
     """Find the peak in modal coordinates; None where rounding errors leave it wide open."""
     if not D.size or D.size > len(A):
         return None
@@ -227,7 +227,7 @@ def achieved_hinf(
     result, gains, grid = _norm_and_grid(system, precise)
     if not precise and system.nstates <= _PRECISE_STATES:
         precise = not (
-            result.upper <= result.value * (1 + 1e-3) and _agree(result.value, gains, level)
+            result.upper <= result.value * (1 + 1e-3) and _grid_confirms(result.value, gains, level)
         )
         if precise:
             result, gains, grid = _norm_and_grid(system, precise)
@@ -236,7 +236,7 @@ def achieved_hinf(
         reasons.append(f"the H-infinity norm could not be computed: {result.reason}")
         return np.inf, None
     largest = float(gains.max(initial=0.0))
-    if not _agree(value, gains, level):
+    if not _grid_confirms(value, gains, level):
         reasons.append(f"the frequency response reaches {largest:.6g}, the norm was {value:.6g}")
     other = _largest_singular_values(rounded, grid, precise)
     if not abs(other.max(initial=0.0) - largest) <= _ROUNDING * largest + level:
@@ -270,13 +270,13 @@ def _norm(system: control.StateSpace, precise: bool) -> HinfNorm:
     """Return the norm; a proof in balls follows, so that none is needed for large loops."""
     if system.nstates > _LARGE and not system.dt:
         A, B, C, D = (np.asarray(M) for M in (system.A, system.B, system.C, system.D))
-        value, where, settled = quick_norm(A, B, C, D)
+        value, where, settled = estimate_norm(A, B, C, D)
         upper = value * (1 + 1e-6) if settled else np.inf
         return HinfNorm(value, where, value, upper, True, "estimated in doubles")
     return hinf_norm(system, exact=precise)
 
 
-def _agree(value: float, gains: NDArray[np.float64], level: float) -> bool:
+def _grid_confirms(value: float, gains: NDArray[np.float64], level: float) -> bool:
     """Tell whether the largest gain on the grid is the norm."""
     return bool(abs(gains.max(initial=0.0) - value) <= 5e-4 * value + level)
 
@@ -303,7 +303,7 @@ def _confirmation_grid(system: control.StateSpace, peak: float) -> NDArray[np.fl
     ndarray
         For a discrete-time system from 0 to the Nyquist frequency.
     """
-    nyquist = _nyquist(system)
+    nyquist = _nyquist_frequency(system)
     poles: Any = np.linalg.eigvals(system.A) if system.nstates else np.zeros(0, complex)
     if np.isfinite(nyquist):
         own = np.abs(np.angle(poles)) / (np.pi / nyquist)
@@ -340,10 +340,10 @@ def _largest_singular_values(
     values = np.zeros(frequencies.size)
     if 0 in D.shape:
         return values
-    nyquist = _nyquist(system)
+    nyquist = _nyquist_frequency(system)
     solve = _solve_precisely if precise else np.linalg.solve
     for i, frequency in enumerate(frequencies):
-        look_at_the_clock()
+        check_deadline()
         response = D.astype(complex)
         if np.isfinite(frequency):
             angle = np.pi * frequency / nyquist
@@ -379,7 +379,7 @@ def _complex_ball(M: Any) -> Any:
     return flint.acb_mat(M.shape[0], M.shape[1], [complex(z) for z in M.ravel()])
 
 
-def _nyquist(system: control.StateSpace) -> float:
+def _nyquist_frequency(system: control.StateSpace) -> float:
     """Return the highest frequency in rad/s; pi if the sampling time has no unit."""
     if not system.dt:
         return np.inf

@@ -14,12 +14,12 @@ import numpy as np
 from scipy.linalg import lapack as _lapack
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
-from robustpolish.base.budget import look_at_the_clock
+from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.balls import Ball
 from robustpolish.linear.arithmetic.realisation import size
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.proofs.achieved_norm import quick_norm, state_scale
+from robustpolish.synthesis.proofs.achieved_norm import estimate_norm, state_scale
 from robustpolish.synthesis.riccati.equations import solve_lyapunov, solve_riccati
 
 # The closed loop of a plant and any controller, in ball arithmetic: an enclosure of the exact one.
@@ -93,7 +93,7 @@ class LoopBalls:
         return float(np.linalg.norm(C) ** 2 / np.linalg.norm(A)) or 1.0
 
 
-def enclosed(system: control.StateSpace) -> LoopBalls:
+def enclose_system(system: control.StateSpace) -> LoopBalls:
     """Enclose a system, which has been connected before, as it is."""
     A, B, C, D = (balls.ball(np.asarray(M)) for M in (system.A, system.B, system.C, system.D))
     return LoopBalls(A, B, C, D, np.ones(A.nrows()))
@@ -268,13 +268,13 @@ def _crossings(loop: LoopBalls, gamma: float) -> list[float]:
     g = flint.arb(gamma)
     A, R, Q = replace(loop, B=loop.B / g, D=loop.D / g).riccati_terms()
     hamiltonian = balls.block([[A, R], [-Q, -A.transpose()]])
-    look_at_the_clock(_EIGENVALUES * hamiltonian.nrows() ** 3)
+    check_deadline(_EIGENVALUES * hamiltonian.nrows() ** 3)
     values = flint.acb_mat(hamiltonian.mid()).eig(algorithm="approx")
     near = [value for value in values if abs(value.real.mid()) <= abs(value).mid() * _ON_AXIS]
     return sorted({abs(float(value.imag.mid())) for value in near})
 
 
-def precise_candidate(loop: LoopBalls) -> Ball | None:
+def precise_riccati_solution(loop: LoopBalls) -> Ball | None:
     """Solve the bounded-real Riccati equation, where a tiny shift of the poles will do.
 
     Midpoints of balls serve as long floating-point numbers in the structure-preserving doubling
@@ -301,7 +301,7 @@ def precise_candidate(loop: LoopBalls) -> Ball | None:
         R = (resolvent * R * core.transpose() * (rate * 2)).mid()
         Q = (core.transpose() * Q * resolvent * (rate * 2)).mid()
         for _ in range(math.ceil(math.log2(fastest / damping)) + _MORE_STEPS):
-            look_at_the_clock()
+            check_deadline()
             W = (one - R * Q).mid().inv().mid()
             EW = (E * W).mid()
             more = (E.transpose() * Q * (W * E)).mid()
@@ -362,7 +362,7 @@ class NormProof:
     bits: int = BITS
 
 
-class Proven(NamedTuple):
+class ProvenNorm(NamedTuple):
     """A proof, and the norm with the frequency of its peak in rad/s, computed again if need be."""
 
     proof: NormProof | None
@@ -370,14 +370,14 @@ class Proven(NamedTuple):
     frequency: float | None
 
 
-def slacks(loop: LoopBalls) -> tuple[float, ...]:
+def trial_slacks(loop: LoopBalls) -> tuple[float, ...]:
     """Return those of :data:`SLACK` that are worth a trial on a loop of this size."""
     return SLACK[loop.A.nrows() > _LARGE :]
 
 
 def prove_computed_norm(
     loop: LoopBalls, rounded: LoopBalls, level: float, step: float | None
-) -> Proven | None:
+) -> ProvenNorm | None:
     """Compute the H-infinity norm in doubles and bracket it by a gain and a proof in balls.
 
     Parameters
@@ -406,7 +406,7 @@ def prove_computed_norm(
         matrices = each.doubles
         if 0 in matrices[3].shape or not all(np.isfinite(M).all() for M in matrices):
             return None
-        seen.append(quick_norm(*matrices, _ACCURACY))
+        seen.append(estimate_norm(*matrices, _ACCURACY))
     exact, other = seen
     if not (exact.settled and other.settled):
         return None
@@ -415,9 +415,9 @@ def prove_computed_norm(
     if not (level < gain < np.inf and abs(other.value - gain) <= _AGREE * gain):
         return None
     achieved, frequency = max((gain, exact.frequency), (other.value, other.frequency))
-    slack = slacks(loop)[0]
+    slack = trial_slacks(loop)[0]
     proof = prove_hinf(loop, achieved * (1 + slack), slack)
-    return proof and Proven(proof, achieved, rate(frequency, step))
+    return proof and ProvenNorm(proof, achieved, rate(frequency, step))
 
 
 def prove_stability(loop: LoopBalls, bits: int | None = None) -> NormProof | None:
@@ -432,7 +432,7 @@ def prove_stability(loop: LoopBalls, bits: int | None = None) -> NormProof | Non
     n = loop.A.nrows()
     silent = replace(loop, B=balls.zeros(n, 0), C=balls.zeros(0, n), D=balls.zeros(0, 0))
     with balls.precision(bits or BITS):
-        found = _checked(silent, 0.5, bits)
+        found = _proof_at_unit_norm(silent, 0.5, bits)
     return None if found is None else _proof("lyapunov", np.inf, found, loop)
 
 
@@ -460,11 +460,13 @@ def prove_hinf(
         g = flint.arb(float(bound))
         unit = replace(loop, B=loop.B / g, D=loop.D / g)
         gap = balls.identity(loop.B.ncols()) - unit.D.transpose() * unit.D
-        found = _checked(unit, slack, bits) if balls.is_positive_definite(gap) else None
+        found = _proof_at_unit_norm(unit, slack, bits) if balls.is_positive_definite(gap) else None
     return None if found is None else _proof("bounded_real", bound, found, loop)
 
 
-def _checked(loop: LoopBalls, slack: float, bits: int | None) -> tuple[Matrix, Ball] | None:
+def _proof_at_unit_norm(
+    loop: LoopBalls, slack: float, bits: int | None
+) -> tuple[Matrix, Ball] | None:
     """Return coordinates T and a P in them that proves the norm of `loop` to be below one."""
     n = loop.A.nrows()
     if n == 0:
@@ -472,7 +474,7 @@ def _checked(loop: LoopBalls, slack: float, bits: int | None) -> tuple[Matrix, B
     if bits is None:
         trials = _candidates(loop, slack)
     else:
-        found = precise_candidate(loop)
+        found = precise_riccati_solution(loop)
         trials = [] if found is None else [(np.eye(n), found, loop)]
     for T, P, turned in trials:
         if _is_bounded_real(P, turned):
@@ -501,7 +503,7 @@ def _candidates(loop: LoopBalls, slack: float) -> Iterator[tuple[Matrix, Ball, L
         T = np.eye(n) if start is None else _identity_coordinates(start)
         for _ in range(_PASSES):
             try:
-                turned = _turned(loop, T)
+                turned = _in_coordinates(loop, T)
             except ZeroDivisionError:
                 break
             X = _shifted_riccati(turned, alpha)
@@ -513,7 +515,7 @@ def _candidates(loop: LoopBalls, slack: float) -> Iterator[tuple[Matrix, Ball, L
             T = _identity_coordinates(X) @ T
 
 
-def _turned(loop: LoopBalls, T: Matrix) -> LoopBalls:
+def _in_coordinates(loop: LoopBalls, T: Matrix) -> LoopBalls:
     """Return the loop in the coordinates T x."""
     into = balls.ball(T)
     back = into.inv()
@@ -597,7 +599,7 @@ def prove_h2(
             balls.zeros(flow.B.ncols(), 0),
             1 / loop.scale,
         )
-        found = _checked(dual, slack, bits)
+        found = _proof_at_unit_norm(dual, slack, bits)
         if found is None:
             return None
         if n:
@@ -633,7 +635,7 @@ def tightest_proof(
     frequency: float | None,
     claimed: float | None,
     step: float | None,
-) -> Proven:
+) -> ProvenNorm:
     """Prove the smallest bound that can be proven; stability alone if no bound can.
 
     P is sought in doubles first. Where that proves no bound near the norm, the H-infinity norm is
@@ -660,7 +662,7 @@ def tightest_proof(
     try:
         loop = flow(BITS)
     except ZeroDivisionError:  # a pole at -1
-        return Proven(None, achieved, frequency)
+        return ProvenNorm(None, achieved, frequency)
     states, discrete = loop.A.nrows(), step is not None
     precisions = list(_precisions(states))
     if norm == "h2":
@@ -670,7 +672,7 @@ def tightest_proof(
         if found is None or found.bound > achieved * (1 + TIGHT):
             found = _first(prove_h2(enclose(b), discrete, bits=b) for b in precisions) or found
     else:
-        tried = slacks(loop)
+        tried = trial_slacks(loop)
         found = _first(prove_hinf(loop, achieved * (1 + slack), slack) for slack in tried)
         if found is None and precisions:
             gain, where = precise_peak(loop, angle(frequency or 0.0, step))
@@ -678,17 +680,17 @@ def tightest_proof(
                 achieved, frequency = gain, rate(where, step)
             bound = achieved * (1 + SLACK[-1])
             found = _first(prove_hinf(flow(bits), bound, bits=bits) for bits in precisions)
-        found = found or _first(_looser(loop, achieved, claimed))
+        found = found or _first(_relaxed_proof(loop, achieved, claimed))
     if found is None:
         found = prove_stability(loop) or _first(prove_stability(flow(b), b) for b in precisions)
-    return Proven(found, achieved, frequency)
+    return ProvenNorm(found, achieved, frequency)
 
 
 def _first(proofs: Iterable[NormProof | None]) -> NormProof | None:
     for proof in proofs:
         if proof is not None:
             return proof
-        look_at_the_clock()
+        check_deadline()
     return None
 
 
@@ -700,7 +702,9 @@ def _precisions(states: int) -> Iterator[int]:
         bits *= 2
 
 
-def _looser(loop: LoopBalls, achieved: float, claimed: float | None) -> Iterator[NormProof | None]:
+def _relaxed_proof(
+    loop: LoopBalls, achieved: float, claimed: float | None
+) -> Iterator[NormProof | None]:
     """Try the bound that was claimed, and those below which doubles see nothing but rounding."""
     if claimed is not None and claimed > achieved * (1 + SLACK[-1]):
         yield prove_hinf(loop, claimed, min(0.1, claimed / achieved - 1) if achieved else 0.1)

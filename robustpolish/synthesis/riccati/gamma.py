@@ -19,7 +19,7 @@ from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget, step_cost
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, regularise, shifted
 from robustpolish.synthesis.riccati.equations import solve_riccati
-from robustpolish.synthesis.riccati.lower_bound import PROVABLE_STATES, PROVEN, proven_bound
+from robustpolish.synthesis.riccati.lower_bound import PROVABLE_STATES, PROVEN, proven_lower_bound
 
 # The central H-infinity controller from two Riccati equations.
 #
@@ -46,7 +46,7 @@ class Attempt(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Half:
+class RiccatiEquation:
     """What one of the two equations needs: that of the controls, or of the measurements transposed.
 
     Attributes
@@ -107,11 +107,11 @@ class Half:
 
 
 @dataclass(frozen=True, eq=False)
-class TwoHalves:
+class RiccatiPair:
     """The pair of equations whose common solvability decides whether a gamma can be reached."""
 
-    control: Half
-    measurement: Half
+    control: RiccatiEquation
+    measurement: RiccatiEquation
 
     @property
     def states(self) -> int:
@@ -153,12 +153,12 @@ class NormalisedPlant:
     measurement: Matrix
 
     @cached_property
-    def halves(self) -> TwoHalves:
+    def halves(self) -> RiccatiPair:
         """Its two Riccati equations."""
         P = self.plant
-        return TwoHalves(
-            Half(P.A, P.B1, P.B2, P.C1, P.D11, P.D12),
-            Half(P.A.T, P.C1.T, P.C2.T, P.B1.T, P.D11.T, P.D21.T),
+        return RiccatiPair(
+            RiccatiEquation(P.A, P.B1, P.B2, P.C1, P.D11, P.D12),
+            RiccatiEquation(P.A.T, P.C1.T, P.C2.T, P.B1.T, P.D11.T, P.D21.T),
         )
 
     def controller(self, K: Controller) -> Controller:
@@ -282,7 +282,7 @@ class ReductionPolicy:
 _REDUCTION_POLICY = ReductionPolicy()
 
 
-def reduced_halves(plant: PlantMatrices) -> TwoHalves | None:
+def reduced_riccati_pair(plant: PlantMatrices) -> RiccatiPair | None:
     """Return the equations of a plant, reduced where D12 or D21 is rank-deficient.
 
     Parameters
@@ -299,10 +299,12 @@ def reduced_halves(plant: PlantMatrices) -> TwoHalves | None:
     P = plant
     control = _reduced(P.A, P.B1, P.B2, P.C1, P.D11, P.D12)
     measurement = _reduced(P.A.T, P.C1.T, P.C2.T, P.B1.T, P.D11.T, P.D21.T)
-    return None if control is None or measurement is None else TwoHalves(control, measurement)
+    return None if control is None or measurement is None else RiccatiPair(control, measurement)
 
 
-def _reduced(A: Matrix, B1: Matrix, B2: Matrix, C: Matrix, D11: Matrix, D12: Matrix) -> Half | None:
+def _reduced(
+    A: Matrix, B1: Matrix, B2: Matrix, C: Matrix, D11: Matrix, D12: Matrix
+) -> RiccatiEquation | None:
     """Reduce the half of the controls; measurements are their transpose."""
     probe = _Probe.of(A, B2, C, D12)
     for noiseless in _REDUCTION_POLICY.noiseless:
@@ -321,7 +323,7 @@ def _reduced_by(
     D11: Matrix,
     D12: Matrix,
     probe: _Probe,
-) -> tuple[Half, Gains]:
+) -> tuple[RiccatiEquation, Gains]:
     """Replace controls without price by the states that they set at will, until none is left.
 
     Returns also what they do to z at the probe's frequencies, as gains of the old controls.
@@ -358,7 +360,7 @@ def _reduced_by(
     nu = D12.shape[1]
     turn = np.vstack([U[:, nu:].T, U[:, :nu].T])
     price = np.vstack([np.zeros((len(D12) - nu, nu)), np.eye(nu)])
-    half = Half(A, B1, B2 @ Vt.T / s[:nu], turn @ C, turn @ D11, price, basis)
+    half = RiccatiEquation(A, B1, B2 @ Vt.T / s[:nu], turn @ C, turn @ D11, price, basis)
     return half, C @ _states(probe.frequencies, A, B2 @ controls) + D12 @ controls
 
 
@@ -478,17 +480,19 @@ def lower_bound(plant: PlantMatrices, tolerance: float, budget: Budget) -> Lower
         Proven, or for a plant too large for that an estimate; None where the equations have no
         solution in double precision for any gamma.
     """
-    guess = estimated_bound(plant, tolerance, budget)
+    guess = estimated_lower_bound(plant, tolerance, budget)
     if plant.nx <= PROVABLE_STATES:
-        proven = proven_bound(plant, 1.0 if guess is None else guess.value, tolerance)
+        proven = proven_lower_bound(plant, 1.0 if guess is None else guess.value, tolerance)
         return LowerBound(proven, PROVEN, bracket=guess and guess.bracket)
     return guess
 
 
-def estimated_bound(plant: PlantMatrices, tolerance: float, budget: Budget) -> LowerBound | None:
+def estimated_lower_bound(
+    plant: PlantMatrices, tolerance: float, budget: Budget
+) -> LowerBound | None:
     """Estimate the infimum in double precision, as :func:`lower_bound` without its proof."""
     regular = has_full_rank(plant)
-    halves = _regular_halves if regular else reduced_halves
+    halves = _regular_riccati_pair if regular else reduced_riccati_pair
     found = [_infimum(halves, plant, tolerance, budget)]
     if not regular or found == [None]:
         # Zeros on the axis are the commonest reason to fail; with it moved they lie beside it.
@@ -498,19 +502,19 @@ def estimated_bound(plant: PlantMatrices, tolerance: float, budget: Budget) -> L
     how = "estimated by Riccati equations in double precision"
     if known:
         return LowerBound(min(known), how, False, found[0] if regular else None)
-    bracket = _infimum(reduced_halves, regularise(plant, _POLICY.hardly), tolerance, budget)
+    bracket = _infimum(reduced_riccati_pair, regularise(plant, _POLICY.hardly), tolerance, budget)
     how += f" of a plant with a price and a noise of {_POLICY.hardly:.0e}"
     return None if bracket is None else LowerBound(bracket.lower, how, False)
 
 
 def is_out_of_reach(plant: PlantMatrices, gamma: float) -> bool:
     """Tell whether the equations of a plant have no solution in doubles for a norm."""
-    halves = (_regular_halves if has_full_rank(plant) else reduced_halves)(plant)
+    halves = (_regular_riccati_pair if has_full_rank(plant) else reduced_riccati_pair)(plant)
     return halves is not None and not halves.attempt(gamma).feasible
 
 
 def _infimum(
-    halves: Callable[[PlantMatrices], TwoHalves | None],
+    halves: Callable[[PlantMatrices], RiccatiPair | None],
     plant: PlantMatrices,
     tolerance: float,
     budget: Budget,
@@ -519,13 +523,13 @@ def _infimum(
     return None if found is None else search_gamma(found, 1.0, tolerance, budget)
 
 
-def _regular_halves(plant: PlantMatrices) -> TwoHalves:
+def _regular_riccati_pair(plant: PlantMatrices) -> RiccatiPair:
     """Return the equations of a plant whose D12 and D21 have full rank."""
     return normalise(plant).halves
 
 
 def search_gamma(
-    halves: TwoHalves,
+    halves: RiccatiPair,
     start: float,
     tolerance: float,
     budget: Budget,
@@ -540,7 +544,7 @@ def search_gamma(
 
     Parameters
     ----------
-    halves : TwoHalves
+    halves : RiccatiPair
     start : float
         A gamma that is expected to be feasible; raised until it is.
     tolerance : float
@@ -562,7 +566,7 @@ def search_gamma(
         return None
     upper, lower, best, count = bracket
     if shortcut and lower < upper * (1 - shortcut) and not budget.over:
-        found = _tried(halves, upper * (1 - shortcut), budget)
+        found = _attempt(halves, upper * (1 - shortcut), budget)
         count += 1
         if not found.feasible:
             return GammaBracket(upper, max(lower, upper * (1 - shortcut)), best, count)
@@ -579,7 +583,7 @@ def search_gamma(
         width = _width(lower, upper)
         guess = None if halve else _secant(points, lower, upper, tolerance)
         trial = _middle(lower, upper) if guess is None else guess
-        found = _tried(halves, trial, budget)
+        found = _attempt(halves, trial, budget)
         count += 1
         if found.feasible:
             upper, best = trial, found
@@ -592,12 +596,12 @@ def search_gamma(
     return GammaBracket(upper, lower, best, count)
 
 
-def _first_feasible(halves: TwoHalves, start: float, budget: Budget) -> GammaBracket | None:
+def _first_feasible(halves: RiccatiPair, start: float, budget: Budget) -> GammaBracket | None:
     """Raise gamma until both equations can be solved."""
     floor = halves.floor
     lower, upper = floor, max(start, floor * (1 + 1e-6))
     for count in range(1, _POLICY.most_steps):
-        found = _tried(halves, upper, budget)
+        found = _attempt(halves, upper, budget)
         if found.feasible:
             return GammaBracket(upper, max(lower, found.coupling or 0.0), found, count)
         if budget.over:
@@ -614,7 +618,7 @@ def _first_feasible(halves: TwoHalves, start: float, budget: Budget) -> GammaBra
     return None
 
 
-def _tried(halves: TwoHalves, gamma: float, budget: Budget) -> Attempt:
+def _attempt(halves: RiccatiPair, gamma: float, budget: Budget) -> Attempt:
     budget.spend(step_cost(halves.states))
     return halves.attempt(gamma)
 

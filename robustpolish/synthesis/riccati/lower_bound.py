@@ -12,7 +12,7 @@ from typing import Any
 
 import flint
 
-from robustpolish.base.budget import OutOfTimeError, look_at_the_clock
+from robustpolish.base.budget import DeadlineError, check_deadline
 from robustpolish.linear.arithmetic.balls import (
     Ball,
     ball,
@@ -72,7 +72,7 @@ _HALF_PLANE_POLICY = DiscPolicy()
 
 
 @dataclass(frozen=True, eq=False)
-class LongHalf:
+class PreciseRiccati:
     """The equation of the controls, or of the measurements transposed, enclosed in balls.
 
     Attributes
@@ -118,14 +118,14 @@ class LongHalf:
 
 
 @dataclass(frozen=True, eq=False)
-class LongPlant:
+class PreciseRiccatiPair:
     """Both equations over the disc, and the feedthrough's on their own, which infinity adds."""
 
-    halves: tuple[LongHalf, LongHalf]
-    at_infinity: tuple[LongHalf, LongHalf]
+    halves: tuple[PreciseRiccati, PreciseRiccati]
+    at_infinity: tuple[PreciseRiccati, PreciseRiccati]
 
     @classmethod
-    def of(cls, plant: PlantMatrices) -> LongPlant:
+    def of(cls, plant: PlantMatrices) -> PreciseRiccatiPair:
         """Take a continuous plant; its D22 plays no part."""
         P = [_exactly(getattr(plant, name)) for name in ("A", "B1", "B2", "C1", "C2")]
         D = [_exactly(getattr(plant, name)) for name in ("D11", "D12", "D21")]
@@ -180,12 +180,12 @@ def _mapped(
 
 def _halves(
     A: Ball, B1: Ball, B2: Ball, C1: Ball, C2: Ball, D11: Ball, D12: Ball, D21: Ball
-) -> tuple[LongHalf, LongHalf]:
+) -> tuple[PreciseRiccati, PreciseRiccati]:
     turned = [M.transpose() for M in (A, C1, C2, B1, D11, D21)]
     return _reduced(A, B1, B2, C1, D11, D12), _reduced(*turned)
 
 
-def _reduced(A: Ball, B1: Ball, B2: Ball, C: Ball, D11: Ball, D12: Ball) -> LongHalf:
+def _reduced(A: Ball, B1: Ball, B2: Ball, C: Ball, D11: Ball, D12: Ball) -> PreciseRiccati:
     """Replace controls that D12 does not see by the states that they set at will."""
     basis = identity(A.nrows())
     while True:
@@ -194,7 +194,7 @@ def _reduced(A: Ball, B1: Ball, B2: Ball, C: Ball, D11: Ball, D12: Ball) -> Long
         B2, D12 = B2 * turn, D12 * turn
         turn, priced = independent_first(D12)
         if priced == D12.ncols():
-            return LongHalf(A, B1, B2, C, D11, D12, basis)
+            return PreciseRiccati(A, B1, B2, C, D11, D12, basis)
         first, rest = slice(0, priced), slice(priced, None)
         B2, D12 = B2 * turn, columns_of(D12 * turn, columns=first)
         turn, free = independent_first(columns_of(B2, columns=rest).transpose())
@@ -253,7 +253,7 @@ class ProofPolicy:
 _POLICY = ProofPolicy()
 
 
-def proven_bound(plant: PlantMatrices, guess: float, tolerance: float) -> float:
+def proven_lower_bound(plant: PlantMatrices, guess: float, tolerance: float) -> float:
     """Return a norm that surely no controller reaches, as large as that can be proven.
 
     Parameters
@@ -271,14 +271,14 @@ def proven_bound(plant: PlantMatrices, guess: float, tolerance: float) -> float:
         Zero where nothing could be proven in the time there is.
     """
     lower, upper = 0.0, math.inf
-    trials = _Trials(plant)
+    trials = _PrecisionTrials(plant)
     step = _POLICY.first * tolerance
     trial = max(guess, _POLICY.least) / (1 + step)
     for _ in range(_POLICY.steps):
         try:
-            look_at_the_clock()
+            check_deadline()
             out_of_reach = trials.are_out_of_reach(trial)
-        except OutOfTimeError:
+        except DeadlineError:
             break
         if out_of_reach:
             lower = trial
@@ -295,20 +295,20 @@ def proven_bound(plant: PlantMatrices, guess: float, tolerance: float) -> float:
     return lower * (1 - _POLICY.given_away)
 
 
-class _Trials:
+class _PrecisionTrials:
     """A plant in as many bits as its norms have needed."""
 
     def __init__(self, plant: PlantMatrices) -> None:
         self._plant = plant
         self._bits = list(_POLICY.bits)
-        self._long: LongPlant | None = None
+        self._long: PreciseRiccatiPair | None = None
 
     def are_out_of_reach(self, gamma: float) -> bool:
         """Tell whether surely no controller has this norm."""
         while self._bits:
             with precision(self._bits[0]):
                 try:
-                    self._long = self._long or LongPlant.of(self._plant)
+                    self._long = self._long or PreciseRiccatiPair.of(self._plant)
                     return self._long.is_out_of_reach(gamma)
                 except UndecidedError:
                     self._bits.pop(0)

@@ -14,7 +14,7 @@ from robustpolish.errors import InfeasibleError
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, close
 from robustpolish.synthesis.riccati.equations import solve_riccati
-from robustpolish.synthesis.riccati.gamma import LowerBound, reduced_halves
+from robustpolish.synthesis.riccati.gamma import LowerBound, reduced_riccati_pair
 
 _HOW = "by Riccati equations in double precision"
 
@@ -84,7 +84,7 @@ def h2_lower_bound(plant: PlantMatrices) -> LowerBound | None:
         if K is None:
             return None
         return LowerBound(float(h2_norm(control.StateSpace(*close(plant, K), True))), _HOW)
-    P, halves = plant, reduced_halves(plant)
+    P, halves = plant, reduced_riccati_pair(plant)
     if halves is None:
         return None
     X, Y = halves.control.solve(np.inf), halves.measurement.solve(np.inf)

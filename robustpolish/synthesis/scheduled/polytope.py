@@ -15,14 +15,14 @@ from numpy.typing import ArrayLike
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.checks import described, instance_of, invalid, is_whole
-from robustpolish.plants.blocks import Chosen, chosen_names
+from robustpolish.plants.blocks import SignalChoice, chosen_names
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.elements import RealElement
 from robustpolish.plants.uncertain.lft import Lft, block_slices
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.synthesis.lmi.program import Affine, SemidefiniteProgram, symmetric_block
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.problem.preflight import priced
+from robustpolish.synthesis.problem.preflight import with_control_penalty
 from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
 
 # How Lyapunov matrices depend on the vertex: one for all, one for each, or affine in numbers.
@@ -50,7 +50,7 @@ class LyapunovFamily:
         return cls(np.ones((vertices, 1)), np.zeros((1, 1)))
 
     @classmethod
-    def one_each(cls, vertices: int) -> LyapunovFamily:
+    def per_vertex(cls, vertices: int) -> LyapunovFamily:
         """Return a matrix for each vertex: for plants that do not change with time."""
         return cls(np.eye(vertices), np.zeros((1, vertices)))
 
@@ -83,7 +83,7 @@ class LyapunovFamily:
         return self.size == 1
 
 
-def combined(weights: Matrix, matrices: Sequence[Any]) -> Any:
+def weighted_sum(weights: Matrix, matrices: Sequence[Any]) -> Any:
     """Return the sum of ``weights[k] * matrices[k]``, of any kind that adds and multiplies."""
     terms = [matrix * float(w) for w, matrix in zip(weights, matrices, strict=True) if w]
     if not terms:
@@ -137,7 +137,11 @@ def with_gain(V: Affine, AV: Affine, CV: Affine, a: float, b: float) -> Blocks:
 
 
 def dissipation(
-    P: Affine, rate: Affine | None, terms: Terms, square: Affine | None, question: Question
+    P: Affine,
+    rate: Affine | None,
+    terms: Terms,
+    square: Affine | None,
+    specification: PolytopeSpecification,
 ) -> Affine:
     """Return the matrix that has to be negative definite at a vertex.
 
@@ -148,14 +152,14 @@ def dissipation(
     terms : Terms
     square : Affine or None
         The square of gamma; None for the H2 norm, for which w is left out.
-    question : Question
+    question : PolytopeSpecification
 
     Returns
     -------
     Affine
         Where X is made of P its first row is nought in continuous time, and left out.
     """
-    S, B, D, discrete = terms.S, terms.B, terms.D, question.discrete
+    S, B, D, discrete = terms.S, terms.B, terms.D, specification.discrete
     none = P * 0.0
     Q = ((P, none), (-P,)) if discrete else ((none, P), (none if rate is None else -rate,))
     first: list[Any] = [Q[0][0] + S[0][0] + S[0][0].T, Q[0][1] + S[0][1] + S[1][0].T]
@@ -171,7 +175,7 @@ def dissipation(
             [level, D],
             last,
         ]
-    return symmetric_block(rows[1:] if question.tied and not discrete else rows)
+    return symmetric_block(rows[1:] if specification.tied and not discrete else rows)
 
 
 def energy(Z: Affine, CV: Any, V: Any, P: Affine, D: Any) -> Affine:
@@ -182,7 +186,7 @@ def energy(Z: Affine, CV: Any, V: Any, P: Affine, D: Any) -> Affine:
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
+class PolytopeSpecification:
     """What is asked of all loops of a polytope.
 
     Attributes
@@ -219,7 +223,7 @@ class Terms:
 
 def impose(
     program: SemidefiniteProgram,
-    question: Question,
+    specification: PolytopeSpecification,
     vertex: int,
     matrices: Sequence[Affine],
     terms: Terms,
@@ -232,7 +236,7 @@ def impose(
     Parameters
     ----------
     program : SemidefiniteProgram
-    question : Question
+    question : PolytopeSpecification
     vertex : int
     matrices : sequence of Affine
         The unknown Lyapunov matrices of the family.
@@ -244,17 +248,17 @@ def impose(
     rates : sequence of Affine or None, optional
         Derivatives of the Lyapunov matrix as of :func:`extreme_rates`; all by default.
     """
-    hinf, family = question.norm == "hinf", question.family
+    hinf, family = specification.norm == "hinf", specification.family
     margin = Affine.of(0.0) if margin is None else margin
 
     def strictly(M: Affine) -> None:
         program.positive(M - margin.times(np.eye(M.shape[0])))
 
-    P = combined(family.shares[vertex], matrices)
+    P = weighted_sum(family.shares[vertex], matrices)
     strictly(P)
     level = square if hinf else None
     for rate in _each_rate(family, matrices) if rates is None else rates:
-        strictly(-dissipation(P, rate, terms, level, question))
+        strictly(-dissipation(P, rate, terms, level, specification))
     if hinf:
         return None
     Z = program.symmetric(terms.CV.shape[0])
@@ -290,7 +294,7 @@ _CORNERS = 4
 
 
 def _each_rate(family: LyapunovFamily, matrices: Sequence[Affine]) -> list[Affine | None]:
-    return [combined(drift, matrices) if drift.any() else None for drift in family.drifts]
+    return [weighted_sum(drift, matrices) if drift.any() else None for drift in family.drifts]
 
 
 def mean(matrices: Sequence[Any]) -> Any:
@@ -377,7 +381,7 @@ class Polytope:
     system : UncertainSystem or None
         The box from which the vertices are, disturbances before controls and outputs z before y.
     bends : tuple of float or None
-        See :func:`bends_of`; None if some plants of the box are no mixtures of its corners.
+        See :func:`affine_warps`; None if some plants of the box are no mixtures of its corners.
     """
 
     plants: tuple[GeneralizedPlant, ...]
@@ -392,7 +396,7 @@ class Polytope:
         return tuple(text or f"plants[{i}]" for i, text in enumerate(told))
 
     @property
-    def all_mixtures(self) -> bool:
+    def is_convex_hull(self) -> bool:
         """Whether all plants that are meant are mixtures of the vertices."""
         return self.bends is not None
 
@@ -465,8 +469,8 @@ def shrunk_matrices(vertices: Sequence[PlantMatrices], factor: float) -> tuple[P
 
 def polytope(
     given: Any,
-    controls: Chosen | None,
-    measurements: Chosen | None,
+    controls: SignalChoice | None,
+    measurements: SignalChoice | None,
     control_weight: ArrayLike | None = None,
 ) -> Polytope:
     """Return the polytope that a user gave, as plants or as an uncertain system.
@@ -520,14 +524,14 @@ def _of_plants(given: Any, weight: ArrayLike | None) -> Polytope:
             if mine != theirs:
                 shown, want = described(f"{what} = {theirs}"), f"{mine} as of the first plant"
                 raise invalid(("plant", i), shown, want, "Vertices differ in numbers only.")
-    paid = tuple(priced(p, weight) for p in plants)
+    paid = tuple(with_control_penalty(p, weight) for p in plants)
     return Polytope(paid, tuple(MappingProxyType({}) for _ in plants))
 
 
 def _of_system(
     system: UncertainSystem,
-    controls: Chosen,
-    measurements: Chosen | None,
+    controls: SignalChoice,
+    measurements: SignalChoice | None,
     weight: ArrayLike | None,
 ) -> Polytope:
     for element in system.elements.values():
@@ -552,9 +556,9 @@ def _of_system(
     plants = tuple(
         GeneralizedPlant(ordered.at(point), measurements=ny, controls=nu) for point in points
     )
-    paid = tuple(priced(plant, weight) for plant in plants)
+    paid = tuple(with_control_penalty(plant, weight) for plant in plants)
     whole = _with_prices(ordered, paid[0], len(outputs[0]))
-    return Polytope(paid, points, whole, bends_of(ordered.matrices))
+    return Polytope(paid, points, whole, affine_warps(ordered.matrices))
 
 
 def _with_prices(system: UncertainSystem, priced_plant: GeneralizedPlant, nz: int) -> Any:
@@ -580,7 +584,7 @@ def real_numbers(system: UncertainSystem) -> tuple[RealElement, ...]:
 
 
 def _last(
-    argument: str, given: Chosen, labels: Sequence[str], what: str
+    argument: str, given: SignalChoice, labels: Sequence[str], what: str
 ) -> tuple[list[str], list[str]]:
     """Return the other signals and the chosen ones, each by name."""
     if is_whole(given):
@@ -592,7 +596,7 @@ def _last(
     return [name for name in labels if name not in chosen], chosen
 
 
-def with_equal(whole: Polytope, names: Sequence[str]) -> Polytope:
+def require_equal(whole: Polytope, names: Sequence[str]) -> Polytope:
     """Refuse vertices whose matrices of these names differ, but for rounding, which is taken out.
 
     Raises
@@ -621,7 +625,7 @@ def with_equal(whole: Polytope, names: Sequence[str]) -> Polytope:
     return replace(whole, plants=tuple(p.replace(**equal) for p in whole.plants))
 
 
-def bends_of(system: Lft) -> tuple[float, ...] | None:
+def affine_warps(system: Lft) -> tuple[float, ...] | None:
     """Return how each number has to be bent for every entry to be affine in it, the others held.
 
     With one number at a time on a line, every plant of the box is a mixture of its corners. It is

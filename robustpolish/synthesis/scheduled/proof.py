@@ -18,14 +18,14 @@ from robustpolish.synthesis.lmi.program import Affine, ProgramSolver, Semidefini
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
 from robustpolish.synthesis.scheduled.polytope import (
     POLICY,
-    Question,
+    PolytopeSpecification,
     Slack,
     Terms,
-    combined,
     extreme_rates,
     impose,
     mean,
     tied_weights,
+    weighted_sum,
     with_slack,
 )
 
@@ -80,7 +80,7 @@ class PolytopeProof:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class ProgramResult:
     """What a program gave: doubles, not verified."""
 
     square: float
@@ -92,7 +92,7 @@ class Found:
 
 def prove(
     loops: Sequence[BallLoop],
-    question: Question,
+    specification: PolytopeSpecification,
     solver: ProgramSolver,
     guess: float,
 ) -> PolytopeProof | None:
@@ -102,7 +102,7 @@ def prove(
     ----------
     loops : sequence of BallLoop
         At the vertices, in scaled units.
-    question : Question
+    question : PolytopeSpecification
         Of what changes with time the H-infinity norm is the largest ratio of energies of z and w.
     solver : ProgramSolver
     guess : float
@@ -116,15 +116,17 @@ def prove(
     unit = _power_of_four(guess)
     T = np.eye(loops[0].A.nrows())
     # Where all loops have the same C no slack is needed beside it.
-    first: Found | None = None
+    first: ProgramResult | None = None
     same = all(loop.C == loops[0].C for loop in loops)
     with balls.precision(BITS):
         for _ in range(2):
             inside = [loop.turned(T, unit) for loop in loops]
-            first = analysed([x.doubles for x in inside], question, solver, same)
+            first = lyapunov_analysis([x.doubles for x in inside], specification, solver, same)
             if first is None:
                 return None
-            better = _square_root(mean([combined(row, first.P) for row in question.family.shares]))
+            better = _square_root(
+                mean([weighted_sum(row, first.P) for row in specification.family.shares])
+            )
             if better is None:
                 break
             T = T @ better
@@ -135,11 +137,11 @@ def prove(
                 return None
             doubles = [x.doubles for x in inside]
             limit = least * (1 + slack) ** 2
-            found = analysed(doubles, question, solver, same, limit)
+            found = lyapunov_analysis(doubles, specification, solver, same, limit)
             if found is None:
                 continue
             gamma = math.sqrt(limit)
-            bound = _checked(inside, question, found, gamma)
+            bound = _checked(inside, specification, found, gamma)
             if bound is not None:
                 X = () if found.X is None else tuple(found.X)
                 up = math.nextafter(bound * unit, math.inf)
@@ -147,42 +149,42 @@ def prove(
     return None
 
 
-def analysed(
+def lyapunov_analysis(
     loops: Sequence[tuple[Matrix, Matrix, Matrix, Matrix]],
-    question: Question,
+    specification: PolytopeSpecification,
     solver: ProgramSolver,
     same: bool,
     limit: float | None = None,
-) -> Found | None:
+) -> ProgramResult | None:
     """Return matrices for the smallest norm; with a limit on its square, the most strict ones.
 
     `same` says whether all loops have the same C.
     """
     n, nz = len(loops[0][0]), len(loops[0][3])
     program = SemidefiniteProgram()
-    matrices = [program.symmetric(n) for _ in range(question.family.size)]
-    hinf = question.norm == "hinf"
+    matrices = [program.symmetric(n) for _ in range(specification.family.size)]
+    hinf = specification.norm == "hinf"
     X = None
-    if not question.tied:
+    if not specification.tied:
         X = Slack(*(program.matrix(rows, n) for rows in (n, n, nz if hinf else 0)))
-    V = None if same or question.tied or hinf else program.matrix(n, n)
+    V = None if same or specification.tied or hinf else program.matrix(n, n)
     square = program.scalar() if limit is None else Affine.of(limit)
     margin = None if limit is None else program.scalar()
-    rates = extreme_rates(program, question.family, matrices)
+    rates = extreme_rates(program, specification.family, matrices)
     energies = []
-    a, b = tied_weights(question.discrete)
+    a, b = tied_weights(specification.discrete)
     for i, (A, B, C, D) in enumerate(loops):
-        P = combined(question.family.shares[i], matrices)
-        seen = question.seen(C)
+        P = weighted_sum(specification.family.shares[i], matrices)
+        seen = specification.seen(C)
         slack = X or Slack(P * a, P * b, Affine.of(np.zeros((len(seen), n))))
         terms = Terms(with_slack(slack, A, seen), C @ (P if V is None else V), V, B, D)
-        energies.append(impose(program, question, i, matrices, terms, square, margin, rates))
+        energies.append(impose(program, specification, i, matrices, terms, square, margin, rates))
     program.minimise(square if margin is None else -margin)
     solution = solver.solve(program)
     if solution.x is None:
         return None
     values = [solution.value(M) for M in matrices]
-    return Found(
+    return ProgramResult(
         solution.value(square).item(),
         [(M + M.T) / 2 for M in values],
         None if X is None else Slack(*(solution.value(M) for M in X)),
@@ -193,21 +195,21 @@ def analysed(
 
 def _checked(
     loops: Sequence[BallLoop],
-    question: Question,
-    found: Found,
+    specification: PolytopeSpecification,
+    found: ProgramResult,
     gamma: float,
 ) -> float | None:
     """Return the bound that the matrices prove in ball arithmetic; None if they prove none."""
-    hinf, family = question.norm == "hinf", question.family
+    hinf, family = specification.norm == "hinf", specification.family
     matrices = [balls.ball(M) for M in found.P]
     largest = flint.arb(0)
     for i, loop in enumerate(loops):
-        P = combined(family.shares[i], matrices)
+        P = weighted_sum(family.shares[i], matrices)
         if not balls.is_positive_definite(P):
             return None
         for drift in family.drifts:
-            rate = combined(drift, matrices) if drift.any() else P * 0
-            M = _dissipation(P, rate, found.X, loop, gamma if hinf else None, question)
+            rate = weighted_sum(drift, matrices) if drift.any() else P * 0
+            M = _dissipation(P, rate, found.X, loop, gamma if hinf else None, specification)
             if not balls.is_positive_definite(-M):
                 return None
         if not hinf:
@@ -227,7 +229,7 @@ def _dissipation(
     slack: Slack | None,
     loop: BallLoop,
     gamma: float | None,
-    question: Question,
+    specification: PolytopeSpecification,
 ) -> Ball:
     """Return the matrix of :func:`inequalities.dissipation` in balls."""
     n, nw = P.nrows(), loop.B.ncols()
@@ -236,19 +238,19 @@ def _dissipation(
     D = loop.D if gamma is not None else balls.zeros(0, nw)
     nz = C.nrows()
     if slack is None:
-        a, b = tied_weights(question.discrete)
+        a, b = tied_weights(specification.discrete)
         X = balls.block([[P * a], [P * b], [balls.zeros(nz, n)]])
     else:
         X = balls.block([[balls.ball(M)] for M in slack])
     none, side, low = balls.zeros(n, n), balls.zeros(n, nz), balls.zeros(nz, n)
-    Q = [[P, none], [none, -P]] if question.discrete else [[none, P], [P, -rate]]
+    Q = [[P, none], [none, -P]] if specification.discrete else [[none, P], [P, -rate]]
     level = balls.identity(nz) * (flint.arb(gamma or 0.0) ** 2)
     whole = balls.block([[*Q[0], side], [*Q[1], side], [low, low, -level]])
     S = X * balls.block([[-balls.identity(n), loop.A.transpose(), C.transpose()]])
     whole = whole + S + S.transpose()
     source = balls.block([[balls.zeros(n, nw)], [loop.B], [D]])
     M = balls.block([[whole, source], [source.transpose(), -balls.identity(nw)]])
-    if question.tied and not question.discrete:
+    if specification.tied and not specification.discrete:
         return columns_of(M, slice(n, None), slice(n, None))
     return M
 

@@ -13,15 +13,21 @@ from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
-from robustpolish.base.budget import Budget, OutOfTimeError, ends_with, same_bits, working
+from robustpolish.base.budget import (
+    Budget,
+    DeadlineError,
+    enforce_deadline,
+    progress_bar,
+    single_threaded_blas,
+)
 from robustpolish.base.checks import described, invalid, one_of, positive
 from robustpolish.base.results import Card, Displayed, Table, quantities
 from robustpolish.errors import InfeasibleError, SolverError
-from robustpolish.plants.blocks import Chosen
+from robustpolish.plants.blocks import SignalChoice
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.plots.charts import plot_bars
-from robustpolish.robust.questions import WorstCaseGain, up, worst_case_gain
+from robustpolish.robust.questions import WorstCaseGain, round_up, worst_case_gain
 from robustpolish.synthesis.certificate import Certificate, Norm, certify
 from robustpolish.synthesis.lmi.program import (
     Affine,
@@ -30,14 +36,13 @@ from robustpolish.synthesis.lmi.program import (
     symmetric_block,
 )
 from robustpolish.synthesis.problem.matrices import PlantMatrices, state_gain_norm
-from robustpolish.synthesis.problem.preflight import diagnose
+from robustpolish.synthesis.problem.preflight import check_solvability
 from robustpolish.synthesis.scheduled.polytope import (
     POLICY,
     LyapunovFamily,
     Polytope,
-    Question,
+    PolytopeSpecification,
     Terms,
-    combined,
     extreme_rates,
     impose,
     mean,
@@ -45,12 +50,13 @@ from robustpolish.synthesis.scheduled.polytope import (
     scaled_vertices,
     shrunk_matrices,
     tied_weights,
+    weighted_sum,
     with_gain,
     with_slack,
 )
 from robustpolish.synthesis.scheduled.proof import (
-    Found,
-    analysed,
+    ProgramResult,
+    lyapunov_analysis,
     prove,
     state_loop,
     uncertain_loop,
@@ -175,18 +181,18 @@ class GainProblem:
     ----------
     plants : tuple of PlantMatrices
         At the vertices.
-    question : Question
+    question : PolytopeSpecification
     scheduled : bool
         A gain for each vertex, mixed as the plants are, instead of one for all.
     """
 
     plants: tuple[PlantMatrices, ...]
-    question: Question
+    specification: PolytopeSpecification
     scheduled: bool = False
 
 
 @dataclass(frozen=True, eq=False)
-class GainFound:
+class VertexGains:
     """Gains, one for each vertex, and the bound that a program claims for them."""
 
     gains: tuple[Matrix, ...]
@@ -194,14 +200,14 @@ class GainFound:
 
 
 @dataclass(frozen=True, eq=False)
-class _Solved:
+class _GainSolution:
     """An answer, and coordinates in which the next program is easy."""
 
-    found: GainFound
+    found: VertexGains
     easy: Coordinates
 
 
-def candidates(problem: GainProblem, solver: ProgramSolver) -> Iterator[GainFound]:
+def candidates(problem: GainProblem, solver: ProgramSolver) -> Iterator[VertexGains]:
     """Yield gains of a small bound, then smaller gains with larger bounds.
 
     Near the smallest bound gains often grow without limit, until a proof fails.
@@ -218,11 +224,11 @@ def candidates(problem: GainProblem, solver: ProgramSolver) -> Iterator[GainFoun
         again = _program(problem, best.easy, tilt, solver)
         if again is None or again.found.claimed >= best.found.claimed:
             break
-        again = _eased(problem, again, best.easy, tilt, solver)
+        again = _interior_solution(problem, again, best.easy, tilt, solver)
         if again is None:
             break
         best = again
-    one_of_many = not (problem.scheduled or problem.question.tied)
+    one_of_many = not (problem.scheduled or problem.specification.tied)
     for back_off in POLICY.back_offs:
         limit = best.found.claimed * (1 + back_off)
         smaller = _program(problem, best.easy, tilt, solver, limit)
@@ -232,41 +238,41 @@ def candidates(problem: GainProblem, solver: ProgramSolver) -> Iterator[GainFoun
                 break
             smaller = again
         if smaller is not None:
-            yield _in_turns(problem, smaller, back_off, solver) if one_of_many else smaller.found
+            yield _alternate(problem, smaller, back_off, solver) if one_of_many else smaller.found
 
 
-def _is_kept(problem: GainProblem, found: GainFound) -> bool:
+def _is_kept(problem: GainProblem, found: VertexGains) -> bool:
     """Tell whether the loops of the vertices keep the bound, which rounding may break."""
     norms = (
-        state_gain_norm(p, F, problem.question.norm)
+        state_gain_norm(p, F, problem.specification.norm)
         for p, F in zip(problem.plants, found.gains, strict=True)
     )
     return max(norms) <= found.claimed * (1 + POLICY.broken)
 
 
-def _best_tilt(problem: GainProblem, solver: ProgramSolver) -> tuple[_Solved | None, float]:
+def _best_tilt(problem: GainProblem, solver: ProgramSolver) -> tuple[_GainSolution | None, float]:
     """Return the best first answer, and the weight of the slack on the derivative for it."""
     start = Coordinates.plain(problem.plants[0], 1.0)
     family = LyapunovFamily.common(len(problem.plants))
-    common = replace(problem, question=replace(problem.question, family=family))
+    common = replace(problem, specification=replace(problem.specification, family=family))
     plain = _program(common, start, 0.0, solver)
-    plain = plain and _eased(common, plain, start, 0.0, solver)
-    if problem.question.tied:
+    plain = plain and _interior_solution(common, plain, start, 0.0, solver)
+    if problem.specification.tied:
         return plain, 0.0
     if plain is not None:
         start = plain.easy
     best, chosen = None, POLICY.tilts[0]
     # In discrete time the inequality has one form that is best where there is but one vertex.
-    for tilt in (0.0,) if problem.question.discrete else POLICY.tilts:
+    for tilt in (0.0,) if problem.specification.discrete else POLICY.tilts:
         solved = _program(problem, start, tilt, solver)
         if solved is not None and (best is None or solved.found.claimed < best.found.claimed):
             best, chosen = solved, tilt
-    return best and _eased(problem, best, start, chosen, solver), chosen
+    return best and _interior_solution(problem, best, start, chosen, solver), chosen
 
 
-def _eased(
-    problem: GainProblem, solved: _Solved, c: Coordinates, tilt: float, solver: ProgramSolver
-) -> _Solved:
+def _interior_solution(
+    problem: GainProblem, solved: _GainSolution, c: Coordinates, tilt: float, solver: ProgramSolver
+) -> _GainSolution:
     """Return an answer with coordinates of one that is well inside its inequalities."""
     inside = _program(problem, c, tilt, solver, solved.found.claimed * (1 + POLICY.room))
     if inside is None:
@@ -281,29 +287,29 @@ def _program(
     solver: ProgramSolver,
     limit: float | None = None,
     gains_themselves: bool = False,
-) -> _Solved | None:
+) -> _GainSolution | None:
     """Minimise the bound; or, with a limit on it, the gains, by their effort or themselves."""
     if solver.budget.over:
         return None  # to put a program together that is not solved takes longer than a limit allows
     program = SemidefiniteProgram()
     plants = [c.apply(p) for p in problem.plants]
     n, nu = plants[0].nx, plants[0].nu
-    question = problem.question
-    matrices = [program.symmetric(n) for _ in range(question.family.size)]
-    rates = extreme_rates(program, question.family, matrices)
-    tied = question.tied
+    specification = problem.specification
+    matrices = [program.symmetric(n) for _ in range(specification.family.size)]
+    rates = extreme_rates(program, specification.family, matrices)
+    tied = specification.tied
     V = matrices[0] if tied else program.matrix(n, n)
     count = len(plants) if problem.scheduled else 1
     gains = [program.matrix(nu, n) for _ in range(count)]
-    a, b = tied_weights(question.discrete)
-    weights = (a, b) if question.discrete or tied else (tilt, 1.0)
+    a, b = tied_weights(specification.discrete)
+    weights = (a, b) if specification.discrete or tied else (tilt, 1.0)
     square = program.scalar() if limit is None else Affine.of((limit / c.unit) ** 2)
     for i, p in enumerate(plants):
         L = gains[i % count]
         AV, CV = p.A @ V + p.B2 @ L, p.C1 @ V + p.D12 @ L
-        seen = CV if question.norm == "hinf" else Affine.of(np.zeros((0, n)))
+        seen = CV if specification.norm == "hinf" else Affine.of(np.zeros((0, n)))
         terms = Terms(with_gain(V, AV, seen, *weights), CV, V, p.B1, p.D11)
-        impose(program, question, i, matrices, terms, square, rates=rates)
+        impose(program, specification, i, matrices, terms, square, rates=rates)
     if limit is None:
         program.minimise(square)
     elif gains_themselves:
@@ -320,15 +326,15 @@ def _program(
     v, P = solution.value(V), [solution.value(M) for M in matrices]
     try:
         found = tuple(c.gain(v.T, solution.value(L)) for L in gains)
-        middle = mean([combined(row, P) for row in question.family.shares])
+        middle = mean([weighted_sum(row, P) for row in specification.family.shares])
         sizes = np.sqrt(mean([solution.value(L) ** 2 for L in gains]))
         following = c.next(plants[0], middle, sizes, even_out=False)
     except np.linalg.LinAlgError:
         return None
     if not (math.isfinite(claimed) and claimed > 0 and all(np.isfinite(F).all() for F in found)):
         return None
-    return _Solved(
-        GainFound(tuple(found[i % count] for i in range(len(plants))), claimed),
+    return _GainSolution(
+        VertexGains(tuple(found[i % count] for i in range(len(plants))), claimed),
         replace(following, unit=claimed),
     )
 
@@ -343,81 +349,83 @@ def _effort(program: SemidefiniteProgram, gains: list[Affine], V: Affine) -> Aff
     return total
 
 
-def _in_turns(
-    problem: GainProblem, start: _Solved, back_off: float, solver: ProgramSolver
-) -> GainFound:
+def _alternate(
+    problem: GainProblem, start: _GainSolution, back_off: float, solver: ProgramSolver
+) -> VertexGains:
     """Improve one gain for all: with the gain held the slack is free, and the other way round."""
     c, best = start.easy, start.found
     plants = [c.apply(p) for p in problem.plants]
     # In these coordinates u = V F T x.
     F = np.linalg.solve(c.V, best.gains[0] @ c.T)
     rooms = list(POLICY.turn_rooms)
-    held = _held(problem, plants, F, rooms[0], solver)
+    held = _solve_for_slack(problem, plants, F, rooms[0], solver)
     for _ in range(POLICY.turns):
         if held is None or not rooms:
             break
-        moved = _moved(problem, plants, held, solver, None)
-        again = None if moved is None else _held(problem, plants, moved, rooms[0], solver)
+        moved = _solve_for_gain(problem, plants, held, solver, None)
+        again = (
+            None if moved is None else _solve_for_slack(problem, plants, moved, rooms[0], solver)
+        )
         enough = (1 - POLICY.gain_of_turn) ** 2
         slow = again is None or again.square > enough * held.square
         if moved is not None and again is not None and again.square < held.square:
             F, held = moved, again
         if slow:
             rooms = rooms[1:]
-            nearer = _held(problem, plants, F, rooms[0], solver) if rooms else None
+            nearer = _solve_for_slack(problem, plants, F, rooms[0], solver) if rooms else None
             held = nearer or held
     if held is not None:
         level = math.sqrt(held.square) * c.unit
         if level < best.claimed:
             limit = held.square * (1 + back_off) ** 2
-            smaller = _moved(problem, plants, held, solver, limit)
+            smaller = _solve_for_gain(problem, plants, held, solver, limit)
             if smaller is not None:
                 F, level = smaller, level * (1 + back_off)
             gain: Matrix = c.V @ F @ np.linalg.inv(c.T)
-            return GainFound((gain,) * len(plants), level)
+            return VertexGains((gain,) * len(plants), level)
     return best
 
 
-def _held(
+def _solve_for_slack(
     problem: GainProblem,
     plants: list[PlantMatrices],
     F: Matrix,
     room: float,
     solver: ProgramSolver,
-) -> Found | None:
+) -> ProgramResult | None:
     """Return a slack well inside the inequalities for a gain, with the least square of the norm."""
     loops = [(p.A + p.B2 @ F, p.B1, p.C1 + p.D12 @ F, p.D11) for p in plants]
     same = all(np.array_equal(loop[2], loops[0][2]) for loop in loops)
-    least = analysed(loops, problem.question, solver, same)
+    least = lyapunov_analysis(loops, problem.specification, solver, same)
     if least is None or not least.square > 0:
         return None
     limit = least.square * (1 + room) ** 2
-    inside = analysed(loops, problem.question, solver, same, limit)
+    inside = lyapunov_analysis(loops, problem.specification, solver, same, limit)
     return None if inside is None else replace(inside, square=least.square)
 
 
-def _moved(
+def _solve_for_gain(
     problem: GainProblem,
     plants: list[PlantMatrices],
-    held: Found,
+    held: ProgramResult,
     solver: ProgramSolver,
     limit: float | None,
 ) -> Matrix | None:
     """Return the gain of the smallest bound with the slack held; with a limit, the smallest."""
-    question = problem.question
+    specification = problem.specification
     program = SemidefiniteProgram()
     n, nu = plants[0].nx, plants[0].nu
-    matrices = [program.symmetric(n) for _ in range(question.family.size)]
-    rates = extreme_rates(program, question.family, matrices)
+    matrices = [program.symmetric(n) for _ in range(specification.family.size)]
+    rates = extreme_rates(program, specification.family, matrices)
     F = program.matrix(nu, n)
     square = program.scalar() if limit is None else Affine.of(limit)
     assert held.X is not None
     for i, p in enumerate(plants):
         A, C = p.A + p.B2 @ F, p.C1 + p.D12 @ F
-        seen = C if question.norm == "hinf" else Affine.of(np.zeros((0, n)))
-        V = held.V if held.V is not None else combined(question.family.shares[i], held.P)
+        seen = C if specification.norm == "hinf" else Affine.of(np.zeros((0, n)))
+        V = held.V if held.V is not None else weighted_sum(specification.family.shares[i], held.P)
         terms = Terms(with_slack(held.X, A, seen), C @ V, V, p.B1, p.D11)
-        impose(program, question, i, matrices, terms, square, rates=rates)
+        impose(program, specification, i, matrices, terms, square, rates=rates)
     if limit is None:
         program.minimise(square)
     else:
@@ -440,7 +448,7 @@ def refused_vertices(whole: Polytope) -> None:
         It names the vertex and the mode.
     """
     for name, plant in zip(whole.names, whole.plants, strict=True):
-        modes = [mode for mode in diagnose(plant).fixed_modes if mode.exact]
+        modes = [mode for mode in check_solvability(plant).fixed_modes if mode.exact]
         if modes:
             listed = "; ".join(str(mode) for mode in modes)
             raise InfeasibleError(
@@ -450,7 +458,7 @@ def refused_vertices(whole: Polytope) -> None:
             )
 
 
-def share_with_gain(problem: GainProblem, solver: ProgramSolver) -> float:
+def feasible_share(problem: GainProblem, solver: ProgramSolver) -> float:
     """Return for which part of a polytope, shrunk towards its middle, there is a proven gain.
 
     Parameters
@@ -472,15 +480,15 @@ def _has_gain(problem: GainProblem, solver: ProgramSolver) -> bool:
     if found is None:
         return False
     loops = [state_loop(p, F) for p, F in zip(problem.plants, found.gains, strict=True)]
-    return prove(loops, problem.question, solver, found.claimed) is not None
+    return prove(loops, problem.specification, solver, found.claimed) is not None
 
 
-@same_bits
+@single_threaded_blas
 def robust_state_feedback(
     plant: Sequence[GeneralizedPlant] | UncertainSystem,
     norm: Literal["hinf", "h2"] = "hinf",
     *,
-    controls: Chosen | None = None,
+    controls: SignalChoice | None = None,
     lyapunov: Lyapunov = "vertices",
     control_weight: ArrayLike | None = None,
     backend: Literal["cvxpy", "picos"] = "cvxpy",
@@ -565,24 +573,26 @@ def robust_state_feedback(
     budget = Budget(POLICY.work, time_limit)
     programs = ProgramSolver(backend, solver, budget, POLICY.tolerance)
     count = len(whole.plants)
-    makes = LyapunovFamily.common if lyapunov == "common" else LyapunovFamily.one_each
-    with working("Designing for all vertices"), ends_with(budget):
+    makes = LyapunovFamily.common if lyapunov == "common" else LyapunovFamily.per_vertex
+    with progress_bar("Designing for all vertices"), enforce_deadline(budget):
         scaled, vertices = scaled_vertices(whole)
-        problem = GainProblem(vertices, Question(makes(count), norm, vertices[0].discrete))
+        problem = GainProblem(
+            vertices, PolytopeSpecification(makes(count), norm, vertices[0].discrete)
+        )
         for found in candidates(problem, programs):
             F = found.gains[0]
             loops = [state_loop(p, F) for p in vertices]
-            proof = prove(loops, problem.question, programs, found.claimed)
+            proof = prove(loops, problem.specification, programs, found.claimed)
             # Units are powers of two, but for the root of that of time in an H2 norm.
-            bound = math.inf if proof is None else up(scaled.norm(proof.bound, norm))
-            design = _judged(whole, norm, lyapunov, scaled.state_gain(F), bound, budget)
+            bound = math.inf if proof is None else round_up(scaled.norm(proof.bound, norm))
+            design = _verified_design(whole, norm, lyapunov, scaled.state_gain(F), bound, budget)
             if design is not None:
                 return design
-        share = share_with_gain(problem, programs)
+        share = feasible_share(problem, programs)
     raise SolverError(_failure(lyapunov, share, budget.late))
 
 
-def _judged(
+def _verified_design(
     whole: Polytope, norm: Norm, lyapunov: Lyapunov, F: Any, bound: float, budget: Budget
 ) -> RobustStateFeedback | None:
     """Return the design of a gain with all that is proven of it; None if that is too little."""
@@ -593,13 +603,13 @@ def _judged(
     loop = None
     if whole.system is not None:
         loop = uncertain_loop(whole.system, whole.plants[0].nz, F)
-        worst = _worst_in_time(loop, bound) if norm == "hinf" else None
-    varying = lyapunov == "common" and whole.all_mixtures and math.isfinite(bound)
-    if not whole.all_mixtures:
+        worst = _worst_case_if_time(loop, bound) if norm == "hinf" else None
+    varying = lyapunov == "common" and whole.is_convex_hull and math.isfinite(bound)
+    if not whole.is_convex_hull:
         bound = math.inf
     if not varying and worst is not None and worst.proven:
         bound = min(bound, worst.upper)
-    if whole.all_mixtures and not math.isfinite(bound):
+    if whole.is_convex_hull and not math.isfinite(bound):
         return None
     status: Status = "proven" if math.isfinite(bound) else "vertices only"
     if status == "proven" and budget.late:
@@ -621,7 +631,7 @@ def _judged(
 
 
 def _message(whole: Polytope, status: Status, varying: bool, worst: WorstCaseGain | None) -> str:
-    if whole.all_mixtures:
+    if whole.is_convex_hull:
         text = "The bound is proven for every mixture of the vertices"
         text += ", also if they change with time." if varying else ", unless they change with time."
     else:
@@ -654,11 +664,11 @@ def _failure(lyapunov: Lyapunov, share: float, late: bool) -> str:
     return text + f"{other}, or measure the numbers and use scheduled_feedback."
 
 
-def _worst_in_time(loop: UncertainSystem, bound: float) -> WorstCaseGain | None:
+def _worst_case_if_time(loop: UncertainSystem, bound: float) -> WorstCaseGain | None:
     """Return the worst-case gain; None if there was no time for it and the bound is proven."""
     try:
         return worst_case_gain(loop)
-    except OutOfTimeError:
+    except DeadlineError:
         if not math.isfinite(bound):
             raise
         return None

@@ -14,23 +14,23 @@ from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
-from robustpolish.base.budget import Budget, same_bits, working
+from robustpolish.base.budget import Budget, progress_bar, single_threaded_blas
 from robustpolish.base.checks import described, instance_of, invalid, known_keys, positive
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.errors import SolverError
 from robustpolish.linear.norms.singular_values import singular_values
 from robustpolish.linear.response import uniform_step, varying_response
-from robustpolish.plants.blocks import Chosen, matrices_of, named_system
+from robustpolish.plants.blocks import SignalChoice, matrices_of, named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.plots.frequency import plot_gains
 from robustpolish.synthesis.lmi.output_feedback import (
-    Unknowns,
-    Variables,
+    LmiValues,
+    LmiVariables,
     coupling,
     loop_terms,
     reconstruct,
-    size_of,
+    variable_bound,
 )
 from robustpolish.synthesis.lmi.program import (
     Affine,
@@ -39,16 +39,16 @@ from robustpolish.synthesis.lmi.program import (
     symmetric_block,
 )
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
-from robustpolish.synthesis.problem.preflight import noisy
+from robustpolish.synthesis.problem.preflight import with_measurement_noise
 from robustpolish.synthesis.problem.scaling import ScaledPlant
 from robustpolish.synthesis.scheduled.polytope import (
     POLICY,
     LyapunovFamily,
     Polytope,
-    Question,
+    PolytopeSpecification,
     polytope,
+    require_equal,
     scaled_vertices,
-    with_equal,
 )
 from robustpolish.synthesis.scheduled.proof import BallLoop, output_loop, prove, state_loop
 from robustpolish.synthesis.scheduled.robust_state_feedback import (
@@ -311,12 +311,12 @@ def scheduled_controllers(
                 yield made, float(np.sqrt(limit))
 
 
-def _parts(v: Variables) -> tuple[np.ndarray, ...]:
+def _parts(v: LmiValues) -> tuple[np.ndarray, ...]:
     return v.X, v.Y, np.block([[v.A, v.B], [v.C, v.D]])
 
 
 def _reconstructed(
-    plants: Sequence[PlantMatrices], found: Sequence[Variables]
+    plants: Sequence[PlantMatrices], found: Sequence[LmiValues]
 ) -> tuple[Controller, ...]:
     made = [reconstruct(p, v) for p, v in zip(plants, found, strict=True)]
     return tuple(K for K in made if K is not None) if all(K is not None for K in made) else ()
@@ -327,14 +327,14 @@ def _solved(
     solver: ProgramSolver,
     limit: float | None,
     largest: float | None,
-) -> tuple[list[Variables], float] | None:
+) -> tuple[list[LmiValues], float] | None:
     """Minimise the square of the bound; with a limit the size, with that the distance of XY."""
     program = SemidefiniteProgram()
-    first = Unknowns.of(program, plants[0], "hinf")
+    first = LmiVariables.of(program, plants[0], "hinf")
     unknowns = [first]
     for _ in plants[1:]:
         own = [program.matrix(*part.shape) for part in first[2:]]
-        unknowns.append(Unknowns(first.X, first.Y, *own))
+        unknowns.append(LmiVariables(first.X, first.Y, *own))
     square = program.scalar() if limit is None else Affine.of(limit)
     for p, v in zip(plants, unknowns, strict=True):
         program.positive(-_bounded_real(p, v, square))
@@ -354,14 +354,14 @@ def _solved(
     return [v.at(solution) for v in unknowns], float(solution.value(square).item())
 
 
-def _largest_size(program: SemidefiniteProgram, unknowns: Sequence[Unknowns]) -> Affine:
+def _largest_size(program: SemidefiniteProgram, unknowns: Sequence[LmiVariables]) -> Affine:
     largest = program.scalar()
     for v in unknowns:
-        program.nonnegative(largest - size_of(program, v))
+        program.nonnegative(largest - variable_bound(program, v))
     return largest
 
 
-def _bounded_real(p: PlantMatrices, v: Unknowns, square: Affine) -> Affine:
+def _bounded_real(p: PlantMatrices, v: LmiVariables, square: Affine) -> Affine:
     """Return the matrix that has to be negative, with the square of gamma on w."""
     loop = loop_terms(p, v)
     return symmetric_block(
@@ -374,15 +374,15 @@ def _bounded_real(p: PlantMatrices, v: Unknowns, square: Affine) -> Affine:
     )
 
 
-Found = tuple[list[BallLoop], tuple[control.StateSpace, ...], float]
+ScheduledCandidate = tuple[list[BallLoop], tuple[control.StateSpace, ...], float]
 
 
-@same_bits
+@single_threaded_blas
 def scheduled_feedback(
     plant: UncertainSystem,
     *,
-    controls: Chosen,
-    measurements: Chosen | None = None,
+    controls: SignalChoice,
+    measurements: SignalChoice | None = None,
     rates: Mapping[str, float] | None = None,
     control_weight: ArrayLike | None = None,
     measurement_noise: ArrayLike | None = None,
@@ -465,7 +465,9 @@ def scheduled_feedback(
     positive("time_limit", time_limit)
     whole = _checked(polytope(plant, controls, measurements, control_weight), measurements)
     if measurements is not None:
-        whole = replace(whole, plants=tuple(noisy(p, measurement_noise) for p in whole.plants))
+        whole = replace(
+            whole, plants=tuple(with_measurement_noise(p, measurement_noise) for p in whole.plants)
+        )
     elif measurement_noise is not None:
         remedy = "Name measurements=, or leave it out."
         raise invalid("measurement_noise", measurement_noise, "none for state feedback", remedy)
@@ -473,18 +475,18 @@ def scheduled_feedback(
     refused_vertices(whole)
     budget = Budget(POLICY.work, time_limit)
     programs = ProgramSolver(backend, solver, budget, POLICY.tolerance)
-    with working("Designing for all corners"):
+    with progress_bar("Designing for all corners"):
         scaled, vertices = scaled_vertices(whole)
         moving = [whole.speed(name) * rate * scaled.time for name, rate in limits.items()]
         family = LyapunovFamily.affine(whole.positions, moving)
-        question = Question(family, "hinf", vertices[0].discrete)
-        problem = GainProblem(vertices, question, scheduled=True)
+        specification = PolytopeSpecification(family, "hinf", vertices[0].discrete)
+        problem = GainProblem(vertices, specification, scheduled=True)
         ways = (
             _gains(problem, scaled, programs)
             if measurements is None
             else _dynamic(problem, scaled, programs)
         )
-        found = _proven(ways, question, programs)
+        found = _first_proven(ways, specification, programs)
     if found is None:
         raise SolverError(_failure(budget.late))
     controllers, bound = found
@@ -502,18 +504,20 @@ def scheduled_feedback(
     )
 
 
-def _proven(
-    ways: Iterator[Found], question: Question, solver: ProgramSolver
+def _first_proven(
+    ways: Iterator[ScheduledCandidate], specification: PolytopeSpecification, solver: ProgramSolver
 ) -> tuple[tuple[control.StateSpace, ...], float] | None:
     """Return the first controllers that are proven, with their bound."""
     for loops, controllers, claimed in ways:
-        proof = prove(loops, question, solver, claimed)
+        proof = prove(loops, specification, solver, claimed)
         if proof is not None:
             return controllers, proof.bound
     return None
 
 
-def _gains(problem: GainProblem, scaled: ScaledPlant, solver: ProgramSolver) -> Iterator[Found]:
+def _gains(
+    problem: GainProblem, scaled: ScaledPlant, solver: ProgramSolver
+) -> Iterator[ScheduledCandidate]:
     plant = scaled.original
     for found in candidates(problem, solver):
         loops = [state_loop(p, F) for p, F in zip(problem.plants, found.gains, strict=True)]
@@ -521,7 +525,9 @@ def _gains(problem: GainProblem, scaled: ScaledPlant, solver: ProgramSolver) -> 
         yield loops, tuple(gains), found.claimed
 
 
-def _dynamic(problem: GainProblem, scaled: ScaledPlant, solver: ProgramSolver) -> Iterator[Found]:
+def _dynamic(
+    problem: GainProblem, scaled: ScaledPlant, solver: ProgramSolver
+) -> Iterator[ScheduledCandidate]:
     for made, claimed in scheduled_controllers(problem.plants, solver):
         loops = [output_loop(p, K) for p, K in zip(problem.plants, made, strict=True)]
         yield loops, tuple(_named(scaled, K) for K in made), claimed
@@ -536,9 +542,9 @@ def _named(scaled: ScaledPlant, K: Any) -> control.StateSpace:
     return named_system((own.A, own.B, own.C, own.D), plant.dt, *names)
 
 
-def _checked(whole: Polytope, measurements: Chosen | None) -> Polytope:
+def _checked(whole: Polytope, measurements: SignalChoice | None) -> Polytope:
     """Return a polytope whose mixtures the controllers follow, or say what to do."""
-    if not whole.all_mixtures:
+    if not whole.is_convex_hull:
         raise invalid(
             "plant",
             described("a plant that is not on a line in each number, the others held"),
@@ -549,7 +555,7 @@ def _checked(whole: Polytope, measurements: Chosen | None) -> Polytope:
         remedy = "Make each with uncertain_real: each is measured on its own."
         raise invalid("plant", described("an ellipsoid"), "numbers of their own", remedy)
     if measurements is None:
-        return with_equal(whole.with_full_state(), ("B2", "D12"))
+        return require_equal(whole.with_full_state(), ("B2", "D12"))
     plant = whole.plants[0]
     if plant.is_discrete:
         remedy = "Design in continuous time, or with state feedback."
@@ -557,7 +563,7 @@ def _checked(whole: Polytope, measurements: Chosen | None) -> Polytope:
     if any(p.D22.any() for p in whole.plants):
         remedy = "Put a lag before the controls or behind the measurements."
         raise invalid("plant", described("a D22 that is not zero"), "none from u to y", remedy)
-    return with_equal(whole, ("B2", "C2", "D12", "D21"))
+    return require_equal(whole, ("B2", "C2", "D12", "D21"))
 
 
 def _rates(whole: Polytope, given: Mapping[str, float] | None) -> dict[str, float]:

@@ -244,7 +244,7 @@ class StateEngine(ABC):
         """Relative distance from the optimum that is given away for a smaller gain."""
         return POLICY.given_away * self.tolerance
 
-    def coarser(self, tolerance: float) -> StateEngine:
+    def with_least_tolerance(self, tolerance: float) -> StateEngine:
         """Return the engine with at least this tolerance."""
         return replace(self, tolerance=max(self.tolerance, tolerance))
 

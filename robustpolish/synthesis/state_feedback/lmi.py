@@ -20,11 +20,11 @@ from robustpolish.synthesis.lmi.program import (
 )
 from robustpolish.synthesis.problem.matrices import (
     PlantMatrices,
-    compressed,
+    compressed_outputs,
     in_states,
     state_gain_norm,
     with_noise,
-    with_price,
+    with_small_penalty,
 )
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 from robustpolish.synthesis.state_feedback.engine import POLICY, StateEngine, StateGain
@@ -166,7 +166,7 @@ def h2_inequality(
 ) -> Affine:
     """Return a scalar expression that is at least the squared H2 norm."""
     S, E = p.A @ Y + p.B2 @ M, congruence
-    paid, free = _split_by_price(p)
+    paid, free = _split_by_control_penalty(p)
     nw = p.nw
     Z = paid.C1 @ Y + paid.D12 @ M
     W = program.symmetric(paid.nz)
@@ -183,7 +183,7 @@ def h2_inequality(
     return W.trace + rest
 
 
-def _split_by_price(
+def _split_by_control_penalty(
     p: PlantMatrices,
 ) -> tuple[PlantMatrices, PlantMatrices]:
     """Turn z so that u reaches only its first part: the rest of the trace is linear in Y.
@@ -310,7 +310,7 @@ class StatePrograms:
     budget: Budget
     history: list[dict[str, Any]]
 
-    def judged(self, F: Matrix) -> float:
+    def loop_norm_of(self, F: Matrix) -> float:
         """Return the norm that a gain achieves; infinite outside the regions."""
         p, regions = self.plant, self.engine.regions
         achieved = state_gain_norm(p, F, self.engine.norm)
@@ -361,7 +361,9 @@ class StatePrograms:
         if demand.held is not None:
             left, right = demand.held[0] @ c.V, np.linalg.inv(c.T) @ demand.held[1]
             gain_inequality(program, Y, M, Affine.of(1.0), left, right)
-        program.minimise(square if limit is None else _smallness(program, Y, M, c, demand.gain))
+        program.minimise(
+            square if limit is None else _size_objective(program, Y, M, c, demand.gain)
+        )
         solver = ProgramSolver(engine.backend, engine.solver, self.budget, tolerance)
         solution = solver.solve(program)
         told = {"step": step, "solver_status": solution.status, "seconds": solution.elapsed}
@@ -375,7 +377,7 @@ class StatePrograms:
             following = c.next(q, y, m, even_out=hinf)
         except linalg.LinAlgError:
             return None
-        achieved = self.judged(F)
+        achieved = self.loop_norm_of(F)
         told |= {"claimed": claimed, "achieved": achieved}
         if 0 < achieved < math.inf:
             following = replace(following, unit=achieved)
@@ -391,7 +393,7 @@ def _variables(
     return Y, np.linalg.solve(c.V, fixed @ c.T) @ Y
 
 
-def _smallness(
+def _size_objective(
     program: SemidefiniteProgram, Y: Affine, M: Affine, c: Coordinates, gain: float | None
 ) -> Affine:
     """Return what is to be small: the squared gain over `gain`, or the effort F Y F'."""
@@ -418,13 +420,13 @@ class LmiStateEngine(StateEngine):
 
     def search(self, plant: PlantMatrices, budget: Budget) -> StateGain | None:
         """Minimise the norm; see :class:`StateEngine`."""
-        p = compressed(plant)
+        p = compressed_outputs(plant)
         programs = StatePrograms(p, self, budget, [])
         first = state_gain_norm(p, lqr_gain(plant), self.norm)
         start = Coordinates.plain(p, first if 0 < first < math.inf else 1.0)
-        found = _rounds(programs, start)
+        found = _iterate(programs, start)
         if (found is None or not found.agreed) and not budget.over:
-            other = _rounds(programs, _approached(programs, start))
+            other = _iterate(programs, _coordinates_by_continuation(programs, start))
             if found is None or (other is not None and other.better_than(found)):
                 found = other
         if found is None:
@@ -436,13 +438,13 @@ class LmiStateEngine(StateEngine):
         else:
             claimed = found.claimed
             near = 0.5 * gain.achieved < claimed < gain.achieved
-            gain = _smaller(programs, found, claimed if near else gain.achieved)
+            gain = _reduce_gain(programs, found, claimed if near else gain.achieved)
         claimed = max(gain.claimed, gain.achieved)
         return replace(gain, claimed=claimed, history=tuple(programs.history))
 
 
 @dataclass(frozen=True, eq=False)
-class _Rounds:
+class _LmiIteration:
     """The best of several rounds, the next coordinates, the last claim, and whether to trust."""
 
     best: SolvedProgram
@@ -450,12 +452,12 @@ class _Rounds:
     claimed: float
     agreed: bool
 
-    def better_than(self, other: _Rounds) -> bool:
+    def better_than(self, other: _LmiIteration) -> bool:
         less = self.best.gain.achieved < other.best.gain.achieved
         return less or (self.agreed and not other.agreed)
 
 
-def _rounds(programs: StatePrograms, coordinates: Coordinates) -> _Rounds | None:
+def _iterate(programs: StatePrograms, coordinates: Coordinates) -> _LmiIteration | None:
     """Solve again and again, each time in the coordinates that the last answer suggests."""
     engine, older = programs.engine, coordinates
     best: SolvedProgram | None = None
@@ -465,18 +467,18 @@ def _rounds(programs: StatePrograms, coordinates: Coordinates) -> _Rounds | None
         if programs.budget.over:
             break
         step = f"inequalities, round {number}"
-        solved = _solved_somehow(programs, coordinates, older, noise, tolerance, step)
+        solved = _solve_with_fallback(programs, coordinates, older, noise, tolerance, step)
         if solved is None:
             break
         older, coordinates = coordinates, solved.next
         achieved, claimed = solved.gain.achieved, solved.gain.claimed
-        settled = best is not None and _settled(solved.gain, best.gain, engine)
+        settled = best is not None and _has_converged(solved.gain, best.gain, engine)
         if achieved > claimed * (1 + engine.slack):
             # The solver went so near the edge that its gain is wrong: stay further inside.
             tolerance = min(30 * tolerance, POLICY.tightest_stay * engine.slack)
         near = best.gain.achieved if best is not None and engine.norm == "h2" else claimed
         if achieved == 0:  # nothing is below that
-            return _Rounds(solved, coordinates, 0.0, True)
+            return _LmiIteration(solved, coordinates, 0.0, True)
         agreed = agreed or settled or abs(near / achieved - 1) < POLICY.agreement * engine.slack
         if best is None or achieved < best.gain.achieved:
             best = solved
@@ -484,10 +486,10 @@ def _rounds(programs: StatePrograms, coordinates: Coordinates) -> _Rounds | None
             break
     if best is None or not math.isfinite(best.gain.achieved):
         return None
-    return _Rounds(best, coordinates, claimed, agreed)
+    return _LmiIteration(best, coordinates, claimed, agreed)
 
 
-def _solved_somehow(
+def _solve_with_fallback(
     programs: StatePrograms,
     coordinates: Coordinates,
     older: Coordinates,
@@ -509,10 +511,10 @@ def _solved_somehow(
     return None
 
 
-def _approached(programs: StatePrograms, coordinates: Coordinates) -> Coordinates:
+def _coordinates_by_continuation(programs: StatePrograms, coordinates: Coordinates) -> Coordinates:
     """Return coordinates for a hard problem from easier ones, in which u has a higher price."""
     for price in POLICY.higher_prices:
-        easier = compressed(with_price(programs.plant, price))
+        easier = compressed_outputs(with_small_penalty(programs.plant, price))
         unit = state_gain_norm(easier, lqr_gain(easier), programs.engine.norm)
         if not 0 < unit < math.inf or programs.budget.over:
             continue
@@ -526,7 +528,7 @@ def _approached(programs: StatePrograms, coordinates: Coordinates) -> Coordinate
     return coordinates
 
 
-def _settled(gain: StateGain, best: StateGain, engine: StateEngine) -> bool:
+def _has_converged(gain: StateGain, best: StateGain, engine: StateEngine) -> bool:
     """Whether a gain agrees with the best so far, and its claim with its achievement."""
     near = 0.1 * engine.slack
     if not abs(gain.achieved / best.achieved - 1) < near:
@@ -535,7 +537,7 @@ def _settled(gain: StateGain, best: StateGain, engine: StateEngine) -> bool:
     return engine.norm == "h2" or abs(gain.claimed / gain.achieved - 1) < near
 
 
-def _smaller(programs: StatePrograms, found: _Rounds, estimate: float) -> StateGain:
+def _reduce_gain(programs: StatePrograms, found: _LmiIteration, estimate: float) -> StateGain:
     """Give the slack away for a smaller gain.
 
     The gain often grows without limit towards the optimum, until it is too large for its
@@ -552,14 +554,14 @@ def _smaller(programs: StatePrograms, found: _Rounds, estimate: float) -> StateG
             continue
         if slack > POLICY.coarse_slack and end.gain.achieved <= limit * (1 + slack):
             return replace(end.gain, claimed=max(limit, end.gain.achieved))
-        smaller = _along_the_line(programs, found.best, end, base)
+        smaller = _line_search(programs, found.best, end, base)
         if smaller is not best:
             return smaller
     return best
 
 
 def _least_effort(
-    programs: StatePrograms, found: _Rounds, base: float
+    programs: StatePrograms, found: _LmiIteration, base: float
 ) -> tuple[SolvedProgram | None, float]:
     slack, eased = programs.engine.slack, POLICY.eased_tolerance
     # Far from the optimum the gain itself can be minimised, near it only the effort.
@@ -582,7 +584,7 @@ def _least_effort(
     return None, limit
 
 
-def _along_the_line(
+def _line_search(
     programs: StatePrograms, best: SolvedProgram, end: SolvedProgram, base: float
 ) -> StateGain:
     """Return the last point within the slack; without one, the point of the smallest norm."""
@@ -598,7 +600,7 @@ def _along_the_line(
             F: Matrix = np.linalg.solve(Y, M.T).T.astype(float)
         except linalg.LinAlgError:
             break
-        achieved = programs.judged(F)
+        achieved = programs.loop_norm_of(F)
         if achieved < floor:
             achieved = math.inf
         if achieved <= claim:

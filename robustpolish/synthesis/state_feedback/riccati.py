@@ -13,8 +13,8 @@ from robustpolish.base.budget import Budget
 from robustpolish.synthesis.problem.matrices import (
     PlantMatrices,
     is_regular,
-    measuring_states,
     state_gain_norm,
+    with_measured_states,
 )
 from robustpolish.synthesis.riccati.equations import (
     solve_lyapunov,
@@ -48,7 +48,7 @@ class RiccatiStateEngine(StateEngine):
         # The gain often grows without limit towards the optimum, so a little is given away.
         for retreat in POLICY.retreats:
             claim = upper * (1 + retreat * self.slack)
-            smaller = game_gain(plant, claim)
+            smaller = central_state_gain(plant, claim)
             achieved = state_gain_norm(plant, smaller, "hinf")
             if smaller is not None and achieved <= claim * (1 + 1e-9):
                 return StateGain(smaller, max(claim, achieved), achieved, history=history)
@@ -57,10 +57,10 @@ class RiccatiStateEngine(StateEngine):
 
 def lqr_gain(plant: PlantMatrices) -> Matrix | None:
     """Return the gain that minimises the H2 norm; D12 needs full column rank."""
-    return game_gain(plant, math.inf)
+    return central_state_gain(plant, math.inf)
 
 
-def game_gain(plant: PlantMatrices, gamma: float) -> Matrix | None:
+def central_state_gain(plant: PlantMatrices, gamma: float) -> Matrix | None:
     r"""Return the central state feedback for an H-infinity norm below `gamma`, or None.
 
     With W = (gamma^2 I - D11' D11)^-1 and N = I + D11 W D11' the worst disturbance is
@@ -74,8 +74,8 @@ def game_gain(plant: PlantMatrices, gamma: float) -> Matrix | None:
     if plant.nu == 0:
         return np.zeros((0, plant.nx))
     if plant.discrete:
-        return _discrete_game_gain(plant, gamma)
-    game = _Game.of(plant, gamma)
+        return _discrete_central_gain(plant, gamma)
+    game = _HinfRiccati.of(plant, gamma)
     if game is None:
         return None
     solution = solve_riccati(game.A, game.R, game.Q)
@@ -84,7 +84,7 @@ def game_gain(plant: PlantMatrices, gamma: float) -> Matrix | None:
     return -(game.per_x @ _refined(game.A, game.R, game.Q, solution.X) + game.rest)
 
 
-class _Game(NamedTuple):
+class _HinfRiccati(NamedTuple):
     """A'X + XA + XRX + Q = 0, and F = -(per_x X + rest)."""
 
     A: Matrix
@@ -94,7 +94,7 @@ class _Game(NamedTuple):
     rest: Matrix
 
     @classmethod
-    def of(cls, plant: PlantMatrices, gamma: float) -> _Game | None:
+    def of(cls, plant: PlantMatrices, gamma: float) -> _HinfRiccati | None:
         """Return the equation; None up to the norm of D11, and where a control has no price."""
         p = plant
         if math.isinf(gamma):
@@ -137,7 +137,7 @@ def _refined(A: Matrix, R: Matrix, Q: Matrix, X: Matrix) -> Matrix:
     return X
 
 
-def _discrete_game_gain(p: PlantMatrices, gamma: float) -> Matrix | None:
+def _discrete_central_gain(p: PlantMatrices, gamma: float) -> Matrix | None:
     nw = 0 if math.isinf(gamma) else p.nw
     B1, D11 = p.B1[:, :nw], p.D11[:, :nw]
     B, D = np.hstack([p.B2, B1]), np.hstack([p.D12, D11])
@@ -174,7 +174,7 @@ def minimise_hinf(
     upper, lower : float
         Norm achieved by F, and the largest gamma at which no gain was found.
     """
-    best = game_gain(plant, math.inf)
+    best = central_state_gain(plant, math.inf)
     upper = state_gain_norm(plant, best, "hinf")
     lower = float(np.linalg.norm(plant.D11, 2)) if plant.D11.size else 0.0
     if not math.isfinite(upper):
@@ -185,7 +185,7 @@ def minimise_hinf(
         gamma = math.sqrt(upper * lower) if lower > upper / step else upper / step
         step = step**2 if step < 1e8 else step
         budget.spend(POLICY.gain_work(plant.nx))
-        F = game_gain(plant, gamma)
+        F = central_state_gain(plant, gamma)
         achieved = state_gain_norm(plant, F, "hinf")
         # Next to the optimum rounding errors of X can leave a better gain a little above gamma.
         if achieved < upper * (1 - 0.1 * tolerance):
@@ -198,7 +198,7 @@ def minimise_hinf(
     return best, upper, lower
 
 
-def least_state_norm(
+def state_norm_lower_bound(
     plant: PlantMatrices, norm: str, achieved: float, tolerance: float, budget: Budget
 ) -> float:
     """Return a norm that no stabilising state feedback falls below.
@@ -229,7 +229,7 @@ def least_state_norm(
         return least
     if not is_regular(plant):
         if norm == "hinf" and not plant.discrete:
-            found = lower_bound(measuring_states(plant), POLICY.bracket * tolerance, budget)
+            found = lower_bound(with_measured_states(plant), POLICY.bracket * tolerance, budget)
             if found is not None and found.proven:
                 return min(max(least, found.value), achieved)
         return least
@@ -238,28 +238,28 @@ def least_state_norm(
         optimum = state_gain_norm(plant, lqr_gain(plant), "h2")
         return min(optimum, achieved) if math.isfinite(optimum) else least
     # Zeros on the axis leave every gamma without a solution.
-    share = math.inf if _no_gain_at(plant, 2 * achieved) else POLICY.nearest_bound * tolerance
+    share = math.inf if _is_infeasible_at(plant, 2 * achieved) else POLICY.nearest_bound * tolerance
     while share < 1:
         gamma = achieved * (1 - share)
         if gamma <= least:
             break
         budget.spend(POLICY.gain_work(plant.nx))
-        if _no_gain_at(plant, gamma):
+        if _is_infeasible_at(plant, gamma):
             return gamma
         share *= POLICY.bound_step
     return least
 
 
-def _no_gain_at(plant: PlantMatrices, gamma: float) -> bool:
+def _is_infeasible_at(plant: PlantMatrices, gamma: float) -> bool:
     """Return whether there is no X >= 0, and rounding errors leave no doubt about it.
 
     With the stable subspace of the Hamiltonian matrix spanned by [U; V], X = V inv(U) is positive
     if and only if U'V is, also where U is singular and X infinite.
     """
     if plant.discrete:
-        F = _discrete_game_gain(plant, gamma)
+        F = _discrete_central_gain(plant, gamma)
         return not state_gain_norm(plant, F, "hinf") <= gamma
-    game = _Game.of(plant, gamma)
+    game = _HinfRiccati.of(plant, gamma)
     if game is None:
         return False
     n = plant.nx

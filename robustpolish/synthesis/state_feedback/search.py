@@ -14,21 +14,21 @@ from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget
 from robustpolish.errors import SolverError
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.certificate import ANY_NORM, WantedNorm
+from robustpolish.synthesis.certificate import ANY_NORM, NormTarget
 from robustpolish.synthesis.nonsmooth.descent import Problem, Requirement, minimax
 from robustpolish.synthesis.nonsmooth.measures import GainMeasure, H2Measure, HinfMeasure
 from robustpolish.synthesis.nonsmooth.parametrisations import MaskedGain
 from robustpolish.synthesis.problem.matrices import (
     PlantMatrices,
-    compressed,
+    compressed_outputs,
     in_states,
     is_regular,
-    measuring_states,
-    only_effort,
+    minimum_effort_problem,
     stabilises,
     state_gain_norm,
+    with_measured_states,
     with_noise,
-    with_price,
+    with_small_penalty,
 )
 from robustpolish.synthesis.problem.pole_regions import Disk
 from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
@@ -43,9 +43,9 @@ from robustpolish.synthesis.state_feedback.lmi import (
 )
 from robustpolish.synthesis.state_feedback.riccati import (
     RiccatiStateEngine,
-    game_gain,
-    least_state_norm,
+    central_state_gain,
     lqr_gain,
+    state_norm_lower_bound,
 )
 
 # State feedback under a bound on the largest singular value of the gain.
@@ -129,13 +129,13 @@ class _BoundedSearch:
         limit = POLICY.small_start * self.bound.bound
         small = [F for F in starts if 0 < self.bound.size(F) < limit]
         for start in small[: POLICY.bound_starts]:
-            F = self.descended(start, balanced=False)
+            F = self.nonsmooth_descent(start, balanced=False)
             achieved = self.norm(F)
             if achieved < value * (1 - POLICY.worthwhile):
                 best, value = F, achieved
         if best is None or not math.isfinite(value):
             return None
-        best = self.descended(best)
+        best = self.nonsmooth_descent(best)
         value = self.norm(best)
         return StateGain(best, value, value, history=tuple(self.history))
 
@@ -155,7 +155,7 @@ class _BoundedSearch:
         for price in POLICY.starting_prices:
             if self.budget.over:
                 break
-            answer = quick.search(with_price(self.plant, price), self.budget)
+            answer = quick.search(with_small_penalty(self.plant, price), self.budget)
             if answer is None:
                 continue
             F, size = self.bound.inside(answer.F), self.bound.size(answer.F)
@@ -168,10 +168,10 @@ class _BoundedSearch:
 
     def by_inequalities(self, start: Matrix) -> Matrix:
         """Solve the bounded inequalities about the Lyapunov matrix of the last gain, repeatedly."""
-        p = compressed(self.plant)
+        p = compressed_outputs(self.plant)
         programs = StatePrograms(p, self.engine, self.budget, self.history)
         held = (self.bound.left / self.bound.bound, self.bound.right)
-        F, value = start, programs.judged(start)
+        F, value = start, programs.loop_norm_of(start)
         for _ in range(POLICY.bound_rounds):
             if self.budget.over or not value > 0:
                 break
@@ -187,7 +187,7 @@ class _BoundedSearch:
             if solved is None:
                 break
             new = self.bound.inside(solved.gain.F)
-            achieved = programs.judged(new)
+            achieved = programs.loop_norm_of(new)
             if not achieved < value:
                 break
             gained = 1 - achieved / value
@@ -196,7 +196,7 @@ class _BoundedSearch:
                 break
         return F
 
-    def descended(self, start: Matrix, balanced: bool = True) -> Matrix:
+    def nonsmooth_descent(self, start: Matrix, balanced: bool = True) -> Matrix:
         """Descend on the true norm, if asked in states in which the last loop is balanced."""
         p, bound = self.plant, self.bound
         F, value = start, self.norm(start)
@@ -264,7 +264,7 @@ def message(
     has_region: bool,
     exhausted: bool,
     history: Sequence[Mapping[str, Any]],
-    wanted: WantedNorm = ANY_NORM,
+    wanted: NormTarget = ANY_NORM,
 ) -> str:
     """Say what happened and what to try next.
 
@@ -301,7 +301,7 @@ def message(
         )
     if exhausted:
         return f"{found} The search ended with its work, because the plant is large."
-    if wanted.asks:
+    if wanted.is_requested:
         found += f" It was asked for {wanted.in_words()}."
         if achieved <= wanted.enough:
             return found + " What lies below that was given away for a smaller gain."
@@ -331,12 +331,12 @@ def _trade_off(history: Sequence[Mapping[str, Any]]) -> str:
 # Problems in which control is free: a price on u and x shrinks until the norm stops falling.
 
 
-def almost_no_control(plant: PlantMatrices, norm: str) -> float:
+def least_control_norm(plant: PlantMatrices, norm: str) -> float:
     """Return the norm without control or, if that is unstable, with the least that stabilises."""
     idle = state_gain_norm(plant, np.zeros((plant.nu, plant.nx)), norm)
     if math.isfinite(idle):
         return idle
-    least = lqr_gain(only_effort(plant, POLICY.stabilising))
+    least = lqr_gain(minimum_effort_problem(plant, POLICY.stabilising))
     return state_gain_norm(plant, least, norm)
 
 
@@ -371,14 +371,16 @@ def solve_singular(
         stabilises. "infimum_not_attained" if norm or gain still moved; "suboptimal" if both
         settled, or if the budget was over before that could be seen.
     """
-    found, fell = _Descent(engine.coarser(POLICY.coarse), plant, target, size, budget).run()
+    found, fell = _PenaltyDescent(
+        engine.with_least_tolerance(POLICY.coarse), plant, target, size, budget
+    ).run()
     if found is None or fell or engine.norm == "h2":
         return found
-    return _Descent(engine, plant, target, size, budget).run()[0] or found
+    return _PenaltyDescent(engine, plant, target, size, budget).run()[0] or found
 
 
 @dataclass(frozen=True, eq=False)
-class _Descent:
+class _PenaltyDescent:
     """One descent of the price; every rung is a design with that price."""
 
     engine: StateEngine
@@ -402,7 +404,7 @@ class _Descent:
             if rung.achieved <= self.target:
                 return self.told(self.landed(rung, price), False), True
             low = price <= POLICY.low_price and len(rungs) > 1
-            if low and self.at_rest(rungs[-2], rungs[-1]):
+            if low and self.has_converged(rungs[-2], rungs[-1]):
                 settled = True
                 break
         if not rungs:
@@ -415,7 +417,7 @@ class _Descent:
 
     def rung(self, price: float) -> StateGain | None:
         """Design with a price; the norm is the one without."""
-        found = self.engine.search(with_price(self.plant, price), self.budget)
+        found = self.engine.search(with_small_penalty(self.plant, price), self.budget)
         if found is None:
             return None
         achieved = state_gain_norm(self.plant, found.F, self.engine.norm)
@@ -439,7 +441,7 @@ class _Descent:
                 high = middle
         return rung
 
-    def at_rest(self, before: StateGain, after: StateGain) -> bool:
+    def has_converged(self, before: StateGain, after: StateGain) -> bool:
         """Return whether neither norm nor gain still moved."""
         same_norm = before.achieved < after.achieved * (1 + POLICY.converged)
         return same_norm and self.size(after.F) < POLICY.gain_growth * self.size(before.F)
@@ -505,19 +507,21 @@ class SmallestGain:
         return self._lowered(target, smallest)
 
     def _others(self, target: float) -> Iterator[StateGain]:
-        idle = self._kept(np.zeros((self.plant.nu, self.plant.nx)), target, "no control")
+        idle = self._if_admissible(np.zeros((self.plant.nu, self.plant.nx)), target, "no control")
         if idle is not None:
             yield idle
             return
         if self.engine.norm == "hinf" and is_regular(self.plant):
-            central = self._kept(game_gain(self.plant, target), target, "central gain")
+            central = self._if_admissible(
+                central_state_gain(self.plant, target), target, "central gain"
+            )
             if central is not None:
                 yield central
         priced = solve_singular(self.engine, self.plant, target, self.size, self.budget)
         if priced is not None:
             yield priced
 
-    def _kept(self, F: Matrix | None, target: float, step: str) -> StateGain | None:
+    def _if_admissible(self, F: Matrix | None, target: float, step: str) -> StateGain | None:
         """Return a gain that no region asks for more, if it keeps the target."""
         achieved = state_gain_norm(self.plant, F, self.engine.norm)
         if F is None or self.engine.regions or achieved > target:
@@ -551,7 +555,7 @@ def solve_parts(
     tolerance: float,
     gain_bound: float | None,
     budget: Budget,
-    wanted: WantedNorm = ANY_NORM,
+    wanted: NormTarget = ANY_NORM,
 ) -> list[StateGain]:
     """Minimise the norm of every part.
 
@@ -614,7 +618,7 @@ class _Part:
         """Scale a plant and the regions of the engine."""
         scaled = scale_plant(plant)
         inside = engine.in_unit_of_time(scaled.time)
-        return cls(scaled, measuring_states(PlantMatrices.of(scaled.plant)), inside, budget)
+        return cls(scaled, with_measured_states(PlantMatrices.of(scaled.plant)), inside, budget)
 
     @property
     def fingerprint(self) -> tuple[bytes, ...]:
@@ -637,11 +641,11 @@ class _Part:
         """Return the norm with almost no control if the part has no optimum; 0 otherwise."""
         if self.plant.nu == 0 or self.is_idle or self.is_direct:
             return 0.0
-        value = almost_no_control(self.plant, self.engine.norm)
+        value = least_control_norm(self.plant, self.engine.norm)
         return self.scaled.norm(value, self.engine.norm) if math.isfinite(value) else 0.0
 
     def solve(
-        self, reference: float, gain_bound: float | None, tolerance: float, wanted: WantedNorm
+        self, reference: float, gain_bound: float | None, tolerance: float, wanted: NormTarget
     ) -> StateGain:
         """Minimise the norm.
 
@@ -651,7 +655,7 @@ class _Part:
             Norm of the whole with almost no control: what a vanishing norm is small against.
         gain_bound : float or None
         tolerance : float
-        wanted : WantedNorm
+        wanted : NormTarget
         """
         p = self.plant
         if p.nu == 0 or self.is_idle:
@@ -666,7 +670,7 @@ class _Part:
         if found.achieved <= enough:
             left, right = np.diag(self.scaled.control), np.diag(1 / self.scaled.state)
             found = SmallestGain(self.engine, p, left, right, self.budget).within(enough, found)
-        least = least_state_norm(p, norm, found.achieved, tolerance, self.budget)
+        least = state_norm_lower_bound(p, norm, found.achieved, tolerance, self.budget)
         # With regions it says no more than that the region costs nothing visible.
         if found.achieved <= least * (1 + tolerance) and not self.engine.regions:
             found = replace(found, status="optimal")
@@ -679,10 +683,10 @@ class _Part:
         if p.nu == 0 or (not engine.regions and stabilises(p, none)):
             found = StateGain(none, 0.0, 0.0)
         else:
-            effort = only_effort(p, 1.0)
+            effort = minimum_effort_problem(p, 1.0)
             found = replace(engine, norm="h2").search(effort, self.budget)
         if found is None:
-            raise self.nothing_found()
+            raise self.no_gain_error()
         norm = state_gain_norm(p, found.F, engine.norm)
         return replace(found, claimed=norm, achieved=norm, lower_bound=norm, status="optimal")
 
@@ -704,7 +708,7 @@ class _Part:
         target = max(self.scaled.scaled_norm(POLICY.vanished * reference, norm), enough)
         found = solve_singular(self.engine, self.plant, target, self.gain_size, self.budget)
         if found is None:
-            raise self.nothing_found()
+            raise self.no_gain_error()
         fell = found.achieved <= target
         return replace(found, status="suboptimal") if regions and not fell else found
 
@@ -728,7 +732,7 @@ class _Part:
             history=history,
         )
 
-    def nothing_found(self) -> SolverError:
+    def no_gain_error(self) -> SolverError:
         """Return the error for a part without an answer."""
         states = ", ".join(self.scaled.original.states[:6])
         return SolverError(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
-from robustpolish.base.budget import Budget, ends_with, same_bits, working
+from robustpolish.base.budget import Budget, enforce_deadline, progress_bar, single_threaded_blas
 from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.linear.controllability import controllability
@@ -22,16 +22,20 @@ from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import (
     Certificate,
     Gamma,
-    WantedNorm,
+    NormTarget,
     certify,
     norm_in_words,
-    out_of_reach,
+    unreachable_norm_error,
 )
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.lmi.program import BACKENDS
-from robustpolish.synthesis.problem.pole_regions import PoleRegion, checked_regions, outside
-from robustpolish.synthesis.problem.preflight import priced
-from robustpolish.synthesis.problem.scaling import PlantPart, decoupled_parts, undivided
+from robustpolish.synthesis.problem.pole_regions import (
+    PoleRegion,
+    checked_regions,
+    violated_regions,
+)
+from robustpolish.synthesis.problem.preflight import with_control_penalty
+from robustpolish.synthesis.problem.scaling import PlantPart, decoupled_parts, whole_plant
 from robustpolish.synthesis.problem.status import Status, worst_status
 from robustpolish.synthesis.state_feedback.engine import POLICY, StateEngine
 from robustpolish.synthesis.state_feedback.lmi import LmiStateEngine
@@ -41,7 +45,7 @@ from robustpolish.synthesis.state_feedback.search import message, solve_parts
 ENGINES: Mapping[str, type[StateEngine]] = {"lmi": LmiStateEngine, "riccati": RiccatiStateEngine}
 
 
-@same_bits
+@single_threaded_blas
 def state_feedback(
     plant: GeneralizedPlant,
     norm: Literal["hinf", "h2"] = "hinf",
@@ -151,16 +155,16 @@ def state_feedback(
     """
     regions = _checked(plant, norm, method, backend, gain_bound, pole_region)
     tolerance, time_limit = positive("tolerance", tolerance), positive("time_limit", time_limit)
-    budget = Budget.before_a_proof(POLICY.work, time_limit)
-    wanted = WantedNorm.checked(gamma)
-    whole = priced(plant, control_weight).with_full_state()
+    budget = Budget.with_certificate_reserve(POLICY.work, time_limit)
+    wanted = NormTarget.checked(gamma)
+    whole = with_control_penalty(plant, control_weight).with_full_state()
     _refuse_infeasible(whole, norm)
-    together = not split or (wanted.asks and norm == "h2")
-    pieces = (undivided(whole),) if together else decoupled_parts(whole)
+    together = not split or (wanted.is_requested and norm == "h2")
+    pieces = (whole_plant(whole),) if together else decoupled_parts(whole)
     engine = ENGINES[method](norm, tolerance, regions, backend, solver)
-    with working("Designing a state feedback"), ends_with(budget):
+    with progress_bar("Designing a state feedback"), enforce_deadline(budget):
         found = _certified(whole, pieces, engine, gain_bound, budget, wanted)
-    _keep(wanted, found)
+    _require_target(wanted, found)
     size = float(np.linalg.norm(found.F, 2))
     controller = whole.static_controller(found.F)
     return Design(
@@ -193,7 +197,7 @@ def state_feedback(
                 "largest_singular_value": size,
                 "parts": tuple(piece.plant.states for piece in pieces),
                 "pole_regions": regions,
-                "gamma": (wanted.enough, wanted.below) if wanted.asks else None,
+                "gamma": (wanted.enough, wanted.below) if wanted.is_requested else None,
             }
         ),
     )
@@ -251,7 +255,7 @@ def _refuse_infeasible(plant: GeneralizedPlant, norm: str) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class _Found:
+class _CertifiedGain:
     """A certified gain for the whole plant."""
 
     F: Matrix
@@ -267,12 +271,12 @@ def _certified(
     engine: StateEngine,
     gain_bound: float | None,
     budget: Budget,
-    wanted: WantedNorm,
-) -> _Found:
+    wanted: NormTarget,
+) -> _CertifiedGain:
     """Solve the parts and certify the whole, with a relaxed tolerance where it fails."""
     reasons: tuple[str, ...] = ()
     for relaxation in POLICY.relaxations:
-        relaxed = engine.coarser(relaxation * engine.tolerance)
+        relaxed = engine.with_least_tolerance(relaxation * engine.tolerance)
         plants = [piece.plant for piece in pieces]
         gains = solve_parts(plants, relaxed, engine.tolerance, gain_bound, budget, wanted)
         late = budget.late
@@ -284,7 +288,7 @@ def _certified(
         certificate = certify(whole, F, engine.norm, claimed)
         least = together(*(gain.lower_bound for gain in gains), 0.0)
         lower_bound = min(least, certificate.achieved)
-        reasons = certificate.reasons + _broken(F, certificate, engine.regions, gain_bound)
+        reasons = certificate.reasons + _violations(F, certificate, engine.regions, gain_bound)
         slip = -POLICY.rounding * relaxed.tolerance
         if not reasons and certificate.gap is not None and certificate.gap < slip:
             reasons = ("the gain is so large that rounding changes the norm",)
@@ -300,7 +304,7 @@ def _certified(
                 for number, gain in enumerate(gains)
                 for entry in gain.history
             )
-            return _Found(F, certificate, lower_bound, status, history)
+            return _CertifiedGain(F, certificate, lower_bound, status, history)
         if budget.over:
             break
     raise SolverError(
@@ -309,14 +313,14 @@ def _certified(
     )
 
 
-def _keep(wanted: WantedNorm, found: _Found) -> None:
+def _require_target(wanted: NormTarget, found: _CertifiedGain) -> None:
     """Refuse a gain that does not keep what was asked for."""
     certificate = found.certificate
     if certificate.bound <= wanted.below:
         return
     if found.lower_bound > wanted.below:
         how = "which Riccati equations tell"
-        raise out_of_reach(wanted, found.lower_bound, certificate.norm, how)
+        raise unreachable_norm_error(wanted, found.lower_bound, certificate.norm, how)
     floor = (
         f"none comes below {found.lower_bound:.6g}"
         if found.lower_bound > 0
@@ -329,7 +333,7 @@ def _keep(wanted: WantedNorm, found: _Found) -> None:
     )
 
 
-def _broken(
+def _violations(
     F: Matrix,
     certificate: Certificate,
     regions: Sequence[PoleRegion],
@@ -339,7 +343,7 @@ def _broken(
     reasons = []
     if gain_bound is not None and np.linalg.norm(F, 2) > gain_bound:
         reasons.append(f"the gain {np.linalg.norm(F, 2):.8g} exceeds {gain_bound:.8g}")
-    return (*reasons, *outside(regions, certificate.poles))
+    return (*reasons, *violated_regions(regions, certificate.poles))
 
 
 def _performance_norm(plant: GeneralizedPlant, F: Matrix, norm: str) -> float:

@@ -31,7 +31,7 @@ _IDLE = math.log(10.0)
 
 
 @dataclass(frozen=True)
-class Coordinate:
+class ParameterTransform:
     """A number as a monotonic function of its coordinate.
 
     A positive number is searched over its logarithm. So is the size of an integral gain, on both
@@ -214,7 +214,7 @@ Given = Tunable | float | None
 
 
 @dataclass(frozen=True)
-class Slot:
+class ParameterSlot:
     """A place for a number in a block.
 
     Attributes
@@ -278,7 +278,7 @@ class Slot:
         return above / below * time**self.time
 
 
-def checked_slot(slot: Slot) -> Slot:
+def checked_slot(slot: ParameterSlot) -> ParameterSlot:
     """Return a slot whose number, if one is given, makes sense there.
 
     Raises
@@ -296,7 +296,7 @@ def checked_slot(slot: Slot) -> Slot:
             shown = described(f"{given.name} between {given.low:g} and {given.high:g}")
             raise invalid(slot.name, shown, want, "Change its limits.")
         value = given.value
-        if value is not None and not _possible(slot, value):
+        if value is not None and not _is_admissible(slot, value):
             shown = described(f"{given.name} starting at {value:g}")
             raise invalid(slot.name, shown, want, "Change its value.")
         return slot
@@ -304,17 +304,17 @@ def checked_slot(slot: Slot) -> Slot:
         value = math.nan if isinstance(given, bool) else float(given)
     except (TypeError, ValueError):
         value = math.nan
-    if not math.isfinite(value) or not _possible(slot, value):
+    if not math.isfinite(value) or not _is_admissible(slot, value):
         remedy = "A number holds it; rp.tunable.tunable(name, value, low, high) tunes it, None too."
         raise invalid(slot.name, given, want, remedy)
-    return Slot(**{**vars(slot), "given": value})
+    return ParameterSlot(**{**vars(slot), "given": value})
 
 
-def _possible(slot: Slot, value: float) -> bool:
+def _is_admissible(slot: ParameterSlot, value: float) -> bool:
     return slot.low <= value <= slot.high and (slot.search != "positive" or value > 0)
 
 
-def _range_in_words(slot: Slot) -> str:
+def _range_in_words(slot: ParameterSlot) -> str:
     if math.isinf(slot.low):
         return "a number"
     top = "" if math.isinf(slot.high) else f", at most {slot.high:g}"
@@ -348,7 +348,7 @@ class Stage(ABC):
     discrete: ClassVar[bool] = False
 
     name: str | None = None
-    slots: tuple[Slot, ...] = ()
+    slots: tuple[ParameterSlot, ...] = ()
     inputs: int = 1
     outputs: int = 1
 
@@ -386,7 +386,7 @@ class Stage(ABC):
             )
         return self
 
-    def in_time(self, unit: float) -> Self:
+    def in_unit_of_time(self, unit: float) -> Self:
         """Return the stage in another unit of time; numbers of slots are converted elsewhere."""
         return self
 
@@ -446,7 +446,7 @@ class GivenFilter(Stage):
         """Return nothing: there are no numbers."""
         return np.zeros(0)
 
-    def in_time(self, unit: float) -> Self:
+    def in_unit_of_time(self, unit: float) -> Self:
         """Return the filter in another unit of time, with states of order one."""
         A, B, C, D = balanced(Controller(self.A * unit, self.B * unit, self.C, self.D))
         return replace(self, A=A, B=B, C=C, D=D)

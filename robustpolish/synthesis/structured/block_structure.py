@@ -19,24 +19,29 @@ from robustpolish.base.budget import Budget
 from robustpolish.errors import InfeasibleError
 from robustpolish.plants.blocks import named_system
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.nonsmooth.descent import Bounds, Folded
-from robustpolish.synthesis.problem.matrices import PlantMatrices, augmented, close_static
+from robustpolish.synthesis.nonsmooth.descent import Bounds, ReflectedParametrisation
+from robustpolish.synthesis.problem.matrices import PlantMatrices, augmented, close_static_loop
 from robustpolish.synthesis.problem.scaling import PlantPart, ScaledPlant
 from robustpolish.synthesis.structured.block_parts import (
-    Coordinate,
-    Slot,
+    ParameterSlot,
+    ParameterTransform,
     TunedBlock,
     TunedBlocks,
     TunedNumber,
 )
-from robustpolish.synthesis.structured.block_wiring import BlockGain, LoopUnits, Placement, wired
+from robustpolish.synthesis.structured.block_wiring import (
+    BlockGain,
+    LoopUnits,
+    Placement,
+    block_parametrisation,
+)
 from robustpolish.synthesis.structured.search import (
     POLICY,
+    ControllerStructure,
     Norm,
     PartDesign,
     PartProblem,
     StartProposal,
-    Structure,
     bound_in_words,
     scaled_part,
 )
@@ -77,7 +82,7 @@ class BlockStarts:
     @cached_property
     def gain(self) -> BlockGain:
         """K of the numbers."""
-        return wired(self.placement, self.scaled, self.units)
+        return block_parametrisation(self.placement, self.scaled, self.units)
 
     @cached_property
     def first(self) -> Vector:
@@ -96,7 +101,7 @@ class BlockStarts:
     ) -> Iterator[Vector]:
         """Propose the first guess, then numbers for a crossover drawn anew each time."""
         yield self.first
-        folded = Folded(self.gain, self.bounds)
+        folded = ReflectedParametrisation(self.gain, self.bounds)
         low, high = np.log(self.units.band)
         while True:
             drawn = self._guess(float(np.exp(rng.uniform(low, high))), 1.0, rng)
@@ -109,7 +114,7 @@ class BlockStarts:
             signs = rng.choice([-1.0, 1.0], len(signs))
         # Numbers that were given are kept in half of the draws.
         keep = rng is None or rng.random() < 0.5
-        there = wired(self.placement, self.scaled, units).coordinates
+        there = block_parametrisation(self.placement, self.scaled, units).coordinates
         theta = []
         for number, own, size in zip(
             self.placement.numbers, self.gain.coordinates, there, strict=True
@@ -130,7 +135,7 @@ class BlockStarts:
         return np.array(theta)
 
 
-def _placed(coordinate: Coordinate, value: float) -> float:
+def _placed(coordinate: ParameterTransform, value: float) -> float:
     """Return the coordinate of a number, or of one that its limits allow."""
     low, high = coordinate.low, coordinate.high
     if not low < value < high:
@@ -144,7 +149,7 @@ def _placed(coordinate: Coordinate, value: float) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class BlockStructure(Structure):
+class BlockStructure(ControllerStructure):
     """Tunable blocks between measurements and controls of the whole plant.
 
     Attributes
@@ -168,7 +173,7 @@ class BlockStructure(Structure):
         scaled, inner = scaled_part(part.plant, what, placement.mask)
         gain, bounds, starts = self._search(scaled, inner)
         order = len(gain.leave) - part.plant.nu
-        _refuse_hopeless(placement, gain, augmented(inner, order), starts[-1], self.norm)
+        _refuse_unstabilisable(placement, gain, augmented(inner, order), starts[-1], self.norm)
         return PartProblem(
             scaled=scaled,
             norm=self.norm,
@@ -192,7 +197,7 @@ class BlockStructure(Structure):
             guesses = BlockStarts(self.placement, scaled, LoopUnits(inner), self.initial)
             return guesses.gain, guesses.bounds, (guesses,)
         # K itself is free: the search is that of a static or fixed-order feedback.
-        gain = wired(self.placement, scaled)
+        gain = block_parametrisation(self.placement, scaled)
         numbers = self.placement.numbers
         rest = np.array([0.0 if inner.discrete else n.slot.default for n in numbers])
         given = [self.initial.get(n.key) for n in numbers]
@@ -247,7 +252,7 @@ _STUCK = 1e-11
 _TRIES = 5
 
 
-def _refuse_hopeless(
+def _refuse_unstabilisable(
     placement: Placement,
     gain: BlockGain,
     loop: PlantMatrices,
@@ -258,12 +263,12 @@ def _refuse_hopeless(
     names, at = _integrators(placement)
     stuck, always, tried = set(names), True, 0
     for theta in islice(starts.propose((), Budget(), np.random.default_rng(0)), 1, 4 * _TRIES):
-        closed = close_static(loop, gain.gain(theta))
+        closed = close_static_loop(loop, gain.gain(theta))
         if closed is None:
             continue
         tried += 1
         always &= bool(np.abs(closed.D).max(initial=0.0) > 0)
-        stuck &= {names[i] for i in np.flatnonzero(_held(closed.A, at))}
+        stuck &= {names[i] for i in np.flatnonzero(_integrators_at_zero(closed.A, at))}
         if tried == _TRIES:
             break
     if stuck and tried:
@@ -286,7 +291,7 @@ def _refuse_hopeless(
         )
 
 
-def _held(A: Matrix, integrators: Sequence[int]) -> NDArray[np.bool_]:
+def _integrators_at_zero(A: Matrix, integrators: Sequence[int]) -> NDArray[np.bool_]:
     """Tell which integrators take part in a mode of the loop at 0."""
     if not len(A) or not integrators:
         return np.zeros(len(integrators), bool)
@@ -325,7 +330,7 @@ def _tuned(placement: Placement, values: Vector) -> TunedBlocks:
     free = {n.key: (n, float(v)) for n, v in zip(placement.numbers, values, strict=True)}
     units = placement.plant.units
 
-    def told(slot: Slot, key: str, into: Sequence[str], out: Sequence[str]) -> TunedNumber:
+    def told(slot: ParameterSlot, key: str, into: Sequence[str], out: Sequence[str]) -> TunedNumber:
         unit = slot.unit(into, out)
         if slot.held is not None:
             return TunedNumber(slot.name, slot.held, unit, key, slot.held, slot.held, False)

@@ -18,8 +18,8 @@ from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.scaling import ScaledPlant
 from robustpolish.synthesis.structured.block_parts import (
-    Coordinate,
-    Slot,
+    ParameterSlot,
+    ParameterTransform,
     Stage,
     Tunable,
     TunableBlock,
@@ -77,7 +77,7 @@ class BlockGain:
         (xk', u).
     """
 
-    coordinates: Sequence[Coordinate]
+    coordinates: Sequence[ParameterTransform]
     stages: Sequence[WiredStage]
     enter: Matrix
     wires: Matrix
@@ -94,14 +94,14 @@ class BlockGain:
 
     def gain(self, theta: Vector) -> Matrix:
         """Return K(theta)."""
-        M = self._side_by_side(self.numbers(theta))
-        return self.leave @ (M @ self._around(M)) @ self.enter
+        M = self._block_diagonal(self.numbers(theta))
+        return self.leave @ (M @ self._feedback_inverse(M)) @ self.enter
 
     def back(self, theta: Vector, gradient: Matrix) -> Vector:
         """Turn a gradient over K into one over theta."""
         numbers = self.numbers(theta)
-        M = self._side_by_side(numbers)
-        around = self._around(M)
+        M = self._block_diagonal(numbers)
+        around = self._feedback_inverse(M)
         # dT = (I - M wires)^-1 dM (I - wires M)^-1, and (I - M wires)^-1 = I + T wires.
         on_t = self.leave.T @ gradient @ self.enter.T
         on_m = (on_t + (M @ around @ self.wires).T @ on_t) @ around.T
@@ -114,13 +114,13 @@ class BlockGain:
                     found[number] += slope / size
         return found * [c.slope(t) for c, t in zip(self.coordinates, theta, strict=True)]
 
-    def _side_by_side(self, numbers: Vector) -> Matrix:
+    def _block_diagonal(self, numbers: Vector) -> Matrix:
         M = np.zeros(self.wires.T.shape)
         for wired in self.stages:
             M[wired.rows[:, None], wired.columns] = wired.stage.matrix(wired.values(numbers))
         return M
 
-    def _around(self, M: Matrix) -> Matrix:
+    def _feedback_inverse(self, M: Matrix) -> Matrix:
         """Return (I - wires M)^-1."""
         one = np.eye(len(self.wires))
         return np.linalg.inv(one - self.wires @ M) if self.wires.any() else one
@@ -169,7 +169,7 @@ class PlacedBlock:
 
 
 @dataclass(frozen=True)
-class FreeNumber:
+class FreeParameter:
     """A number that is tuned, whoever shares it.
 
     Attributes
@@ -178,7 +178,7 @@ class FreeNumber:
         Its name, or block and slot.
     tunable : Tunable
         Start and limits, those of its slots included.
-    slot : Slot
+    slot : ParameterSlot
         The first one that takes it.
     block, stage : int
         Where that is.
@@ -186,7 +186,7 @@ class FreeNumber:
 
     key: str
     tunable: Tunable
-    slot: Slot
+    slot: ParameterSlot
     block: int
     stage: int
 
@@ -220,7 +220,7 @@ class Placement:
                 yield i, j, stage
 
     @cached_property
-    def numbers(self) -> tuple[FreeNumber, ...]:
+    def numbers(self) -> tuple[FreeParameter, ...]:
         """What is tuned, each number once.
 
         Raises
@@ -228,7 +228,7 @@ class Placement:
         InvalidInputError
             If a name has several meanings, or nothing is free.
         """
-        found: dict[str, FreeNumber] = {}
+        found: dict[str, FreeParameter] = {}
         for i, j, stage in self.places:
             for slot in stage.slots:
                 if slot.held is not None:
@@ -236,10 +236,10 @@ class Placement:
                 key = self.key(stage, slot)
                 given = slot.given if isinstance(slot.given, Tunable) else Tunable(key)
                 if key in found:
-                    found[key] = _shared(found[key], given, slot)
+                    found[key] = _merge_shared(found[key], given, slot)
                 else:
-                    own = _within(given, slot, given)
-                    found[key] = FreeNumber(key, own, slot, i, j)
+                    own = _intersect_limits(given, slot, given)
+                    found[key] = FreeParameter(key, own, slot, i, j)
         if not found:
             raise invalid(
                 "blocks",
@@ -250,14 +250,14 @@ class Placement:
         return tuple(found.values())
 
     @staticmethod
-    def key(stage: Stage, slot: Slot) -> str:
+    def key(stage: Stage, slot: ParameterSlot) -> str:
         """Return what a number is called among all of them."""
         if isinstance(slot.given, Tunable):
             return slot.given.name
         return f"{stage.name}.{slot.name}"
 
 
-def placed(blocks: Any, plant: GeneralizedPlant) -> Placement:
+def place_blocks(blocks: Any, plant: GeneralizedPlant) -> Placement:
     """Put blocks on a plant.
 
     Parameters
@@ -314,7 +314,7 @@ def _placed(block: TunableBlock, plant: GeneralizedPlant, names: set[str]) -> Pl
         outputs = len(driven) if stage.resizable or last else stage.outputs
         stage = stage.sized(count, outputs)
         if stage.name is None:
-            stage = stage.named(_own_name(stage.kind, read, driven, names))
+            stage = stage.named(_default_name(stage.kind, read, driven, names))
             names.add(stage.name or "")
         count = outputs
         stages.append(stage)
@@ -346,7 +346,7 @@ def _chosen(
     return given
 
 
-def _own_name(kind: str, read: Sequence[str], driven: Sequence[str], names: set[str]) -> str:
+def _default_name(kind: str, read: Sequence[str], driven: Sequence[str], names: set[str]) -> str:
     name = f"{kind}_{read[0]}" if len(read) == 1 else kind
     if name in names and len(driven) == 1:
         name = f"{name}_{driven[0]}"
@@ -370,7 +370,7 @@ def _refuse_without_effect(placement: Placement) -> None:
         raise invalid("blocks", described(text), "blocks with an effect", "Leave it out.")
 
 
-def _within(given: Tunable, slot: Slot, spoken: Tunable) -> Tunable:
+def _intersect_limits(given: Tunable, slot: ParameterSlot, spoken: Tunable) -> Tunable:
     """Return a tunable number with the limits that its slot has besides."""
     low, high = max(given.low, slot.low), min(given.high, slot.high)
     if not low < high:
@@ -380,7 +380,7 @@ def _within(given: Tunable, slot: Slot, spoken: Tunable) -> Tunable:
     return replace(given, low=low, high=high)
 
 
-def _shared(known: FreeNumber, given: Tunable, slot: Slot) -> FreeNumber:
+def _merge_shared(known: FreeParameter, given: Tunable, slot: ParameterSlot) -> FreeParameter:
     """Return a number that one more slot takes.
 
     Raises
@@ -395,7 +395,7 @@ def _shared(known: FreeNumber, given: Tunable, slot: Slot) -> FreeNumber:
         raise invalid("blocks", shown, f"one meaning of {known.key}", remedy)
     positive = "positive" if "positive" in (known.slot.search, slot.search) else known.slot.search
     both = replace(known.slot, search=positive)
-    return replace(known, tunable=_within(known.tunable, slot, given), slot=both)
+    return replace(known, tunable=_intersect_limits(known.tunable, slot, given), slot=both)
 
 
 # Units that suit a loop: frequencies at which it may cross over, and gains that do it there.
@@ -453,7 +453,7 @@ class LoopUnits:
         except np.linalg.LinAlgError:
             return np.ones((P.ny, P.nu))
 
-    def size(self, block: PlacedBlock, stage: int, slot: Slot) -> float:
+    def size(self, block: PlacedBlock, stage: int, slot: ParameterSlot) -> float:
         """Return the number that matters in the loop at that frequency, in scaled units."""
         rate = self.middle ** (-slot.time)
         if slot.out is None or stage != block.carrier:
@@ -465,7 +465,9 @@ class LoopUnits:
 # A placement in the units of a scaled plant: its numbers as coordinates, its stages wired.
 
 
-def wired(placement: Placement, scaled: ScaledPlant, loop: LoopUnits | None = None) -> BlockGain:
+def block_parametrisation(
+    placement: Placement, scaled: ScaledPlant, loop: LoopUnits | None = None
+) -> BlockGain:
     """Return K of the scaled plant as a function of the free numbers.
 
     Parameters
@@ -481,7 +483,7 @@ def wired(placement: Placement, scaled: ScaledPlant, loop: LoopUnits | None = No
     BlockGain
     """
     index = {number.key: i for i, number in enumerate(placement.numbers)}
-    coordinates = tuple(_coordinate(n, placement, scaled, loop) for n in placement.numbers)
+    coordinates = tuple(_parameter_transform(n, placement, scaled, loop) for n in placement.numbers)
     stages = [stage for _, _, stage in placement.places]
     order = sum(len(stage.states) for stage in stages)
     outs, ins = order + sum(s.outputs for s in stages), order + sum(s.inputs for s in stages)
@@ -501,7 +503,7 @@ def wired(placement: Placement, scaled: ScaledPlant, loop: LoopUnits | None = No
         numbers = [index[placement.key(stage, s)] if s.held is None else -1 for s in stage.slots]
         found.append(
             WiredStage(
-                stage.in_time(scaled.time),
+                stage.in_unit_of_time(scaled.time),
                 np.array(numbers, dtype=int),
                 np.array(held) / sizes,
                 sizes,
@@ -521,20 +523,20 @@ def wired(placement: Placement, scaled: ScaledPlant, loop: LoopUnits | None = No
     return BlockGain(coordinates, tuple(found), enter, wires, leave)
 
 
-def _coordinate(
-    number: FreeNumber, placement: Placement, scaled: ScaledPlant, loop: LoopUnits | None
-) -> Coordinate:
+def _parameter_transform(
+    number: FreeParameter, placement: Placement, scaled: ScaledPlant, loop: LoopUnits | None
+) -> ParameterTransform:
     into, out = _units(placement, scaled, number.block, number.stage)
     size = number.slot.size(into, out, scaled.time)
     if loop is not None:
         size *= loop.size(placement.blocks[number.block], number.stage, number.slot)
     low, high = number.tunable.low, number.tunable.high
     if low > 0 or number.slot.search == "positive":
-        return Coordinate(size, max(low, 0.0), high, "positive")
+        return ParameterTransform(size, max(low, 0.0), high, "positive")
     # A narrow range is searched in its own size.
     if number.slot.search == "linear" and math.isfinite(low) and math.isfinite(high):
         size = min(size, high - low)
-    return Coordinate(size, low, high, number.slot.search)
+    return ParameterTransform(size, low, high, number.slot.search)
 
 
 def _units(

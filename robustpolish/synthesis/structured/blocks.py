@@ -16,7 +16,7 @@ from robustpolish.synthesis.structured.block_parts import (
     Given,
     MaskedStage,
     Names,
-    Slot,
+    ParameterSlot,
     Stage,
     Tunable,
     TunableBlock,
@@ -72,7 +72,7 @@ class FixedOrder(MaskedStage):
             name = f"{letter}[{i - (0 if above else k)},{j - (0 if left else k)}]"
             # A state has no unit of its own: B and C share that of the signals.
             slots.append(
-                Slot(
+                ParameterSlot(
                     name,
                     None,
                     time=-1 if above else 0,
@@ -220,9 +220,13 @@ def lead_lag(
     block: u = (Kp + Ki/s) * gain (1 + s/(2 pi zero_hz))/(1 + s/(2 pi pole_hz)) x
     """
     slots = (
-        Slot("gain", gain, out=0, into=0),
-        Slot("zero_hz", zero_hz, time=-1, low=0.0, default=0.1, search="positive", hertz=True),
-        Slot("pole_hz", pole_hz, time=-1, low=0.0, default=0.5, search="positive", hertz=True),
+        ParameterSlot("gain", gain, out=0, into=0),
+        ParameterSlot(
+            "zero_hz", zero_hz, time=-1, low=0.0, default=0.1, search="positive", hertz=True
+        ),
+        ParameterSlot(
+            "pole_hz", pole_hz, time=-1, low=0.0, default=0.5, search="positive", hertz=True
+        ),
     )
     stage = LeadLag(name=name, slots=tuple(checked_slot(slot) for slot in slots))
     if stage.slots[0].held == 0:
@@ -322,7 +326,7 @@ def low_pass(
         shown = described("a damping of a filter of first order")
         raise invalid("damping", shown, "none", "Choose order=2, or leave it out.")
     slots = (
-        Slot(
+        ParameterSlot(
             "frequency_hz",
             frequency_hz,
             time=-1,
@@ -331,7 +335,7 @@ def low_pass(
             search="positive",
             hertz=True,
         ),
-        Slot("damping", damping, low=0.05, high=10.0, default=0.7, search="positive"),
+        ParameterSlot("damping", damping, low=0.05, high=10.0, default=0.7, search="positive"),
     )[:order]
     stage = LowPass(name=name, slots=tuple(checked_slot(slot) for slot in slots))
     return block_of(stage, measurement, control, sign)
@@ -426,7 +430,7 @@ def notch(
     block: u = notch(s) x
     """
     slots = (
-        Slot(
+        ParameterSlot(
             "frequency_hz",
             frequency_hz,
             time=-1,
@@ -435,8 +439,8 @@ def notch(
             search="positive",
             hertz=True,
         ),
-        Slot("depth", depth, low=0.0, high=1.0, default=0.3),
-        Slot("width", width, low=0.0, high=10.0, default=1.0, search="positive"),
+        ParameterSlot("depth", depth, low=0.0, high=1.0, default=0.3),
+        ParameterSlot("width", width, low=0.0, high=10.0, default=1.0, search="positive"),
     )
     stage = Notch(name=name, slots=tuple(checked_slot(slot) for slot in slots))
     return block_of(stage, measurement, control, sign)
@@ -574,10 +578,10 @@ def pid(
             shown = described(f"a number for a controller of kind {terms}")
             raise invalid(number, shown, "none", "Leave it out, or choose another kind.")
     slots = {
-        "Kp": Slot("Kp", Kp, out=0, into=0),
-        "Ki": Slot("Ki", Ki, time=-1, out=0, into=0, search="integral"),
-        "Kd": Slot("Kd", Kd, time=1, out=0, into=0),
-        "Tf": Slot("Tf", Tf, time=1, low=0.0, default=0.1, search="positive"),
+        "Kp": ParameterSlot("Kp", Kp, out=0, into=0),
+        "Ki": ParameterSlot("Ki", Ki, time=-1, out=0, into=0, search="integral"),
+        "Kd": ParameterSlot("Kd", Kd, time=1, out=0, into=0),
+        "Tf": ParameterSlot("Tf", Tf, time=1, low=0.0, default=0.1, search="positive"),
     }
     stage = Pid(name=name, slots=tuple(checked_slot(slots[n]) for n in wanted), terms=terms)
     if all(slot.held == 0 for slot in stage.slots if slot.out is not None):
@@ -644,7 +648,9 @@ class StaticGain(MaskedStage):
         single = shape == (1, 1)
         slots = tuple(
             checked_slot(
-                Slot("gain" if single else f"gain[{i},{j}]", given[i, j], out=int(i), into=int(j))
+                ParameterSlot(
+                    "gain" if single else f"gain[{i},{j}]", given[i, j], out=int(i), into=int(j)
+                )
             )
             for i, j in np.argwhere(mask)
         )

@@ -12,7 +12,7 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustpolish.base.budget import Budget, ends_with, same_bits, working
+from robustpolish.base.budget import Budget, enforce_deadline, progress_bar, single_threaded_blas
 from robustpolish.base.checks import described, instance_of, invalid, is_whole, one_of, positive
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.linear.norms.h2 import h2_norm
@@ -21,21 +21,25 @@ from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import certify
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.problem.pole_regions import Place
-from robustpolish.synthesis.problem.preflight import noisy, priced, refuse_unstable
-from robustpolish.synthesis.problem.scaling import PlantPart, decoupled_parts, undivided
+from robustpolish.synthesis.problem.preflight import (
+    refuse_unstable,
+    with_control_penalty,
+    with_measurement_noise,
+)
+from robustpolish.synthesis.problem.scaling import PlantPart, decoupled_parts, whole_plant
 from robustpolish.synthesis.problem.status import Status
 from robustpolish.synthesis.structured.block_parts import TunableBlock, TunedBlocks
 from robustpolish.synthesis.structured.block_structure import BlockStructure
-from robustpolish.synthesis.structured.block_wiring import Placement, placed
+from robustpolish.synthesis.structured.block_wiring import Placement, place_blocks
 from robustpolish.synthesis.structured.observer import ObserverStructure
 from robustpolish.synthesis.structured.order_starts import padded
 from robustpolish.synthesis.structured.search import (
     POLICY,
     TIME_LIMIT,
+    ControllerStructure,
     Norm,
     PartDesign,
     PartProblem,
-    Structure,
     design_part,
 )
 from robustpolish.synthesis.structured.structures import (
@@ -54,7 +58,7 @@ _BOUND_THE_GAIN = (
 
 
 @dataclass(frozen=True, eq=False)
-class Orders:
+class StructuredOptions:
     """What every structured method is told about the search, checked.
 
     Attributes
@@ -72,10 +76,10 @@ class Orders:
     @classmethod
     def checked(
         cls, norm: Norm, time_limit: float, seed: int, target: float = 0.0, effort: float = 1.0
-    ) -> Orders:
+    ) -> StructuredOptions:
         """Check the arguments that all methods share, and start the clock of the safety net."""
         one_of("norm", norm, ("hinf", "h2"))
-        budget = Budget.before_a_proof(
+        budget = Budget.with_certificate_reserve(
             effort * POLICY.work, positive("time_limit", time_limit, "s")
         )
         return cls(budget, seed, positive("target", target, zero=True))
@@ -90,9 +94,9 @@ def design_structured(
     plant: GeneralizedPlant,
     whole: GeneralizedPlant,
     parts: Sequence[PlantPart],
-    structure: Structure,
+    structure: ControllerStructure,
     norm: Norm,
-    orders: Orders,
+    orders: StructuredOptions,
 ) -> Design:
     """Design a controller of a structure, part by part, and certify it for the whole plant.
 
@@ -104,9 +108,9 @@ def design_structured(
         With prices and noise: what the design is certified for.
     parts : sequence of PlantPart
         The parts of `whole` that the structure does not join.
-    structure : Structure
+    structure : ControllerStructure
     norm : {"hinf", "h2"}
-    orders : Orders
+    orders : StructuredOptions
 
     Raises
     ------
@@ -119,12 +123,12 @@ def design_structured(
     for part, problem in zip(parts, problems, strict=True):
         if problem is None:
             refuse_unstable(part.plant)
-    with working("Searching a controller"), ends_with(orders.budget):
+    with progress_bar("Searching a controller"), enforce_deadline(orders.budget):
         designs = _design_parts(problems, orders)
     late = orders.budget.late
     controller, details = structure.join(whole, parts, designs)
     found = [design for design in designs if design is not None]
-    with ends_with(orders.budget):
+    with enforce_deadline(orders.budget):
         certificate = certify(whole, controller, norm)
     if not certificate.valid:
         raise SolverError(
@@ -163,7 +167,7 @@ def design_structured(
 
 
 def _design_parts(
-    problems: Sequence[PartProblem | None], orders: Orders
+    problems: Sequence[PartProblem | None], orders: StructuredOptions
 ) -> list[PartDesign | None]:
     """Solve identical problems once, each with the share of the work that its size asks for."""
     different = {problem.key: problem for problem in problems if problem is not None}
@@ -208,7 +212,7 @@ def checked_order(order: Any) -> int:
     return int(order)
 
 
-def refuse_beside_order(method: str, gamma: Any) -> None:
+def refuse_with_order(method: str, gamma: Any) -> None:
     """Refuse arguments that say nothing about a controller of few states."""
     if method != "auto":
         raise invalid(
@@ -226,14 +230,14 @@ def refuse_beside_order(method: str, gamma: Any) -> None:
         )
 
 
-def design_of_order(
+def design_fixed_order(
     plant: GeneralizedPlant,
     whole: GeneralizedPlant,
     order: int,
     full: Design | None,
     norm: Norm,
     tolerance: float,
-    orders: Orders,
+    orders: StructuredOptions,
 ) -> Design:
     """Design a controller of at most `order` states.
 
@@ -250,20 +254,20 @@ def design_of_order(
     norm : {"hinf", "h2"}
     tolerance : float
         A norm within it of the lower bound is good enough.
-    orders : Orders
+    orders : StructuredOptions
 
     Returns
     -------
     Design
     """
-    short = None if full is None else _shortened(full, order)
+    short = None if full is None else _reduced_design(full, order)
     enough = _bound(full) * (1 + tolerance)
     if full is not None and short is not None and short.certificate.achieved <= enough:
-        return _told(short, full, order, tolerance)
+        return _gap_message(short, full, order, tolerance)
     start = None if short is None else _start(short, order)
     parts = decoupled_parts(whole)
     if order and len(parts) > 1:
-        parts = (undivided(whole.without_delays()),)  # the limit counts the states of all parts
+        parts = (whole_plant(whole.without_delays()),)  # the limit counts the states of all parts
     asked = StaticStructure(norm, order, initial=start)
     try:
         design = design_structured(plant, whole, parts, asked, norm, replace(orders, target=enough))
@@ -273,10 +277,10 @@ def design_of_order(
         design = short
     if short is not None and short.certificate.achieved < design.certificate.achieved:
         design = short
-    return _told(design, full, order, tolerance)
+    return _gap_message(design, full, order, tolerance)
 
 
-def _shortened(full: Design, order: int) -> Design | None:
+def _reduced_design(full: Design, order: int) -> Design | None:
     """Return the full-order design, reduced if it has to be; None if no reduction is stable."""
     if full.controller.nstates <= order:
         return full
@@ -302,7 +306,7 @@ def _bound(full: Design | None) -> float:
     return 0.0 if full is None or full.lower_bound is None else full.lower_bound
 
 
-def _told(design: Design, full: Design | None, order: int, tolerance: float) -> Design:
+def _gap_message(design: Design, full: Design | None, order: int, tolerance: float) -> Design:
     """Say how far a design is from what any number of states reaches."""
     achieved, bound = design.certificate.achieved, _bound(full)
     if full is None:
@@ -329,7 +333,7 @@ def _told(design: Design, full: Design | None, order: int, tolerance: float) -> 
 # State feedback of an observer's estimate, designed for the norm of the whole loop.
 
 
-@same_bits
+@single_threaded_blas
 def observer_feedback(
     plant: GeneralizedPlant,
     norm: Norm = "hinf",
@@ -407,8 +411,8 @@ def observer_feedback(
     >>> design.details["observer_gain"].round(3)  # 1 + sqrt(2), the Kalman gain
     array([[2.414]])
     """
-    orders = Orders.checked(norm, time_limit, seed, target)
-    whole = noisy(priced(plant, control_weight), measurement_noise)
+    orders = StructuredOptions.checked(norm, time_limit, seed, target)
+    whole = with_measurement_noise(with_control_penalty(plant, control_weight), measurement_noise)
     structure = ObserverStructure(norm, checked_bound(gain_bound))
     return design_structured(plant, whole, decoupled_parts(whole), structure, norm, orders)
 
@@ -416,7 +420,7 @@ def observer_feedback(
 # Springs and dampers instead of a controller: what a force actuation means physically.
 
 
-@same_bits
+@single_threaded_blas
 def passive_feedback(
     plant: GeneralizedPlant,
     springs: Sequence[Place] = (),
@@ -488,7 +492,7 @@ def passive_feedback(
     ...     print(element)
     damper between x and ground: ... N s/m
     """
-    orders = Orders.checked(norm, time_limit, seed)
+    orders = StructuredOptions.checked(norm, time_limit, seed)
     if plant.is_discrete:
         raise invalid(
             "plant",
@@ -496,7 +500,7 @@ def passive_feedback(
             "a continuous plant",
             "Springs and dampers act without a sampler: pass the continuous model.",
         )
-    whole = priced(plant, control_weight).with_full_state()
+    whole = with_control_penalty(plant, control_weight).with_full_state()
     mechanics = Mechanics.of(plant)
     wanted = [("spring", _place("springs", p, mechanics)) for p in springs]
     wanted += [("damper", _place("dampers", p, mechanics)) for p in dampers]
@@ -535,7 +539,7 @@ def _limit(argument: str, bound: float | Mapping[Place, float] | None, place: Pl
 # Static and fixed-order output feedback on the true norm, with a prescribed sparsity.
 
 
-@same_bits
+@single_threaded_blas
 def static_output_feedback(
     plant: GeneralizedPlant,
     norm: Norm = "hinf",
@@ -622,14 +626,14 @@ def static_output_feedback(
     >>> design.gain.round(3), round(design.certificate.achieved, 3)
     (array([[-3.]]), 0.5)
     """
-    orders = Orders.checked(norm, time_limit, seed, target)
+    orders = StructuredOptions.checked(norm, time_limit, seed, target)
     order = checked_order(order)
     mask = None if structure is None else checked_structure(structure, order, plant.nu, plant.ny)
     start = _initial(initial, order, plant)
-    whole = noisy(priced(plant, control_weight), measurement_noise)
+    whole = with_measurement_noise(with_control_penalty(plant, control_weight), measurement_noise)
 
     joined = order > 0 and (mask is not None or start is not None)
-    parts = (undivided(whole),) if joined else decoupled_parts(whole, mask)
+    parts = (whole_plant(whole),) if joined else decoupled_parts(whole, mask)
     asked = StaticStructure(norm, order, mask, checked_bound(gain_bound), start)
     return design_structured(plant, whole, parts, asked, norm, orders)
 
@@ -668,7 +672,7 @@ def _initial(
     return initial
 
 
-@same_bits
+@single_threaded_blas
 def structured_output_feedback(
     plant: GeneralizedPlant,
     blocks: TunableBlock | Sequence[TunableBlock],
@@ -768,9 +772,9 @@ def structured_output_feedback(
     """
     remedy = "Make one with rp.GeneralizedPlant or rp.mixed_sensitivity."
     instance_of("plant", plant, GeneralizedPlant, "a GeneralizedPlant", remedy)
-    orders = Orders.checked(norm, time_limit, seed, target)
+    orders = StructuredOptions.checked(norm, time_limit, seed, target)
     bound = checked_bound(gain_bound)
-    whole = noisy(priced(plant, control_weight), measurement_noise)
+    whole = with_measurement_noise(with_control_penalty(plant, control_weight), measurement_noise)
     if not (whole.nw and whole.nz):
         raise invalid(
             "plant",
@@ -778,7 +782,7 @@ def structured_output_feedback(
             "at least one of each, between which the norm is taken",
             "Name them with GeneralizedPlant.from_loop or rp.mixed_sensitivity.",
         )
-    placement = placed(blocks, whole)
+    placement = place_blocks(blocks, whole)
     asked = BlockStructure(norm, placement, bound, _initial_structure(initial, placement))
     if bound is not None and any(stage.integrators for _, _, stage in placement.places):
         raise invalid(
@@ -787,7 +791,7 @@ def structured_output_feedback(
             "no bound where the gain has none",
             "Weigh u instead (control_weight, or effort= of mixed_sensitivity).",
         )
-    design = design_structured(plant, whole, (undivided(whole),), asked, norm, orders)
+    design = design_structured(plant, whole, (whole_plant(whole),), asked, norm, orders)
     idle = ", ".join(design.details["idle_integrals"])
     if not idle:
         return design

@@ -9,7 +9,7 @@ from typing import Literal
 
 from numpy.typing import ArrayLike
 
-from robustpolish.base.budget import same_bits
+from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import invalid, one_of, positive
 from robustpolish.errors import SolverError
 from robustpolish.plants.plant import GeneralizedPlant
@@ -17,10 +17,18 @@ from robustpolish.synthesis.certificate import Norm, certify
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.lmi.program import BACKENDS
 from robustpolish.synthesis.problem.matrices import Channel, channel
-from robustpolish.synthesis.problem.pole_regions import PoleRegion, checked_regions, outside
-from robustpolish.synthesis.problem.preflight import noisy, priced
-from robustpolish.synthesis.problem.scaling import decoupled_parts, undivided
-from robustpolish.synthesis.structured.methods import Orders, checked_bound, design_structured
+from robustpolish.synthesis.problem.pole_regions import (
+    PoleRegion,
+    checked_regions,
+    violated_regions,
+)
+from robustpolish.synthesis.problem.preflight import with_control_penalty, with_measurement_noise
+from robustpolish.synthesis.problem.scaling import decoupled_parts, whole_plant
+from robustpolish.synthesis.structured.methods import (
+    StructuredOptions,
+    checked_bound,
+    design_structured,
+)
 from robustpolish.synthesis.structured.search import TIME_LIMIT
 from robustpolish.synthesis.structured.structures import MixedStructure
 
@@ -58,7 +66,7 @@ def design_mixed(
     """
     one_of("minimise", minimise, ("hinf", "h2"))
     one_of("backend", backend, BACKENDS)
-    orders = Orders.checked(minimise, time_limit, seed)
+    orders = StructuredOptions.checked(minimise, time_limit, seed)
     bounds = {"hinf": hinf_bound, "h2": h2_bound}
     if bounds[minimise] is not None:
         raise invalid(
@@ -73,13 +81,13 @@ def design_mixed(
         bound = positive(f"{other}_bound", bound)
     gain_bound = checked_bound(gain_bound)
     regions = checked_regions("pole_region", pole_region)
-    whole = noisy(priced(plant, control_weight), measurement_noise)
+    whole = with_measurement_noise(with_control_penalty(plant, control_weight), measurement_noise)
     given = {"hinf": hinf_channel, "h2": h2_channel}
     goal = _channel(plant, whole, given[minimise], f"{minimise}_channel")
     side = None if bound is None else _channel(plant, whole, given[other], f"{other}_channel")
 
     # A bound on the H2 norm joins the parts: it is their root mean square that counts.
-    parts = (undivided(whole),) if side is not None else decoupled_parts(whole)
+    parts = (whole_plant(whole),) if side is not None else decoupled_parts(whole)
     structure = MixedStructure(
         minimise, goal, static, side, bound, regions, gain_bound, backend, solver
     )
@@ -91,7 +99,7 @@ def design_mixed(
         certificates[other] = certify(side, controller, other)
         if not certificates[other].valid or certificates[other].achieved > bound * (1 + 1e-6):
             broken.append(f"the {other} norm is {certificates[other].achieved:g}, not {bound:g}")
-    broken += outside(regions, design.certificate.poles)
+    broken += violated_regions(regions, design.certificate.poles)
     if broken:
         raise SolverError(
             f"The best controller found breaks a specification: {'; '.join(broken)}. "
@@ -120,7 +128,7 @@ def _channel(
     return channel(whole, [*w, *extra_w], [*z, *extra_z])
 
 
-@same_bits
+@single_threaded_blas
 def mixed_output_feedback(
     plant: GeneralizedPlant,
     minimise: Literal["hinf", "h2"] = "hinf",
@@ -227,7 +235,7 @@ def mixed_output_feedback(
     )
 
 
-@same_bits
+@single_threaded_blas
 def mixed_state_feedback(
     plant: GeneralizedPlant,
     minimise: Literal["hinf", "h2"] = "hinf",

@@ -24,10 +24,10 @@ from robustpolish.synthesis.problem.scaling import PlantPart
 from robustpolish.synthesis.riccati.gamma import central_controller, normalise, search_gamma
 from robustpolish.synthesis.structured.search import (
     POLICY,
+    ControllerStructure,
     Norm,
     PartDesign,
     PartProblem,
-    Structure,
     bound_in_words,
     norm_measure,
     scaled_part,
@@ -138,7 +138,7 @@ def _conjugate_groups(poles: NDArray[np.complex128]) -> list[list[int]]:
 
 
 @dataclass(frozen=True, eq=False)
-class ObserverStructure(Structure):
+class ObserverStructure(ControllerStructure):
     """u = F xhat with a Luenberger observer, over F and L.
 
     Attributes

@@ -32,7 +32,7 @@ from robustpolish.synthesis.structured.search import (
 
 
 @dataclass(frozen=True, eq=False)
-class GrownStarts:
+class AugmentedStarts:
     """The best controller of fewer states with states added that nobody hears yet.
 
     The added states listen to y and the others, and their outputs have no weight: the loop is that
@@ -70,9 +70,9 @@ class GrownStarts:
             return
         K = self.shorter.parametrisation.gain(found.point)
         for _ in range(POLICY.growths):
-            yield self.coordinates(self._grown(K, rng))
+            yield self.coordinates(self._augmented(K, rng))
 
-    def _grown(self, K: Matrix, rng: np.random.Generator) -> Matrix:
+    def _augmented(self, K: Matrix, rng: np.random.Generator) -> Matrix:
         """Add states of drawn time constants between those of K and its signals."""
         k, more = self.shorter.order, self.order - self.shorter.order
         (rows, columns), discrete = K.shape, self.shorter.loop.discrete

@@ -22,20 +22,20 @@ from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import certify
 from robustpolish.synthesis.nonsmooth.descent import (
     Bounds,
-    Folded,
     Measure,
     Problem,
+    ReflectedParametrisation,
     Requirement,
     bfgs,
-    ended_by,
     minimax,
+    stop_reason,
 )
 from robustpolish.synthesis.nonsmooth.measures import (
     GainMeasure,
     H2Measure,
     HinfMeasure,
+    MaxMeasure,
     StabilityMeasure,
-    WorstMeasure,
 )
 from robustpolish.synthesis.nonsmooth.parametrisations import Parametrisation
 from robustpolish.synthesis.problem.matrices import PlantMatrices, augmented, controller_loop
@@ -46,7 +46,7 @@ from robustpolish.synthesis.problem.scaling import (
     joined_controller,
     named_controller,
     scale_plant,
-    with_signals,
+    with_dummy_signals,
 )
 
 # The decisions of the structured searches, each with its reason and the case that needs it.
@@ -56,7 +56,7 @@ TIME_LIMIT = 300.0
 
 
 @dataclass(frozen=True)
-class Effort:
+class SearchEffort:
     """How many descents are enough for one part.
 
     Attributes
@@ -97,7 +97,7 @@ class StructuredPolicy:
     search_share, again_share, start_share : float
         Parts of the work that is left: of the first search, of one more under a lower ceiling, and
         of the proposals of starts within each. What one leaves over the next may use.
-    again : Effort
+    again : SearchEffort
         Of a search under a lower ceiling, which starts near the last point.
     static, observer, observer_h2, mixed, passive, blocks : Effort
         Of the structures. Blocks have few numbers, and their descents mostly agree. The H2 problem
@@ -127,7 +127,7 @@ class StructuredPolicy:
     grown_share, growths : float, int
         Share of the work for a controller of fewer states to start from, and how many draws of
         the states that are added to it.
-    grown : Effort
+    grown : SearchEffort
         Of that search: it is only a start.
     rates : pair of float
         Decimal logarithms of the slowest and the fastest added state, in the plant's unit of time.
@@ -156,13 +156,13 @@ class StructuredPolicy:
     search_share: float = 0.75
     again_share: float = 0.3
     start_share: float = 0.3
-    again: Effort = Effort(descents=3)
-    static: Effort = Effort()
-    observer: Effort = Effort(descents=14)
-    observer_h2: Effort = Effort(descents=14, fewest=3)
-    mixed: Effort = Effort(descents=8)
-    passive: Effort = Effort(smooth_first=False)
-    blocks: Effort = Effort(descents=60, fewest=5, patience=12)
+    again: SearchEffort = SearchEffort(descents=3)
+    static: SearchEffort = SearchEffort()
+    observer: SearchEffort = SearchEffort(descents=14)
+    observer_h2: SearchEffort = SearchEffort(descents=14, fewest=3)
+    mixed: SearchEffort = SearchEffort(descents=8)
+    passive: SearchEffort = SearchEffort(smooth_first=False)
+    blocks: SearchEffort = SearchEffort(descents=60, fewest=5, patience=12)
     ceilings: tuple[float, ...] = (1e5, 3e3, 1e2, 1e1)
     near_ceiling: float = 0.5
     slack: float = 5e-5
@@ -176,7 +176,7 @@ class StructuredPolicy:
     alike: float = 1e-3
     grown_share: float = 0.35
     growths: int = 3
-    grown: Effort = Effort(descents=12, fewest=5, patience=6)
+    grown: SearchEffort = SearchEffort(descents=12, fewest=5, patience=6)
     rates: tuple[float, float] = (-1.0, 1.0)
     modest: float = 0.3
     stabilising_states: int = 24
@@ -261,7 +261,7 @@ def descend_from(
     starts: Iterable[Vector],
     problem: Problem,
     stability: Measure,
-    effort: Effort,
+    effort: SearchEffort,
     budget: Budget,
     rng: np.random.Generator,
     target: float = -np.inf,
@@ -279,7 +279,7 @@ def descend_from(
     problem : Problem
     stability : Measure
         Negative for a stable loop; lowered first where a start is unstable.
-    effort : Effort
+    effort : SearchEffort
     budget : Budget
     rng : numpy.random.Generator
         For the descents near the best point.
@@ -319,9 +319,11 @@ def _nearby(point: Vector, rng: np.random.Generator) -> Vector:
     return point + spread * size * rng.normal(size=point.size)
 
 
-def _verdict(progress: _Progress, effort: Effort, budget: Budget, target: float) -> str | None:
+def _verdict(
+    progress: _Progress, effort: SearchEffort, budget: Budget, target: float
+) -> str | None:
     if budget.over:
-        return ended_by(budget)
+        return stop_reason(budget)
     if progress.value < target:
         return "target"
     enough = len(progress.values) >= effort.fewest
@@ -344,7 +346,7 @@ def _descend(
     smooth_first: bool,
 ) -> None:
     began = budget.spent
-    folded = None if bounds is None else Folded(problem.parametrisation, bounds)
+    folded = None if bounds is None else ReflectedParametrisation(problem.parametrisation, bounds)
     smooth = problem if folded is None else replace(problem, parametrisation=folded)
     point = start if bounds is None else np.clip(start, *bounds)
     if point.size == 0:
@@ -455,7 +457,7 @@ class PartProblem:
         What is demanded besides.
     demands : str
         All that is demanded in words, for messages; empty if nothing is.
-    effort : Effort
+    effort : SearchEffort
     objective_loop : PlantMatrices or None
         The loop whose norm is minimised, if it is another than `loop`.
     bounds : pair of ndarray or None
@@ -481,7 +483,7 @@ class PartProblem:
     gain_bound: float | None = None
     specifications: tuple[Requirement, ...] = ()
     demands: str = ""
-    effort: Effort = POLICY.static
+    effort: SearchEffort = POLICY.static
     objective_loop: PlantMatrices | None = None
     bounds: Bounds | None = None
     open_ended: NDArray[np.bool_] | None = None
@@ -532,7 +534,7 @@ class PartProblem:
     def stability(self) -> Measure:
         """Negative where all that has to be stable is."""
         size = float(np.linalg.norm(self.loop.A, 2)) or 1.0
-        return WorstMeasure(tuple(StabilityMeasure.of(each, size) for each in self.stable_loops))
+        return MaxMeasure(tuple(StabilityMeasure.of(each, size) for each in self.stable_loops))
 
     def below(self, ceiling: float) -> Problem:
         """Return what the descents minimise, over gains below a ceiling."""
@@ -596,7 +598,7 @@ class PartDesign:
     history: tuple[Any, ...]
 
 
-class Structure(ABC):
+class ControllerStructure(ABC):
     """A kind of controller: how it is searched part by part, and put together."""
 
     method: ClassVar[str] = "descent"
@@ -700,7 +702,10 @@ def design_part(part: PartProblem, budget: Budget, seed: int, target: float) -> 
             raise SolverError(_failure(part, result, budget))
         found, first = _outcome(part, problem, result, budget), result.point
         # When time is over nothing is tried again, and the whole is certified in any case.
-        if budget.over or certify(with_signals(part.plant), found.controller, part.norm).valid:
+        if (
+            budget.over
+            or certify(with_dummy_signals(part.plant), found.controller, part.norm).valid
+        ):
             break
     assert found is not None
     return found

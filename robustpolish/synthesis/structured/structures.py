@@ -36,14 +36,14 @@ from robustpolish.synthesis.problem.scaling import (
     scale_plant,
 )
 from robustpolish.synthesis.structured.observer import RiccatiStarts
-from robustpolish.synthesis.structured.order_starts import GrownStarts, ReducedStarts
+from robustpolish.synthesis.structured.order_starts import AugmentedStarts, ReducedStarts
 from robustpolish.synthesis.structured.search import (
     POLICY,
+    ControllerStructure,
     Norm,
     PartDesign,
     PartProblem,
     StartProposal,
-    Structure,
     bound_in_words,
     norm_measure,
     scaled_part,
@@ -107,7 +107,7 @@ class Mechanics:
 
 
 @dataclass(frozen=True, eq=False)
-class PassiveStructure(Structure):
+class PassiveStructure(ControllerStructure):
     """Coefficients of springs and dampers, not negative.
 
     Attributes
@@ -214,7 +214,7 @@ def _sizes(scaled: ScaledPlant, elements: Matrix) -> Vector:
 
 
 @dataclass(frozen=True, eq=False)
-class StaticStructure(Structure):
+class StaticStructure(ControllerStructure):
     """Output feedback [[Ak, Bk], [Ck, Dk]] of a given order, with free entries where allowed.
 
     Attributes
@@ -252,7 +252,7 @@ class StaticStructure(Structure):
         scaled, inner = scaled_part(plant, what, None if order else mask)
         loop = augmented(inner, order)
         free = MaskedGain(mask) if self.norm == "hinf" else free_gain(mask, loop)
-        rest = free.coordinates(resting(mask.shape, order, loop.discrete))
+        rest = free.coordinates(zero_controller(mask.shape, order, loop.discrete))
         known = [] if start is None else [free.coordinates(scaled_matrix(start, scaled))]
         starts: list[StartProposal] = [KnownStarts([*known, rest])]
         if self.mask is None:
@@ -260,7 +260,7 @@ class StaticStructure(Structure):
                 # Half the order, down to none: each search starts from the one before.
                 shorter = replace(self, order=order // 2, initial=None).problem(part)
                 if shorter is not None:
-                    starts.append(GrownStarts(shorter, order, free.coordinates))
+                    starts.append(AugmentedStarts(shorter, order, free.coordinates))
             starts.append(ReducedStarts(scaled.plant, self.norm, order, free.coordinates))
         return PartProblem(
             scaled=scaled,
@@ -280,7 +280,7 @@ class StaticStructure(Structure):
         )
 
 
-def resting(shape: tuple[int, int], order: int, discrete: bool) -> Matrix:
+def zero_controller(shape: tuple[int, int], order: int, discrete: bool) -> Matrix:
     """Return the K whose states decay and whose u is zero."""
     rest = np.zeros(shape)
     rest[:order, :order] = 0.0 if discrete else -np.eye(order)
@@ -327,7 +327,7 @@ def scaled_matrix(controller: control.StateSpace, scaled: ScaledPlant) -> Matrix
 
 
 @dataclass(frozen=True, eq=False)
-class MixedStructure(Structure):
+class MixedStructure(ControllerStructure):
     """A static gain or a full-order controller for one norm while others are bounded.
 
     Attributes
@@ -392,7 +392,7 @@ class MixedStructure(Structure):
                     specifications, regions, order, self.backend, self.solver, free.coordinates
                 )
             )
-        rest = KnownStarts([free.coordinates(resting(mask.shape, order, loop.discrete))])
+        rest = KnownStarts([free.coordinates(zero_controller(mask.shape, order, loop.discrete))])
         if order:
             P = PlantMatrices.of(goal)
             form = ObserverGain(P.A, P.B2, P.C2, P.D22)

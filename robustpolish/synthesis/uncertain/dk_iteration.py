@@ -21,7 +21,7 @@ from robustpolish.synthesis.problem.matrices import (
     Controller,
     PlantMatrices,
     augmented,
-    close_static,
+    close_static_loop,
     regularise,
 )
 from robustpolish.synthesis.riccati.gamma import (
@@ -32,13 +32,13 @@ from robustpolish.synthesis.riccati.gamma import (
     search_gamma,
 )
 from robustpolish.synthesis.uncertain.scaled_gain import (
-    Levels,
     LoopResponses,
+    MuBounds,
     RobustProblem,
     ScaledGain,
     Scalings,
+    controller_matrix,
     grid,
-    stacked,
 )
 
 # The K step: an H-infinity controller of full order for a plant with scalings around it.
@@ -137,7 +137,7 @@ def _norm(plant: PlantMatrices, K: Controller) -> float:
     """Return the norm of a loop on a grid; infinite if it is not stable."""
     if not all(np.isfinite(M).all() for M in K):
         return float(np.inf)
-    loop = close_static(augmented(plant, len(K.A)), stacked(K))
+    loop = close_static_loop(augmented(plant, len(K.A)), controller_matrix(K))
     if loop is None or not loop.stable:
         return float(np.inf)
     M = LoopResponses.of(loop, grid([loop.poles])).M
@@ -317,7 +317,7 @@ def _filter(numbers: Vector) -> Filter:
     return Filter(float(np.exp(numbers[0])), rates[:order], rates[order:])
 
 
-def beside(filters: Sequence[Filter], times: Sequence[int]) -> Controller:
+def repeated_filters(filters: Sequence[Filter], times: Sequence[int]) -> Controller:
     """Return filters side by side, each so many times."""
     parts = [f.matrices for f, count in zip(filters, times, strict=True) for _ in range(count)]
     n, m = sum(len(p.A) for p in parts), len(parts)
@@ -361,7 +361,7 @@ class DStepPolicy:
 D_STEP_POLICY = DStepPolicy()
 
 
-def unscaled(problem: RobustProblem) -> list[Filter]:
+def unit_scalings(problem: RobustProblem) -> list[Filter]:
     """Return the scalings to begin with: none."""
     return [Filter(1.0, np.zeros(0), np.zeros(0))] * len(problem.as_complex.blocks)
 
@@ -369,8 +369,8 @@ def unscaled(problem: RobustProblem) -> list[Filter]:
 def scaled_plant(problem: RobustProblem, filters: Sequence[Filter]) -> PlantMatrices:
     """Return the plant with D on the signals z and its inverse on the signals w."""
     plant, blocks = problem.matrices, problem.as_complex.blocks
-    into = beside([f.inverse for f in filters], [b.rows for b in blocks])
-    out = beside(filters, [b.columns for b in blocks])
+    into = repeated_filters([f.inverse for f in filters], [b.rows for b in blocks])
+    out = repeated_filters(filters, [b.columns for b in blocks])
     n, i, o = plant.nx, len(into.A), len(out.A)
     zeros = np.zeros
     A = np.block(
@@ -393,7 +393,7 @@ def scaled_plant(problem: RobustProblem, filters: Sequence[Filter]) -> PlantMatr
     )
 
 
-def scalings_of(problem: RobustProblem, found: Levels, M: AnyArray) -> list[Filter]:
+def scalings_of(problem: RobustProblem, found: MuBounds, M: AnyArray) -> list[Filter]:
     """Return the scalings of lowest order that raise the levels next to nothing."""
     blocks = problem.as_complex.blocks
     sizes = found.diagonals()
@@ -427,7 +427,7 @@ _EFFORT = 0.1
 _SECONDS = 300.0
 
 
-def shorter(problem: RobustProblem, K: Controller, order: int) -> Iterator[Controller]:
+def reduced_controllers(problem: RobustProblem, K: Controller, order: int) -> Iterator[Controller]:
     """Yield stabilising controllers of an order that stand for a longer one, in scaled units."""
     if len(K.A) <= order:
         yield K
@@ -452,7 +452,7 @@ def of_order(problem: RobustProblem, order: int, budget: Budget) -> Controller |
     return Controller(*matrices_of(design.controller))
 
 
-def level_with(problem: RobustProblem, K: Controller, known: Levels) -> float:
+def mu_bound_with(problem: RobustProblem, K: Controller, known: MuBounds) -> float:
     """Return the largest level of a controller at frequencies, by the scalings of another one."""
     loop = problem.loop(K)
     if loop is None or not loop.stable:

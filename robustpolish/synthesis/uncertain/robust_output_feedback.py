@@ -13,7 +13,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
 
-from robustpolish.base.budget import Budget, OutOfTimeError, ends_with, same_bits, working
+from robustpolish.base.budget import (
+    Budget,
+    DeadlineError,
+    enforce_deadline,
+    progress_bar,
+    single_threaded_blas,
+)
 from robustpolish.base.checks import described, instance_of, invalid, positive
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.errors import InfeasibleError, SolverError
@@ -26,16 +32,16 @@ from robustpolish.robust.questions import (
     worst_case_gain,
 )
 from robustpolish.synthesis.certificate import Certificate, certify
-from robustpolish.synthesis.problem.preflight import diagnose, refuse
+from robustpolish.synthesis.problem.preflight import check_solvability, infeasible_modes_error
 from robustpolish.synthesis.structured.methods import checked_order, checked_structure
 from robustpolish.synthesis.uncertain.scaled_gain import RobustProblem
 from robustpolish.synthesis.uncertain.scenarios import (
-    ByScenarios,
-    FreeSearch,
-    Machines,
+    ScenarioDesign,
+    UncertainSamples,
+    UnstructuredSearch,
     with_structure,
 )
-from robustpolish.synthesis.uncertain.search import POLICY, Search
+from robustpolish.synthesis.uncertain.search import POLICY, ScalingSearch
 
 # What robust synthesis returns: a controller with its proof, or the reason why there is none.
 
@@ -179,7 +185,7 @@ class RobustDesign(Displayed):
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class RobustCandidate:
     """A controller with its proof, and what else is known of it."""
 
     controller: control.StateSpace
@@ -189,7 +195,9 @@ class Candidate:
     lower_bound: float = 0.0
 
     @classmethod
-    def by_scenarios(cls, system: UncertainSystem, found: ByScenarios, gamma: float) -> Candidate:
+    def by_scenarios(
+        cls, system: UncertainSystem, found: ScenarioDesign, gamma: float
+    ) -> RobustCandidate:
         """Return what a search over scenarios found, with its margin."""
         performance = robust_performance(system.lft(found.controller), gamma)
         return cls(found.controller, performance, "scenarios", found.worst, found.lower_bound)
@@ -207,9 +215,9 @@ class Candidate:
         return robust, self.performance.lower
 
 
-def judged(
-    machines: Machines,
-    chosen: Candidate,
+def robust_design_of(
+    machines: UncertainSamples,
+    chosen: RobustCandidate,
     history: Sequence[Mapping[str, Any]],
     gamma: float,
     budget: Budget,
@@ -234,7 +242,7 @@ def judged(
     )  # fmt: skip
 
 
-def _reason(chosen: Candidate, gamma: float, budget: Budget) -> str:
+def _reason(chosen: RobustCandidate, gamma: float, budget: Budget) -> str:
     """Say in a sentence what is proven, and what to try."""
     performance = chosen.performance
     share = performance.lower
@@ -262,14 +270,14 @@ def _reason(chosen: Candidate, gamma: float, budget: Budget) -> str:
     return f"{text}. {advice}{late}"
 
 
-Chosen = int | str | Sequence[str]
+SignalChoice = int | str | Sequence[str]
 
 
-@same_bits
+@single_threaded_blas
 def robust_output_feedback(
     plant: UncertainSystem,
-    measurements: Chosen,
-    controls: Chosen,
+    measurements: SignalChoice,
+    controls: SignalChoice,
     *,
     gamma: float = 1.0,
     structure: ArrayLike | None = None,
@@ -371,43 +379,47 @@ def robust_output_feedback(
     most = None if order is None else checked_order(order)
     mask = None if structure is None else _mask(structure, most or 0, ny, nu)
     problem = RobustProblem.of(system, ny, nu, gamma)
-    unmoved = [mode for mode in diagnose(problem.plant).fixed_modes if mode.exact]
+    unmoved = [mode for mode in check_solvability(problem.plant).fixed_modes if mode.exact]
     if unmoved:
-        return _none(system, gamma, str(refuse(unmoved)), budget)
-    machines = Machines(system, ny, nu)
-    with working("Designing a robust controller"):
+        return _no_controller(system, gamma, str(infeasible_modes_error(unmoved)), budget)
+    machines = UncertainSamples(system, ny, nu)
+    with progress_bar("Designing a robust controller"):
         try:
-            with ends_with(budget, grace=0.0):
+            with enforce_deadline(budget, grace=0.0):
                 if mask is not None:
                     found, history = with_structure(machines, most or 0, mask, budget)
-                    chosen = None if found is None else Candidate.by_scenarios(system, found, gamma)
+                    chosen = (
+                        None
+                        if found is None
+                        else RobustCandidate.by_scenarios(system, found, gamma)
+                    )
                 else:
                     chosen, history = _without_structure(problem, machines, most, gamma, budget)
         except (InfeasibleError, SolverError) as error:
             advice = "" if budget.late else " Weigh u and add noise to y."
-            return _none(system, gamma, f"{error}{advice}", budget)
+            return _no_controller(system, gamma, f"{error}{advice}", budget)
         if chosen is None:
             what = "stable on all machines of the set" if mask is not None else "well-posed"
             reason = f"No controller was found whose loop is {what}. Ask for less, or free more."
-            return _none(system, gamma, reason, budget)
-        with ends_with(budget):
-            return judged(machines, chosen, history, gamma, budget)
+            return _no_controller(system, gamma, reason, budget)
+        with enforce_deadline(budget):
+            return robust_design_of(machines, chosen, history, gamma, budget)
 
 
 def _without_structure(
     problem: RobustProblem,
-    machines: Machines,
+    machines: UncertainSamples,
     order: int | None,
     gamma: float,
     budget: Budget,
-) -> tuple[Candidate | None, list[dict[str, Any]]]:
+) -> tuple[RobustCandidate | None, list[dict[str, Any]]]:
     """Search in two ways and keep the best that is proven, of those there was time for."""
-    free = FreeSearch(machines, order, budget.share(POLICY.scenarios))
-    search, offered = Search(problem, order, budget), list[Candidate]()
+    free = UnstructuredSearch(machines, order, budget.share(POLICY.scenarios))
+    search, offered = ScalingSearch(problem, order, budget), list[RobustCandidate]()
     try:
         for candidate in _candidates(problem, machines, free, search, gamma):
             offered.append(candidate)
-    except OutOfTimeError:
+    except DeadlineError:
         if not offered:
             raise
     best = max(offered, key=lambda one: one.rank(gamma), default=None)
@@ -417,13 +429,17 @@ def _without_structure(
 
 
 def _candidates(
-    problem: RobustProblem, machines: Machines, free: FreeSearch, search: Search, gamma: float
-) -> Iterator[Candidate]:
+    problem: RobustProblem,
+    machines: UncertainSamples,
+    free: UnstructuredSearch,
+    search: ScalingSearch,
+    gamma: float,
+) -> Iterator[RobustCandidate]:
     """Yield what a search by scenarios finds, where there are real numbers, and by scalings."""
     system, first = machines.system, None
     found = free.from_nominal() if machines.numbers else None
     if found is not None:
-        first = Candidate.by_scenarios(system, found, gamma)
+        first = RobustCandidate.by_scenarios(system, found, gamma)
         yield first
         if found.best_possible and first.is_robust(gamma):
             return
@@ -441,30 +457,32 @@ def _candidates(
     if machines.numbers and (first is None or scaled.rank(gamma) > first.rank(gamma)):
         again = free.from_controller(scaled.controller)
         if again is not None:
-            yield Candidate.by_scenarios(system, again, gamma)
+            yield RobustCandidate.by_scenarios(system, again, gamma)
 
 
 def _by_scalings(
-    system: UncertainSystem, problem: RobustProblem, search: Search, gamma: float
-) -> Candidate | None:
+    system: UncertainSystem, problem: RobustProblem, search: ScalingSearch, gamma: float
+) -> RobustCandidate | None:
     """Search by scalings, and prove until the proof and the search agree."""
     found = search.run()
-    best: Candidate | None = None
+    best: RobustCandidate | None = None
     for count in range(POLICY.proofs):
         controller = problem.controller(found.controller)
         if controller is None:
             break
         performance = robust_performance(system.lft(controller), gamma)
         if best is None or performance.lower > best.performance.lower:
-            best = Candidate(controller, performance)
+            best = RobustCandidate(controller, performance)
         agreed = found.level * (1 + POLICY.agrees)
         if performance.mu[1] <= agreed or search.budget.over or count + 1 == POLICY.proofs:
             break
-        found = search.mended(found)
+        found = search.with_refined_frequencies(found)
     return best
 
 
-def _none(system: UncertainSystem, gamma: float, reason: str, budget: Budget) -> RobustDesign:
+def _no_controller(
+    system: UncertainSystem, gamma: float, reason: str, budget: Budget
+) -> RobustDesign:
     return RobustDesign(system, None, None, gamma, "no controller", reason, elapsed=budget.elapsed)
 
 

@@ -32,14 +32,21 @@ from robustpolish.plants.blocks import named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.robust.coverage import Coverage, cover
-from robustpolish.robust.loop_model import DeltaBlock, LoopModel, Structure, structure_of
-from robustpolish.robust.scalings import Inequality, Level, Space, at, lowered, started
+from robustpolish.robust.loop_model import DeltaBlock, DeltaStructure, LoopModel, structure_of
+from robustpolish.robust.scalings import (
+    Inequality,
+    ScaledBound,
+    Space,
+    at,
+    initial_scalings,
+    reduce_level,
+)
 from robustpolish.synthesis.problem.matrices import (
     Controller,
     PlantMatrices,
     StaticLoop,
     augmented,
-    close_static,
+    close_static_loop,
 )
 from robustpolish.synthesis.problem.scaling import SolverPlant
 
@@ -51,7 +58,7 @@ _BEYOND = 30.0
 
 
 @dataclass(frozen=True, eq=False)
-class Levels:
+class MuBounds:
     """What scalings prove at frequencies.
 
     Attributes
@@ -65,7 +72,7 @@ class Levels:
 
     omega: Vector
     values: Vector
-    found: tuple[Level, ...]
+    found: tuple[ScaledBound, ...]
     space: Space
 
     @property
@@ -86,29 +93,32 @@ class Levels:
         return np.array(rows)
 
 
-def levels(structure: Structure, omega: Vector, M: AnyArray, best: bool = True) -> Levels:
+def mu_bounds(structure: DeltaStructure, omega: Vector, M: AnyArray, best: bool = True) -> MuBounds:
     """Find scalings at each frequency: the best ones, or quickly those that balance M.
 
     Parameters
     ----------
-    structure : Structure
+    structure : DeltaStructure
     omega : ndarray, shape (k,)
     M : ndarray of complex, shape (k, nz, nw)
     best : bool, optional
         Neighbours then help each other.
     """
     space = Space(structure, (False,) * len(structure.blocks))
-    found: list[Level] = []
+    found: list[ScaledBound] = []
     for one in M:
         inequality = Inequality(space, one[None])
         if not best:
-            found.append(started(inequality))
+            found.append(initial_scalings(inequality))
             continue
-        starts = [started(inequality), *(at(inequality, Level(0.0, f.x)) for f in found[-1:])]
+        starts = [
+            initial_scalings(inequality),
+            *(at(inequality, ScaledBound(0.0, f.x)) for f in found[-1:]),
+        ]
         start = min(starts, key=lambda level: level.square)
-        found.append(lowered(inequality, start) if math.isfinite(start.square) else start)
+        found.append(reduce_level(inequality, start) if math.isfinite(start.square) else start)
     values = np.array([math.sqrt(max(level.square, 0.0)) for level in found])
-    return Levels(omega, values, tuple(found), space)
+    return MuBounds(omega, values, tuple(found), space)
 
 
 def grid(poles: Iterable[AnyArray], more: Iterable[float] = ()) -> Vector:
@@ -138,14 +148,14 @@ class RobustProblem:
     ----------
     plant : GeneralizedPlant
         In its own units; z in units of `gamma`, so that a mu of 1 is what is asked for.
-    structure : Structure
+    structure : DeltaStructure
         The blocks, the last one for the performance.
     part : SolverPlant
         The plant in scaled units, continuous, without D22.
     """
 
     plant: GeneralizedPlant
-    structure: Structure
+    structure: DeltaStructure
     part: SolverPlant
 
     @classmethod
@@ -159,7 +169,7 @@ class RobustProblem:
         names = (whole.input_labels, whole.output_labels, whole.state_labels)
         plant = GeneralizedPlant(named_system(matrices, whole.dt, *names), ny, nu)
         last = DeltaBlock("complex" if nz == nw == 1 else "full", 1, nw, nz, "performance")
-        structure = Structure((*structure_of(system.blocks).blocks, last))
+        structure = DeltaStructure((*structure_of(system.blocks).blocks, last))
         return cls(plant, structure, SolverPlant.of(plant, mapped=True))
 
     @cached_property
@@ -177,7 +187,7 @@ class RobustProblem:
         )
 
     @cached_property
-    def as_complex(self) -> Structure:
+    def as_complex(self) -> DeltaStructure:
         """The structure with every copy of every number a complex number of its own.
 
         It holds more than the true one, and its scalings are positive numbers, one per copy.
@@ -186,11 +196,11 @@ class RobustProblem:
         for block in self.structure.blocks:
             single = DeltaBlock("complex" if block.is_scalar else "full", 1, *_sizes(block))
             found += [single] * block.copies
-        return Structure(tuple(found))
+        return DeltaStructure(tuple(found))
 
     def loop(self, K: Controller) -> StaticLoop | None:
         """Return the loop with a controller in scaled units; None if it is not well posed."""
-        return close_static(augmented(self.matrices, len(K.A)), stacked(K))
+        return close_static_loop(augmented(self.matrices, len(K.A)), controller_matrix(K))
 
     def cover(self, loop: StaticLoop, level: float) -> tuple[Coverage, LoopModel]:
         """Prove a level of a stable loop, raised as far as it has to be."""
@@ -207,12 +217,12 @@ def _sizes(block: DeltaBlock) -> tuple[int, int]:
     return block.rows, block.columns
 
 
-def stacked(K: Controller) -> Matrix:
+def controller_matrix(K: Controller) -> Matrix:
     """Return [[Ak, Bk], [Ck, Dk]]."""
     return np.block([[K.A, K.B], [K.C, K.D]])
 
 
-def unstacked(K: Matrix, order: int) -> Controller:
+def controller_from_matrix(K: Matrix, order: int) -> Controller:
     """Return the controller of [[Ak, Bk], [Ck, Dk]]."""
     k = order
     return Controller(K[:k, :k], K[:k, k:], K[k:, :k], K[k:, k:])
@@ -257,7 +267,7 @@ class ModalGain:
         ones_u, ones_y = np.ones(len(K.D)), np.ones(K.D.shape[1])
         left, right = np.concatenate([roots, ones_u]), np.concatenate([roots, ones_y])
         form = cls(n, left, right, (n + len(K.D), n + K.D.shape[1]))
-        entries = stacked(Controller(A, B, C, K.D)) / left[:, None] / right
+        entries = controller_matrix(Controller(A, B, C, K.D)) / left[:, None] / right
         return form, entries[form.mask]
 
     @property
@@ -399,10 +409,10 @@ class Scalings:
 
     Attributes
     ----------
-    structure : Structure
+    structure : DeltaStructure
     """
 
-    structure: Structure
+    structure: DeltaStructure
 
     @cached_property
     def size(self) -> int:
@@ -508,7 +518,7 @@ class ScaledGain:
     def H(self) -> AnyArray:
         """The Hermitian matrices, shape (k, nw, nw)."""
         turned = 1j * (self._whole[2] @ self.N)
-        return _star(self.N) @ self.N + turned + _star(turned)
+        return _adjoint(self.N) @ self.N + turned + _adjoint(turned)
 
     def back(self, weights: AnyArray) -> tuple[AnyArray, Array]:
         """Return derivatives of sum tr(weights_k H_k).
@@ -527,7 +537,7 @@ class ScaledGain:
         structure = self.scalings.structure
         Tz, Tw, G = self._whole
         N = self.N
-        X = 2 * weights @ (_star(N) + 1j * G)
+        X = 2 * weights @ (_adjoint(N) + 1j * G)
         turned, before = N @ X, X @ N
         gram = 1j * (N @ weights)
         on_theta = np.zeros_like(self.theta)
@@ -540,12 +550,12 @@ class ScaledGain:
                 Q = Q - _summed(before[:, w, w], block, block.rows)
                 on_theta[:, start:stop] = _back_triangle(np.linalg.solve(T[k], Q), T[k])
             else:
-                Y = gram[:, z, w] + _star(gram[:, z, w])
+                Y = gram[:, z, w] + _adjoint(gram[:, z, w])
                 on_theta[:, start:stop] = _back_hermitian(Y)
         return Tw @ X @ Tz, on_theta
 
 
-def _star(M: AnyArray) -> AnyArray:
+def _adjoint(M: AnyArray) -> AnyArray:
     return np.conj(np.swapaxes(M, -1, -2))
 
 
@@ -631,7 +641,7 @@ _BESIDE = np.array([-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0])
 _MOST = 12
 
 
-def holes(
+def unproven_frequencies(
     loop: StaticLoop, scalings: Scalings, omega: Vector, weights: Array, level: float
 ) -> tuple[Vector, Array]:
     """Return frequencies at which no scalings prove a level, with the best scalings there.
@@ -653,14 +663,14 @@ def holes(
     found_omega, found_weights = [], []
     space = Space(scalings.structure, (False,) * len(scalings.structure.blocks))
     high = squares > level**2
-    peaks = [i for i in np.flatnonzero(high).tolist() if _is_top(squares, i)]
+    peaks = [i for i in np.flatnonzero(high).tolist() if _is_local_maximum(squares, i)]
     peaks.sort(key=lambda i: -squares[i])
     for i in peaks[:_MOST]:
         inequality = Inequality(space, M[i][None])
-        start = started(inequality)
+        start = initial_scalings(inequality)
         if not math.isfinite(start.square):
             continue
-        best: Level = lowered(inequality, start, level**2)
+        best: ScaledBound = reduce_level(inequality, start, level**2)
         if best.square > level**2 * (1 - 1e-9):
             found_omega.append(dense[i])
             found_weights.append(scalings.of_weights(best.x, space, 1.0))
@@ -668,7 +678,7 @@ def holes(
     return np.array(found_omega), np.array(found_weights).reshape(shape)
 
 
-def _is_top(squares: Vector, i: int) -> bool:
+def _is_local_maximum(squares: Vector, i: int) -> bool:
     before = squares[i - 1] if i else -np.inf
     after = squares[i + 1] if i + 1 < len(squares) else -np.inf
     return bool(squares[i] >= before and squares[i] > after)

@@ -21,16 +21,21 @@ from robustpolish.implementation.reduction import Reducer
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.elements import RealElement
 from robustpolish.plants.uncertain.system import UncertainSystem
-from robustpolish.robust.questions import WorstCaseGain, machine_at, worst_case_gain
+from robustpolish.robust.questions import WorstCaseGain, system_at_witness, worst_case_gain
 from robustpolish.synthesis.nonsmooth.descent import Measure, Problem, bfgs, minimax
-from robustpolish.synthesis.nonsmooth.measures import HinfMeasure, StabilityMeasure, WorstMeasure
+from robustpolish.synthesis.nonsmooth.measures import HinfMeasure, MaxMeasure, StabilityMeasure
 from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
 from robustpolish.synthesis.problem.matrices import PlantMatrices, augmented
-from robustpolish.synthesis.problem.scaling import ScaledPlant, undivided
+from robustpolish.synthesis.problem.scaling import ScaledPlant, whole_plant
 from robustpolish.synthesis.structured.search import POLICY as STRUCTURED
-from robustpolish.synthesis.structured.search import Effort, PartProblem, descend_from, stabilise
+from robustpolish.synthesis.structured.search import (
+    PartProblem,
+    SearchEffort,
+    descend_from,
+    stabilise,
+)
 from robustpolish.synthesis.structured.structures import StaticStructure, scaled_matrix
-from robustpolish.synthesis.uncertain.scaled_gain import ModalGain, unstacked
+from robustpolish.synthesis.uncertain.scaled_gain import ModalGain, controller_from_matrix
 
 # Descents on the largest norm of one controller with several machines.
 
@@ -42,7 +47,7 @@ _PRICE = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class Descent:
+class WorstCaseObjective:
     """The largest norm over a set of machines, as a function of the controller's free numbers.
 
     Attributes
@@ -60,19 +65,21 @@ class Descent:
     def problem(self) -> Problem:
         """What is minimised."""
         loops = (augmented(machine, self.part.order) for machine in self.machines)
-        worst = WorstMeasure(tuple(HinfMeasure(loop) for loop in loops))
+        worst = MaxMeasure(tuple(HinfMeasure(loop) for loop in loops))
         return Problem(self.part.parametrisation, worst, (), STRUCTURED.ceilings[0])
 
     @cached_property
     def stability(self) -> Measure:
         """Negative where all loops are stable."""
-        return WorstMeasure(tuple(self._stability(machine) for machine in self.machines))
+        return MaxMeasure(tuple(self._stability(machine) for machine in self.machines))
 
     def _stability(self, machine: PlantMatrices) -> Measure:
         loop = augmented(machine, self.part.order)
         return StabilityMeasure.of(loop, float(np.linalg.norm(loop.A, 2)) or 1.0)
 
-    def badness(self, K: Matrix, machine: PlantMatrices, budget: Budget) -> tuple[bool, float]:
+    def instability_or_norm(
+        self, K: Matrix, machine: PlantMatrices, budget: Budget
+    ) -> tuple[bool, float]:
         """Return whether a loop is unstable, and how much so, or its norm: larger is worse."""
         norm = HinfMeasure(augmented(machine, self.part.order))
         budget.spend(norm.work)
@@ -101,7 +108,7 @@ class Descent:
         return ended.point, float(np.exp(ended.value))
 
     def search(
-        self, starts: Iterable[AnyVector], effort: Effort, budget: Budget
+        self, starts: Iterable[AnyVector], effort: SearchEffort, budget: Budget
     ) -> tuple[AnyVector, float] | None:
         """Return the best of several descents; None if none made all loops stable."""
         with np.errstate(over="ignore", invalid="ignore"):
@@ -123,7 +130,7 @@ _DRAWN = 2**_NUMBERS
 
 
 @dataclass(frozen=True, eq=False)
-class Machines:
+class UncertainSamples:
     """The machines within the bounds of an uncertain plant.
 
     Attributes
@@ -160,7 +167,7 @@ class Machines:
         step = self.system.dt
         own = 0.0 if not step else 1.0 if step is True else float(step)
         try:
-            found = machine_at(self.system, values, omega, own)
+            found = system_at_witness(self.system, values, omega, own)
         except InvalidInputError:
             return None
         return self._plant(found.nominal if isinstance(found, UncertainSystem) else found)
@@ -189,7 +196,7 @@ class Machines:
         """Return the deltas of the real numbers."""
         return np.array([e.delta(values.get(e.name, e.nominal)) for e in self.numbers])
 
-    def outward(self, values: Values) -> dict[str, Any]:
+    def moved_to_bounds(self, values: Values) -> dict[str, Any]:
         """Return values with the real numbers moved outward to the bounds."""
         deltas = self.deltas(values)
         sizes = [abs(d) for d, e in zip(deltas, self.numbers, strict=True) if not e.group]
@@ -207,8 +214,8 @@ class Machines:
 
 # The search over scenarios: descend on a set of machines, find a worse one, add it, prove.
 
-_FIRST = Effort(descents=16, fewest=4, patience=6)
-_AGAIN = Effort(descents=4, fewest=2, patience=2)
+_FIRST = SearchEffort(descents=16, fewest=4, patience=6)
+_AGAIN = SearchEffort(descents=4, fewest=2, patience=2)
 
 
 @dataclass(frozen=True)
@@ -236,15 +243,15 @@ class ScenarioPolicy:
     worse: float = 1e-3
     agrees: float = 0.005
     several: float = 0.4
-    first: Effort = _FIRST
-    again: Effort = _AGAIN
+    first: SearchEffort = _FIRST
+    again: SearchEffort = _AGAIN
 
 
 POLICY = ScenarioPolicy()
 
 
 @dataclass(frozen=True, eq=False)
-class Settled:
+class ScenarioResult:
     """A controller with which no corner is worse than the set.
 
     Attributes
@@ -272,7 +279,7 @@ class Settled:
 
 
 @dataclass(frozen=True, eq=False)
-class Proven:
+class VerifiedController:
     """A controller with the largest gain of all machines.
 
     Attributes
@@ -291,13 +298,13 @@ class ScenarioSearch:
 
     Parameters
     ----------
-    machines : Machines
+    machines : UncertainSamples
     scaled : ScaledPlant
         The nominal plant, whose units all machines are in.
     budget : Budget
     """
 
-    def __init__(self, machines: Machines, scaled: ScaledPlant, budget: Budget) -> None:
+    def __init__(self, machines: UncertainSamples, scaled: ScaledPlant, budget: Budget) -> None:
         self.machines, self.scaled, self.budget = machines, scaled, budget
         self.history: list[dict[str, Any]] = []
         corners = [(values, self._matrices(values)) for values in machines.corners()]
@@ -305,13 +312,13 @@ class ScenarioSearch:
         self.known: list[tuple[Values, PlantMatrices]] = []
         self._add({})
 
-    def descent(self, part: PartProblem) -> Descent:
+    def descent(self, part: PartProblem) -> WorstCaseObjective:
         """Return the descent over the set of now."""
-        return Descent(part, tuple(m for _, m in self.known))
+        return WorstCaseObjective(part, tuple(m for _, m in self.known))
 
     def settled(
         self, part: PartProblem, theta: AnyVector, thorough: bool = True, goal: float = 0.0
-    ) -> Settled | None:
+    ) -> ScenarioResult | None:
         """Descend from a point until no corner is worse.
 
         Parameters
@@ -341,18 +348,18 @@ class ScenarioSearch:
                 break
             theta, before = self.descent(part).lower(theta, self.budget, thorough=True)
             level = before
-            self.tell("descent", Settled(part, theta, level))
+            self.tell("descent", ScenarioResult(part, theta, level))
             if self.budget.over or not self._add_corner(part, theta, level):
                 break
-        return Settled(part, theta, level)
+        return ScenarioResult(part, theta, level)
 
     def searched(
         self,
         part: PartProblem,
         starts: Iterable[AnyVector],
-        effort: Effort,
+        effort: SearchEffort,
         below: float = np.inf,
-    ) -> Settled | None:
+    ) -> ScenarioResult | None:
         """Descend from several points, and go on from the best one until no corner is worse.
 
         Where that one cannot be made stable on all machines, others are tried on the larger set;
@@ -372,20 +379,20 @@ class ScenarioSearch:
             found = (theta, level) if stable else descent.search(source, effort, own)
         if found is None:
             return None
-        best = Settled(part, *found)
+        best = ScenarioResult(part, *found)
         self.tell("descents", best)
         return self.settled(part, best.theta) or best
 
-    def proven(self, found: Settled) -> Proven | None:
+    def proven(self, found: ScenarioResult) -> VerifiedController | None:
         """Prove a controller; where a proof finds a worse machine, add it and descend again."""
-        best: Proven | None = None
+        best: VerifiedController | None = None
         for _ in range(POLICY.proofs):
             controller = found.controller
             worst = worst_case_gain(self.machines.system.lft(controller))
             self.budget.spend(100 * step_cost(len(controller.A) + self.machines.nominal.nx))
             self.tell("proof", found, worst.upper)
             if worst.proven and (best is None or worst.upper < best.worst.upper):
-                best = Proven(controller, worst)
+                best = VerifiedController(controller, worst)
             enough = worst.upper <= found.gain * (1 + POLICY.agrees)
             if enough or self.budget.over or not self._add_witness(worst, found):
                 break
@@ -395,7 +402,7 @@ class ScenarioSearch:
             found = again
         return best
 
-    def tell(self, what: str, found: Settled, gain: float | None = None) -> None:
+    def tell(self, what: str, found: ScenarioResult, gain: float | None = None) -> None:
         """Write a step into the history."""
         self.history.append(
             {
@@ -407,10 +414,15 @@ class ScenarioSearch:
             }
         )
 
-    def worst_known(self, found: Settled) -> list[tuple[int, tuple[Values, PlantMatrices]]]:
+    def worst_samples(
+        self, found: ScenarioResult
+    ) -> list[tuple[int, tuple[Values, PlantMatrices]]]:
         """Return the machines of the set with their places in it, the worst one first."""
         K, descent = found.part.parametrisation.gain(found.theta), self.descent(found.part)
-        judged = [(descent.badness(K, m, self.budget), -i) for i, (_, m) in enumerate(self.known)]
+        judged = [
+            (descent.instability_or_norm(K, m, self.budget), -i)
+            for i, (_, m) in enumerate(self.known)
+        ]
         return [(-i, self.known[-i]) for _, i in sorted(judged, reverse=True)]
 
     def _add_corner(self, part: PartProblem, theta: AnyVector, level: float) -> bool:
@@ -418,23 +430,25 @@ class ScenarioSearch:
         if not self._corners or len(self.known) >= POLICY.machines:
             return False
         K, descent = part.parametrisation.gain(theta), self.descent(part)
-        judged = [descent.badness(K, matrices, self.budget) for _, matrices in self._corners]
+        judged = [
+            descent.instability_or_norm(K, matrices, self.budget) for _, matrices in self._corners
+        ]
         worst = max(range(len(judged)), key=lambda i: (judged[i], -i))
         unstable, norm = judged[worst]
         worse = unstable or norm > level * (1 + POLICY.worse)
         return worse and self._add(self._corners[worst][0])
 
-    def _add_witness(self, worst: WorstCaseGain, found: Settled) -> bool:
+    def _add_witness(self, worst: WorstCaseGain, found: ScenarioResult) -> bool:
         """Add the machine at a witness: of unstable ones the farthest one that is unstable, too."""
         if not worst.witness or len(self.known) >= POLICY.machines:
             return False
         omega = worst.critical_frequency
         if np.isfinite(worst.lower):
             return self._add(worst.witness, omega)
-        far = self.machines.outward(worst.witness)
+        far = self.machines.moved_to_bounds(worst.witness)
         matrices = self._matrices(far, omega)
         K = found.part.parametrisation.gain(found.theta)
-        worse = matrices is not None and self.descent(found.part).badness(
+        worse = matrices is not None and self.descent(found.part).instability_or_norm(
             K, matrices, self.budget
         )[0]  # fmt: skip
         return self._add(far if worse else worst.witness, omega)
@@ -471,7 +485,7 @@ _LEAST = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class ByScenarios:
+class ScenarioDesign:
     """The best proven controller of a search over scenarios.
 
     Attributes
@@ -495,8 +509,8 @@ class ByScenarios:
 
 
 def with_structure(
-    machines: Machines, order: int, mask: NDArray[np.bool_], budget: Budget
-) -> tuple[ByScenarios | None, list[dict[str, Any]]]:
+    machines: UncertainSamples, order: int, mask: NDArray[np.bool_], budget: Budget
+) -> tuple[ScenarioDesign | None, list[dict[str, Any]]]:
     """Design a controller with free entries where a mask is true.
 
     Raises
@@ -519,21 +533,21 @@ def with_structure(
     again = search.searched(part, others, POLICY.again, enough)
     if again is not None:
         best = _better(best, search.proven(again))
-    return ByScenarios(best.controller, best.worst), search.history
+    return ScenarioDesign(best.controller, best.worst), search.history
 
 
-class FreeSearch:
+class UnstructuredSearch:
     """The search for a controller without a pattern, of at most some order.
 
     Parameters
     ----------
-    machines : Machines
+    machines : UncertainSamples
     order : int or None
         Most states; None for as few as cost next to nothing.
     budget : Budget
     """
 
-    def __init__(self, machines: Machines, order: int | None, budget: Budget) -> None:
+    def __init__(self, machines: UncertainSamples, order: int | None, budget: Budget) -> None:
         self.machines, self.order, self.budget = machines, order, budget
         self.search: ScenarioSearch | None = None
         self._bounds: dict[int, float] = {}
@@ -543,7 +557,7 @@ class FreeSearch:
         """What was done."""
         return [] if self.search is None else self.search.history
 
-    def from_nominal(self) -> ByScenarios | None:
+    def from_nominal(self) -> ScenarioDesign | None:
         """Return the best controller of a search from the design for the nominal machine."""
         try:
             design = output_feedback(
@@ -556,7 +570,7 @@ class FreeSearch:
             return None
         return self.from_controller(design.controller)
 
-    def from_controller(self, controller: control.StateSpace) -> ByScenarios | None:
+    def from_controller(self, controller: control.StateSpace) -> ScenarioDesign | None:
         """Return the best controller of a search from a given one."""
         part = self._part(controller.nstates)
         if part is None:
@@ -571,13 +585,13 @@ class FreeSearch:
             bound = max(bound, self._lower_bound(found))
         found = self._shorter(found, bound)
         proven = self.search.proven(found)
-        return None if proven is None else ByScenarios(proven.controller, proven.worst, bound)
+        return None if proven is None else ScenarioDesign(proven.controller, proven.worst, bound)
 
     def _part(self, order: int) -> PartProblem | None:
         plant = self.machines.nominal
         return _part(self.machines, order, np.ones((order + plant.nu, order + plant.ny), bool))
 
-    def _shorter(self, found: Settled, bound: float) -> Settled:
+    def _shorter(self, found: ScenarioResult, bound: float) -> ScenarioResult:
         """Return the controller of fewest states whose level is next to that of a long one.
 
         Near a bound that no controller beats short descents will do.
@@ -610,16 +624,22 @@ class FreeSearch:
         assert self.search is not None
         descent, gain = self.search.descent(part), part.parametrisation.gain
         judged = [
-            (max(descent.badness(gain(p), m, self.budget) for _, m in self.search.known), i)
+            (
+                max(
+                    descent.instability_or_norm(gain(p), m, self.budget)
+                    for _, m in self.search.known
+                ),
+                i,
+            )
             for i, p in enumerate(points)
         ]
         return points[min(judged)[1]] if judged else None
 
-    def _lower_bound(self, found: Settled) -> float:
+    def _lower_bound(self, found: ScenarioResult) -> float:
         """Return the largest of the smallest gains that single machines of the set can have."""
         assert self.search is not None
         bounds = [0.0]
-        for place, (values, _) in self.search.worst_known(found)[:_ASKED]:
+        for place, (values, _) in self.search.worst_samples(found)[:_ASKED]:
             if place not in self._bounds:
                 self._bounds[place] = _smallest_gain(self.machines.at(values), self.budget)
             bounds.append(self._bounds[place])
@@ -640,16 +660,16 @@ def _smallest_gain(plant: GeneralizedPlant | None, budget: Budget) -> float:
     return (design and design.lower_bound) or 0.0
 
 
-def _part(machines: Machines, order: int, mask: NDArray[np.bool_]) -> PartProblem | None:
-    return StaticStructure("hinf", order, mask).problem(undivided(machines.nominal))
+def _part(machines: UncertainSamples, order: int, mask: NDArray[np.bool_]) -> PartProblem | None:
+    return StaticStructure("hinf", order, mask).problem(whole_plant(machines.nominal))
 
 
 def _point(part: PartProblem, controller: control.StateSpace) -> AnyVector:
     """Return the free numbers of a controller, whose modes get even units."""
-    K = unstacked(scaled_matrix(controller, part.scaled), controller.nstates)
+    K = controller_from_matrix(scaled_matrix(controller, part.scaled), controller.nstates)
     form, theta = ModalGain.of(K)
     return form.gain(theta)[np.ones(form.shape, bool)]
 
 
-def _better(one: Proven, other: Proven | None) -> Proven:
+def _better(one: VerifiedController, other: VerifiedController | None) -> VerifiedController:
     return one if other is None or one.worst.upper <= other.worst.upper else other

@@ -12,7 +12,7 @@ from robustpolish.base.arrays import AnyArray, Array, Vector
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget, step_cost
 from robustpolish.errors import SolverError
-from robustpolish.robust.loop_model import Structure
+from robustpolish.robust.loop_model import DeltaStructure
 from robustpolish.robust.scalings import Space
 from robustpolish.synthesis.nonsmooth.descent import bfgs
 from robustpolish.synthesis.nonsmooth.parametrisations import Parametrisation
@@ -21,28 +21,28 @@ from robustpolish.synthesis.problem.matrices import (
     PlantMatrices,
     StaticLoop,
     augmented,
-    close_static,
+    close_static_loop,
 )
 from robustpolish.synthesis.uncertain.dk_iteration import (
     k_step,
-    level_with,
+    mu_bound_with,
     of_order,
+    reduced_controllers,
     scaled_plant,
     scalings_of,
-    shorter,
-    unscaled,
+    unit_scalings,
 )
 from robustpolish.synthesis.uncertain.scaled_gain import (
-    Levels,
     LoopResponses,
     ModalGain,
+    MuBounds,
     RobustProblem,
     ScaledGain,
     Scalings,
+    controller_from_matrix,
     grid,
-    holes,
-    levels,
-    unstacked,
+    mu_bounds,
+    unproven_frequencies,
 )
 
 # A controller polished without fits: its numbers and the scalings of each frequency at once.
@@ -59,7 +59,7 @@ _LARGEST = 1e5
 
 
 @dataclass(frozen=True, eq=False)
-class Polished:
+class MuDescentPoint:
     """Where a descent stands.
 
     Attributes
@@ -78,7 +78,7 @@ class Polished:
 
 
 @dataclass(frozen=True, eq=False)
-class Polish:
+class MuDescent:
     """The descent over K(theta) and the scalings of a set of frequencies.
 
     Attributes
@@ -102,7 +102,7 @@ class Polish:
     def loop(self, theta: Vector) -> StaticLoop | None:
         """Return the loop; None if it is not well posed, or not stable."""
         K: Matrix = self.gain.gain(theta)
-        loop = close_static(self.plant, K) if np.isfinite(K).all() else None
+        loop = close_static_loop(self.plant, K) if np.isfinite(K).all() else None
         return loop if loop is not None and loop.stable else None
 
     def squares(self, theta: Vector, weights: Array) -> Vector:
@@ -114,13 +114,13 @@ class Polish:
         return np.linalg.eigvalsh(ScaledGain(self.scalings, weights, M).H)[:, -1]
 
     def lower(
-        self, start: Polished, powers: tuple[float, ...], budget: Budget, steps: int
-    ) -> Polished:
+        self, start: MuDescentPoint, powers: tuple[float, ...], budget: Budget, steps: int
+    ) -> MuDescentPoint:
         """Lower the largest beta by descents on sums of ever higher powers.
 
         Parameters
         ----------
-        start : Polished
+        start : MuDescentPoint
         powers : tuple of float
             Exponents of ``log(sum exp(p (beta^2 / beta0^2 - 1))) / p``, one descent for each.
         budget : Budget
@@ -140,7 +140,7 @@ class Polish:
             theta, weights = found.point[:size], found.point[size:].reshape(start.weights.shape)
             level = float(np.sqrt(max(self.squares(theta, weights).max(), 0.0)))
             if level < start.level:
-                start = Polished(theta, weights, level)
+                start = MuDescentPoint(theta, weights, level)
         return start
 
     def _value(self, x: Vector, size: int, power: float, unit: float) -> tuple[float, Vector]:
@@ -162,7 +162,7 @@ class Polish:
             np.swapaxes(vectors, 1, 2)
         )
         on_M, on_weights = scaled.back(weighted)
-        fence, on_K = self._fence(loop)
+        fence, on_K = self._stability_penalty(loop)
         on_theta = self.gain.back(theta, responses.back(on_M) + on_K)
         return float(value) + fence, np.concatenate([on_theta, on_weights.ravel()])
 
@@ -171,7 +171,7 @@ class Polish:
         inner = self.omega[(self.omega > 0) & np.isfinite(self.omega)]
         return float(inner.min(initial=1.0))
 
-    def _fence(self, loop: StaticLoop) -> tuple[float, Matrix]:
+    def _stability_penalty(self, loop: StaticLoop) -> tuple[float, Matrix]:
         """Return a penalty on poles that all but touch the axis, and its derivatives over K.
 
         Modes that hardly anything moves or sees would drift across unseen, and end the descent.
@@ -204,7 +204,7 @@ def damping(loop: StaticLoop) -> float:
 
 
 @dataclass(frozen=True)
-class SearchPolicy:
+class ScalingSearchPolicy:
     """How far a search goes.
 
     Attributes
@@ -252,11 +252,11 @@ class SearchPolicy:
     shortened: float = 0.02
 
 
-POLICY = SearchPolicy()
+POLICY = ScalingSearchPolicy()
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class AnalysedController:
     """A controller, and what is known of its loop.
 
     Attributes
@@ -282,7 +282,7 @@ class Found:
         return len(self.controller.A)
 
 
-class Search:
+class ScalingSearch:
     """One search.
 
     Parameters
@@ -297,9 +297,9 @@ class Search:
         self.problem, self.order, self.budget = problem, order, budget
         self.scalings = Scalings(problem.structure)
         self.history: list[dict[str, Any]] = []
-        self.best: Found | None = None
+        self.best: AnalysedController | None = None
 
-    def run(self) -> Found:
+    def run(self) -> AnalysedController:
         """Return the best controller.
 
         Raises
@@ -307,7 +307,7 @@ class Search:
         SolverError
             If the first K step finds none, or none of the order asked for is stable.
         """
-        level, filters = 1.0, unscaled(self.problem)
+        level, filters = 1.0, unit_scalings(self.problem)
         for count in range(POLICY.rounds):
             try:
                 full = k_step(scaled_plant(self.problem, filters), level, self.budget)
@@ -315,13 +315,13 @@ class Search:
                 if count == 0:
                     raise
                 break
-            self._tell("K step", full, sum(len(f.poles) for f in filters))
+            self._record_step("K step", full, sum(len(f.poles) for f in filters))
             before = self.best.level if self.best else np.inf
             found = self._started(full)
             if found is None:
                 break
             found = self._lowered(found, POLICY.quick, POLICY.quick_steps, 1)
-            self._tell("descent", found.controller, level=found.level)
+            self._record_step("descent", found.controller, level=found.level)
             if self.best is None or found.level < self.best.level:
                 self.best = found
             if self.budget.over or not found.level < before * (1 - POLICY.worthwhile):
@@ -332,23 +332,27 @@ class Search:
         if self.best is None:
             raise SolverError("No stable loop was found with so few states.")
         found = self._lowered(self.best, POLICY.full, POLICY.full_steps, POLICY.sets)
-        self._tell("last descent", found.controller, level=found.level)
+        self._record_step("last descent", found.controller, level=found.level)
         return found
 
-    def _tell(self, what: str, K: Controller, scalings: int = 0, level: float = np.nan) -> None:
+    def _record_step(
+        self, what: str, K: Controller, scalings: int = 0, level: float = np.nan
+    ) -> None:
         entry = {"step": what, "states": len(K.A), "mu": level}
         self.history.append({**entry, "scaling_states": scalings, "work": self.budget.spent})
 
-    def _levels(self, K: Controller, structure: Structure, best: bool) -> tuple[Levels, AnyArray]:
+    def _levels(
+        self, K: Controller, structure: DeltaStructure, best: bool
+    ) -> tuple[MuBounds, AnyArray]:
         loop = self.problem.loop(K)
         if loop is None or not loop.stable:
             raise SolverError("The loop of a controller became unstable.")
         omega = grid([loop.poles, np.linalg.eigvals(self.problem.matrices.A)])
         M = LoopResponses.of(loop, omega).M
         self.budget.spend((len(omega) if best else 1) * step_cost(len(loop.A)))
-        return levels(structure, omega, M, best), M
+        return mu_bounds(structure, omega, M, best), M
 
-    def _started(self, full: Controller) -> Found | None:
+    def _started(self, full: Controller) -> AnalysedController | None:
         """Shorten a controller; None if no shorter one is stable."""
         loop = self.problem.loop(full)
         if loop is None or not loop.stable:
@@ -357,8 +361,10 @@ class Search:
         orders = [self.order] if self.order is not None else range(1, len(full.A) + 1)
         enough = known.peak * (1 + POLICY.shortened)
         for order in orders:
-            tried = [(level_with(self.problem, K, known), i, K)
-                     for i, K in enumerate(shorter(self.problem, full, order))]  # fmt: skip
+            tried = [
+                (mu_bound_with(self.problem, K, known), i, K)
+                for i, K in enumerate(reduced_controllers(self.problem, full, order))
+            ]
             if not tried and self.order is not None and self.best is None:
                 other = of_order(self.problem, order, self.budget)
                 tried = [] if other is None else [(np.inf, 0, other)]
@@ -370,36 +376,40 @@ class Search:
                 weights = np.array(
                     [self.scalings.of_weights(f.x, own.space, 1.0) for f in own.found]
                 )
-                return Found(K, own.peak, own.omega, weights)
+                return AnalysedController(K, own.peak, own.omega, weights)
         return None
 
-    def _polish(self, found: Found, form: ModalGain) -> Polish:
+    def _polish(self, found: AnalysedController, form: ModalGain) -> MuDescent:
         plant = augmented(self.problem.matrices, form.order)
         loop = self.problem.loop(found.controller)
         assert loop is not None
-        return Polish(plant, form, self.scalings, found.omega, damping(loop))
+        return MuDescent(plant, form, self.scalings, found.omega, damping(loop))
 
-    def _lowered(self, found: Found, powers: tuple[float, ...], steps: int, sets: int) -> Found:
+    def _lowered(
+        self, found: AnalysedController, powers: tuple[float, ...], steps: int, sets: int
+    ) -> AnalysedController:
         """Lower the level at the set, and add frequencies where it has risen in between."""
         for _ in range(sets):
             form, theta = ModalGain.of(found.controller)
             polish = self._polish(found, form)
-            state = Polished(theta, found.weights, found.level)
+            state = MuDescentPoint(theta, found.weights, found.level)
             state = polish.lower(state, powers, self.budget, steps)
             loop = polish.loop(state.theta)
             if loop is None:
                 return found
-            K = unstacked(form.gain(state.theta), form.order)
+            K = controller_from_matrix(form.gain(state.theta), form.order)
             found = replace(found, controller=K, weights=state.weights, level=state.level)
             high = state.level * (1 + POLICY.hole)
-            more = holes(loop, self.scalings, found.omega, found.weights, high)
+            more = unproven_frequencies(loop, self.scalings, found.omega, found.weights, high)
             if not len(more[0]):
                 break
             found = self._joined(found, *more)
             powers = powers[-2:]
         return found
 
-    def _joined(self, found: Found, omega: Vector, weights: Array) -> Found:
+    def _joined(
+        self, found: AnalysedController, omega: Vector, weights: Array
+    ) -> AnalysedController:
         """Add frequencies to the set."""
         found = replace(
             found,
@@ -410,7 +420,7 @@ class Search:
         squares = self._polish(found, form).squares(theta, found.weights)
         return replace(found, level=float(np.sqrt(max(squares.max(), 0.0))))
 
-    def mended(self, found: Found) -> Found:
+    def with_refined_frequencies(self, found: AnalysedController) -> AnalysedController:
         """Look for frequencies at which a proof needs more than the set, and lower these too."""
         loop = self.problem.loop(found.controller)
         if loop is None or self.budget.over:
@@ -418,7 +428,7 @@ class Search:
         space = Space(self.problem.structure, (False,) * len(self.problem.structure.blocks))
         coverage, model = self.problem.cover(loop, found.level * (1 + POLICY.room))
         self.budget.spend(len(coverage.intervals) * step_cost(2 * len(loop.A)))
-        self._tell("proof", found.controller, level=coverage.level * model.gain)
+        self._record_step("proof", found.controller, level=coverage.level * model.gain)
         if not coverage.peaks:
             return found
         omega = np.array([model.omega(peak[0]) for peak in coverage.peaks])
@@ -427,5 +437,5 @@ class Search:
         )
         found = self._joined(found, omega, weights)
         found = self._lowered(found, POLICY.full[1:], POLICY.full_steps, POLICY.sets)
-        self._tell("descent after the proof", found.controller, level=found.level)
+        self._record_step("descent after the proof", found.controller, level=found.level)
         return found

@@ -54,7 +54,7 @@ def test_crossings_decades_apart_take_few_passes(monkeypatch):
         gammas.append(square)
         return exact_crossings(model, square)
 
-    monkeypatch.setattr(module, "crossings", counted)
+    monkeypatch.setattr(module, "gain_crossings", counted)
     # A wide band-pass: 1 at the frequency 1, from a search that went astray by six decades.
     monkeypatch.setattr(module, "peak", lambda *_: (1.1e6, 0.0))
     band = realisation("s", control.ss([[0, 1], [-1, -3]], [[0], [1]], [[0, 3]], [[1e-9]]))

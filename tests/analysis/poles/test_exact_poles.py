@@ -8,9 +8,9 @@ from robustpolish.linear.arithmetic.rational import rational
 from robustpolish.linear.stability import (
     count_poles,
     eigenvalues,
-    hidden_poles,
+    poles_by_side,
     positive_roots,
-    sided_poles,
+    unreachable_poles,
 )
 
 TINY = 2.0**-200
@@ -32,16 +32,16 @@ def test_multiple_poles_on_the_axis_are_counted():
 
 def test_the_unit_circle():
     A = np.diag([1.0, -1.0, 1.0 + 2.0**-52, 1.0 - 2.0**-53, 0.0])
-    sides = sorted(side for _, side in sided_poles(rational(A), discrete=True))
+    sides = sorted(side for _, side in poles_by_side(rational(A), discrete=True))
     assert sides == [-1, -1, 0, 0, 1]
 
 
 def test_poles_that_no_input_reaches():
     A = np.array([[1.0, 0.0, 0.0], [5.0, -2.0, 0.0], [0.0, 1.0, -3.0]])
     B = np.array([[0.0], [1.0], [0.0]])
-    assert hidden_poles(rational(A), rational(B), False) == [(1 + 0j, False)]
-    assert hidden_poles(rational(A), rational(np.eye(3)), False) == []
-    every = hidden_poles(rational(A), rational(np.zeros((3, 1))), False)
+    assert unreachable_poles(rational(A), rational(B), False) == [(1 + 0j, False)]
+    assert unreachable_poles(rational(A), rational(np.eye(3)), False) == []
+    every = unreachable_poles(rational(A), rational(np.zeros((3, 1))), False)
     assert sorted(stable for _, stable in every) == [False, True, True]
 
 

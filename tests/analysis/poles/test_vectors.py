@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.linalg import lapack
 
-from robustpolish.linear.eigenvectors import together
+from robustpolish.linear.eigenvectors import complex_eigenpairs
 
 
 def test_pairs_and_real_values_in_any_order():
@@ -15,7 +15,7 @@ def test_pairs_and_real_values_in_any_order():
     A = T @ blocks @ np.linalg.inv(T)
     real, imag, left, right, _ = lapack.dgeev(A)
     assert (imag > 0).sum() == 2
-    values, cosines, L, R = together(real, imag, left.T, right.T)
+    values, cosines, L, R = complex_eigenpairs(real, imag, left.T, right.T)
     np.testing.assert_allclose(A @ R.T, R.T * values, atol=1e-13)
     np.testing.assert_allclose(L.conj() @ A, values[:, None] * L.conj(), atol=1e-13)
     np.testing.assert_allclose(cosines, np.abs((L.conj() * R).sum(axis=1)), rtol=1e-12)

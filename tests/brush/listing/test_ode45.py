@@ -26,18 +26,18 @@ def test_errors_count_beside_the_state_or_the_absolute_tolerance():
 
 
 def test_refused_steps_shrink_by_the_fifth_root():
-    assert ode45.shorter(1.0, 32 * TOLERANCE, TOLERANCE, False) == pytest.approx(0.4)
-    assert ode45.shorter(1.0, 1e30, TOLERANCE, False) == 0.1
-    assert ode45.shorter(1.0, 32 * TOLERANCE, TOLERANCE, True) == 0.5
-    assert ode45.shorter(1.0, np.inf, TOLERANCE, False) == 0.5
+    assert ode45.rejected_step(1.0, 32 * TOLERANCE, TOLERANCE, False) == pytest.approx(0.4)
+    assert ode45.rejected_step(1.0, 1e30, TOLERANCE, False) == 0.1
+    assert ode45.rejected_step(1.0, 32 * TOLERANCE, TOLERANCE, True) == 0.5
+    assert ode45.rejected_step(1.0, np.inf, TOLERANCE, False) == 0.5
 
 
 def test_accepted_steps_grow_at_most_fivefold():
-    assert ode45.longer(1.0, 0.0, TOLERANCE) == 5.0
-    assert ode45.longer(1.0, TOLERANCE, TOLERANCE) == pytest.approx(0.8)
-    assert ode45.longer(1.0, TOLERANCE / 32, TOLERANCE) == pytest.approx(1.6)
+    assert ode45.accepted_step(1.0, 0.0, TOLERANCE) == 5.0
+    assert ode45.accepted_step(1.0, TOLERANCE, TOLERANCE) == pytest.approx(0.8)
+    assert ode45.accepted_step(1.0, TOLERANCE / 32, TOLERANCE) == pytest.approx(1.6)
 
 
 def test_no_step_is_lost_in_the_rounding_of_time():
-    assert ode45.shortest(1.0) == 16 * np.finfo(float).eps
-    assert 3.0 + ode45.shortest(3.0) > 3.0
+    assert ode45.smallest_step(1.0) == 16 * np.finfo(float).eps
+    assert 3.0 + ode45.smallest_step(3.0) > 3.0

@@ -33,7 +33,7 @@ def slope(state, motion=MOTION):
 def test_the_joint_is_led_along_the_path_of_the_tool():
     place, velocity = np.zeros(3), np.zeros(3)
     for time in (0.0, 0.1, 2.7):
-        disc.lead(time, MOTION, place, velocity)
+        disc.joint_motion(time, MOTION, place, velocity)
         np.testing.assert_allclose(place[:2], tool_position(time, BRUSH), rtol=1e-14)
         np.testing.assert_allclose(velocity[:2], tool_velocity(time, BRUSH), rtol=1e-12)
 

@@ -4,7 +4,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from robustpolish.app.cli.design import or_any_machine
+from robustpolish.app.cli.design import command_with_any_machine
 from tests.cli.command_line import run
 
 
@@ -16,7 +16,7 @@ def other(model, plant, far):
     click.echo(f"other {model} {plant} {far}")
 
 
-@click.command(cls=or_any_machine(other))
+@click.command(cls=command_with_any_machine(other))
 @click.option("--near", is_flag=True)
 def look(near):
     click.echo(f"own {near}")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robustpolish.machines.effects.evaluate import compiled_law, force_along
-from robustpolish.machines.effects.formula_language import written_from
+from robustpolish.machines.effects.formula_language import specification_from
 from robustpolish.machines.effects.kind import EffectKind, Motion, Parameter
 from robustpolish.machines.effects.user_defined import FormulaGains, FormulaLaw, own_kind
 
@@ -75,7 +75,7 @@ MIXED = (
 
 def law_of(formula, *names):
     # units stand aside: this tests operations
-    return FormulaLaw(written_from({"formula": formula, "units": dict.fromkeys(names, "1")}))
+    return FormulaLaw(specification_from({"formula": formula, "units": dict.fromkeys(names, "1")}))
 
 
 def call(compiled, t, *arrays):
@@ -129,7 +129,7 @@ def test_it_costs_what_a_law_by_hand_costs():
 
 
 def test_the_steepest_slopes_decide_on_steps():
-    law = FormulaLaw(written_from({"formula": "f = -k*q**3 - F*tanh(v/w)",
+    law = FormulaLaw(specification_from({"formula": "f = -k*q**3 - F*tanh(v/w)",
                                    "units": {"k": "N/m^3", "F": "N", "w": "m/s"}}))  # fmt: skip
     gains = FormulaGains(law)
     stiffness, damping, rate = gains({"k": 2.0, "F": 3.0, "w": 0.01}, 10.0, 5.0)
@@ -143,7 +143,7 @@ def test_the_steepest_slopes_decide_on_steps():
 def test_signals_are_read_behind_the_motion_and_may_be_large():
     table = {"formula": "f = -(a + c*u)*v", "units": {"a": "N s/m", "c": "N s/(m V)"},
              "channels": {"u": "V"}}  # fmt: skip
-    law = FormulaLaw(written_from(table))
+    law = FormulaLaw(specification_from(table))
     f, g, empty = np.zeros(2), np.zeros(2), np.zeros(0)
     given = (0.0, np.array([7.0, 2.0]), np.array([3.0, 0.0]), empty, np.array([1.0, 10.0]))
     law(*given, f, empty)

@@ -3,7 +3,7 @@ import math
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.machines.effects.formula_language import Written, written_from
+from robustpolish.machines.effects.formula_language import EffectSpecification, specification_from
 
 WHOLE = {
     "formula": "f = -F*tanh(v/w)",
@@ -18,21 +18,23 @@ WHOLE = {
 
 
 def test_a_table_comes_back():
-    written = written_from(WHOLE)
+    written = specification_from(WHOLE)
     assert written.table() == WHOLE
-    assert written_from(written.table()) == written
-    assert hash(written) == hash(written_from(WHOLE))
+    assert specification_from(written.table()) == written
+    assert hash(written) == hash(specification_from(WHOLE))
 
 
 def test_what_says_nothing_is_left_out():
-    written = written_from({"formula": "f = -q", "domain": "pair", "bounds": {}, "name": None})
-    assert written == Written("f = -q")
+    written = specification_from(
+        {"formula": "f = -q", "domain": "pair", "bounds": {}, "name": None}
+    )
+    assert written == EffectSpecification("f = -q")
     assert written.table() == {"formula": "f = -q"}
 
 
 def test_limits_may_be_open():
     table = {**WHOLE, "bounds": {"F": (0, None), "w": (None, "inf")}}
-    assert written_from(table).bounds == (("F", 0.0, math.inf), ("w", -math.inf, math.inf))
+    assert specification_from(table).bounds == (("F", 0.0, math.inf), ("w", -math.inf, math.inf))
 
 
 @pytest.mark.parametrize(
@@ -64,7 +66,7 @@ def test_limits_may_be_open():
 )
 def test_errors_say_where(change, key):
     with pytest.raises(InvalidInputError) as caught:
-        written_from({**WHOLE, **change})
+        specification_from({**WHOLE, **change})
     assert caught.value.key == key
 
 
@@ -72,4 +74,4 @@ def test_so_many_parameters_no_record_determines():
     units = {f"k{i}": "N/m" for i in range(11)}
     formula = "f = " + " - ".join(f"{name}*q" for name in units)
     with pytest.raises(InvalidInputError, match="at most 10"):
-        written_from({"formula": formula, "units": units})
+        specification_from({"formula": formula, "units": units})

@@ -5,7 +5,7 @@ from scipy.linalg import expm
 from robustpolish.errors import InvalidInputError
 from robustpolish.identification.compare import compare
 from robustpolish.identification.free_runs import predict
-from robustpolish.identification.observer.missing_force import observed
+from robustpolish.identification.observer.missing_force import best_observer_run
 from robustpolish.identification.observer.runs import free_run
 from robustpolish.identification.record import record_of
 from tests.identification.oscillators import RATE, of_rig, oscillator, record, rig
@@ -19,7 +19,7 @@ def predicted(model, data, horizon):
 def test_each_prediction_is_a_free_decay_from_what_the_observer_saw():
     """Without an input that is the matrix exponential; the missing force is not carried on."""
     model, data = oscillator(stiffness=300.0, inputs=[]), record(samples=600, noise=0.01)
-    seen = observed(model, record_of(model, data))
+    seen = best_observer_run(model, record_of(model, data))
     assert np.abs(seen.states[:, 2]).max() > 0.1  # the observer takes the input for missing
     step = expm(np.array([[0.0, 1.0], [-300.0, -1.0]]) * 20 / RATE)
     found = predicted(model, data, 20 / RATE)

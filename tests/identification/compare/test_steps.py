@@ -5,7 +5,7 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification.steps import PICTURE, step_runs
+from robustpolish.identification.steps import STEP_PLOT, step_runs
 from tests import made_up
 from tests.identification.oscillators import PLACE, oscillator, record
 
@@ -51,7 +51,7 @@ def test_the_stretch_is_where_the_step_did_most(runs):
     shifted = gain.values[round(lasts * 500) :] - gain.values[: -round(lasts * 500)]
     assert inside == pytest.approx(shifted.max(), rel=0.02)
     # eight swings of the strongest line, near the mode at 3.2 Hz or the decay's first amplitude
-    assert lasts == pytest.approx(PICTURE.swings / 3.2, rel=0.25)
+    assert lasts == pytest.approx(STEP_PLOT.swings / 3.2, rel=0.25)
 
 
 def test_the_panels_show_measured_before_after_and_what_is_left(runs):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.identification.structure.decays import cut_decays, error_ahead
+from robustpolish.identification.structure.decays import extrapolation_error, split_decays
 from tests.identification.decays.pendulums import AT, decay, pendulum
 from tests.identification.discover.searches import prepared_of
 
@@ -18,7 +18,9 @@ def ahead(prepared, *effects):
     model = pendulum()
     for kind, parameters in effects:
         model = model.with_effect(kind, AT, parameters)
-    return np.exp(error_ahead(model, prepared, pendulum(), cut_decays(model, prepared.record)))
+    return np.exp(
+        extrapolation_error(model, prepared, pendulum(), split_decays(model, prepared.record))
+    )
 
 
 def test_the_true_model_predicts_how_the_decay_goes_on(prepared):

@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 
 from robustpolish.identification.record import record_of
-from robustpolish.identification.structure.decays import cut_decays
+from robustpolish.identification.structure.decays import split_decays
 from tests.identification.decays.pendulums import STEP, decay, pendulum
 from tests.identification.oscillators import oscillator, record
 
 
 def cut(model, *data):
-    return cut_decays(model, record_of(model, list(data) if len(data) > 1 else data[0]))
+    return split_decays(model, record_of(model, list(data) if len(data) > 1 else data[0]))
 
 
 def test_a_decay_is_cut_where_its_time_is_three_fifths_over():

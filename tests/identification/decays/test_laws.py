@@ -66,8 +66,8 @@ def test_what_is_lost_is_the_power_of_all_that_damps(prepared):
     assert of_each["damper[0].damping3"] == pytest.approx((v**2).mean())
     assert of_each["coefficient1"] == pytest.approx((abs(v) ** 3).mean())
     sizes = [0.15, 0.01, 0.0, 0.02]
-    lost = sum(size * law.power for size, law in zip(sizes, found.laws, strict=True))
-    assert found.lost == pytest.approx(lost, rel=1e-6)
+    dissipated_power = sum(size * law.power for size, law in zip(sizes, found.laws, strict=True))
+    assert found.dissipated_power == pytest.approx(dissipated_power, rel=1e-6)
 
 
 def test_sets_of_laws_share_what_is_lost(prepared):
@@ -79,7 +79,9 @@ def test_sets_of_laws_share_what_is_lost(prepared):
     ]  # fmt: skip
     assert model.parameters["damper[0].damping"] == 0.0
     for i, effect in zip((1, 2), found.effects(both), strict=True):
-        assert effect.values["coefficient"] * found.laws[i].power == pytest.approx(found.lost / 2)
+        assert effect.values["coefficient"] * found.laws[i].power == pytest.approx(
+            found.dissipated_power / 2
+        )
     assert kinds_of(found, frozenset({3})) == []
 
 
@@ -100,8 +102,8 @@ def test_friction_with_memory_stays_as_it_was_found_and_competes_with_coulomb_fr
     found = laws_of(pendulum().with_effect("elastic_coulomb_friction", AT, values), prepared)
     kinds = [law.effect.kind for law in found.laws if law.effect]
     memory, dry = kinds.index("elastic_coulomb_friction"), kinds.index("coulomb_friction")
-    assert found.crowded(frozenset({memory, dry}))
-    assert not found.crowded(frozenset({memory, kinds.index("quadratic_damping")}))
+    assert found.has_two_dry_frictions(frozenset({memory, dry}))
+    assert not found.has_two_dry_frictions(frozenset({memory, kinds.index("quadratic_damping")}))
     assert found.laws[0].effect == Effect("elastic_coulomb_friction", AT, values)
     assert found.laws[0].size == ""
     joined = found.effects(frozenset({0, kinds.index("quadratic_damping")}))
@@ -122,5 +124,5 @@ def test_what_is_told_alike_with_a_friction_there_is_another_law(prepared):
     ]  # fmt: skip
     assert found.effects(frozenset({3})) == [memory]
     assert found.laws[3].power > 0
-    assert found.crowded(frozenset({0, 3}))
-    assert not found.crowded(frozenset({1, 3}))
+    assert found.has_two_dry_frictions(frozenset({0, 3}))
+    assert not found.has_two_dry_frictions(frozenset({1, 3}))

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.identification.structure.decays import Trials, cut_decays, damping_laws
+from robustpolish.identification.structure.decays import DampingFits, damping_laws, split_decays
 from tests.identification.decays.pendulums import AT, decay, pendulum
 from tests.identification.discover.searches import prepared_of
 
@@ -17,9 +17,9 @@ def trials():
     model = model.with_effect("displacement_dependent_damping", AT, {"coefficient": 0.1})
     motion = prepared.motion(model, prepared.record)
     laws = damping_laws(model, 1, AT, motion, prepared.record)
-    cut = cut_decays(model, prepared.record)
+    cut = split_decays(model, prepared.record)
     assert cut is not None
-    return Trials(prepared, pendulum(), laws, cut)
+    return DampingFits(prepared, pendulum(), laws, cut)
 
 
 def test_the_true_laws_leave_the_noise(trials):
@@ -33,29 +33,31 @@ def test_the_true_laws_leave_the_noise(trials):
 def test_they_predict_the_end_and_others_do_not(trials):
     true, other = frozenset({COULOMB, DRAG, OWN}), frozenset({COULOMB, SHAPE, OWN})
     trials.error(true), trials.error(other)
-    assert np.exp(trials.error_ahead(true)) < 1.5e-3
-    assert np.exp(trials.error_ahead(other)) > 1.5 * np.exp(trials.error_ahead(true))
+    assert np.exp(trials.extrapolation_error(true)) < 1.5e-3
+    assert np.exp(trials.extrapolation_error(other)) > 1.5 * np.exp(
+        trials.extrapolation_error(true)
+    )
 
 
 def test_what_a_set_cannot_fit_its_parts_are_not_asked(trials):
-    possible = trials.possible()
-    assert frozenset({COULOMB, DRAG, OWN}) in possible
-    assert all(COULOMB in laws for laws in possible)
+    plausible_sets = trials.plausible_sets()
+    assert frozenset({COULOMB, DRAG, OWN}) in plausible_sets
+    assert all(COULOMB in laws for laws in plausible_sets)
     assert frozenset({SHAPE}) not in trials.errors
     assert frozenset({OWN}) not in trials.errors
 
 
 def test_what_was_found_is_asked_though_a_larger_set_fits_badly(trials, monkeypatch):
     """The fit of a larger set may end in a bad minimum, which is nothing against its parts."""
-    fitted = Trials.error
+    fitted = DampingFits.error
     found = trials.found.found
 
     def badly(self, laws):
         return 10.0 if laws > found else fitted(self, laws)
 
-    monkeypatch.setattr(Trials, "error", badly)
-    again = Trials(trials.prepared, trials.reference, trials.found, trials.cut)
-    again.possible()
+    monkeypatch.setattr(DampingFits, "error", badly)
+    again = DampingFits(trials.prepared, trials.reference, trials.found, trials.cut)
+    again.plausible_sets()
     assert found in again.errors
 
 

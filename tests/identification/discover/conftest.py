@@ -19,4 +19,4 @@ def begun():
 
 @pytest.fixture
 def search(begun):
-    return replace(begun, reasons=[], confusions=[], beside={})
+    return replace(begun, reasons=[], indistinguishable_pairs=[], beside={})

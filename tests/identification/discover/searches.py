@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from robustpolish.identification.fit.least_squares import Fit, JudgedFit
+from robustpolish.identification.fit.least_squares import EvaluatedFit, Fit
 from robustpolish.identification.fit.parameters import free_parameters
 from robustpolish.identification.fit.prepared import prepare
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
-from robustpolish.identification.refit import refit_own
+from robustpolish.identification.refit import fit_own_parameters
 from robustpolish.identification.structure.screening import ScreenedEffect
 from robustpolish.identification.structure.state import RefittedEffect, Search
 from robustpolish.machines.effects.effect import Effect
@@ -25,9 +25,17 @@ def prepared_of(model, data, policy=POLICY):
 def search_of(model, data, policy=POLICY):
     """A search whose model has been refitted, with nothing added."""
     prepared = prepared_of(model, data, policy)
-    own, guided = refit_own(model, prepared)
+    own, short_window_model = fit_own_parameters(model, prepared)
     steps = [("base", model), ("refit", own.model)]
-    return Search(prepared, model, str, linear=own, stage=own, guided=guided, steps=steps)
+    return Search(
+        prepared,
+        model,
+        str,
+        linear=own,
+        stage=own,
+        short_window_model=short_window_model,
+        steps=steps,
+    )
 
 
 def judged(model, free, short=None, reproducible=True, share=0.01):
@@ -39,7 +47,7 @@ def judged(model, free, short=None, reproducible=True, share=0.01):
     made = Fit(model, (), 1.0, white, np.ones(white.shape[1]), information, numbers)
     errors = np.atleast_1d(np.array(free, dtype=float))
     over = errors if short is None else np.atleast_1d(np.array(short, dtype=float))
-    return JudgedFit(made, errors, lambda: over, reproducible, lambda: made.rmse)
+    return EvaluatedFit(made, errors, lambda: over, reproducible, lambda: made.rmse)
 
 
 def refitted(model, kind, at, values, free, score=100.0, **options):

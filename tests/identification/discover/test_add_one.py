@@ -8,17 +8,17 @@ import xarray as xr
 
 from robustpolish.identification.observer.kalman import FREE
 from robustpolish.identification.structure import moves_add as module
-from robustpolish.identification.structure.candidates import Hopeful, sticking
+from robustpolish.identification.structure.candidates import RefitCandidates, stick_slip_candidates
 from robustpolish.identification.structure.moves_add import (
-    _as_likely,
-    _at_lines,
-    _moved,
-    _other_constants,
-    _refits,
-    _sought_again,
-    _starts,
-    _turned_gently,
-    add_one,
+    _refit_candidates,
+    _refit_other_constants,
+    _refit_resonators_at_lines,
+    _refit_resonators_elsewhere,
+    _refit_with_new_windows,
+    _refit_with_smoothing,
+    _screening_models,
+    _similarly_likely_kinds,
+    forward_step,
 )
 from robustpolish.identification.structure.screening import ScreenedEffect, Screening, screen
 from robustpolish.identification.structure.state import RefittedEffect
@@ -45,9 +45,9 @@ def at_noise(model, search):
 
 def test_what_earns_its_place_is_added_and_what_came_close_is_kept(search):
     before = search.stage
-    assert add_one(search)
+    assert forward_step(search)
     assert [e.kind for e in search.stage.model.effects] == ["cubic_stiffness"]
-    (turn,) = search.turns
+    (turn,) = search.selection_steps
     assert turn.before.stage is before
     assert turn.before.added == 0
     assert [item.fitted for item in turn.added] == [search.stage]
@@ -58,18 +58,18 @@ def test_what_earns_its_place_is_added_and_what_came_close_is_kept(search):
 
 def test_at_the_floor_nothing_is_looked_for(search):
     search.stage = at_noise(search.stage.model, search)
-    assert not add_one(search)
-    assert not search.turns
+    assert not forward_step(search)
+    assert not search.selection_steps
     assert not search.candidates
 
 
 def test_what_was_fitted_counts_where_the_quiet_part_of_a_record_is_held_out(search):
     """The tail of a decay is at the noise of its sensor whatever is missing from the model."""
     quiet = at_noise(search.stage.model, search)
-    assert search.at_floor(quiet)
-    assert not search.at_floor(replace(quiet, fit=search.stage.fit))
+    assert search.at_noise_floor(quiet)
+    assert not search.at_noise_floor(replace(quiet, fit=search.stage.fit))
     chaotic = replace(quiet, fit=search.stage.fit, reproducible=False)
-    assert search.at_floor(chaotic)
+    assert search.at_noise_floor(chaotic)
 
 
 def test_absurd_numbers_that_explain_all_keep_nothing_else_from_being_tried(search, monkeypatch):
@@ -82,11 +82,13 @@ def test_absurd_numbers_that_explain_all_keep_nothing_else_from_being_tried(sear
     def explains_all(model, effect):
         return at_noise(model.with_effect(effect.definition, effect.at, effect.values), search)
 
-    monkeypatch.setattr(search, "fitted_with", explains_all)
-    tried = _refits(search, start, Hopeful([absurd, right], [], [], []))
+    monkeypatch.setattr(search, "fit_with", explains_all)
+    tried = _refit_candidates(search, start, RefitCandidates([absurd, right], [], [], []))
     assert [item.screened for item in tried] == [absurd, right]
     far = replace(absurd, score=10.0)
-    (only,) = _refits(search, start, Hopeful([replace(right, score=100.0), far], [], [], []))
+    (only,) = _refit_candidates(
+        search, start, RefitCandidates([replace(right, score=100.0), far], [], [], [])
+    )
     assert only.effect == right.effect
 
 
@@ -100,8 +102,8 @@ def test_a_friction_that_helps_the_loud_part_alone_may_turn_over_gently(
         return replace(found, fitted=quiet)
 
     friction, other = item("coulomb_friction"), item("dahl_friction")
-    monkeypatch.setattr(module, "rounded_friction", lambda some, start, search: some)
-    tried = _turned_gently([friction, other], search.stage.model, search)
+    monkeypatch.setattr(module, "fits_with_smoothing", lambda some, start, search: some)
+    tried = _refit_with_smoothing([friction, other], search.stage.model, search)
     assert tried == ([friction] if asked else [])
 
 
@@ -119,21 +121,21 @@ def test_kinds_of_the_family_that_are_about_as_likely_are_asked_beside_noise_alo
         screened("cubic_stiffness", 900.0),
         screened("lugre_friction", 900.0, ("y", "ground")),
     ]
-    found = Hopeful([loops], [likely, *others], [], [])
+    found = RefitCandidates([loops], [likely, *others], [], [])
     earned = RefittedEffect(loops, judged(model, search.prepared.scales.noise))
     # the one that would be added has been fitted already
-    assert _as_likely(earned, found, search.policy.near_score) == [loops, likely]
+    assert _similarly_likely_kinds(earned, found, search.policy.near_score) == [loops, likely]
 
 
 def test_where_nothing_earns_its_place_what_helped_is_kept(search, monkeypatch):
     monkeypatch.setattr(
-        "robustpolish.identification.structure.moves_add.chosen", lambda ranked, search: []
+        "robustpolish.identification.structure.moves_add.select_effect", lambda ranked, search: []
     )
     monkeypatch.setattr(
         "robustpolish.identification.structure.moves_add.together", lambda *given: []
     )
-    assert not add_one(search)
-    (turn,) = search.turns
+    assert not forward_step(search)
+    (turn,) = search.selection_steps
     assert not turn.added
     assert turn.others[0].effect.kind == "cubic_stiffness"
     assert all(item.fitted.error < search.stage.error for item in turn.others)
@@ -147,18 +149,18 @@ def test_numbers_as_they_were_known_lead_where_the_fit_left_hardly_anything_of_a
     """As after the offset of a sensor. One that is ten times too large may be so."""
     stiffness = search.reference.springs[0].stiffness
     moved = search.reference.with_parameters({"spring[0].stiffness": times * stiffness})
-    begun = replace(search, stage=judged(moved, 10.0), guided=moved)
-    assert (_starts(begun)[0] is search.reference) == leads
-    assert len(_starts(begun)) == 2 + leads
+    begun = replace(search, stage=judged(moved, 10.0), short_window_model=moved)
+    assert (_screening_models(begun)[0] is search.reference) == leads
+    assert len(_screening_models(begun)) == 2 + leads
 
 
 @pytest.mark.parametrize(("most", "asked"), [(1, False), (2, True)])
 def test_two_at_once_need_room_for_two(search, monkeypatch, most, asked):
     tried = []
-    monkeypatch.setattr(module, "chosen", lambda *_: [])
+    monkeypatch.setattr(module, "select_effect", lambda *_: [])
     monkeypatch.setattr(module, "together", lambda *_: tried.append(1) or [])
     policy = replace(search.policy, most_effects=most)
-    add_one(replace(search, prepared=replace(search.prepared, policy=policy)))
+    forward_step(replace(search, prepared=replace(search.prepared, policy=policy)))
     assert bool(tried) == asked
 
 
@@ -168,9 +170,9 @@ def test_what_swings_by_itself_is_tried_at_all_places():
     case = Case("hanging", two(), [("attached_resonator", at, values)], drive=8.0, samples=1500)
     search = search_of(model_of(case), records(case)[0][0])
     elsewhere = Effect("attached_resonator", ("x_m",), {"mass": 0.1, "stiffness": 360.0})
-    fitted = search.fitted_with(search.stage.model, elsewhere)
+    fitted = search.fit_with(search.stage.model, elsewhere)
     refit = RefittedEffect(ScreenedEffect(elsewhere, 10.0, 0.1), fitted)
-    (found,) = _moved([refit], search.stage.model, search)
+    (found,) = _refit_resonators_elsewhere([refit], search.stage.model, search)
     assert found.effect.at == at
     mass = found.fitted.model.effects[-1].values["mass"]
     assert mass == pytest.approx(0.1, rel=0.1)
@@ -184,10 +186,12 @@ def test_what_swings_by_itself_is_tried_at_the_lines_of_the_force():
     search = search_of(model_of(case), records(case)[0][0])
     line = Effect("harmonic_force", at, {"amplitude": 1.0, "frequency": 62.0 / (2 * np.pi)})
     search.screening = Screening((ScreenedEffect(line, 100.0, 0.1),), (), FREE)
-    (found,) = _at_lines([], search.stage.model, search)
+    (found,) = _refit_resonators_at_lines([], search.stage.model, search)
     assert (found.effect.kind, found.effect.at) == ("attached_resonator", at)
     assert found.fitted.model.effects[-1].values["mass"] == pytest.approx(0.1, rel=0.1)
-    assert _at_lines([found], search.stage.model, search) == [found]  # it helps: no more is tried
+    assert _refit_resonators_at_lines([found], search.stage.model, search) == [
+        found
+    ]  # it helps: no more is tried
 
 
 def test_what_sticks_and_slips_is_no_force_with_a_line_of_its_own():
@@ -202,9 +206,9 @@ def test_what_sticks_and_slips_is_no_force_with_a_line_of_its_own():
     x = simulate(truth, data).outputs[:, 0]
     noise = 1e-4 * np.random.default_rng(0).standard_normal(x.size)
     search = search_of(model, data.assign({model.output_names[0]: ("time", x + noise)}))
-    stuck = sticking(search.stage.fit, search.prepared, screen(model, search.prepared))
+    stuck = stick_slip_candidates(search.stage.fit, search.prepared, screen(model, search.prepared))
     assert {c.effect.kind for c in stuck} == {"coulomb_friction", "stribeck_friction"}
-    assert add_one(search)
+    assert forward_step(search)
     (found,) = search.stage.model.effects
     assert found.kind == "stribeck_friction"
     assert found.values["static_force"] == pytest.approx(3.2, rel=0.05)
@@ -213,14 +217,14 @@ def test_what_sticks_and_slips_is_no_force_with_a_line_of_its_own():
 
 
 def test_what_moves_all_the_time_sticks_nowhere(search):
-    assert sticking(search.stage.fit, search.prepared, Screening((), (), FREE)) == []
+    assert stick_slip_candidates(search.stage.fit, search.prepared, Screening((), (), FREE)) == []
 
 
 @pytest.mark.parametrize(("kind", "values"), [("input_delay", [0.005]), ("input_lag", [0.004])])
 def test_what_is_late_is_told_from_what_lags(kind, values):
     case = Case("late", one(), [(kind, ("F_x",), values)], drive=8.0, samples=1500)
     search = search_of(model_of(case), records(case)[0][0])
-    assert add_one(search)
+    assert forward_step(search)
     (found,) = search.stage.model.effects
     assert found.kind == kind
     assert [*found.values.values()] == pytest.approx(values, rel=0.02)
@@ -232,7 +236,7 @@ def test_what_is_late_is_told_from_what_lags(kind, values):
 def test_the_likeliest_begins_larger_if_nothing_of_it_is_left(search, monkeypatch, vanished, begun):
     first, tried = 1e5, []
 
-    def fitted_with(_, model, effect, anew=False):
+    def fit_with(_, model, effect, anew=False):
         times = effect.values["stiffness"] / first
         tried.append(times)
         nothing = vanished and times < 100
@@ -240,11 +244,11 @@ def test_the_likeliest_begins_larger_if_nothing_of_it_is_left(search, monkeypatc
         left = effect.with_values({"stiffness": 0.0 if nothing else 2 * effect.values["stiffness"]})
         return replace(found, fit=replace(found.fit, model=replace(found.model, effects=(left,))))
 
-    monkeypatch.setattr(type(search), "fitted_with", fitted_with)
+    monkeypatch.setattr(type(search), "fitted_with", fit_with)
     likely = ScreenedEffect(Effect("cubic_stiffness", PLACE, {"stiffness": first}), 90.0, 0.5)
     start = search.stage.model
-    monkeypatch.setattr(module, "objection", lambda *_: "not asked here")
-    found = _refits(search, start, Hopeful([likely], [], [], []))
+    monkeypatch.setattr(module, "rejection_reason", lambda *_: "not asked here")
+    found = _refit_candidates(search, start, RefitCandidates([likely], [], [], []))
     assert tried[: len(begun)] == pytest.approx(begun)
     assert found[0].fitted.model.effects[0].values["stiffness"] == 2 * first * begun[-1]
 
@@ -257,16 +261,16 @@ def test_what_would_be_added_is_sought_again_if_it_leaves_far_more_than_noise(se
     def leaving(times):
         return replace(kept, fitted=replace(kept.fitted, over_fitted=lambda: times * noise))
 
-    def fitted_with(_, model, effect, anew=False):
+    def fit_with(_, model, effect, anew=False):
         asked.append(anew)
         return judged(model.with_effect(effect.kind, effect.at, {"stiffness": 4e6}), 0.1 * before)
 
-    monkeypatch.setattr(type(search), "fitted_with", fitted_with)
-    (found,) = _sought_again([leaving(3.1)], model, search)
+    monkeypatch.setattr(type(search), "fitted_with", fit_with)
+    (found,) = _refit_with_new_windows([leaving(3.1)], model, search)
     assert asked == [True]
     assert found.fitted.model.effects[0].values["stiffness"] == 4e6
     near = leaving(2.9)
-    assert _sought_again([near], model, search) == [near]
+    assert _refit_with_new_windows([near], model, search) == [near]
     assert asked == [True]
 
 
@@ -275,6 +279,6 @@ def test_beside_a_law_an_offset_and_a_preload_are_both_tried(search):
     load = refitted(model, "constant_force", ("x",), {"force": 1.0}, 1.0)
     offset = ScreenedEffect(Effect("sensor_offset", ("x",), {"offset": 1e-4}), 3.0, 0.1)
     search.screening = Screening((load.screened, offset), (), FREE)
-    (found,) = _other_constants([load], model, search)
+    (found,) = _refit_other_constants([load], model, search)
     assert (found.effect.kind, found.effect.at) == ("sensor_offset", ("x",))
-    assert _other_constants([load], search.stage.model, search) == []
+    assert _refit_other_constants([load], search.stage.model, search) == []

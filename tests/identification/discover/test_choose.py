@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robustpolish.identification.structure.moves_add import chosen, together
-from robustpolish.identification.structure.score import objection
+from robustpolish.identification.structure.moves_add import select_effect, together
+from robustpolish.identification.structure.score import rejection_reason
 from robustpolish.identification.structure.screening import ScreenedEffect
 from robustpolish.identification.structure.state import RefittedEffect, Search
 from robustpolish.machines.effects.effect import Effect
@@ -21,11 +21,11 @@ from tests.identification.oscillators import PLACE, of_rig
 
 def test_the_best_that_earns_its_place_is_chosen(search):
     best, second = cubic(2.0, share=0.9), drag(3.0)
-    assert chosen([best, second], search) == [second]
+    assert select_effect([best, second], search) == [second]
     assert search.reasons == [
         "cubic_stiffness at x, ground was not added: its stiffness is not determined."
     ]
-    assert chosen([], search) == []
+    assert select_effect([], search) == []
 
 
 def test_what_the_data_do_not_separate_is_noted_and_the_simpler_one_taken(search):
@@ -33,8 +33,8 @@ def test_what_the_data_do_not_separate_is_noted_and_the_simpler_one_taken(search
     friction = {"force": 3.0, "static_force": 4.0, "velocity": 0.5}
     stribeck = refitted(MODEL, "stribeck_friction", PLACE, friction, 2.0)
     near, far = cubic(2.05), drag(2.2)
-    assert chosen([stribeck, near, far], search) == [near]
-    (pair,) = search.confusions
+    assert select_effect([stribeck, near, far], search) == [near]
+    (pair,) = search.indistinguishable_pairs
     assert (pair.first, pair.second) == (near.effect, stribeck.effect)
 
 
@@ -45,7 +45,7 @@ def test_far_above_the_noise_a_simpler_kind_of_the_family_comes_first(search):
             refitted(MODEL, "stribeck_friction", PLACE, friction, error),
             refitted(MODEL, "coulomb_friction", PLACE, {"force": 3.0}, 1.15 * error),
         ]
-        assert chosen(pair, search) == [pair[taken]]
+        assert select_effect(pair, search) == [pair[taken]]
 
 
 @pytest.mark.parametrize(
@@ -61,7 +61,7 @@ def test_where_the_quiet_part_of_a_decay_hardly_tells_the_loud_one_does(
     pair = [cubic(2.0), drag(held_out)]
     louder = replace(pair[1].fitted, over_fitted=lambda: fitted * pair[0].fitted.fitted)
     pair[1] = replace(pair[1], fitted=louder)
-    assert chosen(pair, search) == [pair[taken]]
+    assert select_effect(pair, search) == [pair[taken]]
 
 
 def test_two_that_hide_each_other_earn_their_places_together():
@@ -74,12 +74,12 @@ def test_two_that_hide_each_other_earn_their_places_together():
     search = search_of(MODEL, data)
     ranked = []
     for effect in (Effect("sensor_offset", "f"), Effect("cubic_stiffness", PLACE)):
-        fitted = search.fitted_with(search.stage.model, effect)
+        fitted = search.fit_with(search.stage.model, effect)
         fall = float(1 - fitted.error[0] / search.stage.error[0])
         assert fall == pytest.approx(1 - np.sqrt(1.7225 / 2.445), abs=0.035)
-        assert objection(search.stage, fitted, search.prepared)
+        assert rejection_reason(search.stage, fitted, search.prepared)
         ranked.append(RefittedEffect(ScreenedEffect(effect, 100.0, fall), fitted))
-    assert chosen(ranked, search) == []
+    assert select_effect(ranked, search) == []
     for pairs in ([], [(ranked[1].screened, ranked[0].screened)]):  # as refits show, and free runs
         found = together(ranked, pairs, search)
         assert {item.effect.kind for item in found} == {"sensor_offset", "cubic_stiffness"}
@@ -110,13 +110,13 @@ def test_a_constant_brings_along_what_earns_its_place_beside_it(search, monkeypa
             model.with_effect(effect.kind, effect.at, {**effect.values}), left[effect.kind]
         )
 
-    monkeypatch.setattr(Search, "fitted_with", beside)
-    found = chosen([load, offset, law], search)
+    monkeypatch.setattr(Search, "fit_with", beside)
+    found = select_effect([load, offset, law], search)
     assert [item.effect.kind for item in found] == ["quadratic_damping", "sensor_offset"]
     assert found[0].fitted is law.fitted
     assert [e.kind for e in found[1].fitted.model.effects] == ["quadratic_damping", "sensor_offset"]
     left["sensor_offset"] = 5.8
-    assert chosen([load, offset, law], replace(search, beside={})) == [load]
+    assert select_effect([load, offset, law], replace(search, beside={})) == [load]
 
 
 def test_what_is_refused_sets_no_measure_for_the_simplest(search):
@@ -126,7 +126,7 @@ def test_what_is_refused_sets_no_measure_for_the_simplest(search):
         {"force": 2.0, "static_force": 1.0, "velocity": 0.1, "width": 0.0}, 4.0,
     )  # fmt: skip
     many = refitted(MODEL, "elastic_coulomb_friction", PLACE, {"force": 2.0, "stiffness": 9.0}, 5.0)
-    found = chosen([absurd, many, cubic(5.03)], search)
+    found = select_effect([absurd, many, cubic(5.03)], search)
     assert [item.effect.kind for item in found] == ["cubic_stiffness"]
 
 
@@ -134,10 +134,10 @@ def test_what_is_absurd_by_itself_is_tried_beside_what_may_bend_it(search, monke
     """A friction beside a drag falls with speed, to nothing, if the drag is missing."""
     values = {"force": 0.1, "static_force": 9.0, "velocity": 0.1, "width": 0.0}
     absurd = refitted(MODEL, "stribeck_friction", PLACE, values, 3.0)
-    assert chosen([absurd], search) == []
+    assert select_effect([absurd], search) == []
     sound = {**values, "force": 5.0}
 
-    def fitted_with(_, model, *effects, anew=False):
+    def fit_with(_, model, *effects, anew=False):
         kinds = [*(e.kind for e in model.effects), *(e.kind for e in effects)]
         whole = {"stribeck_friction", "quadratic_damping"} == set(kinds)
         for kind in kinds:
@@ -147,7 +147,7 @@ def test_what_is_absurd_by_itself_is_tried_beside_what_may_bend_it(search, monke
             model = model.with_effect(kind, PLACE, numbers)
         return judged(model, 1.0 if whole else 2.9 if absurd.effect.kind in kinds else 10.0)
 
-    monkeypatch.setattr(Search, "fitted_with", fitted_with)
+    monkeypatch.setattr(Search, "fitted_with", fit_with)
     found = together([absurd], [], replace(search, beside={}))
     assert [item.effect.kind for item in found] == ["stribeck_friction", "quadratic_damping"]
     assert found[1].fitted.model.effects[0].values["force"] == 5.0

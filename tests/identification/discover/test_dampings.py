@@ -5,11 +5,14 @@ import numpy as np
 import pytest
 
 from robustpolish.identification.compare import compare
-from robustpolish.identification.diagnosis.findings import confused
+from robustpolish.identification.diagnosis.findings import indistinguishable_pair
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.structure import moves_special as dampings
-from robustpolish.identification.structure.decays import Law
-from robustpolish.identification.structure.moves_special import _another_friction, settle_damping
+from robustpolish.identification.structure.decays import DampingLaw
+from robustpolish.identification.structure.moves_special import (
+    _differs_in_friction_only,
+    select_damping_laws,
+)
 from robustpolish.machines.effects.effect import Effect
 from tests.identification.decays.pendulums import AT, decay, pendulum
 from tests.identification.discover.searches import search_of
@@ -24,7 +27,7 @@ def search_with(data, *effects, model=None):
     """A search that found these effects, one after the other."""
     search = search_of(model or pendulum(), data)
     for effect in effects:
-        fitted = search.fitted_with(search.stage.model, effect)
+        fitted = search.fit_with(search.stage.model, effect)
         assert fitted is not None
         search.stage = fitted
         search.steps.append((effect.kind, fitted.model))
@@ -40,11 +43,12 @@ def settled():
     """Coulomb friction and drag, of which the upper part of the decay is known."""
     data = decay().isel(time=slice(0, 900))
     search = search_with(data, *WRONG)
-    search.confusions = [
-        confused(WRONG[1], WRONG[0]), confused(WRONG[0], Effect("dahl_friction", AT)),
+    search.indistinguishable_pairs = [
+        indistinguishable_pair(WRONG[1], WRONG[0]),
+        indistinguishable_pair(WRONG[0], Effect("dahl_friction", AT)),
     ]  # fmt: skip
     before = search.stage.model
-    search = settle_damping(search)
+    search = select_damping_laws(search)
     return before, search
 
 
@@ -77,7 +81,7 @@ def test_the_steps_go_on_with_what_was_chosen(settled):
 
 def test_pairs_with_what_is_no_longer_there_go(settled):
     _, search = settled
-    pairs = [(p.first.kind, p.second.kind) for p in search.confusions]
+    pairs = [(p.first.kind, p.second.kind) for p in search.indistinguishable_pairs]
     assert ("coulomb_friction", "dahl_friction") in pairs
     assert all(first != "displacement_dependent_damping" for first, _ in pairs)
 
@@ -86,7 +90,7 @@ def test_what_is_right_already_stays_and_a_constant_that_does_nothing_goes():
     right = Effect("coulomb_friction", AT, {"force": 0.1})
     idle = Effect("constant_force", ("arm",), {"force": 0.01})
     search = search_with(decay(drag=0.0, viscous=0.04), right, idle)
-    search = settle_damping(search)
+    search = select_damping_laws(search)
     assert kinds_of(search) == ["pendulum_gravity", "coulomb_friction"]
     assert search.reasons == [
         f"{search_effect(search, idle)} was not kept: the damping explains as much."
@@ -103,10 +107,10 @@ def test_what_was_told_alike_with_a_law_that_goes_may_go_with_it():
     elastic = Effect("elastic_coulomb_friction", AT, {"force": 0.15, "stiffness": 3.0})
     idle = Effect("constant_force", ("arm",), {"force": 0.01})
     search = search_with(decay(drag=0.0, viscous=0.04), wrong, idle)
-    search.confusions = [confused(wrong, elastic)]
-    search = settle_damping(search)
+    search.indistinguishable_pairs = [indistinguishable_pair(wrong, elastic)]
+    search = select_damping_laws(search)
     assert kinds_of(search) == ["pendulum_gravity", "coulomb_friction"]
-    assert not search.confusions
+    assert not search.indistinguishable_pairs
 
 
 def search_effect(search, effect):
@@ -115,7 +119,7 @@ def search_effect(search, effect):
 
 def test_what_hides_behind_the_damper_is_found_where_no_effect_was():
     search = search_with(decay(drag=0.0, viscous=0.04, noise=5e-3))
-    search = settle_damping(search)
+    search = select_damping_laws(search)
     assert kinds_of(search) == ["pendulum_gravity", "coulomb_friction"]
     assert search.stage.model.parameters["effect[1].force"] == pytest.approx(0.15, rel=0.1)
     assert "better than a viscous damper" in search.reasons[-1]
@@ -124,7 +128,7 @@ def test_what_hides_behind_the_damper_is_found_where_no_effect_was():
 def test_nothing_is_named_where_the_damper_does_it_all():
     search = search_with(decay(coulomb=0.0, drag=0.0, viscous=0.15))
     stage, steps = search.stage, list(search.steps)
-    search = settle_damping(search)
+    search = select_damping_laws(search)
     assert search.stage is stage
     assert search.steps == steps
     assert search.reasons == []
@@ -133,7 +137,7 @@ def test_nothing_is_named_where_the_damper_does_it_all():
 def test_a_damper_that_is_not_there_ends_near_nothing():
     # what the linear model took for viscous is Coulomb friction and drag
     search = search_with(decay(viscous=0.0), *WRONG)
-    search = settle_damping(search)
+    search = select_damping_laws(search)
     assert search.stage.model.parameters["damper[0].damping"] < 2e-3
 
 
@@ -141,7 +145,7 @@ def test_a_record_that_is_no_decay_is_left_alone():
     steady = decay(coulomb=0.0, drag=0.0, viscous=0.02, samples=600)
     search = search_with(steady, WRONG[0])
     stage, steps = search.stage, list(search.steps)
-    search = settle_damping(search)
+    search = select_damping_laws(search)
     assert search.stage is stage
     assert search.steps == steps
 
@@ -150,14 +154,14 @@ def test_where_runs_do_not_repeat_nothing_is_settled(settled):
     _, search = settled
     stage = replace(search.stage, reproducible=False)
     other = replace(search, stage=stage)
-    other = settle_damping(other)
+    other = select_damping_laws(other)
     assert other.stage is stage
 
 
 def test_kinds_of_friction_that_fit_all_as_well_are_told_alike():
     """How well is a matter of likelihood: coloured errors tell less than white ones."""
     kinds = ("coulomb_friction", "dahl_friction", "quadratic_damping")
-    laws = [Law(Effect(kind, AT), "", 1.0) for kind in kinds]
+    laws = [DampingLaw(Effect(kind, AT), "", 1.0) for kind in kinds]
     white = np.random.default_rng(0).standard_normal((4000, 1))
     slow = np.cumsum(white, axis=0) - np.linspace(0, 1, 4000)[:, None] * np.sum(white)
 
@@ -169,15 +173,15 @@ def test_kinds_of_friction_that_fit_all_as_well_are_told_alike():
         return SimpleNamespace(fits=fits, found=found, prepared=SimpleNamespace(policy=POLICY))
 
     coulomb, dahl, drag = (frozenset({i}) for i in range(3))
-    assert _another_friction(trials(white, 1e-3), coulomb, dahl)
-    assert not _another_friction(trials(white, 3e-3), coulomb, dahl)
-    assert _another_friction(trials(slow, 3e-3), coulomb, dahl)
-    assert not _another_friction(trials(white, 1e-3), coulomb, drag)
-    assert not _another_friction(trials(white, 1e-3), coulomb, coulomb)
+    assert _differs_in_friction_only(trials(white, 1e-3), coulomb, dahl)
+    assert not _differs_in_friction_only(trials(white, 3e-3), coulomb, dahl)
+    assert _differs_in_friction_only(trials(slow, 3e-3), coulomb, dahl)
+    assert not _differs_in_friction_only(trials(white, 1e-3), coulomb, drag)
+    assert not _differs_in_friction_only(trials(white, 1e-3), coulomb, coulomb)
 
 
 def test_where_no_observer_follows_the_law_nothing_is_settled(settled, monkeypatch):
     """What such a motion loses is no number."""
-    lost = SimpleNamespace(found=SimpleNamespace(lost=np.nan))
-    monkeypatch.setattr(dampings, "_trials", lambda *_: lost)
-    assert settle_damping(settled[1]) is settled[1]
+    dissipated_power = SimpleNamespace(found=SimpleNamespace(dissipated_power=np.nan))
+    monkeypatch.setattr(dampings, "_damping_fits", lambda *_: dissipated_power)
+    assert select_damping_laws(settled[1]) is settled[1]

@@ -5,7 +5,12 @@ from functools import partial
 import pytest
 
 from robustpolish.identification.compare import compare
-from robustpolish.identification.diagnose import _begun, _first, _worse, diagnose
+from robustpolish.identification.diagnose import (
+    _search_with_holds,
+    _significantly_worse,
+    _start_search,
+    diagnose,
+)
 from robustpolish.identification.policy import POLICY
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.discover.searches import judged, prepared_of, search_of
@@ -96,9 +101,11 @@ def test_a_hold_that_free_runs_speak_against_is_dropped(held):
     model = model_of(case)
     prepared = prepared_of(model, records(case)[0][0])
     named = model.with_effect("input_hold", ("F_x",), {"order": 0.0})
-    search = _first(model, named, partial(_begun, model, prepared=prepared, say=str))
+    search = _search_with_holds(
+        model, named, partial(_start_search, model, prepared=prepared, say=str)
+    )
     assert search.reference is (named if held else model)
-    assert search.at_floor(search.stage)
+    assert search.at_noise_floor(search.stage)
 
 
 def test_a_search_that_comes_to_its_limit_of_work_ends_with_what_it_has_and_says_so():
@@ -121,15 +128,15 @@ def test_a_search_with_other_holds_has_to_come_about_as_far():
     search = search_of(model_of(CUBIC), records(CUBIC)[0][0])
     model = search.stage.model
     here, near, far = (replace(search, stage=judged(model, left)) for left in (1.0, 1.2, 20.0))
-    assert not _worse(near, here)
-    assert _worse(far, here)
-    assert not _worse(here, far)
+    assert not _significantly_worse(near, here)
+    assert _significantly_worse(far, here)
+    assert not _significantly_worse(here, far)
 
 
 def test_noise_alone_asks_for_no_other_hold(monkeypatch):
     asked = []
     monkeypatch.setattr(
-        "robustpolish.identification.diagnose._late_holds", lambda s: asked.append(s)
+        "robustpolish.identification.diagnose._holds_beside_effects", lambda s: asked.append(s)
     )
     case = replace(CUBIC, samples=1500)
     assert diagnose(model_of(case), records(case)[0][0]).verdict == "missing_effect"

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from robustpolish.identification.observer.kalman import FREE
-from robustpolish.identification.refit import refit_own
-from robustpolish.identification.structure.candidates import hopeful, rivals_of
+from robustpolish.identification.refit import fit_own_parameters
+from robustpolish.identification.structure.candidates import family_alternatives, select_candidates
 from robustpolish.identification.structure.evidence import Evidence
 from robustpolish.identification.structure.screening import ScreenedEffect, Screening, screen
 from robustpolish.machines.effects.effect import Effect
@@ -16,7 +16,7 @@ PATH = "robustpolish.identification.structure.evidence.evidence"
 @pytest.fixture(scope="module")
 def begun():
     prepared = prepared_of(oscillator(), record(2000, noise=0.01))
-    return refit_own(oscillator(), prepared).stage.fit, prepared
+    return fit_own_parameters(oscillator(), prepared).stage.fit, prepared
 
 
 def place_of(kind):
@@ -36,7 +36,7 @@ def evident(fall, *named, odds=100.0):
 def asked(begun, monkeypatch, candidates, singles=(), pairs=()):
     """What is hopeful if free runs over every window say this."""
     monkeypatch.setattr(PATH, lambda *_: (list(singles), list(pairs)))
-    return hopeful(Screening(tuple(candidates), (), FREE), *begun)
+    return select_candidates(Screening(tuple(candidates), (), FREE), *begun)
 
 
 def kinds_of(found):
@@ -117,7 +117,7 @@ def test_lines_of_the_motion_are_not_refitted(monkeypatch):
     x = 1e-3 * np.exp(-0.5 * time) * np.cos(20 * time)
     data = record(2000).drop_vars("F").assign(x=("time", x))
     prepared = prepared_of(model, data)
-    stage = refit_own(model, prepared).stage.fit
+    stage = fit_own_parameters(model, prepared).stage.fit
 
     def hum(hertz):
         return Effect("harmonic_force", "x", {"amplitude": 1.0, "frequency": hertz})
@@ -126,7 +126,7 @@ def test_lines_of_the_motion_are_not_refitted(monkeypatch):
         found = Evidence((), (hum(hertz),), 0.6, 100.0)
         monkeypatch.setattr(PATH, lambda *_, found=found: ([found], []))
         likely = (candidate("cubic_stiffness", 100.0), ScreenedEffect(hum(hertz), 200.0, 0.5))
-        chosen = hopeful(Screening(likely, (), FREE), stage, prepared)
+        chosen = select_candidates(Screening(likely, (), FREE), stage, prepared)
         assert ("harmonic_force" in kinds_of(chosen.first)) == kept
         assert "cubic_stiffness" in kinds_of(chosen.first)
         # only where nothing else helps
@@ -135,9 +135,9 @@ def test_lines_of_the_motion_are_not_refitted(monkeypatch):
 
 def test_a_missing_spring_is_hopeful():
     prepared = prepared_of(oscillator(), record(3000, cubic=4e5, noise=3e-3))
-    stage = refit_own(oscillator(), prepared).stage
+    stage = fit_own_parameters(oscillator(), prepared).stage
     allowed = [Effect(k, PLACE) for k in ("cubic_stiffness", "backlash", "quadratic_damping")]
-    found = hopeful(screen(stage.model, prepared, allowed), stage.fit, prepared)
+    found = select_candidates(screen(stage.model, prepared, allowed), stage.fit, prepared)
     assert found.first[0].place == ("cubic_stiffness", PLACE)
     assert found.first[0].effect.values["stiffness"] == pytest.approx(4e5, rel=0.25)
 
@@ -145,7 +145,7 @@ def test_a_missing_spring_is_hopeful():
 def test_rivals_are_the_other_kinds_of_a_family_at_its_place(begun):
     stage, prepared = begun
     friction = Effect("coulomb_friction", PLACE, {"force": 0.1})
-    found = rivals_of(friction, stage, prepared, Screening((), (), FREE))
+    found = family_alternatives(friction, stage, prepared, Screening((), (), FREE))
     assert {c.effect.kind for c in found} <= {
         "stribeck_friction", "elastic_coulomb_friction", "dahl_friction", "lugre_friction",
         "bouc_wen_hysteresis",
@@ -154,7 +154,7 @@ def test_rivals_are_the_other_kinds_of_a_family_at_its_place(begun):
     assert len({c.effect.kind for c in found}) == len(found)
     alone = Effect("harmonic_force", "x", {"amplitude": 1.0, "frequency": 9.0})
     assert "harmonic_force" not in kinds_of(
-        rivals_of(alone, stage, prepared, Screening((), (), FREE))
+        family_alternatives(alone, stage, prepared, Screening((), (), FREE))
     )
 
 

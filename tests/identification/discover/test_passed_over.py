@@ -2,7 +2,7 @@
 
 import pytest
 
-from robustpolish.identification.structure.candidates import Hopeful, passed_over
+from robustpolish.identification.structure.candidates import RefitCandidates, reasons_not_refitted
 from robustpolish.identification.structure.screening import ScreenedEffect
 from robustpolish.machines.effects.effect import Effect
 from tests.identification.discover.searches import judged, refitted, search_of
@@ -31,7 +31,7 @@ PLACE_OF_DRAG = ("quadratic_damping", PLACE)
 
 
 def why(search, candidates, first, further, refits):
-    return passed_over(candidates, Hopeful(first, further, [], []), refits, search)
+    return reasons_not_refitted(candidates, RefitCandidates(first, further, [], []), refits, search)
 
 
 def test_odds_below_the_bar_are_told_with_both_numbers(search):

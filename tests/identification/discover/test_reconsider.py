@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from robustpolish.identification.diagnosis.findings import confused
-from robustpolish.identification.fit.parameters import free_parameters, turns_over_gently
+from robustpolish.identification.diagnosis.findings import indistinguishable_pair
+from robustpolish.identification.fit.parameters import free_parameters, has_smoothing
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.structure import moves_replace as reconsider
 from robustpolish.identification.structure.moves_replace import (
-    closer_kinds,
-    renamed,
-    retold,
-    rounded_friction,
-    simpler,
-    still_alike,
-    without_the_needless,
+    backward_elimination,
+    fits_of_simpler_kinds,
+    fits_with_smoothing,
+    lower_error_kinds,
+    prune_indistinguishable,
+    rebuild_steps,
+    replace_kinds,
 )
 from robustpolish.identification.structure.screening import ScreenedEffect
-from robustpolish.identification.structure.state import RefittedEffect, Search, Turn
+from robustpolish.identification.structure.state import RefittedEffect, Search, SelectionStep
 from robustpolish.linear.response import linear_response
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.evaluate import force_along
@@ -54,14 +54,14 @@ def two(first):
 @pytest.mark.parametrize(("left", "kept"), [(10.5, 1), (20.0, 2)])
 def test_what_the_others_explain_as_well_goes(monkeypatch, left, kept):
     search = two(COULOMB)
-    monkeypatch.setattr(Search, "fitted_with", lambda self, model: judged(model, left))
-    monkeypatch.setattr(Search, "fitted_over", lambda self, model, spans: None)
-    found = without_the_needless(search)
+    monkeypatch.setattr(Search, "fit_with", lambda self, model: judged(model, left))
+    monkeypatch.setattr(Search, "fit_over_windows", lambda self, model, spans: None)
+    found = backward_elimination(search)
     assert kinds(found) == ["coulomb_friction", "cubic_stiffness"][2 - kept :]
     assert bool(found.reasons) == (kept == 1)
     assert kinds(search) == ["coulomb_friction", "cubic_stiffness"]
     # the last one is asked on request only
-    assert kinds(without_the_needless(found, last=True)) == ([] if kept == 1 else kinds(search))
+    assert kinds(backward_elimination(found, last=True)) == ([] if kept == 1 else kinds(search))
 
 
 @pytest.mark.parametrize(("sliding", "kept"), [(3.0, 1), (0.1, 2)])
@@ -73,13 +73,13 @@ def test_what_another_would_be_absurd_without_stays(monkeypatch, sliding, kept):
     friction = Effect("stribeck_friction", PLACE, STRIBECK)
     begun.accept([refitted(drag.fitted.model, friction.kind, PLACE, friction.values, 10.0)])
 
-    def fitted_with(self, model, *effects, near=False):
+    def fit_with(self, model, *effects, near=False):
         alone = rig().with_effect(friction.kind, PLACE, friction.values | {"force": sliding})
         return judged(alone, 10.2)
 
-    monkeypatch.setattr(Search, "fitted_with", fitted_with)
-    monkeypatch.setattr(Search, "fitted_over", lambda self, model, spans: None)
-    assert len(kinds(without_the_needless(begun))) == kept
+    monkeypatch.setattr(Search, "fitted_with", fit_with)
+    monkeypatch.setattr(Search, "fit_over_windows", lambda self, model, spans: None)
+    assert len(kinds(backward_elimination(begun))) == kept
 
 
 @pytest.mark.parametrize(("open_", "kept"), [(True, 1), (False, 2)])
@@ -92,15 +92,15 @@ def test_what_has_no_place_goes_if_the_others_do_as_well_beside_numbers_as_known
     search.stage = judged(model, 10.0, share=0.9 if open_ else 0.1)
     search.linear = replace(search.linear, fit=replace(search.linear.fit, model=rig(120.0)))
 
-    def fitted_with(self, start, *added):
+    def fit_with(self, start, *added):
         from_known = start.parameters == search.linear.model.parameters
         for effect in added:
             start = start.with_effect(effect.kind, effect.at, effect.values)
         return judged(start, 10.2 if from_known and added else 20.0)
 
-    monkeypatch.setattr(Search, "fitted_with", fitted_with)
-    monkeypatch.setattr(Search, "fitted_over", lambda self, model, spans: None)
-    assert len(kinds(without_the_needless(search))) == kept
+    monkeypatch.setattr(Search, "fitted_with", fit_with)
+    monkeypatch.setattr(Search, "fit_over_windows", lambda self, model, spans: None)
+    assert len(kinds(backward_elimination(search))) == kept
 
 
 def test_what_stood_by_the_one_that_goes_is_asked_again(monkeypatch):
@@ -114,20 +114,20 @@ def test_what_stood_by_the_one_that_goes_is_asked_again(monkeypatch):
         frozenset({"quadratic_damping"}): 50.0,
         frozenset(): 100.0,
     }
-    monkeypatch.setattr(Search, "fitted_with", fitting(errors))
-    monkeypatch.setattr(Search, "fitted_over", lambda self, model, spans: None)
-    assert kinds(without_the_needless(search, last=True)) == ["coulomb_friction"]
+    monkeypatch.setattr(Search, "fit_with", fitting(errors))
+    monkeypatch.setattr(Search, "fit_over_windows", lambda self, model, spans: None)
+    assert kinds(backward_elimination(search, last=True)) == ["coulomb_friction"]
 
 
 def fitting(errors):
     """Fits whose error follows from the kinds of the effects."""
 
-    def fitted_with(self, model, *effects, near=False):
+    def fit_with(self, model, *effects, near=False):
         for effect in effects:
             model = model.with_effect(effect.kind, effect.at, effect.values)
         return judged(model, errors[frozenset(e.kind for e in model.effects)])
 
-    return fitted_with
+    return fit_with
 
 
 def chain():
@@ -154,11 +154,11 @@ def of_chain():
 def placed(errors):
     """Fits whose error follows from the place of a constant force."""
 
-    def fitted_with(self, model, effect, near):
+    def fit_with(self, model, effect, near):
         fitted = model.with_effect(effect.kind, effect.at, effect.values)
         return judged(fitted, errors[effect.at]) if effect.at in errors else None
 
-    return fitted_with
+    return fit_with
 
 
 @pytest.mark.parametrize(
@@ -172,17 +172,18 @@ def test_a_kind_gives_way_to_a_better_one_of_its_family(monkeypatch, error, take
         frozenset({"cubic_stiffness"}): 20.0,
         frozenset({"cubic_stiffness", "dahl_friction"}): error,
     }
-    monkeypatch.setattr(Search, "fitted_with", fitting(errors))
+    monkeypatch.setattr(Search, "fit_with", fitting(errors))
     candidate = ScreenedEffect(DAHL, 0.0, 0.5)
-    monkeypatch.setattr(reconsider, "rivals_of", lambda *given: [candidate])
-    monkeypatch.setattr(reconsider, "mimics", lambda *given: [])
-    monkeypatch.setattr(reconsider, "_as_near_to_all", lambda *given: False)
-    monkeypatch.setattr(reconsider, "without_the_needless", lambda search, last=False: search)
-    found = renamed(search)
+    monkeypatch.setattr(reconsider, "family_alternatives", lambda *given: [candidate])
+    monkeypatch.setattr(reconsider, "find_force_equivalents", lambda *given: [])
+    monkeypatch.setattr(reconsider, "_fits_whole_record_as_well", lambda *given: False)
+    monkeypatch.setattr(reconsider, "backward_elimination", lambda search, last=False: search)
+    found = replace_kinds(search)
     assert (kinds(found)[-1] == "dahl_friction") == taken
-    assert bool(found.confusions) == alike
+    assert bool(found.indistinguishable_pairs) == alike
     if alike:
-        assert {found.confusions[0].first.kind, found.confusions[0].second.kind} == {
+        pair = found.indistinguishable_pairs[0]
+        assert {pair.first.kind, pair.second.kind} == {
             "coulomb_friction", "dahl_friction",
         }  # fmt: skip
 
@@ -197,13 +198,15 @@ def test_of_kinds_that_tie_the_one_that_needs_fewer_others_is_taken(monkeypatch,
         frozenset({"dahl_friction"}): needless,
         frozenset({"cubic_stiffness", "dahl_friction"}): 10.0,
     }
-    monkeypatch.setattr(Search, "fitted_with", fitting(errors))
-    monkeypatch.setattr(Search, "fitted_over", lambda self, model, spans: None)
-    monkeypatch.setattr(reconsider, "rivals_of", lambda *_: [ScreenedEffect(DAHL, 0.0, 0.5)])
-    monkeypatch.setattr(reconsider, "mimics", lambda *_: [])
-    found = renamed(search)
+    monkeypatch.setattr(Search, "fit_with", fitting(errors))
+    monkeypatch.setattr(Search, "fit_over_windows", lambda self, model, spans: None)
+    monkeypatch.setattr(
+        reconsider, "family_alternatives", lambda *_: [ScreenedEffect(DAHL, 0.0, 0.5)]
+    )
+    monkeypatch.setattr(reconsider, "find_force_equivalents", lambda *_: [])
+    found = replace_kinds(search)
     assert kinds(found) == (["dahl_friction"] if taken else kinds(search))
-    assert bool(found.confusions) == (not taken)
+    assert bool(found.indistinguishable_pairs) == (not taken)
 
 
 @pytest.mark.parametrize("last", [True, False])
@@ -215,13 +218,13 @@ def test_a_constant_is_asked_for_at_all_other_places(monkeypatch, last):
     found = replace(begun, stage=judged(model, 100.0), linear=judged(model, 100.0))
     for kind, at, values in [(*other, {"stiffness": 2.0}), push][:: 1 if last else -1]:
         found.accept([refitted(found.stage.model, kind, at, values, 10.0)])
-    monkeypatch.setattr(reconsider, "_as_near_to_all", lambda *given: False)
-    monkeypatch.setattr(reconsider, "without_the_needless", lambda search, last=False: search)
-    monkeypatch.setattr(Search, "fitted_with", placed({("m1",): 10.0, ("m2",): 10.01}))
-    (pair,) = renamed(found).confusions
+    monkeypatch.setattr(reconsider, "_fits_whole_record_as_well", lambda *given: False)
+    monkeypatch.setattr(reconsider, "backward_elimination", lambda search, last=False: search)
+    monkeypatch.setattr(Search, "fit_with", placed({("m1",): 10.0, ("m2",): 10.01}))
+    (pair,) = replace_kinds(found).indistinguishable_pairs
     assert (pair.first.at, pair.second.at) == (("m1",), ("m2",))
-    monkeypatch.setattr(Search, "fitted_with", placed({("m2",): 5.0}))
-    moved = renamed(found)
+    monkeypatch.setattr(Search, "fit_with", placed({("m2",): 5.0}))
+    moved = replace_kinds(found)
     assert [e.at for e in moved.stage.model.effects if e.kind == push[0]] == [("m2",)]
 
 
@@ -231,12 +234,12 @@ def test_simpler_kinds_begin_with_the_values_they_have_in_common(monkeypatch):
     search.stage = judged(rig().with_effect("bouc_wen_hysteresis", PLACE, values), 10.0)
     tried = []
 
-    def fitted_with(self, model, effect, near):
+    def fit_with(self, model, effect, near):
         tried.append(effect)
         return judged(model.with_effect(effect.kind, effect.at, effect.values), 10.0)
 
-    monkeypatch.setattr(Search, "fitted_with", fitted_with)
-    assert len(list(simpler(search, search.stage.model, 0))) == len(tried)
+    monkeypatch.setattr(Search, "fitted_with", fit_with)
+    assert len(list(fits_of_simpler_kinds(search, search.stage.model, 0))) == len(tried)
     both = {"force": 3.0, "stiffness": 50.0}
     in_common = {e.kind: e.parameters for e in tried if e.values["force"] == 3.0}
     assert in_common["elastic_coulomb_friction"] == in_common["dahl_friction"] == both
@@ -254,10 +257,8 @@ def test_a_simpler_friction_turns_over_as_gently(monkeypatch):
     values = {"force": 3.0, "static_force": 3.0, "velocity": 0.4, "width": 0.03}
     search.stage = judged(rig().with_effect("stribeck_friction", PLACE, values), 10.0)
     tried = []
-    monkeypatch.setattr(
-        Search, "fitted_with", lambda self, model, effect, near: tried.append(effect)
-    )
-    assert list(simpler(search, search.stage.model, 0)) == []
+    monkeypatch.setattr(Search, "fit_with", lambda self, model, effect, near: tried.append(effect))
+    assert list(fits_of_simpler_kinds(search, search.stage.model, 0)) == []
     assert {e.values["width"] for e in tried if e.kind == "coulomb_friction"} == {0.03}
 
 
@@ -273,13 +274,13 @@ def test_where_more_than_noise_is_left_kinds_begin_with_the_force_that_was_found
     push = force_along(elastic.definition, along, np.array([*elastic.values.values(), 0.0]))[0]
     data = data.assign(f=data["f"] - push)
     begun = search_of(rig(), data)
-    dahl = begun.fitted_with(
+    dahl = begun.fit_with(
         begun.stage.model, Effect("dahl_friction", PLACE, {"force": 3.0, "stiffness": 8.0})
     )
-    both = begun.fitted_with(dahl.model, Effect("cubic_stiffness", PLACE, {"stiffness": 0.1}))
+    both = begun.fit_with(dahl.model, Effect("cubic_stiffness", PLACE, {"stiffness": 0.1}))
     found = replace(begun, stage=both, screening=object())
-    monkeypatch.setattr(reconsider, "_rivals", lambda *given: [])
-    assert kinds(renamed(found)) == ["elastic_coulomb_friction"]
+    monkeypatch.setattr(reconsider, "_refit_family_alternatives", lambda *given: [])
+    assert kinds(replace_kinds(found)) == ["elastic_coulomb_friction"]
 
 
 def test_steps_are_told_anew_where_effects_changed(monkeypatch):
@@ -287,8 +288,8 @@ def test_steps_are_told_anew_where_effects_changed(monkeypatch):
     model = rig().with_effect(*CUBIC).with_effect(DAHL.kind, DAHL.at, DAHL.values)
     changed.stage = judged(model, 5.0)
     alone = {frozenset({"cubic_stiffness"}): 20.0, frozenset({"dahl_friction"}): 30.0}
-    monkeypatch.setattr(Search, "fitted_with", fitting(alone))
-    found = retold(changed)
+    monkeypatch.setattr(Search, "fit_with", fitting(alone))
+    found = rebuild_steps(changed)
     names = [name for name, _ in found.steps]
     assert names == ["base", "refit", "cubic_stiffness", "dahl_friction"]
     assert [len(item.effects) for _, item in found.steps] == [0, 0, 1, 2]
@@ -304,12 +305,12 @@ def test_what_explains_most_is_told_first(monkeypatch, first, cubic, dahl):
     model = rig().with_effect(*CUBIC).with_effect(DAHL.kind, DAHL.at, DAHL.values)
     changed.stage = judged(model, 5.0)
 
-    def fitted_with(self, model, effect):
+    def fit_with(self, model, effect):
         left = cubic if effect.kind == "cubic_stiffness" else dahl
         return left and judged(model.with_effect(effect.kind, effect.at, effect.values), left)
 
-    monkeypatch.setattr(Search, "fitted_with", fitted_with)
-    found = retold(changed)
+    monkeypatch.setattr(Search, "fitted_with", fit_with)
+    found = rebuild_steps(changed)
     assert kinds(found)[0].startswith(first)
     assert found.stage.model.parameters["effect[0].stiffness"] == (3.0 if first == "cubic" else 50)
     assert [name for name, _ in found.steps[2:]] == kinds(found)
@@ -320,18 +321,21 @@ def test_what_looked_alike_early_is_asked_again_beside_the_others(monkeypatch, e
     search = two(COULOMB)
     first, last = (Effect(*each) for each in (COULOMB, CUBIC))
     backlash = Effect("backlash", PLACE, {"gap": 1e-3})
-    search.confusions += [
-        confused(first, DAHL),
-        confused(last, backlash),
-        confused(first, last),
-        confused(DAHL, first),
+    search.indistinguishable_pairs += [
+        indistinguishable_pair(first, DAHL),
+        indistinguishable_pair(last, backlash),
+        indistinguishable_pair(first, last),
+        indistinguishable_pair(DAHL, first),
     ]
     errors = {frozenset({"cubic_stiffness", "dahl_friction"}): error}
-    monkeypatch.setattr(Search, "fitted_with", fitting(errors))
-    found = [(p.first.kind, p.second.kind) for p in still_alike(search).confusions]
+    monkeypatch.setattr(Search, "fit_with", fitting(errors))
+    found = [
+        (p.first.kind, p.second.kind)
+        for p in prune_indistinguishable(search).indistinguishable_pairs
+    ]
     early = [("coulomb_friction", "dahl_friction")] if stays else []
     assert found == [*early, ("cubic_stiffness", "backlash")]
-    assert len(search.confusions) == 4
+    assert len(search.indistinguishable_pairs) == 4
 
 
 def test_kinds_that_came_closer_than_a_simpler_one_are_known():
@@ -345,8 +349,8 @@ def test_kinds_that_came_closer_than_a_simpler_one_are_known():
         refitted(model, *CUBIC, 1.0),
         refitted(model.with_effect(*CUBIC), "lugre_friction", PLACE, {"force": 3.0}, 1.0),
     ]
-    search.turns = [Turn(search, (), tuple(others))]
-    assert [effect.kind for effect in closer_kinds(search)] == ["dahl_friction"]
+    search.selection_steps = [SelectionStep(search, (), tuple(others))]
+    assert [effect.kind for effect in lower_error_kinds(search)] == ["dahl_friction"]
 
 
 AXIS, SLIDING = ("x", "ground"), 3.0
@@ -360,7 +364,7 @@ def tried(width, *kinds):
     refits = []
     for kind in kinds:
         effect = Effect(kind, AXIS, {"force": 2.0})
-        fitted = search.fitted_with(search.stage.model, effect)
+        fitted = search.fit_with(search.stage.model, effect)
         assert fitted is not None
         refits.append(RefittedEffect(ScreenedEffect(effect, 10.0, 0.1), fitted))
     return search, refits
@@ -370,7 +374,7 @@ def tried(width, *kinds):
 def test_the_speed_of_a_turn_is_found_gentle_or_not(width):
     """No slope leads from the one to the other."""
     search, refits = tried(width, "coulomb_friction")
-    (found,) = rounded_friction(refits, search.stage.model, search)
+    (found,) = fits_with_smoothing(refits, search.stage.model, search)
     values = found.fitted.model.effects[-1].values
     assert values["width"] == pytest.approx(width, rel=0.1)
     assert values["force"] == pytest.approx(SLIDING, rel=0.02)
@@ -381,21 +385,21 @@ def test_the_speed_of_a_turn_is_found_gentle_or_not(width):
 
 def test_a_jump_that_leaves_noise_alone_stays_one():
     search, refits = tried(0.002, "coulomb_friction")
-    assert search.at_floor(refits[0].fitted)
-    assert rounded_friction(refits, search.stage.model, search) == []
+    assert search.at_noise_floor(refits[0].fitted)
+    assert fits_with_smoothing(refits, search.stage.model, search) == []
 
 
 def test_kinds_that_turn_over_by_themselves_are_left_alone():
     search, _ = tried(0.15)
     refit = RefittedEffect(ScreenedEffect(Effect("dahl_friction", AXIS), 1.0, 0.1), search.stage)
-    assert rounded_friction([refit], search.stage.model, search) == []
+    assert fits_with_smoothing([refit], search.stage.model, search) == []
 
 
 @pytest.mark.parametrize(("width", "fitted"), [(0.0, False), (0.1, True)])
 def test_only_a_rounded_friction_that_was_found_has_its_width_fitted(width, fitted):
     model = model_of(Case("own", one(), []))
     with_friction = model.with_effect("coulomb_friction", AXIS, {"force": 1.0, "width": width})
-    assert turns_over_gently(with_friction.effects[0]) == fitted
+    assert has_smoothing(with_friction.effects[0]) == fitted
 
     def keys(reference=None):
         return {f.key for f in free_parameters(with_friction, 100.0, POLICY, reference)}

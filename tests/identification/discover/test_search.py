@@ -21,10 +21,10 @@ def search():
 
 def test_the_floor_is_where_the_noise_alone_is_no_visible_fall(search):
     (noise,) = search.prepared.scales.noise
-    assert search.at_floor(judged(rig(), 1.24 * noise))
-    assert not search.at_floor(judged(rig(), 1.26 * noise))
+    assert search.at_noise_floor(judged(rig(), 1.24 * noise))
+    assert not search.at_noise_floor(judged(rig(), 1.26 * noise))
     bold = replace(search, prepared=replace(search.prepared, policy=Policy(visible_fall=0.5)))
-    assert bold.at_floor(judged(rig(), 1.9 * noise))
+    assert bold.at_noise_floor(judged(rig(), 1.9 * noise))
 
 
 @pytest.fixture(scope="module")
@@ -37,16 +37,16 @@ def coloured():
     return search_of(oscillator(), found), size
 
 
-@pytest.mark.parametrize("calm", [True, False])
-def test_a_right_model_shows_the_whole_of_coloured_noise(coloured, calm):
+@pytest.mark.parametrize("predictable", [True, False])
+def test_a_right_model_shows_the_whole_of_coloured_noise(coloured, predictable):
     search, size = coloured
     assert search.prepared.scales.noise[0] < 0.7 * size  # what the quietest band shows
-    assert search.floor_beside(oscillator(), calm)[0] == pytest.approx(size, rel=0.3)
+    assert search.residual_noise_floor(oscillator(), predictable)[0] == pytest.approx(size, rel=0.3)
 
 
 def test_a_wrong_model_does_not_make_its_error_a_noise(coloured):
     search, size = coloured
-    assert search.floor_beside(oscillator(stiffness=300.0), True)[0] < 1.5 * size
+    assert search.residual_noise_floor(oscillator(stiffness=300.0), True)[0] < 1.5 * size
 
 
 @pytest.mark.parametrize("missing", [True, False])
@@ -55,7 +55,7 @@ def test_an_effect_is_fitted_from_far_away_and_one_that_is_not_there_to_nothing(
     case = Case("cubic", one(), hidden, drive=8.0, samples=1500)
     search = search_of(model_of(case), records(case)[0][0])
     cubic = Effect("cubic_stiffness", PLACE, {"stiffness": 1e6})
-    found = search.fitted_with(search.stage.model, cubic)
+    found = search.fit_with(search.stage.model, cubic)
     assert found is not None
     if not missing:
         error = found.model.parameters["effect[0].stiffness"]
@@ -79,9 +79,9 @@ def test_beside_an_effect_numbers_that_were_bent_far_begin_as_they_were_known_to
         begun.append(model.springs[0].stiffness / stiffness)
         return judged(model, 2.0 if begun[1:] else 3.0)
 
-    monkeypatch.setattr(Search, "_begun_smaller", fitted)
+    monkeypatch.setattr(Search, "_fit_from_smaller_sizes", fitted)
     cubic = Effect("cubic_stiffness", PLACE, {"stiffness": 1e6})
-    found = search.fitted_with(bent, cubic)
+    found = search.fit_with(bent, cubic)
     assert begun == pytest.approx([moved, 1.0] if known_too else [moved])
     assert found.error == (2.0 if known_too else 3.0)  # the better of the two
 
@@ -92,8 +92,8 @@ def test_a_fit_begins_smaller_where_runs_diverge():
     case = Case("soft", one(), hidden, drive=5.0, samples=1500)
     search = search_of(model_of(case), records(case)[0][0])
     large = Effect("quadratic_stiffness", PLACE, {"stiffness": 5e5})
-    assert replaced_shares(search, (1.0,)).fitted_with(search.stage.model, large) is None
-    found = search.fitted_with(search.stage.model, large)
+    assert replaced_shares(search, (1.0,)).fit_with(search.stage.model, large) is None
+    found = search.fit_with(search.stage.model, large)
     assert found is not None
     mass = found.model.parameters["dof.x.mass"]
     assert found.model.parameters["effect[0].stiffness"] / mass == pytest.approx(6e4, rel=0.1)
@@ -129,9 +129,9 @@ def test_two_that_earned_their_places_together_are_two_steps(search):
 
 
 def test_a_model_is_fitted_without_one_of_its_effects(search, monkeypatch):
-    monkeypatch.setattr(Search, "fitted_with", lambda self, model: judged(model, 1.0))
+    monkeypatch.setattr(Search, "fit_with", lambda self, model: judged(model, 1.0))
     model = rig().with_effect("cubic_stiffness", PLACE).with_effect("quadratic_damping", PLACE)
-    left = [search.fitted_without(model, at).model.effects for at in (0, 1)]
+    left = [search.fit_without(model, at).model.effects for at in (0, 1)]
     assert [[e.kind for e in effects] for effects in left] == [
         ["quadratic_damping"], ["cubic_stiffness"],
     ]  # fmt: skip
@@ -143,9 +143,9 @@ def test_a_model_is_fitted_without_one_of_its_effects(search, monkeypatch):
 def test_the_others_begin_anew_or_go_on_whichever_is_better(search, monkeypatch, anew, on, left):
     model = rig().with_effect("cubic_stiffness", PLACE, {"stiffness": 3.0})
     there = None if on is None else judged(rig(), on)
-    monkeypatch.setattr(Search, "fitted_with", lambda self, model: judged(model, anew))
-    monkeypatch.setattr(Search, "fitted_over", lambda self, model, spans: there)
-    assert search.fitted_without(model, 0).error == left
+    monkeypatch.setattr(Search, "fit_with", lambda self, model: judged(model, anew))
+    monkeypatch.setattr(Search, "fit_over_windows", lambda self, model, spans: there)
+    assert search.fit_without(model, 0).error == left
 
 
 def test_a_copy_goes_its_own_way(search):
@@ -166,7 +166,7 @@ def test_what_was_tried_is_remembered_the_best_first(search):
         ScreenedEffect(Effect("lugre_friction", PLACE), 20.0, 0.2, "its force has the wrong sign"),
         ScreenedEffect(Effect("sensor_offset", "f"), -1.0, 0.0),
     ]
-    search.remember([cubic], screened, 2)
+    search.record_candidates([cubic], screened, 2)
     assert [(c.kind, c.score, c.step, c.remark) for c in search.candidates] == [
         ("cubic_stiffness", 80.0, 2, ""),
         ("coulomb_friction", 30.0, 2, "screened only"),

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robustpolish.identification.fit.prepared import Work
-from robustpolish.identification.structure.moves_backtrack import Followed, second_look
-from robustpolish.identification.structure.state import Search, Turn
+from robustpolish.identification.fit.prepared import WorkBudget
+from robustpolish.identification.structure.moves_backtrack import VisitedSearches, backtrack
+from robustpolish.identification.structure.state import Search, SelectionStep
 from tests.identification.decays.pendulums import AT, decay, pendulum
 from tests.identification.discover.searches import judged, refitted, search_of
 from tests.identification.oscillators import PLACE, of_rig, rig
@@ -22,9 +22,9 @@ COULOMB = ("coulomb_friction", PLACE, {"force": 3.0})
 def begun(monkeypatch):
     found = search_of(rig(), of_rig(noise=1.0))
     monkeypatch.setattr(
-        Search, "fitted_with", lambda self, model, *added, near=False: judged(model, 100.0)
+        Search, "fit_with", lambda self, model, *added, near=False: judged(model, 100.0)
     )
-    monkeypatch.setattr(Search, "fitted_over", lambda self, model, spans: None)
+    monkeypatch.setattr(Search, "fit_over_windows", lambda self, model, spans: None)
     own = judged(found.reference, 100.0)
     return replace(found, stage=own, linear=own, steps=[found.steps[0], ("refit", own.model)])
 
@@ -33,7 +33,7 @@ def went(search, added, *others):
     """The search after a turn in which one effect was added and others had earned it too."""
     after = search.copy()
     after.accept([added])
-    after.turns.append(Turn(search.copy(), (added,), others))
+    after.selection_steps.append(SelectionStep(search.copy(), (added,), others))
     return after
 
 
@@ -54,7 +54,7 @@ def test_a_runner_up_that_leaves_visibly_less_takes_the_place(begun):
     added, other = refitted(rig(), *CUBIC, 20.0), refitted(rig(), *DRAG, 21.0)
     search = went(begun, added, other)
     grow, followed = growing({"quadratic_damping": 10.0})
-    found = second_look(search, grow)
+    found = backtrack(search, grow)
     assert followed == ["quadratic_damping"]
     assert [e.kind for e in found.stage.model.effects] == ["quadratic_damping"]
     assert [name for name, _ in found.steps[2:]] == ["quadratic_damping"]
@@ -67,11 +67,11 @@ def test_steps_are_those_of_the_effects_that_are_left(begun, monkeypatch):
     search.accept([refitted(search.stage.model, *CUBIC, 40.0)])
 
     def grow(other, _followed):
-        if other.barred == (DRAG[:2],):
+        if other.excluded_effects == (DRAG[:2],):
             other.accept([refitted(other.stage.model, *COULOMB, 10.0)])
         return other
 
-    found = second_look(search, grow)
+    found = backtrack(search, grow)
     names = [e.kind for e in found.stage.model.effects]
     assert set(names) == {"cubic_stiffness", "coulomb_friction"}
     assert [name for name, _ in found.steps] == ["base", "refit", *names]
@@ -80,7 +80,7 @@ def test_steps_are_those_of_the_effects_that_are_left(begun, monkeypatch):
 def test_one_that_leaves_as_much_does_not(begun):
     search = went(begun, refitted(rig(), *CUBIC, 20.0), refitted(rig(), *DRAG, 21.0))
     grow, _ = growing({"quadratic_damping": 18.5})
-    assert second_look(search, grow) is search
+    assert backtrack(search, grow) is search
 
 
 def test_an_effect_more_has_to_be_worth_it(begun):
@@ -92,24 +92,24 @@ def test_an_effect_more_has_to_be_worth_it(begun):
         other.steps.append(("coulomb_friction", more))
         return other
 
-    assert second_look(search, grow) is search
+    assert backtrack(search, grow) is search
 
 
 def test_where_only_noise_is_left_nothing_is_followed(begun):
     (noise,) = begun.prepared.scales.noise
     search = went(begun, refitted(rig(), *CUBIC, noise), refitted(rig(), *DRAG, 1.1 * noise))
     grow, followed = growing({"quadratic_damping": 0.1 * noise})
-    assert second_look(search, grow) is search
+    assert backtrack(search, grow) is search
     assert not followed
 
 
 def test_a_search_that_has_done_its_work_follows_nothing(begun):
-    done = Work(1.0)
+    done = WorkBudget(1.0)
     done.spend()
     search = went(begun, refitted(rig(), *CUBIC, 20.0), refitted(rig(), *DRAG, 21.0))
     search.prepared = replace(search.prepared, work=done)
     grow, followed = growing({"quadratic_damping": 10.0})
-    assert second_look(search, grow).stage is search.stage
+    assert backtrack(search, grow).stage is search.stage
     assert followed == []
     assert done.refused
 
@@ -118,11 +118,15 @@ def test_coloured_noise_that_a_model_leaves_is_noise_too(begun, monkeypatch):
     (noise,) = begun.prepared.scales.noise
     search = went(begun, refitted(rig(), *CUBIC, 5 * noise), refitted(rig(), *DRAG, 6 * noise))
     grow, followed = growing({"quadratic_damping": 5 * noise})
-    monkeypatch.setattr(Search, "floor_beside", lambda self, model, calm: np.array([4.9 * noise]))
-    second_look(search, grow)
+    monkeypatch.setattr(
+        Search, "residual_noise_floor", lambda self, model, predictable: np.array([4.9 * noise])
+    )
+    backtrack(search, grow)
     assert not followed
-    monkeypatch.setattr(Search, "floor_beside", lambda self, model, calm: np.array([noise]))
-    second_look(search, grow)
+    monkeypatch.setattr(
+        Search, "residual_noise_floor", lambda self, model, predictable: np.array([noise])
+    )
+    backtrack(search, grow)
     assert followed
 
 
@@ -131,14 +135,14 @@ def test_the_simplest_of_a_family_stands_for_it(begun):
     drag = refitted(rig(), *DRAG, 23.0)
     search = went(begun, refitted(rig(), *CUBIC, 20.0), *others, drag)
     grow, followed = growing(dict.fromkeys(["coulomb_friction", "quadratic_damping"], 20.0))
-    second_look(search, grow)
+    backtrack(search, grow)
     assert followed == ["coulomb_friction", "quadratic_damping"]
 
 
 def test_what_helps_a_bit_is_followed_where_nothing_earned_its_place(begun):
     """Two that hide each other: the first is tried to see whether the second shows beside it."""
     search = begun.copy()
-    search.turns.append(Turn(begun.copy(), (), (refitted(rig(), *DRAG, 95.0),)))
+    search.selection_steps.append(SelectionStep(begun.copy(), (), (refitted(rig(), *DRAG, 95.0),)))
 
     def grow(other, _followed):
         more = other.stage.model.with_effect(*CUBIC)
@@ -146,9 +150,9 @@ def test_what_helps_a_bit_is_followed_where_nothing_earned_its_place(begun):
         other.steps.append(("cubic_stiffness", more))
         return other
 
-    found = second_look(search, grow)
+    found = backtrack(search, grow)
     assert [e.kind for e in found.stage.model.effects] == ["quadratic_damping", "cubic_stiffness"]
-    assert second_look(search, lambda other, _followed: other) is search
+    assert backtrack(search, lambda other, _followed: other) is search
 
 
 def test_what_the_data_leave_open_is_not_followed(begun):
@@ -158,59 +162,59 @@ def test_what_the_data_leave_open_is_not_followed(begun):
         other.stage = judged(other.stage.model, 1.0, share=0.9)
         return other
 
-    assert second_look(search, grow) is search
+    assert backtrack(search, grow) is search
 
 
 def test_what_comes_without_an_effect_takes_its_place(begun):
     """The first of two mimics what the second lets show."""
     search = went(begun, refitted(rig(), *DRAG, 50.0))
     search.accept([refitted(search.stage.model, *CUBIC, 40.0)])
-    barred = []
+    excluded_effects = []
 
     def grow(other, _followed):
-        barred.append(other.barred)
-        if other.barred == (DRAG[:2],):
+        excluded_effects.append(other.excluded_effects)
+        if other.excluded_effects == (DRAG[:2],):
             more = other.stage.model.with_effect("quadratic_stiffness", PLACE, {"stiffness": 1.0})
             other.stage = judged(more, 10.0)
         return other
 
-    found = second_look(search, grow)
+    found = backtrack(search, grow)
     assert {e.kind for e in found.stage.model.effects} == {"cubic_stiffness", "quadratic_stiffness"}
-    assert barred == [(DRAG[:2],), (CUBIC[:2],)]
-    assert not found.barred
+    assert excluded_effects == [(DRAG[:2],), (CUBIC[:2],)]
+    assert not found.excluded_effects
 
 
 def test_in_a_decay_it_has_to_predict_the_end_too(monkeypatch):
     """The drag of a pendulum is found; a damping that grows with the angle leaves less, by luck."""
     found = search_of(pendulum(), decay(coulomb=0.0, drag=0.05))
     monkeypatch.setattr(
-        Search, "fitted_with", lambda self, model, *added, near=False: judged(model, 100.0)
+        Search, "fit_with", lambda self, model, *added, near=False: judged(model, 100.0)
     )
-    monkeypatch.setattr(Search, "fitted_over", lambda self, model, spans: None)
+    monkeypatch.setattr(Search, "fit_over_windows", lambda self, model, spans: None)
     own = judged(found.reference, 100.0)
     begun = replace(found, stage=own, linear=own, steps=[found.steps[0], ("refit", own.model)])
     drag = refitted(pendulum(), "quadratic_damping", AT, {"coefficient": 0.05}, 20.0)
     other = refitted(pendulum(), "displacement_dependent_damping", AT, {"coefficient": 0.05}, 21.0)
     grow, followed = growing({"pendulum_gravity": 10.0})
     search = went(begun, drag, other)
-    assert second_look(search, grow).stage.model.effects[-1].kind == "quadratic_damping"
+    assert backtrack(search, grow).stage.model.effects[-1].kind == "quadratic_damping"
     assert followed
 
 
 def test_a_motion_is_followed_once(begun):
     """An effect that does nothing leads nowhere else, unless something else is barred there."""
     search = went(begun, refitted(rig(), *CUBIC, 20.0))
-    followed = Followed([turn.before for turn in search.turns])
-    assert followed.came_here(begun)
-    assert not followed.came_here(search)
+    followed = VisitedSearches([turn.before for turn in search.selection_steps])
+    assert followed.already_visited(begun)
+    assert not followed.already_visited(search)
     idle = replace(search, stage=judged(search.stage.model.with_effect(*COULOMB), 20.0))
-    assert followed.came_here(idle)
-    assert not followed.came_here(replace(idle, barred=(CUBIC[:2],)))
-    assert not followed.came_here(replace(idle, stage=judged(idle.stage.model, 20.001)))
+    assert followed.already_visited(idle)
+    assert not followed.already_visited(replace(idle, excluded_effects=(CUBIC[:2],)))
+    assert not followed.already_visited(replace(idle, stage=judged(idle.stage.model, 20.001)))
 
 
 def test_where_runs_diverge_none_is_like_another(begun):
     lost = replace(begun, stage=judged(begun.stage.model, np.inf))
-    followed = Followed()
-    assert not followed.came_here(lost)
-    assert not followed.came_here(lost)
+    followed = VisitedSearches()
+    assert not followed.already_visited(lost)
+    assert not followed.already_visited(lost)

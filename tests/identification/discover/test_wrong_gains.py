@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robustpolish.identification.diagnosis.findings import confused
-from robustpolish.identification.structure.moves_special import _lost, add_wrong_gains
+from robustpolish.identification.diagnosis.findings import indistinguishable_pair
+from robustpolish.identification.structure.moves_special import _log_error_increase, add_gain_errors
 from robustpolish.identification.structure.screening import ScreenedEffect
 from robustpolish.identification.structure.state import RefittedEffect
 from robustpolish.machines.effects.effect import Effect
@@ -20,7 +20,7 @@ def gained(gain, machine=None, **more):
     )
     case = replace(case, **more)
     search = search_of(model_of(case), records(case)[0][0])
-    add_wrong_gains(search)
+    add_gain_errors(search)
     return search
 
 
@@ -31,7 +31,7 @@ def test_masses_and_springs_that_err_alike_are_a_gain():
     assert effect.values["gain"] == pytest.approx(0.6, rel=0.05)
     assert search.steps[-1][0] == "input_gain"
     assert "F_x acts 0.6" in search.reasons[-1]
-    (pair,) = search.confusions
+    (pair,) = search.indistinguishable_pairs
     assert pair.second.kind == "sensor_gain"  # one output: it may be that one as well
     assert "known weight" in pair.experiment
 
@@ -54,7 +54,7 @@ def test_a_gain_that_masses_could_hide_is_named_by_what_is_known_of_them(gain, n
     hidden = [("sensor_gain", ("m1_v",), [gain])]
     case = Case("gain", machine, hidden, drive=10.0, samples=1500, noise_db=45.0)
     search = search_of(model_of(case), records(case)[0][0])
-    add_wrong_gains(search)
+    add_gain_errors(search)
     found = [(e.kind, e.at) for e in search.stage.model.effects]
     assert found == ([("sensor_gain", ("m1_v",))] if named else [])
     assert any("and that is known better" in reason for reason in search.reasons) == named
@@ -65,14 +65,16 @@ def test_a_gain_that_another_would_do_for_is_put_where_the_numbers_are_likelier(
     case = Case("gain", two(), [("sensor_gain", ("x",), [1.35])], drive=10.0, samples=1200)
     search = search_of(model_of(case), records(case)[0][0])
     first = Effect("sensor_gain", ("x_m",), {"gain": 0.74})
-    fitted = search.fitted_with(search.stage.model, first)
+    fitted = search.fit_with(search.stage.model, first)
     search.accept([RefittedEffect(ScreenedEffect(first, 50.0, 0.5), fitted)])
-    search.confusions.append(confused(first, Effect("sensor_gain", ("x",), {"gain": 1.35})))
-    add_wrong_gains(search)
+    search.indistinguishable_pairs.append(
+        indistinguishable_pair(first, Effect("sensor_gain", ("x",), {"gain": 1.35}))
+    )
+    add_gain_errors(search)
     (effect,) = search.stage.model.effects
     assert effect.at == ("x",)
     assert effect.values["gain"] == pytest.approx(1.35, rel=0.01)
-    (pair,) = search.confusions
+    (pair,) = search.indistinguishable_pairs
     assert (pair.first.at, pair.second.at) == (("x",), ("x_m",))
     assert search.steps[-1] == ("sensor_gain", search.stage.model)
     assert "and that is known better" in search.reasons[-1]
@@ -81,7 +83,7 @@ def test_a_gain_that_another_would_do_for_is_put_where_the_numbers_are_likelier(
 def test_an_input_that_is_right_gets_no_gain():
     search = gained(1.0)
     assert search.stage is search.linear
-    assert search.reasons == search.confusions == []
+    assert search.reasons == search.indistinguishable_pairs == []
 
 
 def test_numbers_that_lie_far_out_in_a_flat_valley_are_no_gain():
@@ -90,7 +92,7 @@ def test_numbers_that_lie_far_out_in_a_flat_valley_are_no_gain():
     numbers = search.stage.model.parameters
     model = search.stage.model.with_parameters({k: 0.7 * v for k, v in numbers.items()})
     search.stage = replace(search.stage, fit=replace(search.stage.fit, model=model))
-    add_wrong_gains(search)
+    add_gain_errors(search)
     assert search.stage.model.effects == ()
     found = search.stage.model.parameters
     assert found["input.F_x.gain"] == pytest.approx(1.0, abs=0.05)
@@ -108,4 +110,4 @@ def _right():
 )
 def test_near_chaos_short_runs_tell_what_a_gain_loses(free, short, lost):
     before, after = judged(MODEL, 1.0, short=2.0), judged(MODEL, free, short=short)
-    assert _lost(before, after) == pytest.approx(np.log(lost))
+    assert _log_error_increase(before, after) == pytest.approx(np.log(lost))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from robustpolish.identification.experiments.candidates import (
-    Machines,
-    UnusableError,
+    MachinePair,
+    UnusableExperimentError,
     distance,
     experiments,
 )
@@ -20,7 +20,7 @@ def machines(first, second, known=(), precision=None, noise=1e-4):
     known = dict(known)
     size = len(known)
     exact = np.zeros((size, size)) if precision is None else precision
-    return Machines(first, second, ("one", "other"), np.array([noise]), known, exact)
+    return MachinePair(first, second, ("one", "other"), np.array([noise]), known, exact)
 
 
 def step(times=1.0, kind="step"):
@@ -66,7 +66,7 @@ def test_a_cubic_spring_shows_at_large_amplitudes_whatever_the_linear_numbers_do
 
 def test_how_something_with_a_memory_was_pulled_is_not_known():
     dahl = oscillator().with_effect("dahl_friction", PLACE)
-    with pytest.raises(UnusableError, match="how it was pulled"):
+    with pytest.raises(UnusableExperimentError, match="how it was pulled"):
         distance(machines(oscillator(), dahl), step(kind="decay"), FAR)
     assert distance(machines(oscillator(), dahl), step(), FAR).apart[0] >= 0
     free, other = oscillator(inputs=[]), oscillator(inputs=[], effects=dahl.effects)
@@ -77,13 +77,13 @@ def test_how_something_with_a_memory_was_pulled_is_not_known():
 
 def test_a_machine_does_not_leave_its_range():
     pair = machines(oscillator(400.0), oscillator(440.0))
-    with pytest.raises(UnusableError, match=r"x would reach .* times its limit"):
+    with pytest.raises(UnusableExperimentError, match=r"x would reach .* times its limit"):
         distance(pair, step(), np.array([1e-3]))
 
 
 def test_a_machine_that_runs_away_is_no_experiment():
     unstable = oscillator(damping=-400.0)
-    with pytest.raises(UnusableError, match=r"run away|limit"):
+    with pytest.raises(UnusableExperimentError, match=r"run away|limit"):
         distance(machines(oscillator(), unstable), step(), FAR)
 
 
@@ -92,5 +92,5 @@ def test_what_nobody_can_repeat_is_no_experiment():
     (first, *_) = (e for e in experiments(well, record_of(well, data)) if e.kind == "record")
     strong = replace(first, inputs=data[["F"]], motion=1.0)
     other = well.with_parameters({"damper[0].damping": 0.151})
-    with pytest.raises(UnusableError, match="tiny change of the start"):
+    with pytest.raises(UnusableExperimentError, match="tiny change of the start"):
         distance(machines(well, other), strong, FAR)

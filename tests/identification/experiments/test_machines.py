@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from robustpolish.identification.diagnosis.findings import Confusion
+from robustpolish.identification.diagnosis.findings import IndistinguishablePair
 from robustpolish.identification.experiments.candidates import (
-    apart_in_words,
-    machines_of,
+    describe_difference,
+    machine_pair,
     precision_of,
 )
 from robustpolish.machines.effects.effect import Effect
@@ -23,15 +23,17 @@ def with_effects(*effects):
 @pytest.mark.parametrize("turned", [False, True])
 def test_one_effect_stands_in_the_place_of_the_other(turned):
     pair = (STRIBECK, COULOMB) if turned else (COULOMB, STRIBECK)
-    first, second = machines_of(with_effects(COULOMB, PUSH), Confusion(*pair, ""))
+    first, second = machine_pair(with_effects(COULOMB, PUSH), IndistinguishablePair(*pair, ""))
     assert first == with_effects(COULOMB, PUSH)
     assert second.effects == (PUSH, STRIBECK)
-    assert apart_in_words(first, second) == (str(COULOMB), str(STRIBECK))
+    assert describe_difference(first, second) == (str(COULOMB), str(STRIBECK))
 
 
 def test_friction_of_unlike_size_is_a_number_more_of_what_is_there():
     lopsided = Effect("coulomb_friction", PLACE, {"asymmetry": -0.4})
-    first, second = machines_of(with_effects(COULOMB, PUSH), Confusion(PUSH, lopsided, ""))
+    first, second = machine_pair(
+        with_effects(COULOMB, PUSH), IndistinguishablePair(PUSH, lopsided, "")
+    )
     assert first.effects == (COULOMB, PUSH)
     (only,) = second.effects
     assert only.values["force"] == 3.0
@@ -39,14 +41,14 @@ def test_friction_of_unlike_size_is_a_number_more_of_what_is_there():
 
 
 def test_a_pair_that_the_model_has_not_is_added():
-    first, second = machines_of(oscillator(), Confusion(COULOMB, STRIBECK, ""))
+    first, second = machine_pair(oscillator(), IndistinguishablePair(COULOMB, STRIBECK, ""))
     assert first.effects == (COULOMB,)
     assert second.effects == (STRIBECK,)
 
 
 def test_models_with_the_same_effects_go_by_their_names():
     one, other = oscillator(name="new"), oscillator(stiffness=300.0)
-    assert apart_in_words(one, other) == ("new (first)", "the model (second)")
+    assert describe_difference(one, other) == ("new (first)", "the model (second)")
 
 
 def test_the_precision_is_the_inverse_where_something_is_known():

@@ -5,7 +5,7 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification.diagnosis.findings import Confusion
+from robustpolish.identification.diagnosis.findings import IndistinguishablePair
 from robustpolish.machines.effects.effect import Effect
 from tests import made_up
 from tests.identification.oscillators import PLACE, oscillator, record
@@ -56,7 +56,9 @@ def alike():
     found = replace(
         made_up.diagnosis(),
         model=CUBIC,
-        indistinguishable=(Confusion(CUBIC.effects[0], drag, "Repeat at three amplitudes."),),
+        indistinguishable=(
+            IndistinguishablePair(CUBIC.effects[0], drag, "Repeat at three amplitudes."),
+        ),
     )
     spread = float(DATA["x"].std())
     ledger = replace(found.ledger, noise_floor={"x": 1e-4 / spread})

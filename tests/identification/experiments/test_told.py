@@ -7,9 +7,9 @@ from robustpolish.identification.experiments.candidates import (
     EXPERIMENTS,
     Distance,
     Experiment,
-    Machines,
+    MachinePair,
 )
-from robustpolish.identification.experiments.tell_apart import ToldApart, TriedExperiment
+from robustpolish.identification.experiments.tell_apart import SimulatedExperiment, ToldApart
 from tests.identification.oscillators import oscillator
 
 TIME = np.arange(400) / 100
@@ -24,11 +24,11 @@ def tried(left, times=1.0, kind="sweep", apart=None):
     experiment = Experiment(kind, "F", *how, inputs, np.zeros(2), 1.0)
     runs = [np.zeros((400, 1)), -NOISE * (left if apart is None else apart) * WAVE[:, None],
             -NOISE * left * WAVE[:, None]]  # fmt: skip
-    return TriedExperiment(experiment, Distance(*runs), NOISE)
+    return SimulatedExperiment(experiment, Distance(*runs), NOISE)
 
 
 def told(*experiments):
-    machines = Machines(
+    machines = MachinePair(
         oscillator(), oscillator(), ("Coulomb", "Dahl"), NOISE, {}, np.zeros((0, 0))
     )
     ordered = tuple(sorted(experiments, key=lambda t: -t.left))

@@ -1,6 +1,6 @@
 import pytest
 
-from robustpolish.identification.diagnosis.findings import confused
+from robustpolish.identification.diagnosis.findings import indistinguishable_pair
 from robustpolish.machines.effects.effect import Effect, lookup
 
 PLACE = ("x", "ground")
@@ -18,7 +18,7 @@ PLACE = ("x", "ground")
     ],
 )
 def test_a_pair_comes_with_the_experiment_that_would_separate_it(first, second, experiment):
-    found = confused(first, second)
+    found = indistinguishable_pair(first, second)
     assert (found.first, found.second) == (first, second)
     assert experiment in found.experiment
 
@@ -27,4 +27,4 @@ def test_only_memory_makes_the_path_matter():
     both = [lookup(name).has_memory for name in ("bouc_wen_hysteresis", "lugre_friction")]
     assert all(both)
     pair = (Effect("bouc_wen_hysteresis", PLACE), Effect("lugre_friction", PLACE))
-    assert "memory" not in confused(*pair).experiment
+    assert "memory" not in indistinguishable_pair(*pair).experiment

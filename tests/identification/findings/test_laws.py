@@ -3,8 +3,8 @@ import json
 import numpy as np
 
 import robustpolish as rp
-from robustpolish.identification.diagnosis.findings import laws_of
-from robustpolish.identification.diagnosis.words import explain, headline, law_of, plain
+from robustpolish.identification.diagnosis.findings import learned_laws_of
+from robustpolish.identification.diagnosis.words import explain, headline, learned_law_of, plain
 from tests import made_up
 from tests.identification.findings.learned_diagnosis import unknown_law
 
@@ -16,10 +16,10 @@ def test_laws_are_found_with_their_covariance():
     (law,) = told.laws
     assert law.effect == told.model.effects[1]
     np.testing.assert_array_equal(law.covariance, told.covariance.values)
-    assert laws_of(told.model, None)[0].covariance is None
+    assert learned_laws_of(told.model, None)[0].covariance is None
     other = told.covariance.isel(parameter=slice(1, None), other=slice(1, None))
-    assert laws_of(told.model, other)[0].covariance is None
-    assert laws_of(made_up.model(), None) == ()
+    assert learned_laws_of(told.model, other)[0].covariance is None
+    assert learned_laws_of(made_up.model(), None) == ()
 
 
 def test_the_words_tell_the_law_and_no_coefficients():
@@ -33,7 +33,7 @@ def test_the_words_tell_the_law_and_no_coefficients():
     assert "It hardens" in text
     assert "force = 3.100 +- 0.020 N" in text
     assert "c3 = " not in text
-    assert law_of(told, told.effects[0]) is None
+    assert learned_law_of(told, told.effects[0]) is None
     assert "c3" not in str(told)
     assert "largest force" in str(told)
 

@@ -4,7 +4,7 @@ import xarray as xr
 from scipy.stats import chi2
 
 import robustpolish as rp
-from robustpolish.identification.diagnosis.uncertainty import allowed_machines
+from robustpolish.identification.diagnosis.uncertainty import machines_in_ellipsoid
 from tests.identification.oscillators import oscillator, record
 
 KEYS = ("dof.x.mass", "spring[0].stiffness", "damper[0].damping")
@@ -28,7 +28,7 @@ def same(found, wanted):
 
 
 def test_ellipsoid_is_that_of_the_covariance():
-    machine = allowed_machines(oscillator(), covariance(), 0.9, None)
+    machine = machines_in_ellipsoid(oscillator(), covariance(), 0.9, None)
     L = np.array(next(iter(machine.elements.values())).directions.slopes)
     np.testing.assert_allclose(L @ L.T, chi2.ppf(0.9, 3) * covariance().values, rtol=1e-9)
     point = {"dof.x.mass": 1.01, "spring[0].stiffness": 406.0, "damper[0].damping": 0.95}
@@ -40,8 +40,8 @@ def test_numbers_that_the_data_leave_open_need_a_range():
     known = covariance()
     known.values[2, 2] = np.inf
     with pytest.raises(rp.InvalidInputError, match=r"damper\[0\].damping, which the data do not"):
-        allowed_machines(oscillator(), known, 0.95, None)
-    machine = allowed_machines(oscillator(), known, 0.95, {"damper[0].damping": (0.5, 2.0)})
+        machines_in_ellipsoid(oscillator(), known, 0.95, None)
+    machine = machines_in_ellipsoid(oscillator(), known, 0.95, {"damper[0].damping": (0.5, 2.0)})
     assert set(machine.elements) == {"fit[0]", "fit[1]", "damper[0].damping"}
     # Two numbers are left, for which the quantile is another one.
     slopes = np.array(machine.elements["fit[0]"].directions.slopes)
@@ -53,7 +53,7 @@ def test_mass_that_may_vanish_is_refused():
     known.values[0] *= 40
     known.values[:, 0] *= 40
     with pytest.raises(rp.InvalidInputError, match="masses and inertias above 0"):
-        allowed_machines(oscillator(), known, 0.95, None)
+        machines_in_ellipsoid(oscillator(), known, 0.95, None)
 
 
 def test_gains_of_signals_are_in_it():
@@ -62,14 +62,16 @@ def test_gains_of_signals_are_in_it():
     known = covariance("effect[0].gain", "effect[1].gain", deviations=(0.03, 0.02))
     point = {"spring[0].stiffness": 404.0, "effect[0].gain": 1.22, "effect[1].gain": 0.79}
     plain = oscillator().with_parameters({"spring[0].stiffness": 404.0})
-    certain = allowed_machines(model, known.isel(parameter=[1, 3, 4], other=[1, 3, 4]), 0.95, None)
+    certain = machines_in_ellipsoid(
+        model, known.isel(parameter=[1, 3, 4], other=[1, 3, 4]), 0.95, None
+    )
     found, wanted = certain.at(point), plain.state_space()
     assert found(3j) == pytest.approx(0.79 * 1.22 * wanted(3j), rel=1e-12)
     assert certain.output_labels == ["x"]
     other = {"effect[0].gain": rp.uncertain.real("g", 1.1, percent=5)}
-    assert "g" in allowed_machines(model, known, 0.95, other).elements
+    assert "g" in machines_in_ellipsoid(model, known, 0.95, other).elements
     for share_or_range in (0.1, (1.08, 1.32)):
-        machine = allowed_machines(model, known, 0.95, {"effect[0].gain": share_or_range})
+        machine = machines_in_ellipsoid(model, known, 0.95, {"effect[0].gain": share_or_range})
         element = machine.elements["effect[0].gain"]
         assert (element.low, element.high) == pytest.approx((1.08, 1.32))
 
@@ -80,9 +82,9 @@ def test_forces_of_effects_are_told():
     dry = oscillator().with_effect("coulomb_friction", ("x", "ground"), {"force": 0.1})
     for model, name in ((cubic, "cubic"), (late, "delay"), (dry, "coulomb")):
         with pytest.warns(rp.RobustPolishWarning, match=name):
-            allowed_machines(model, covariance(), 0.95, None)
+            machines_in_ellipsoid(model, covariance(), 0.95, None)
     # A force from outside changes nothing of how the machine answers to others.
-    allowed_machines(
+    machines_in_ellipsoid(
         oscillator().with_effect("constant_force", ("x",), {"force": 3.0}), covariance(), 0.95, None
     )
 
@@ -107,22 +109,22 @@ def test_refit_covers_the_machine_that_was_measured():
 
 
 def test_without_a_covariance_nothing_is_known():
-    machine = allowed_machines(oscillator(), None, 0.95, {"spring[0].stiffness": 0.1})
+    machine = machines_in_ellipsoid(oscillator(), None, 0.95, {"spring[0].stiffness": 0.1})
     assert list(machine.elements) == ["spring[0].stiffness"]
     with pytest.raises(rp.InvalidInputError, match="a mapping"):
-        allowed_machines(oscillator(), None, 0.95, 0.1)
+        machines_in_ellipsoid(oscillator(), None, 0.95, 0.1)
 
 
 def test_ports_open_the_place_of_an_effect():
     model = oscillator().with_effect("cubic_stiffness", ("x", "ground"), {"stiffness": 1e4})
-    machine = allowed_machines(model, covariance(), 0.95, None, ["effect[0]"])
+    machine = machines_in_ellipsoid(model, covariance(), 0.95, None, ["effect[0]"])
     assert machine.input_labels == ["F", "effect[0]"]
     assert machine.output_labels == ["x", "effect[0]"]
     # A spring at the port is a spring at the place of the effect.
     closed = machine.feedback(np.diag([0.0, 30.0]))[["x"], ["F"]].nominal
     assert closed(2j) == pytest.approx(oscillator(430.0).state_space()(2j), rel=1e-9)
     with pytest.raises(rp.InvalidInputError, match="a force between two places"):
-        allowed_machines(model, covariance(), 0.95, None, ["effect[1]"])
+        machines_in_ellipsoid(model, covariance(), 0.95, None, ["effect[1]"])
 
 
 def test_ellipsoid_holds_the_truth_as_often_as_it_says():

@@ -12,15 +12,15 @@ from robustpolish.identification.free_runs import (
 from robustpolish.identification.observer.runs import Reproducibility
 
 
-def record(*nrmse, calm=True):
+def record(*nrmse, predictable=True):
     outputs = {
         name: OutputError(name, "m", error, 2 * error, (0.0, 1.0), error)
         for name, error in zip("xy", nrmse, strict=True)
     }
-    return RecordError(outputs, np.zeros((1, 2)), Reproducibility(calm, 1.0, None, ""))
+    return RecordError(outputs, np.zeros((1, 2)), Reproducibility(predictable, 1.0, None, ""))
 
 
-RECORDS = {"slow": record(0.3, 0.4), "fast": record(0.1, 0.1, calm=False)}
+RECORDS = {"slow": record(0.3, 0.4), "fast": record(0.1, 0.1, predictable=False)}
 
 
 def test_outputs_count_alike():

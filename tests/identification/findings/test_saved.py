@@ -8,8 +8,8 @@ import xarray as xr
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
 from robustpolish.identification.diagnosis.findings import (
-    Confusion,
     FoundEffect,
+    IndistinguishablePair,
     RankedCandidate,
     Value,
 )
@@ -94,7 +94,9 @@ def told_of_its_own():
         RankedCandidate(law.kind, effect.at, 0.02, 812.5, 1, {"k": 3.0}, "", effect.own),
         RankedCandidate("drag", effect.at, np.inf, 9.1, 1, {"c": 1.0}, "screened only", drag),
     ]
-    confusion = Confusion(effect, Effect.of(drag, made_up.PLACE, {"c": 1.0}), "Move slowly.")
+    confusion = IndistinguishablePair(
+        effect, Effect.of(drag, made_up.PLACE, {"c": 1.0}), "Move slowly."
+    )
     return replace(
         made_up.diagnosis(),
         model=made_up.model().with_effect(law, made_up.PLACE, {"k": 3.0}),

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from robustpolish.identification.fit.prepared import sides
+from robustpolish.identification.fit.prepared import fit_and_held_out_parts
 from robustpolish.identification.record import record_of
 from robustpolish.machines.mechanical.parts import Input
 from robustpolish.machines.simulation.run import simulate_model as simulate
@@ -10,7 +10,7 @@ from tests.identification.oscillators import PLACE, RATE, oscillator, record
 
 
 def sides_of(model, data):
-    return sides(model, record_of(model, data))
+    return fit_and_held_out_parts(model, record_of(model, data))
 
 
 def ranges(parts):

@@ -6,16 +6,16 @@ import pytest
 from robustpolish.identification.compare import compare
 from robustpolish.identification.fit.least_squares import (
     best_stage,
+    evaluate_fit,
     fit,
-    free_rms,
+    free_run_rms_checked,
     homotopy,
-    judged,
-    left_by,
-    short_rms,
-    windows_after,
+    ranking_log_error,
+    short_window_rms,
+    windows_from_stage,
 )
 from robustpolish.identification.fit.prepared import prepare
-from robustpolish.identification.observer.runs import Start, StartedPiece
+from robustpolish.identification.observer.runs import InitialState, StartedPiece
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
 from tests.hidden_effects.cases import Case, model_of, records, two
@@ -69,7 +69,8 @@ def test_where_the_smoothed_motion_makes_a_law_diverge_windows_begin_at_rest():
     model = oscillator().with_effect("quadratic_damping", PLACE, {"coefficient": 5.0})
     prepared = prepared_of(oscillator(), record(1000, noise=0.01))
     fast = [
-        StartedPiece(p.record, Start(np.array([0.0, 1e6]), np.zeros(0))) for p in prepared.trial
+        StartedPiece(p.record, InitialState(np.array([0.0, 1e6]), np.zeros(0)))
+        for p in prepared.trial
     ]
     spans = prepared.spans(prepared.trial)[-1:]
     (found,) = homotopy(model, prepared, fast, model, spans, 20)
@@ -81,14 +82,14 @@ def test_a_stage_begins_where_the_one_before_ended():
     prepared, stages = fitted(oscillator(stiffness=300.0))
     last, model = stages[-2], stages[-2].model
     span = prepared.spans(prepared.trial)[-1]
-    windows = windows_after(model, prepared, prepared.trial, span, last)
+    windows = windows_from_stage(model, prepared, prepared.trial, span, last)
     assert [w.record.samples for w in windows] == [p.record.samples for p in prepared.trial]
     starts = {piece.record.first: piece.start.state for piece in last.pieces}
     for window in windows:
         np.testing.assert_array_equal(window.start.state, starts[window.record.first])
     # within a window of the stage before, a start is where its run passes
     run = prepared.runner(model).run(model)
-    halves = windows_after(model, prepared, prepared.trial, 100, last)
+    halves = windows_from_stage(model, prepared, prepared.trial, 100, last)
     assert len(halves) > len(last.pieces)
     whole = last.pieces[0]
     seen = run.over(whole, keep=True).states
@@ -101,7 +102,7 @@ def test_a_stage_begins_where_the_one_before_ended():
 def test_without_a_stage_before_windows_begin_at_the_smoothed_motion():
     prepared = prepared_of(oscillator(), record(2000, noise=0.001))
     clean = record(2000)["x"].values
-    windows = windows_after(oscillator(), prepared, prepared.trial, 150, None)
+    windows = windows_from_stage(oscillator(), prepared, prepared.trial, 150, None)
     assert sum(w.record.samples for w in windows) == sum(p.record.samples for p in prepared.trial)
     for window in windows:
         assert window.start.state[0] == pytest.approx(clean[window.record.first], abs=1e-4)
@@ -120,7 +121,8 @@ def test_numbers_that_are_known_are_not_led_astray_by_starts_that_do_not_suit_th
     run = prepared.runner(true).run(true)
     smoothed, suited = (
         np.mean(
-            run.all_errors(windows_after(true, prepared, prepared.trial, span, None, known)) ** 2
+            run.all_errors(windows_from_stage(true, prepared, prepared.trial, span, None, known))
+            ** 2
         )
         for known in (False, True)
     )
@@ -179,10 +181,10 @@ def test_the_last_stage_that_followed_the_data_is_among_the_last_two(monkeypatch
 
 def test_a_wrong_model_is_closer_over_short_windows_than_over_long_ones():
     prepared, stages = fitted(oscillator())
-    right, wrong = judged(stages[-1], prepared), oscillator(stiffness=150.0)
-    free, calm = free_rms(wrong, prepared, prepared.held_out)
-    short = short_rms(wrong, prepared, prepared.held_out)
-    assert calm
+    right, wrong = evaluate_fit(stages[-1], prepared), oscillator(stiffness=150.0)
+    free, predictable = free_run_rms_checked(wrong, prepared, prepared.held_out)
+    short = short_window_rms(wrong, prepared, prepared.held_out)
+    assert predictable
     assert right.error < short < 0.5 * free
     # over windows of 80 samples a start for each takes two errors out of 80 away
     assert right.short == pytest.approx(right.free, rel=0.1)
@@ -190,7 +192,7 @@ def test_a_wrong_model_is_closer_over_short_windows_than_over_long_ones():
 
 def test_what_runs_once_only_is_judged_over_short_windows():
     prepared, stages = fitted(oscillator())
-    found = judged(stages[-1], prepared)
+    found = evaluate_fit(stages[-1], prepared)
     np.testing.assert_array_equal(found.error, found.free)
     wild = replace(found, reproducible=False)
     np.testing.assert_array_equal(wild.error, found.short)
@@ -200,20 +202,22 @@ def test_what_runs_once_only_is_judged_over_short_windows():
 def test_comparison_and_diagnosis_agree_on_what_is_reproducible(length):
     model, data = double_well(length)
     prepared = prepared_of(model, data)
-    calm = free_rms(model, prepared, prepared.everything)[1]
-    assert calm == compare(model, data).reproducible
+    predictable = free_run_rms_checked(model, prepared, prepared.everything)[1]
+    assert predictable == compare(model, data).reproducible
 
 
 def test_where_motion_fades_the_loud_pieces_rank_with_the_quiet_ones():
     prepared = prepared_of(oscillator(), record(2000, noise=0.01))
-    found = judged(
+    found = evaluate_fit(
         homotopy(oscillator(), prepared, prepared.trial, oscillator(), [1000])[-1], prepared
     )
     np.testing.assert_array_equal(found.over_all, found.free)
-    fading = replace(found, fades=True)
+    fading = replace(found, quieter_held_out=True)
     np.testing.assert_allclose(fading.over_all, np.sqrt(found.free * found.fitted))
     worse = replace(fading, over_fitted=lambda: 4 * found.fitted)
-    assert left_by(worse, [fading]) - left_by(fading, [worse]) == pytest.approx(np.log(2))
+    assert ranking_log_error(worse, [fading]) - ranking_log_error(fading, [worse]) == pytest.approx(
+        np.log(2)
+    )
 
 
 def test_windows_begun_anew_find_a_law_far_stronger_than_the_spring():

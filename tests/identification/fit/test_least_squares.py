@@ -10,15 +10,21 @@ from robustpolish.identification.fit.least_squares import (
     Fit,
     Residuals,
     covariance_of,
-    errors_from,
     fit,
     homotopy,
     normal_of,
     standard_errors,
+    stderr_from_covariance,
 )
 from robustpolish.identification.fit.parameters import FreeParameter
 from robustpolish.identification.fit.prepared import prepare
-from robustpolish.identification.observer.runs import Runner, Start, StartedPiece, free_run, rest
+from robustpolish.identification.observer.runs import (
+    InitialState,
+    Runner,
+    StartedPiece,
+    free_run,
+    rest,
+)
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
 from robustpolish.machines.simulation.run import simulate_model
@@ -84,7 +90,7 @@ def test_starts_are_fitted_with_the_numbers():
     model, data = oscillator(stiffness=380.0), record(samples=1500, start=(0.02, -0.3))
     held = record_of(model, data)
     pieces = [StartedPiece(held.part(0, 700), rest(model))]
-    pieces.append(StartedPiece(held.part(700, 1500), Start(np.zeros(2), np.zeros(0))))
+    pieces.append(StartedPiece(held.part(700, 1500), InitialState(np.zeros(2), np.zeros(0))))
     free = [FreeParameter(STIFFNESS, 380.0, 380.0, 0.0, np.inf)]
     sizes = np.array([0.02, 0.4])
     found = fit(Residuals(model, pieces, Runner(model, held.dt, 0.02), free, sizes), 20)
@@ -110,7 +116,7 @@ def test_coloured_residuals_say_less():
 
 def test_what_the_data_do_not_see_is_known_not_at_all():
     found = covariance_of(made_up(np.random.default_rng(0).standard_normal(5000), [4.0, 0.0], 3.0))
-    errors = errors_from(found)
+    errors = stderr_from_covariance(found)
     assert errors["p0"] == pytest.approx(3 / 2, rel=0.1)
     assert errors["p1"] == np.inf
     assert found.sel(parameter="p0", other="p1") == 0
@@ -131,7 +137,7 @@ def test_the_number_of_processors_changes_no_bit(monkeypatch):
     assert found[0][0]["effect[0].stiffness"] == pytest.approx(4e6, rel=0.05)
 
 
-def pieces_of(model, data, *cuts):
+def with_smoothed_starts(model, data, *cuts):
     held = record_of(model, data)
     return held, [StartedPiece(held.part(a, b), rest(model)) for a, b in pairwise(cuts)]
 
@@ -139,7 +145,9 @@ def pieces_of(model, data, *cuts):
 def normal_at_rest(prior=np.inf):
     """Normal equations of an oscillator in three windows that start at rest."""
     model = oscillator(stiffness=380.0)
-    held, pieces = pieces_of(model, record(1500, start=(0.02, -0.3), noise=0.01), 0, 300, 900, 1500)
+    held, pieces = with_smoothed_starts(
+        model, record(1500, start=(0.02, -0.3), noise=0.01), 0, 300, 900, 1500
+    )
     free = [
         FreeParameter(STIFFNESS, 380.0, 380.0, 0.0, np.inf, prior, 400.0),
         FreeParameter(DAMPING, 1.0, 0.5, 0.0, np.inf),
@@ -200,7 +208,7 @@ def test_what_is_seen_is_what_no_start_can_do():
 
 def test_without_parameters_only_the_starts_move():
     model = oscillator()
-    held, pieces = pieces_of(model, record(600, start=(0.02, -0.3)), 0, 600)
+    held, pieces = with_smoothed_starts(model, record(600, start=(0.02, -0.3)), 0, 600)
     sizes = np.array([0.02, 0.4])
     found = fit(Residuals(model, pieces, Runner(model, held.dt, 0.02), [], sizes))
     np.testing.assert_allclose(found.pieces[0].start.state, [0.02, -0.3], atol=3e-5)
@@ -262,7 +270,8 @@ def test_each_piece_keeps_the_better_of_two_starts():
     model, held = oscillator(), record_of(oscillator(), record(1200))
     true = free_run(model, held).over(StartedPiece(held, rest(model)), keep=True).states
     pieces = [
-        StartedPiece(held.part(k, k + 400), Start(true[k], np.zeros(0))) for k in (0, 400, 800)
+        StartedPiece(held.part(k, k + 400), InitialState(true[k], np.zeros(0)))
+        for k in (0, 400, 800)
     ]
     residuals = Residuals(model, pieces, Runner(model, held.dt, 1.0), [], np.ones(2))
     right = np.array([piece.start.vector for piece in pieces])
@@ -288,7 +297,7 @@ def test_pieces_in_which_friction_holds_do_not_stop_the_fit_of_others():
     wrong = model.with_parameters({"effect[0].force": 0.6})
     starts = true.states + [2e-5, 4e-4] * random.standard_normal(true.states.shape)
     pieces = [
-        StartedPiece(held.part(k, k + 60), Start(starts[k], np.zeros(0)))
+        StartedPiece(held.part(k, k + 60), InitialState(starts[k], np.zeros(0)))
         for k in range(0, 3000, 60)
     ]
     free = [FreeParameter("effect[0].force", 0.6, 0.6, 0.0, np.inf)]

@@ -9,8 +9,8 @@ import xarray as xr
 from scipy.signal import butter, sosfilt
 
 import robustpolish as rp
-from robustpolish.identification.fit.prepared import fastest_motion, needed_rate, taken
-from robustpolish.identification.observer.runs import Start, StartedPiece, free_run
+from robustpolish.identification.fit.prepared import fastest_motion, needed_rate, reduce_record
+from robustpolish.identification.observer.runs import InitialState, StartedPiece, free_run
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
 from robustpolish.machines.simulation.run import simulate_model
@@ -51,13 +51,13 @@ def record(samples, quantity="displacement", top=100.0, noise=0.01, friction=3.0
 def fewer_of(samples, quantity="displacement", top=100.0, noise=0.01, **changes):
     model = machine(quantity)
     data, _ = record(samples, quantity, top, noise)
-    return taken(model, record_of(model, data), replace(POLICY, **changes))
+    return reduce_record(model, record_of(model, data), replace(POLICY, **changes))
 
 
 def test_a_short_record_stays_as_it_is():
     model = machine()
     whole = record_of(model, record(20_000)[0])
-    kept = taken(model, whole, POLICY)
+    kept = reduce_record(model, whole, POLICY)
     assert kept.record is whole
     assert kept.model == model
     assert (kept.thinned, kept.notes) == (False, ())
@@ -80,7 +80,7 @@ def test_the_true_machine_explains_the_thinned_record(quantity):
     """Its friction jumps, and still it runs at the noise of the samples that are left."""
     kept = fewer_of(100_000, quantity, comfortable=20_000).record
     states = record(100_000, quantity)[1]
-    start = Start(states[round(kept.time[0] * RATE)], np.zeros(0))
+    start = InitialState(states[round(kept.time[0] * RATE)], np.zeros(0))
     errors = free_run(machine(quantity), kept).errors(StartedPiece(kept, start))
     noise = 0.01 * np.std(record(100_000, quantity)[0]["y_a"].values)
     left = noise * np.sqrt(1 / (kept.dt * RATE))
@@ -108,15 +108,15 @@ def test_slow_modes_last_some_swings_in_a_part():
 def test_holds_of_inputs_belong_to_the_record_as_it_was():
     held = machine().with_effect("input_hold", ("F",), {"order": 0.0})
     data, _ = record(100_000)
-    kept = taken(held, record_of(held, data), POLICY)
+    kept = reduce_record(held, record_of(held, data), POLICY)
     assert kept.thinned
     assert kept.model.effects[1].values == {"order": 1.0}
     fitted = kept.model.with_effect("constant_force", ("a",), {"force": 1.0})
-    back = kept.as_given(fitted)
+    back = kept.with_original_holds(fitted)
     assert back.effects[1].values == {"order": 0.0}
     assert back.effects[2].kind == "constant_force"
-    plain = taken(machine(), record_of(machine(), data), POLICY)
-    assert plain.as_given(plain.model) == machine()
+    plain = reduce_record(machine(), record_of(machine(), data), POLICY)
+    assert plain.with_original_holds(plain.model) == machine()
     # half a sample of 20 us late
     late = np.interp(kept.record.times - 1e-5, data["time"], data["F"])
     middle = slice(20, -20)

@@ -6,12 +6,12 @@ import pytest
 from robustpolish.identification.fit.parameters import (
     chain_keys,
     connected,
-    driving,
     free_parameters,
-    idle,
-    sized,
-    units_of_force,
-    with_units_of_force,
+    inputs_of_chain,
+    makes_no_force,
+    scale_fixing_masses,
+    scaled_effect,
+    with_fixed_force_scale,
 )
 from robustpolish.identification.policy import POLICY
 from robustpolish.machines.effects.effect import Effect
@@ -49,30 +49,32 @@ def test_chains_are_what_parts_and_effects_join():
         ["spring[0].stiffness", "spring[1].stiffness"],
         ["damper[0].damping"],
     )
-    assert driving(machine(), {"a", "b"}) == ["F_a", "F_b"]
-    assert driving(machine(), {"z"}) == []
+    assert inputs_of_chain(machine(), {"a", "b"}) == ["F_a", "F_b"]
+    assert inputs_of_chain(machine(), {"z"}) == []
 
 
 def test_a_mass_gives_the_unit_of_force_where_no_force_is_known():
-    assert units_of_force(machine()) == {"z": {"z"}}
+    assert scale_fixing_masses(machine()) == {"z": {"z"}}
     decay = machine(inputs=[])
-    assert units_of_force(decay) == {"z": {"z"}, "a": {"a", "b"}}  # the heavier one
+    assert scale_fixing_masses(decay) == {"z": {"z"}, "a": {"a", "b"}}  # the heavier one
     measured = machine(inputs=[], outputs=[Output("f", ("a", "ground"), "force")])
-    assert set(units_of_force(measured)) == {"z"}
+    assert set(scale_fixing_masses(measured)) == {"z"}
     unknown = oscillator().with_effect("input_gain", "F", {"gain": 2.0})
-    assert set(units_of_force(unknown)) == {"x"}
-    assert set(units_of_force(oscillator().with_effect("sensor_gain", "x", {"gain": 2.0}))) == {"x"}
+    assert set(scale_fixing_masses(unknown)) == {"x"}
+    assert set(
+        scale_fixing_masses(oscillator().with_effect("sensor_gain", "x", {"gain": 2.0}))
+    ) == {"x"}
 
 
 def test_a_mass_that_gives_the_unit_stays_and_its_chain_goes_along():
     known = machine(inputs=[])
     fitted = known.with_parameters({"dof.a.mass": 4.0, "spring[1].stiffness": 700.0})
-    found = with_units_of_force(fitted, known).parameters
+    found = with_fixed_force_scale(fitted, known).parameters
     assert found["dof.a.mass"] == 2.0
     assert found["dof.b.mass"] == 0.5
     assert found["spring[1].stiffness"] == 350.0
     assert found["spring[2].stiffness"] == 100.0  # of the other chain
-    assert with_units_of_force(known, known) is known
+    assert with_fixed_force_scale(known, known) is known
 
 
 def test_what_is_fitted():
@@ -144,16 +146,20 @@ STRIBECK = {"force": 3.0, "static_force": 4.0, "velocity": 0.5, "width": 0.1}
 
 
 def test_a_share_is_of_forces_alone():
-    half = sized(Effect("stribeck_friction", PLACE, STRIBECK), 0.5)
+    half = scaled_effect(Effect("stribeck_friction", PLACE, STRIBECK), 0.5)
     assert dict(half.values) == {**STRIBECK, "force": 1.5, "static_force": 2.0}
     line = Effect("harmonic_force", "x", {"amplitude": 2.0, "frequency": 5.0, "phase": 0.3})
-    assert dict(sized(line, 0.1).values) == {"amplitude": 0.2, "frequency": 5.0, "phase": 0.3}
+    assert dict(scaled_effect(line, 0.1).values) == {
+        "amplitude": 0.2,
+        "frequency": 5.0,
+        "phase": 0.3,
+    }
     delay = Effect("input_delay", "F", {"delay": 0.01})
-    assert sized(delay, 0.1).values == delay.values
+    assert scaled_effect(delay, 0.1).values == delay.values
 
 
 def test_without_force_an_effect_is_idle():
-    assert idle(Effect("quadratic_damping", PLACE, {"coefficient": 0.0}))
-    assert not idle(Effect("quadratic_damping", PLACE, {"coefficient": 1e-9}))
-    assert idle(Effect("dahl_friction", PLACE, {"force": 0.0, "stiffness": 0.0}))
-    assert not idle(Effect("input_delay", "F", {"delay": 0.0}))  # it makes none anyway
+    assert makes_no_force(Effect("quadratic_damping", PLACE, {"coefficient": 0.0}))
+    assert not makes_no_force(Effect("quadratic_damping", PLACE, {"coefficient": 1e-9}))
+    assert makes_no_force(Effect("dahl_friction", PLACE, {"force": 0.0, "stiffness": 0.0}))
+    assert not makes_no_force(Effect("input_delay", "F", {"delay": 0.0}))  # it makes none anyway

@@ -5,11 +5,11 @@ import pytest
 
 from robustpolish.identification.fit.least_squares import (
     homotopy,
-    polished,
+    refine_to_minimum,
     residuals_of,
-    rounded,
-    sharpened,
-    speeds_of_turns,
+    smoothing_velocity_keys,
+    with_original_widths,
+    with_rounded_friction,
 )
 from robustpolish.machines.effects.effect import Effect
 from tests.identification.decays.pendulums import AT, decay, pendulum
@@ -33,18 +33,18 @@ def fitted(model, prepared):
 
 
 def test_a_jump_is_rounded_over_the_speed_that_a_step_gains(prepared, damped):
-    width = rounded(damped, prepared).parameters["effect[1].width"]
-    v = prepared.motion_before.v[0]
+    width = with_rounded_friction(damped, prepared).parameters["effect[1].width"]
+    v = prepared.linear_motion.v[0]
     assert 0.1 < width * prepared.runner(damped).substeps / np.abs(np.diff(v)).max() < 1.0
     wide = damped.effects[1].with_values({"force": 0.1, "width": 0.3})
     given = replace(damped, effects=(damped.effects[0], wide, damped.effects[2]))
-    assert rounded(given, prepared).effects == given.effects
-    assert rounded(pendulum(), prepared).effects == pendulum().effects
+    assert with_rounded_friction(given, prepared).effects == given.effects
+    assert with_rounded_friction(pendulum(), prepared).effects == pendulum().effects
 
 
 def test_the_minimum_is_reached_where_damped_steps_stop_before(prepared, damped):
-    start = fitted(rounded(damped, prepared), prepared)
-    best = polished(start, prepared, pendulum())
+    start = fitted(with_rounded_friction(damped, prepared), prepared)
+    best = refine_to_minimum(start, prepared, pendulum())
     assert best.rmse <= start.rmse
     assert best.rmse == pytest.approx(1e-3, rel=0.05)
     numbers = best.model.parameters
@@ -54,9 +54,9 @@ def test_the_minimum_is_reached_where_damped_steps_stop_before(prepared, damped)
 
 
 def test_it_goes_on_with_the_jumps_that_were_given(prepared, damped):
-    held = replace(prepared, held=speeds_of_turns(damped))
-    start = fitted(rounded(damped, held), held)
-    sharp = sharpened(start, damped, prepared, pendulum())
+    held = replace(prepared, held=smoothing_velocity_keys(damped))
+    start = fitted(with_rounded_friction(damped, held), held)
+    sharp = with_original_widths(start, damped, prepared, pendulum())
     assert sharp.model.parameters["effect[1].width"] == 0.0
     assert sharp.model.parameters["effect[1].force"] == start.model.parameters["effect[1].force"]
     assert sharp.rmse == pytest.approx(start.rmse, rel=0.05)
@@ -65,8 +65,8 @@ def test_it_goes_on_with_the_jumps_that_were_given(prepared, damped):
 def test_what_is_held_stays(prepared, damped):
     held = replace(prepared, held=frozenset({"damper[0].damping"}))
     model = damped.with_parameters({"damper[0].damping": 0.0})
-    start = fitted(rounded(model, held), held)
-    best = polished(start, held, pendulum())
+    start = fitted(with_rounded_friction(model, held), held)
+    best = refine_to_minimum(start, held, pendulum())
     assert best.model.parameters["damper[0].damping"] == 0.0
     assert "damper[0].damping" not in [f.key for f in best.free]
     free = residuals_of(model, start.pieces, prepared, pendulum()).free
@@ -78,20 +78,22 @@ def test_a_number_that_the_data_press_to_its_bound_ends_on_it(prepared, damped):
     data = decay(drag=0.0, viscous=0.0, coulomb=0.2)
     other = prepared_of(pendulum(), data)
     model = replace(damped, effects=(*damped.effects, needless))
-    best = polished(fitted(rounded(model, other), other), other, pendulum())
+    best = refine_to_minimum(fitted(with_rounded_friction(model, other), other), other, pendulum())
     at_nothing = [best.model.parameters[f"effect[{i}].coefficient"] for i in (2, 3)]
     assert min(at_nothing) == 0.0 or max(at_nothing) < 1e-3
 
 
 def test_a_fit_is_never_worse_than_where_it_began(prepared, damped):
-    best = polished(fitted(rounded(damped, prepared), prepared), prepared, pendulum())
-    again = polished(best, prepared, pendulum())
+    best = refine_to_minimum(
+        fitted(with_rounded_friction(damped, prepared), prepared), prepared, pendulum()
+    )
+    again = refine_to_minimum(best, prepared, pendulum())
     assert np.all(again.rmse <= best.rmse)
 
 
 def test_the_speeds_that_rounding_sets_are_told_by_their_keys():
-    assert speeds_of_turns(pendulum()) == frozenset()
+    assert smoothing_velocity_keys(pendulum()) == frozenset()
     model = pendulum().with_effect("coulomb_friction", AT, {"force": 1.0})
-    assert speeds_of_turns(model) == {"effect[1].width"}
+    assert smoothing_velocity_keys(model) == {"effect[1].width"}
     gentle = pendulum().with_effect("coulomb_friction", AT, {"force": 1.0, "width": 0.1})
-    assert speeds_of_turns(gentle) == frozenset()  # those that were found are fitted
+    assert smoothing_velocity_keys(gentle) == frozenset()  # those that were found are fitted

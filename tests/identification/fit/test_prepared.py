@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification.fit.prepared import drifts, prepare, with_rest
+from robustpolish.identification.fit.prepared import has_integrator, prepare, with_initial_memory
 from robustpolish.identification.observer.runs import StartedPiece, free_run
 from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import record_of
@@ -80,8 +80,8 @@ def test_starts_and_memory_are_those_of_each_record():
         assert piece.start.state[0] == pytest.approx(x, abs=1e-4)
     values = {"force": 0.5, "static_force": 0.6, "velocity": 0.1, "stiffness": 3e3}
     model = oscillator().with_effect("lugre_friction", PLACE, values)
-    windows = prepared.windows_of(oscillator(), prepared.everything, 500)
-    remembered = [p.start.internal[0] for p in prepared.with_memory(model, windows)]
+    windows = prepared.cut_windows(oscillator(), prepared.everything, 500)
+    remembered = [p.start.internal[0] for p in prepared.with_propagated_memory(model, windows)]
     assert remembered[0] == remembered[2] == 0.0
     assert min(abs(remembered[1]), abs(remembered[3])) > 1e-6
 
@@ -117,12 +117,12 @@ def test_the_liveliest_of_several_records_is_screened():
 
 
 def test_what_integrates_is_run_in_short_pieces():
-    assert drifts(oscillator(springs=[]), 100.0)
-    assert not drifts(oscillator(), 100.0)
+    assert has_integrator(oscillator(springs=[]), 100.0)
+    assert not has_integrator(oscillator(), 100.0)
     # a pole at -0.0101 1/s forgets within 99 s
-    assert not drifts(oscillator(stiffness=1e-2), 100.0)
-    assert drifts(oscillator(stiffness=1e-2), 98.0)
-    assert not drifts(rig(), 100.0)
+    assert not has_integrator(oscillator(stiffness=1e-2), 100.0)
+    assert has_integrator(oscillator(stiffness=1e-2), 98.0)
+    assert not has_integrator(rig(), 100.0)
     prepared = prepared_of(oscillator(springs=[]), record(noise=0.01))
     assert len(prepared.everything) == 25
     assert len(prepared.estimation) == 10 + 8
@@ -142,11 +142,11 @@ def test_the_liveliest_part_is_screened():
 def test_new_effects_begin_at_rest():
     pieces = prepared_of(oscillator(), record(noise=0.01)).held_out
     model = oscillator().with_effect("lugre_friction", PLACE)
-    for before, after in zip(pieces, with_rest(model, pieces), strict=True):
+    for before, after in zip(pieces, with_initial_memory(model, pieces), strict=True):
         np.testing.assert_array_equal(after.start.state, before.start.state)
         np.testing.assert_array_equal(after.start.internal, [0.0])
         after.start.internal[:] = 3.0
-        kept = with_rest(model.with_effect("bouc_wen_hysteresis", PLACE), [after])[0]
+        kept = with_initial_memory(model.with_effect("bouc_wen_hysteresis", PLACE), [after])[0]
         np.testing.assert_array_equal(kept.start.internal[:1], [3.0])
         assert not kept.start.internal[1:].any()
 
@@ -167,14 +167,14 @@ def test_windows_grow_from_a_few_swings_to_whole_pieces():
         assert 2 * spans[-2] < longest <= 2 * growth * spans[-2]
     swing = 2 * np.pi / prepared.scales.bandwidth * RATE
     assert spans[0] == pytest.approx(1.5 * swing, abs=1)  # above the least of 50
-    few = prepared.windows_of(oscillator(), prepared.everything, 40)[:1]
+    few = prepared.cut_windows(oscillator(), prepared.everything, 40)[:1]
     assert prepared.spans(few) == [40]
 
 
 def test_pieces_are_cut_into_windows_with_starts_of_their_own():
     model = oscillator().with_effect("lugre_friction", PLACE)
     prepared = prepared_of(oscillator(), record(noise=0.001))
-    windows = prepared.windows_of(model, prepared.held_out, 150)
+    windows = prepared.cut_windows(model, prepared.held_out, 150)
     assert ranges(windows) == [
         (1600, 1750), (1750, 1900), (1900, 2050), (2050, 2200),
         (3400, 3550), (3550, 3700), (3700, 3850), (3850, 4000),
@@ -183,7 +183,7 @@ def test_pieces_are_cut_into_windows_with_starts_of_their_own():
     for window in windows:
         assert window.start.state[0] == pytest.approx(clean[window.record.first], abs=1e-4)
         np.testing.assert_array_equal(window.start.internal, [0.0])
-    whole = prepared.windows_of(model, prepared.held_out, 600)
+    whole = prepared.cut_windows(model, prepared.held_out, 600)
     assert ranges(whole) == ranges(prepared.held_out)
 
 
@@ -192,18 +192,18 @@ def test_an_effect_remembers_what_happened_in_the_window_before():
     values = {"force": 0.5, "static_force": 0.6, "velocity": 0.1, "stiffness": 3e3}
     model = oscillator().with_effect("lugre_friction", PLACE, values)
     prepared = prepared_of(oscillator(), record(noise=0.001))
-    cut = prepared.windows_of(oscillator(), prepared.held_out, 300)
+    cut = prepared.cut_windows(oscillator(), prepared.held_out, 300)
     assert [p.start.internal.size for p in cut] == [0] * 4
-    pieces = prepared.with_memory(model, cut)
+    pieces = prepared.with_propagated_memory(model, cut)
     run = free_run(model, prepared.record)
-    still = with_rest(model, cut)
+    still = with_initial_memory(model, cut)
     for i in (1, 3):
         end = run.over(still[i - 1], keep=True).internal[-1]
         np.testing.assert_array_equal(pieces[i].start.internal, end)
         assert abs(end[0]) > 0.05
     for i in (0, 2):  # nothing is known of what happened before
         np.testing.assert_array_equal(pieces[i].start.internal, [0.0])
-    none = prepared.with_memory(oscillator(), cut)
+    none = prepared.with_propagated_memory(oscillator(), cut)
     assert ranges(none) == ranges(cut)
 
 
@@ -211,10 +211,10 @@ def test_a_decay_fades_and_a_steady_motion_does_not():
     """What is held out of a decay is quieter than what is fitted."""
     data = record(noise=0.01)
     time = data["time"] - data["time"][0]
-    assert not prepared_of(oscillator(), data).fades
+    assert not prepared_of(oscillator(), data).quieter_held_out
     dying = data.assign(x=data["x"] * np.exp(-time))
-    assert prepared_of(oscillator(), dying).fades
-    assert not prepared_of(oscillator(), dying, Policy(fades=1e6)).fades
+    assert prepared_of(oscillator(), dying).quieter_held_out
+    assert not prepared_of(oscillator(), dying, Policy(quieter_held_out=1e6)).quieter_held_out
 
 
 def test_what_is_screened_ends_with_the_motion():
@@ -243,12 +243,12 @@ def test_every_step_of_a_run_is_counted():
 
 def test_runs_that_were_found_last_are_kept():
     prepared, model = prepared_of(oscillator(), record(noise=0.01)), oscillator()
-    run, started = prepared.closest_runs(model, prepared.everything)
+    run, started = prepared.run_with_fitted_starts(model, prepared.everything)
     spent = prepared.work.spent
-    again = prepared.closest_runs(model, prepared.everything)
+    again = prepared.run_with_fitted_starts(model, prepared.everything)
     assert again[0] is run
     assert again[1] is started
     assert prepared.work.spent == spent
-    assert prepared.closest_runs(model, prepared.windows)[1] is not started
-    assert prepared.closest_runs(oscillator(), prepared.everything)[0] is not run
+    assert prepared.run_with_fitted_starts(model, prepared.windows)[1] is not started
+    assert prepared.run_with_fitted_starts(oscillator(), prepared.everything)[0] is not run
     assert prepared.work.spent > spent

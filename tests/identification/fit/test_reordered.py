@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
-from robustpolish.identification.fit.least_squares import covariance_of, errors_from, reordered
+from robustpolish.identification.fit.least_squares import (
+    covariance_of,
+    stderr_from_covariance,
+    with_effect_order,
+)
 from robustpolish.machines.effects.effect import Effect
 from tests.identification.discover.searches import search_of
 from tests.identification.oscillators import PLACE, oscillator, record
@@ -19,13 +23,13 @@ EFFECTS = (
 def fitted():
     model = oscillator()
     search = search_of(model, record(600, noise=0.002, cubic=30.0))
-    found = search.fitted_with(search.stage.model, *EFFECTS)
+    found = search.fit_with(search.stage.model, *EFFECTS)
     return search, found.fit
 
 
 def test_runs_and_errors_are_the_same(fitted):
     search, before = fitted
-    after = reordered(before, [2, 0, 1])
+    after = with_effect_order(before, [2, 0, 1])
     kinds = [e.kind for e in before.model.effects]
     assert [e.kind for e in after.model.effects] == [kinds[2], kinds[0], kinds[1]]
     for one, other in zip(before.pieces, after.pieces, strict=True):
@@ -39,8 +43,8 @@ def test_runs_and_errors_are_the_same(fitted):
 
 def test_standard_errors_follow_their_numbers(fitted):
     _, before = fitted
-    after = reordered(before, [2, 0, 1])
-    one, other = (errors_from(covariance_of(item)) for item in (before, after))
+    after = with_effect_order(before, [2, 0, 1])
+    one, other = (stderr_from_covariance(covariance_of(item)) for item in (before, after))
     assert len(one) == len(other)
     for old, new in ((2, 0), (0, 1)):
         for name in ("force", "stiffness"):
@@ -50,6 +54,6 @@ def test_standard_errors_follow_their_numbers(fitted):
 
 def test_the_order_as_it_is_changes_nothing(fitted):
     _, before = fitted
-    after = reordered(before, [0, 1, 2])
+    after = with_effect_order(before, [0, 1, 2])
     assert after.model == before.model
     assert [f.key for f in after.free] == [f.key for f in before.free]

@@ -5,7 +5,7 @@ import pytest
 
 from robustpolish.identification.frequency.lines import (
     likeness,
-    matched,
+    match_modes,
     measured_resonances,
     measured_response,
     model_resonances,
@@ -59,6 +59,6 @@ def test_noise_alone_has_no_resonance():
 def test_modes_are_matched_by_shape_when_frequencies_mislead():
     true, found = both(two_masses())
     off, _ = both(two_masses(stiffness=(2e5 * 1.4, 1e5 * 1.4)))
-    assert matched(off, found) == [(0, 0), (1, 1)]
-    assert matched(true, found[1:]) == [(1, 0)]
-    assert matched(true, ()) == []
+    assert match_modes(off, found) == [(0, 0), (1, 1)]
+    assert match_modes(true, found[1:]) == [(1, 0)]
+    assert match_modes(true, ()) == []

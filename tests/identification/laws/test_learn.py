@@ -11,9 +11,9 @@ from robustpolish.identification.fit.least_squares import best_stage, homotopy
 from robustpolish.identification.structure.spline_laws import (
     CURVES,
     OVER_TIME,
-    laid,
     learn,
-    over_own_motion,
+    resampled_spline,
+    with_knots_over_motion,
 )
 from tests.hidden_effects.cases import Case, Machine, model_of, one, records
 from tests.hidden_effects.catalogue import all_cases
@@ -195,13 +195,13 @@ def test_knots_lie_over_the_motion_that_the_model_shows():
     model = learned("fifth")[0].model
     narrow = model.effects[0]
     low, high = narrow.values["low"], narrow.values["high"]
-    wide = laid(narrow, 2 * low, 2 * high, 11)
+    wide = resampled_spline(narrow, 2 * low, 2 * high, 11)
     span = prepared.spans(prepared.trial)[-1:]
     begun = replace(model, effects=(wide,))
     fits = homotopy(begun, prepared, prepared.trial, reference, span, known=True)
-    stage = over_own_motion(best_stage(fits, prepared), 0, prepared, reference)
+    stage = with_knots_over_motion(best_stage(fits, prepared), 0, prepared, reference)
     (law,) = stage.model.effects
     assert law.kind == "learned_stiffness_11"
     for end, wanted in (("low", low), ("high", high)):
         assert law.values[end] == pytest.approx(wanted, abs=0.1 * (high - low))
-    assert over_own_motion(stage, 0, prepared, reference) is stage
+    assert with_knots_over_motion(stage, 0, prepared, reference) is stage

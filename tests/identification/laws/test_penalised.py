@@ -6,11 +6,11 @@ import pytest
 from robustpolish.identification.observer.kalman import Level
 from robustpolish.identification.structure.screening import FilteredRecord
 from robustpolish.identification.structure.spline_laws import (
+    absorb_own_parameters,
     block,
-    dry_block,
+    dry_friction_block,
     fit_curves,
-    with_numbers,
-    with_numbers_of,
+    with_coefficients,
 )
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.spline_law import coefficients_of, spline_basis
@@ -53,7 +53,7 @@ def test_the_curve_is_in_the_innovations(seen):
 def test_dry_friction_may_stand_beside_and_may_not_push(seen):
     model, f, motion, data = seen
     row = port_row(model, PLACE)
-    dry = dry_block(model, PLACE, motion)
+    dry = dry_friction_block(model, PLACE, motion)
     found = fit_curves(f, row, [block(model, PLACE, "stiffness", 11, motion, data), dry])
     assert [e.kind for e in found.laws] == ["learned_stiffness_11"]
     (friction,) = found.others
@@ -65,7 +65,7 @@ def test_where_nothing_moves_there_is_no_curve(seen):
     model, _, motion, data = seen
     still = replace(motion, q=0 * motion.q, v=0 * motion.v)
     assert block(model, PLACE, "stiffness", 11, still, data) is None
-    assert dry_block(model, PLACE, still) is None
+    assert dry_friction_block(model, PLACE, still) is None
 
 
 def test_what_a_fit_made_of_a_spring_moves_into_the_law():
@@ -73,10 +73,10 @@ def test_what_a_fit_made_of_a_spring_moves_into_the_law():
     fitted = reference.with_parameters(
         {"spring[0].stiffness": 500.0, "damper[0].damping": 3.0, "dof.x.mass": 1.1}
     )
-    law = with_numbers(
+    law = with_coefficients(
         Effect("learned_stiffness_7", PLACE, {"low": -0.1, "high": 0.1}), np.zeros(7)
     )
-    model, (moved,) = with_numbers_of([law], fitted, reference)
+    model, (moved,) = absorb_own_parameters([law], fitted, reference)
     assert model.parameters["spring[0].stiffness"] == 400.0
     assert model.parameters["damper[0].damping"] == 3.0
     line = curve_of(moved, np.array([-0.05, 0.0, 0.1]))
@@ -94,8 +94,8 @@ def test_a_surface_holds_spring_and_damper():
     reference = oscillator()
     fitted = reference.with_parameters({"spring[0].stiffness": 500.0, "damper[0].damping": 3.0})
     knots = {"low": -0.1, "high": 0.1, "slow": -2.0, "fast": 2.0}
-    law = with_numbers(Effect("learned_force_6x6", PLACE, knots), np.zeros(36))
-    model, (moved,) = with_numbers_of([law], fitted, reference)
+    law = with_coefficients(Effect("learned_force_6x6", PLACE, knots), np.zeros(36))
+    model, (moved,) = absorb_own_parameters([law], fitted, reference)
     assert model == reference
     c = coefficients_of(moved.values)
     assert np.ptp(np.diff(c, 2, axis=0)) < 1e-9
@@ -130,7 +130,7 @@ def test_what_a_fit_made_of_a_spring_stays_for_all_time_in_what_varies():
         ("damping", "damper[0].damping", 3.0 - reference.parameters["damper[0].damping"]),
     ):
         law = Effect(f"learned_varying_{over}_7", PLACE, {"low": 0.0, "high": 9.0})
-        model, (moved,) = with_numbers_of([law], fitted, reference)
+        model, (moved,) = absorb_own_parameters([law], fitted, reference)
         assert model.parameters[key] == reference.parameters[key]
         np.testing.assert_allclose(coefficients_of(moved.values), more)
 

@@ -3,11 +3,11 @@ from dataclasses import replace
 import pytest
 
 from robustpolish.identification.refit import (
-    refit_own,
-    settled,
-    timely,
-    with_holds,
-    with_other_holds,
+    fit_own_parameters,
+    scaled_to_priors,
+    with_reselected_holds,
+    with_resolved_delay,
+    with_selected_holds,
 )
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.mechanical.parts import Dof, Input, Output, Spring
@@ -19,7 +19,7 @@ from tests.identification.oscillators import PLACE, of_rig, oscillator, rig
 def held_model(**changes):
     case = Case("held", one(), drive=10.0, samples=1500, **changes)
     model = model_of(case)
-    return with_holds(model, prepared_of(model, records(case)[0][0]))
+    return with_selected_holds(model, prepared_of(model, records(case)[0][0]))
 
 
 def test_inputs_that_stay_between_samples_are_found():
@@ -39,14 +39,14 @@ def test_a_hold_of_before_is_asked_about_like_any_other(held, taken):
     model = model_of(case)
     prepared = prepared_of(model, records(case)[0][0])
     before = model.with_effect("input_hold", "F_x", {"order": 0.0}) if taken else model
-    found = with_holds(before, prepared)
+    found = with_selected_holds(before, prepared)
     assert [e.values["order"] for e in found.effects] == [0.0] * held
     assert (found is before) == (held == taken)
 
 
 def test_what_has_no_force_has_no_hold():
-    assert with_holds(rig(), prepared_of(rig(), of_rig())).effects == ()
-    assert with_other_holds(rig(), rig(), prepared_of(rig(), of_rig())) is None
+    assert with_selected_holds(rig(), prepared_of(rig(), of_rig())).effects == ()
+    assert with_reselected_holds(rig(), rig(), prepared_of(rig(), of_rig())) is None
 
 
 LATE = ("input_delay", ("F_x",), [0.0052])
@@ -66,7 +66,7 @@ def test_a_hold_that_was_taken_wrongly_is_mended_beside_what_was_found(effects, 
     for kind, at, (delay,) in effects:
         lag = case.machine.dt / 2 * (held - taken)
         model = model.with_effect(kind, at, {"delay": delay + lag})
-    found = with_other_holds(model, reference, prepared)
+    found = with_reselected_holds(model, reference, prepared)
     if held == taken:
         assert found is None
     else:
@@ -76,8 +76,8 @@ def test_a_hold_that_was_taken_wrongly_is_mended_beside_what_was_found(effects, 
 def test_wrong_numbers_are_mended():
     case = Case("wrong", one(), drive=10.0, samples=1500, wrong={"stiffness": 0.3, "damping": 2.0})
     model = model_of(case)
-    own = refit_own(model, prepared_of(model, records(case)[0][0]))
-    for found in (own.stage.model.parameters, own.guided.parameters):
+    own = fit_own_parameters(model, prepared_of(model, records(case)[0][0]))
+    for found in (own.stage.model.parameters, own.short_window_model.parameters):
         stiffness = found["spring[0].stiffness"] / found["dof.x.mass"]
         assert stiffness == pytest.approx(3000, rel=0.01)
     assert own.stage.reproducible
@@ -97,7 +97,7 @@ def test_a_chain_with_two_inputs_goes_back_to_what_is_known_of_it():
     reference = oscillator(**TWO)
     larger = {key: 1.1 * value for key, value in reference.parameters.items()}
     larger["spring[1].stiffness"] = 165.0
-    found = settled(reference.with_parameters(larger), reference, 0.01).parameters
+    found = scaled_to_priors(reference.with_parameters(larger), reference, 0.01).parameters
     for key, value in reference.parameters.items():
         expected = 150.0 if key == "spring[1].stiffness" else value
         assert found[key] == pytest.approx(expected, rel=1e-9)
@@ -113,8 +113,8 @@ def test_a_chain_with_two_inputs_goes_back_to_what_is_known_of_it():
 def test_a_chain_whose_factor_the_data_know_stays(changes):
     reference = oscillator(**{**TWO, **changes})
     larger = reference.with_parameters({k: 1.1 * v for k, v in reference.parameters.items()})
-    assert settled(larger, reference, 0.01) is larger
-    assert settled(reference, reference, 0.01) is reference
+    assert scaled_to_priors(larger, reference, 0.01) is larger
+    assert scaled_to_priors(reference, reference, 0.01) is reference
 
 
 @pytest.mark.parametrize("samples", [2.2, 5.7])
@@ -126,8 +126,10 @@ def test_a_delay_of_a_held_input_begins_within_its_sample(samples):
     held = model_of(case).with_effect("input_hold", "F_x", {"order": 0.0})
     prepared = prepared_of(held, records(case)[0][0])
     first = Effect("input_delay", "F_x", {"delay": 4.0 * machine.dt})
-    found = timely(first, held, prepared)
+    found = with_resolved_delay(first, held, prepared)
     assert abs(found.values["delay"] - delay) < 0.5 * machine.dt
-    assert timely(first, model_of(case), prepared) is first  # nothing jumps between samples
+    assert (
+        with_resolved_delay(first, model_of(case), prepared) is first
+    )  # nothing jumps between samples
     friction = Effect("coulomb_friction", ("x", "ground"), {"force": 1.0})
-    assert timely(friction, held, prepared) is friction
+    assert with_resolved_delay(friction, held, prepared) is friction

@@ -5,7 +5,7 @@ import robustpolish as rp
 from robustpolish.identification.fit.prepared import prepare
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
-from robustpolish.identification.refit import warned
+from robustpolish.identification.refit import collect_warnings
 from tests.identification.oscillators import oscillator, record
 
 DATA = record(start=(0.05, 0.0), noise=0.01)
@@ -13,7 +13,7 @@ DATA = record(start=(0.05, 0.0), noise=0.01)
 
 def said(data, fitted=None, model=None):
     model = model or oscillator()
-    return warned(model, fitted or model, prepare(model, record_of(model, data), POLICY))
+    return collect_warnings(model, fitted or model, prepare(model, record_of(model, data), POLICY))
 
 
 def test_a_good_record_and_a_small_change_leave_nothing_to_say():

@@ -6,11 +6,11 @@ from scipy.linalg import solve_discrete_are
 from robustpolish.identification.observer.kalman import (
     FREE,
     Level,
-    amplitude_of,
+    displacement_amplitude,
+    displacement_peak,
     excited_bandwidth,
     force_sites,
     observer_gain,
-    peak_of,
     riccati,
     scales_of,
     white_noise,
@@ -130,13 +130,19 @@ def test_the_bandwidth_is_that_of_the_displacement():
 
 def test_the_amplitude_is_that_of_a_displacement():
     swing = 3.0 + 0.02 * np.sin(2 * np.pi * TIME)
-    assert amplitude_of(*seen("displacement", swing), 10.0) == pytest.approx(0.02, rel=0.01)
-    assert amplitude_of(*seen("velocity", swing), 10.0) == pytest.approx(0.002, rel=0.01)
-    assert amplitude_of(*seen("acceleration", swing), 10.0) == pytest.approx(0.0002, rel=0.01)
+    assert displacement_amplitude(*seen("displacement", swing), 10.0) == pytest.approx(
+        0.02, rel=0.01
+    )
+    assert displacement_amplitude(*seen("velocity", swing), 10.0) == pytest.approx(0.002, rel=0.01)
+    assert displacement_amplitude(*seen("acceleration", swing), 10.0) == pytest.approx(
+        0.0002, rel=0.01
+    )
     data = xr.Dataset(
         {name: ("time", 0.5 * np.sin(2 * np.pi * TIME)) for name in "xvf"}, coords={"time": TIME}
     )
-    assert amplitude_of(rig(), record_of(rig(), data), 10.0) == pytest.approx(0.5, rel=0.01)
+    assert displacement_amplitude(rig(), record_of(rig(), data), 10.0) == pytest.approx(
+        0.5, rel=0.01
+    )
 
 
 def test_sizes_scale_with_their_units():
@@ -155,18 +161,22 @@ def test_a_voltage_is_no_amplitude():
     data = data.assign(u=("time", np.full(data.time.size, 5.0), {"units": "V"}))
     model = oscillator()
     read = model.with_channel("u", "V")
-    one, other = (amplitude_of(m, record_of(m, data), 40.0) for m in (model, read))
+    one, other = (displacement_amplitude(m, record_of(m, data), 40.0) for m in (model, read))
     assert one == other < 5.0
 
 
 def test_the_peak_is_what_outputs_or_an_observer_show_but_no_spike_or_drift():
     decay = 0.02 * np.exp(-TIME) * np.cos(20 * TIME)
-    usual, largest = (of(*seen("displacement", decay), 10.0) for of in (amplitude_of, peak_of))
+    usual, largest = (
+        of(*seen("displacement", decay), 10.0) for of in (displacement_amplitude, displacement_peak)
+    )
     assert largest == pytest.approx(0.02, rel=0.01)
     assert 1.5 * usual < largest
     seen_by_observer = np.array([[0.0, -0.03, 0.01]])
-    assert peak_of(*seen("displacement", decay), 10.0, seen_by_observer) == pytest.approx(0.03)
-    drifted = peak_of(*seen("displacement", decay), 10.0, 100 * seen_by_observer)
+    assert displacement_peak(*seen("displacement", decay), 10.0, seen_by_observer) == pytest.approx(
+        0.03
+    )
+    drifted = displacement_peak(*seen("displacement", decay), 10.0, 100 * seen_by_observer)
     assert drifted == pytest.approx(4 * usual)
 
 

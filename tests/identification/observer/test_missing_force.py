@@ -3,14 +3,14 @@ import pytest
 import xarray as xr
 from scipy.signal import lsim
 
-from robustpolish.identification.observer.kalman import Level, amplitude_of, scales_of
+from robustpolish.identification.observer.kalman import Level, displacement_amplitude, scales_of
 from robustpolish.identification.observer.missing_force import (
-    following,
+    best_observer_level,
+    best_observer_run,
     known_forces,
     motion_of,
-    observed,
-    observed_motion,
     smooth,
+    smoothed_motion,
 )
 from robustpolish.identification.record import record_of
 from tests.identification.oscillators import PLACE, RATE, of_rig, oscillator, record, rig
@@ -32,7 +32,9 @@ def pushed(hidden, noise=1e-3):
 def smoothed(model, data, levels=LEVELS):
     held = record_of(model, data)
     scales = scales_of(model, held)
-    return smooth(model, held, scales, amplitude_of(model, held, scales.bandwidth), levels)
+    return smooth(
+        model, held, scales, displacement_amplitude(model, held, scales.bandwidth), levels
+    )
 
 
 def test_a_hidden_force_is_found_with_the_motion():
@@ -55,7 +57,7 @@ def test_each_of_several_records_is_smoothed_by_itself():
     other = other.isel(time=slice(500, 2000))
     held = record_of(oscillator(), [one, other])
     scales = scales_of(oscillator(), held)
-    amplitude = amplitude_of(oscillator(), held, scales.bandwidth)
+    amplitude = displacement_amplitude(oscillator(), held, scales.bandwidth)
     whole = smooth(oscillator(), held, scales, amplitude, LEVELS)
     parts = [smooth(oscillator(), part, scales, amplitude, LEVELS) for part in held.parts]
     assert whole.inputs.shape == (4500, 1)
@@ -63,9 +65,9 @@ def test_each_of_several_records_is_smoothed_by_itself():
     for name in ("q", "v", "a", "force"):
         both = np.hstack([getattr(part, name) for part in parts])
         np.testing.assert_array_equal(getattr(whole, name), both)
-    assert observed_motion(oscillator(), held).q.shape == (1, 4500)
+    assert smoothed_motion(oscillator(), held).q.shape == (1, 4500)
     stub = record_of(oscillator(), [one, other.isel(time=slice(0, 59))])
-    assert observed_motion(oscillator(), stub) is None
+    assert smoothed_motion(oscillator(), stub) is None
 
 
 def test_forces_of_the_model_s_own_effects_are_not_missing():
@@ -81,7 +83,7 @@ def test_data_lead_no_more_than_they_have_to():
     for hidden in (np.zeros(TIME.size), 3 * np.sin(40 * TIME)):
         held = record_of(oscillator(), pushed(hidden)[0])
         scales = scales_of(oscillator(), held)
-        level.append(following(oscillator(), held, scales, 0.01, LEVELS)[0])
+        level.append(best_observer_level(oscillator(), held, scales, 0.01, LEVELS)[0])
     assert level[0] == Level(0.01)
     assert level[1].force > 0.01
 
@@ -111,13 +113,13 @@ def test_imposed_motion_is_taken_as_it_is():
 
 def test_a_record_that_says_too_little_shows_no_motion():
     data = record(noise=0.01)
-    assert observed_motion(oscillator(), record_of(oscillator(), data).part(0, 59)) is None
-    found = observed_motion(oscillator(), record_of(oscillator(), data))
+    assert smoothed_motion(oscillator(), record_of(oscillator(), data).part(0, 59)) is None
+    found = smoothed_motion(oscillator(), record_of(oscillator(), data))
     assert found is not None
     spread = float(data["x"].std())
     clean = record()["x"].values
     assert np.std(found.q[0] - clean) < 0.01 * spread  # smoother than the sensor
-    assert np.std(observed(oscillator(), record_of(oscillator(), data)).outputs[500:, 0]
+    assert np.std(best_observer_run(oscillator(), record_of(oscillator(), data)).outputs[500:, 0]
                   - clean[500:]) < 0.02 * spread  # fmt: skip
 
 

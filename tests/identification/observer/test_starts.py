@@ -2,7 +2,11 @@ import numpy as np
 import pytest
 
 from robustpolish.identification.observer.runs import StartedPiece, free_run, rest
-from robustpolish.identification.observer.starts import fitted_start, fitted_starts, lengths
+from robustpolish.identification.observer.starts import (
+    doubling_lengths,
+    fitted_start,
+    fitted_starts,
+)
 from tests.identification.observer.runs import case
 from tests.identification.oscillators import PLACE
 
@@ -27,8 +31,8 @@ def test_the_best_guess_is_where_the_search_begins():
 
 
 def test_stretches_grow_twofold_up_to_the_whole():
-    assert lengths(30) == [30]
-    assert lengths(8000) == [62, 125, 250, 500, 1000, 2000, 4000, 8000]
+    assert doubling_lengths(30) == [30]
+    assert doubling_lengths(8000) == [62, 125, 250, 500, 1000, 2000, 4000, 8000]
 
 
 def test_of_two_starts_the_one_that_comes_closer_is_followed():

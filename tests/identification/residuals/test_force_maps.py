@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.identification.observer.missing_force import Smoothed
-from robustpolish.identification.residuals.tests import MAPS, force_maps, foretold
+from robustpolish.identification.observer.missing_force import SmoothedMotion
+from robustpolish.identification.residuals.tests import MAPS, force_maps, predictable_share
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 from tests.identification.oscillators import PLACE
@@ -33,7 +33,7 @@ def two(joined=True):
 
 def motion(force):
     q, v = np.array([X, Y]), np.array([XV, YV])
-    return Smoothed(q, v, v, np.array(force), np.zeros((6000, 1)), q.T, np.zeros((6000, 0)))
+    return SmoothedMotion(q, v, v, np.array(force), np.zeros((6000, 1)), q.T, np.zeros((6000, 0)))
 
 
 def test_the_place_of_a_law_comes_first():
@@ -71,7 +71,7 @@ def test_a_motion_that_could_not_be_followed_has_no_map():
 
 def test_half_of_the_power_of_a_law_under_noise_is_foretold():
     law = np.sign(XV)
-    share = foretold(X, XV, law + RANDOM.standard_normal(6000))
+    share = predictable_share(X, XV, law + RANDOM.standard_normal(6000))
     assert share == pytest.approx(0.5, abs=0.06)
-    assert foretold(X, XV, 0 * X) == 0.0
+    assert predictable_share(X, XV, 0 * X) == 0.0
     assert MAPS.tells < 0.5

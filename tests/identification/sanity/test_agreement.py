@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from robustpolish.identification.sanity import amplitudes, coherent_gain, exchanged, means, signs
+from robustpolish.identification.sanity import (
+    amplitudes,
+    coherent_gain,
+    means,
+    signs,
+    swapped_outputs,
+)
 
 A, B, C = np.random.default_rng(0).standard_normal((3, 6000))
 SIMULATED = {"x": A, "y": 0.4 * A + B}
@@ -46,10 +52,10 @@ def test_units_of_one_output_or_of_the_input():
 def test_exchanged_sensors_of_one_kind():
     straight = gains_of(x=A, y=SIMULATED["y"])
     crossed = gains_of(x=SIMULATED["y"] + 0.05 * C, y=A)
-    assert exchanged(straight, KINDS) == []
-    assert "x and y look exchanged" in exchanged(crossed, KINDS)[0]
-    assert exchanged(crossed, {**KINDS, "y": "velocity in m/s"}) == []
-    assert exchanged(gains_of(x=C, y=A), KINDS) == []  # only one of them has another place
+    assert swapped_outputs(straight, KINDS) == []
+    assert "x and y look exchanged" in swapped_outputs(crossed, KINDS)[0]
+    assert swapped_outputs(crossed, {**KINDS, "y": "velocity in m/s"}) == []
+    assert swapped_outputs(gains_of(x=C, y=A), KINDS) == []  # only one of them has another place
 
 
 @pytest.mark.parametrize(

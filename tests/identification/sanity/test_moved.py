@@ -2,7 +2,7 @@
 
 import pytest
 
-from robustpolish.identification.sanity import moved_numbers
+from robustpolish.identification.sanity import implausible_changes
 
 BEFORE = {
     "dof.x.mass": 2.0, "spring[0].stiffness": 800.0, "damper[0].damping": 1.0,
@@ -18,7 +18,7 @@ BEFORE = {
     ],
 )  # fmt: skip
 def test_what_a_fit_may_do(after):
-    assert moved_numbers(BEFORE, {**BEFORE, **after}) == []
+    assert implausible_changes(BEFORE, {**BEFORE, **after}) == []
 
 
 @pytest.mark.parametrize(
@@ -32,6 +32,6 @@ def test_what_a_fit_may_do(after):
     ],
 )
 def test_what_looks_like_a_unit_or_a_sign(key, value, words):
-    (found,) = moved_numbers(BEFORE, {**BEFORE, key: value})
+    (found,) = implausible_changes(BEFORE, {**BEFORE, key: value})
     assert key in found
     assert words in found

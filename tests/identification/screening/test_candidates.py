@@ -1,9 +1,13 @@
 import numpy as np
 import xarray as xr
 
-from robustpolish.identification.observer.missing_force import Smoothed
+from robustpolish.identification.observer.missing_force import SmoothedMotion
 from robustpolish.identification.record import record_of
-from robustpolish.identification.structure.screening import columns_at, places, rivals
+from robustpolish.identification.structure.screening import (
+    candidate_columns,
+    mutually_exclusive,
+    places,
+)
 from robustpolish.machines.effects.effect import lookup
 from robustpolish.machines.effects.user_defined import own_kind
 from robustpolish.machines.mechanical.model import MechanicalModel
@@ -30,8 +34,8 @@ def columns(kind, at, model=None, q=Q):
     data = xr.Dataset({"F": ("time", FORCE), "x": ("time", q[0])}, {"time": TIME})
     signals, outputs = FORCE[:, None], q.T
     internal = np.zeros((TIME.size, 0))
-    motion = Smoothed(q, V, np.zeros_like(q), np.zeros_like(q), signals, outputs, internal)
-    return columns_at(model, lookup(kind), at, motion, record_of(model, data))
+    motion = SmoothedMotion(q, V, np.zeros_like(q), np.zeros_like(q), signals, outputs, internal)
+    return candidate_columns(model, lookup(kind), at, motion, record_of(model, data))
 
 
 def test_where_a_kind_can_act():
@@ -78,10 +82,12 @@ def test_an_effect_of_an_output_adds_to_it():
 
 def test_a_place_has_one_effect_of_a_family():
     dry, constant = lookup("coulomb_friction"), lookup("constant_force")
-    assert rivals(dry, lookup("lugre_friction"))
-    assert not rivals(dry, constant)
-    assert not rivals(constant, lookup("sensor_offset"))  # of one family, but elsewhere
-    assert not rivals(lookup("cubic_stiffness"), lookup("cubic_stiffness"))  # of no family
+    assert mutually_exclusive(dry, lookup("lugre_friction"))
+    assert not mutually_exclusive(dry, constant)
+    assert not mutually_exclusive(constant, lookup("sensor_offset"))  # of one family, but elsewhere
+    assert not mutually_exclusive(
+        lookup("cubic_stiffness"), lookup("cubic_stiffness")
+    )  # of no family
     rubbing = oscillator().with_effect("coulomb_friction", PLACE, {"force": 1.0})
     assert columns("lugre_friction", PLACE, rubbing) == []
     assert columns("coulomb_friction", PLACE, rubbing) == []

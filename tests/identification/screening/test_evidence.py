@@ -5,9 +5,9 @@ import pytest
 import xarray as xr
 from scipy.integrate import solve_ivp
 
-from robustpolish.identification.refit import refit_own
+from robustpolish.identification.refit import fit_own_parameters
 from robustpolish.identification.structure.evidence import _coefficients, evidence
-from robustpolish.identification.structure.screening import columns_at
+from robustpolish.identification.structure.screening import candidate_columns
 from robustpolish.machines.effects.effect import lookup
 from tests.identification.discover.searches import prepared_of
 from tests.identification.oscillators import PLACE, RATE, oscillator, record
@@ -45,12 +45,12 @@ def with_resonator(mass, stiffness, damping, samples=2000):
 def looked_at(model, data, kinds=KINDS, span=None, at=PLACE, in_part=False):
     """Singles and pairs by what runs over windows of a refitted model say."""
     prepared = prepared_of(model, data)
-    stage = refit_own(model, prepared).stage
+    stage = fit_own_parameters(model, prepared).stage
     motion = prepared.motion(stage.model, prepared.screened)
     entries = [
         entry
         for name in kinds
-        for entry in columns_at(stage.model, lookup(name), at, motion, prepared.screened)
+        for entry in candidate_columns(stage.model, lookup(name), at, motion, prepared.screened)
     ]
     span = span or prepared.spans(prepared.trial, 2)[-1] // 2
     return evidence(stage.fit, prepared, entries, span, in_part)

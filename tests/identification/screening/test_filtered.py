@@ -7,10 +7,10 @@ from robustpolish.identification.policy import POLICY
 from robustpolish.identification.structure.screening import (
     FilteredRecord,
     autoregression,
-    columns_at,
+    candidate_columns,
+    has_lightly_damped_mode,
+    nuisance_columns,
     null_score,
-    own_errors,
-    resonates,
 )
 from robustpolish.machines.effects.effect import lookup
 from tests.identification.discover.searches import prepared_of
@@ -37,14 +37,14 @@ def test_the_model_s_own_errors_are_taken_out():
 def test_an_effect_and_the_model_s_numbers_share_the_data_as_in_a_regression():
     seen, motion = seen_of(rig(), CUBIC)
     record = prepared_of(rig(), CUBIC).record
-    (cubic,) = columns_at(rig(), lookup("cubic_stiffness"), PLACE, motion, record)
+    (cubic,) = candidate_columns(rig(), lookup("cubic_stiffness"), PLACE, motion, record)
     rest, found = seen.residual(seen.weighted(seen.respond(cubic)))
     error = CUBIC["f"].values - 50 * X - 4 * V
     columns = np.column_stack([X, V, X**3])
     expected = np.linalg.lstsq(columns, error, rcond=None)[0]
     np.testing.assert_allclose(found, expected[2], rtol=0.01)
     assert np.std(rest[:, 0] - (error - columns @ expected)) < 0.02
-    (offset,) = columns_at(rig(), lookup("sensor_offset"), ("f",), motion, record)
+    (offset,) = candidate_columns(rig(), lookup("sensor_offset"), ("f",), motion, record)
     np.testing.assert_allclose(seen.respond(offset)[0], 1.0)
 
 
@@ -69,7 +69,7 @@ def test_an_error_of_a_spring_leaves_what_a_softer_model_would():
     model, data = oscillator(), record(samples=800, noise=0.01)
     prepared = prepared_of(model, data)
     motion = prepared.motion(model, prepared.record)
-    columns, ridge = own_errors(
+    columns, ridge = nuisance_columns(
         model, POLICY, LinearObserver(model, 1 / 500, FREE, prepared.scales), motion,
         prepared.record,
     )  # fmt: skip
@@ -119,5 +119,5 @@ def test_a_noise_model_is_found():
 def test_noise_that_resonates_is_a_machine(damping):
     pole = np.exp(0.3 * (-damping + 1j * np.sqrt(1 - damping**2)))
     a = np.poly([pole, pole.conjugate(), 0.9]).real
-    assert resonates(a, 0.35) == (damping < 0.35)
-    assert not resonates(np.ones(1), 0.35)
+    assert has_lightly_damped_mode(a, 0.35) == (damping < 0.35)
+    assert not has_lightly_damped_mode(np.ones(1), 0.35)

@@ -2,13 +2,13 @@
 
 import pytest
 
-from robustpolish.identification.structure.evidence import mimics
+from robustpolish.identification.structure.evidence import find_force_equivalents
 from tests.identification.discover.searches import prepared_of
 from tests.identification.oscillators import PLACE, of_rig, oscillator, record, rig
 
 
 def mimicking(model, at=0):
-    return mimics(model, at, prepared_of(rig(), of_rig(noise=0.1)))
+    return find_force_equivalents(model, at, prepared_of(rig(), of_rig(noise=0.1)))
 
 
 def test_what_holds_a_kind_as_a_special_case_makes_its_force():
@@ -67,7 +67,7 @@ def test_a_friction_too_stiff_for_any_step_is_a_jump_by_another_name(kind, stiff
     if kind == "lugre_friction":
         values |= {"static_force": 3.0, "velocity": 0.02}
     prepared = prepared_of(oscillator(), record(1500, noise=0.01))
-    found = mimics(oscillator().with_effect(kind, PLACE, values), 0, prepared)
+    found = find_force_equivalents(oscillator().with_effect(kind, PLACE, values), 0, prepared)
     by_kind = {mimic.effect.kind: mimic for mimic in found}
     assert by_kind["coulomb_friction"].left < 0.15
     assert by_kind["coulomb_friction"].effect.values["force"] == pytest.approx(3.0, rel=0.05)

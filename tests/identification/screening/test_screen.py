@@ -5,7 +5,11 @@ import pytest
 
 from robustpolish.identification.observer.kalman import FREE
 from robustpolish.identification.policy import POLICY, Policy
-from robustpolish.identification.structure.screening import columns_at, screen, too_heavy
+from robustpolish.identification.structure.screening import (
+    candidate_columns,
+    exceeds_machine_mass,
+    screen,
+)
 from robustpolish.machines.effects.effect import Effect, lookup
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.discover.searches import prepared_of
@@ -47,7 +51,7 @@ def test_the_number_of_processors_changes_no_bit(monkeypatch):
 
 def test_odds_are_those_of_the_information_criterion():
     """Two regressions of the error on x and v, one with an offset besides."""
-    alone = Policy(screening=(FREE,), coarse=(FREE,), hardly_led=(FREE,), noise_orders=(0,))
+    alone = Policy(screening=(FREE,), coarse=(FREE,), weak_guidance=(FREE,), noise_orders=(0,))
     (found,) = screened(0.3, Effect("sensor_offset", "f"), policy=alone).candidates
     error = (DATA["f"].values + 0.3) - 50 * X - 4 * V
     left = []
@@ -85,11 +89,15 @@ def test_what_is_attached_weighs_no_more_than_the_machine():
     model = oscillator(inputs=[])
     prepared = prepared_of(model, with_resonator(0.05, 0.05 * (2 * np.pi * 5) ** 2, 0.05))
     motion = prepared.motion(model, prepared.screened)
-    (entry, *_) = columns_at(model, lookup("attached_resonator"), ("x",), motion, prepared.screened)
-    assert not too_heavy(entry, np.array([0.9, 0.0]), model)
-    assert too_heavy(entry, np.array([1.1, 0.0]), model)
-    (cubic, *_) = columns_at(model, lookup("cubic_stiffness"), PLACE, motion, prepared.screened)
-    assert not too_heavy(cubic, np.array([1e9]), model)
+    (entry, *_) = candidate_columns(
+        model, lookup("attached_resonator"), ("x",), motion, prepared.screened
+    )
+    assert not exceeds_machine_mass(entry, np.array([0.9, 0.0]), model)
+    assert exceeds_machine_mass(entry, np.array([1.1, 0.0]), model)
+    (cubic, *_) = candidate_columns(
+        model, lookup("cubic_stiffness"), PLACE, motion, prepared.screened
+    )
+    assert not exceeds_machine_mass(cubic, np.array([1e9]), model)
 
 
 def test_of_two_shapes_much_alike_one_is_enough():

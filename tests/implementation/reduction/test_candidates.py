@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.implementation.reduction import Reducer, coprime, from_factor
+from robustpolish.implementation.reduction import Reducer, coprime_gramians, from_factor
 from robustpolish.plants.blocks import matrices_of
 
 
@@ -45,7 +45,7 @@ def test_whole_coprime_factors_give_back_the_controller(shift):
     _, K = filter_loop(5, 4)
     A, B, C, D = matrices_of(K)
     K = (A + shift * np.eye(4), B, C, D + 0.3)
-    ways = coprime(K, False)
+    ways = coprime_gramians(K, False)
     assert [way.name for way in ways] == ["left coprime", "right coprime"]
     s = 0.7j
     expected = K[2] @ np.linalg.solve(s * np.eye(4) - K[0], K[1]) + K[3]

@@ -5,8 +5,8 @@ import pytest
 from scipy.linalg import expm
 
 from robustpolish.implementation.sampled.induced_norm import (
-    Conflict,
-    Section,
+    EnergySection,
+    GainReached,
     hamiltonian,
     joined,
     phase_section,
@@ -45,13 +45,13 @@ def test_the_gain_of_an_integrator_over_a_stretch():
     one = np.ones((1, 1))
     integrator = Phase(T, 0 * one, one, one, 0 * one)
     edge = 2 * T / np.pi
-    assert isinstance(phase_section(integrator, edge * (1 + 1e-9)), Section)
-    assert isinstance(phase_section(integrator, edge * (1 - 1e-9)), Conflict)
+    assert isinstance(phase_section(integrator, edge * (1 + 1e-9)), EnergySection)
+    assert isinstance(phase_section(integrator, edge * (1 - 1e-9)), GainReached)
 
 
 def test_a_direct_path_alone_may_reach_gamma():
     found = phase_section(phase(1e-9, 1.0), 1.9)
-    assert isinstance(found, Conflict)
+    assert isinstance(found, GainReached)
     assert found.stage == -1
 
 
@@ -59,5 +59,5 @@ def test_a_stiff_stretch_does_not_overflow():
     stiff = Phase(1.0, np.array([[-1e8, 0], [0, -1.0]]), np.ones((2, 1)), np.ones((1, 2)), [[0.0]])
     stiff = stiff._replace(D=np.zeros((1, 1)))
     found = phase_section(stiff, 2.0)
-    assert isinstance(found, Section)
+    assert isinstance(found, EnergySection)
     assert all(np.isfinite(part).all() for part in found)

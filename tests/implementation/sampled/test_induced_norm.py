@@ -5,7 +5,7 @@ import pytest
 
 from robustpolish.implementation.sampled.induced_norm import (
     bracket,
-    judge_gain,
+    check_gain,
     peak_frequency,
     period_section,
 )
@@ -30,7 +30,7 @@ def test_the_bracket_does_not_depend_on_the_first_guess(start):
 def test_the_storage_function_solves_its_riccati_equation():
     own = loop()
     gamma = sampled_servo().certificate.achieved * 1.1
-    P = judge_gain(own, gamma).storage
+    P = check_gain(own, gamma).storage
     section = period_section(own, gamma)
     through = np.linalg.solve(np.eye(len(P)) - section.G @ P, section.A)
     expected = section.Q + section.A.T @ P @ through

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.implementation.sampled.lifting import loop_delay_taken_out
+from robustpolish.implementation.sampled.lifting import without_loop_delay
 
 
 def plant(controls=2):
@@ -20,7 +20,7 @@ def plant(controls=2):
 
 def test_what_all_have_in_common_is_taken_out():
     late = plant().with_delay(["u", "v"], 0.1).with_delay("v", 0.2)
-    rest, seconds = loop_delay_taken_out(late)
+    rest, seconds = without_loop_delay(late)
     assert seconds == pytest.approx(0.1)
     assert dict(rest.delays) == pytest.approx({"v": 0.2})
     omega = np.array([0.1, 0.7])
@@ -35,7 +35,7 @@ def test_what_all_have_in_common_is_taken_out():
 
 def test_measurements_count_too():
     late = plant(1).with_delay("u", 0.1).with_delay(["x", "y"], 0.05)
-    rest, seconds = loop_delay_taken_out(late)
+    rest, seconds = without_loop_delay(late)
     assert seconds == pytest.approx(0.15)
     assert not rest.delays
     np.testing.assert_allclose(rest.system.A, plant(1).system.A)
@@ -43,11 +43,11 @@ def test_measurements_count_too():
 
 
 def test_what_is_not_common_stays():
-    assert loop_delay_taken_out(plant().with_delay("u", 0.1))[1] == 0
-    assert loop_delay_taken_out(plant())[1] == 0
+    assert without_loop_delay(plant().with_delay("u", 0.1))[1] == 0
+    assert without_loop_delay(plant())[1] == 0
     inside = plant(1).with_delay("u", 0.1).with_actuator("u", 10.0)  # the delay is behind it
-    assert loop_delay_taken_out(inside)[1] == 0
+    assert without_loop_delay(inside)[1] == 0
     outside = plant(1).with_actuator("u", 10.0).with_delay("u", 0.1)
-    assert loop_delay_taken_out(outside)[1] == pytest.approx(0.1)
+    assert without_loop_delay(outside)[1] == pytest.approx(0.1)
     weighted = plant(1).with_delay("u", 0.1).with_control_outputs()
-    assert loop_delay_taken_out(weighted)[1] == pytest.approx(0.1)
+    assert without_loop_delay(weighted)[1] == pytest.approx(0.1)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robustpolish.implementation.sampled.induced_norm import bracket, judge_gain, period_section
+from robustpolish.implementation.sampled.induced_norm import bracket, check_gain, period_section
 from robustpolish.implementation.sampled.proof import period_balls, prove_above, prove_below
 from robustpolish.linear.arithmetic import balls
 from tests.implementation.sampled.test_induced_norm import loop
@@ -14,7 +14,7 @@ def test_both_ends_are_proven_and_nothing_beyond_them():
     bound, storage = prove_below(own, high.gamma)
     assert high.gamma < bound < high.gamma * (1 + 1e-5)
     assert np.linalg.eigvalsh(storage).min() > 0
-    assert prove_above(own, judge_gain(own, low.gamma * (1 - 1e-5)))
+    assert prove_above(own, check_gain(own, low.gamma * (1 - 1e-5)))
     assert prove_below(own, low.gamma * 0.99) is None
     assert not prove_above(own, high)
 

@@ -7,7 +7,7 @@ import pytest
 import robustpolish as rp
 from robustpolish.loops.disk_margins import DelayedIntervals
 from robustpolish.loops.loop import loop_of
-from robustpolish.loops.margins import margins_at_once
+from robustpolish.loops.margins import simultaneous_margins
 from robustpolish.loops.scaled_peak import best_scales
 from tests.loops.loops_for_tests import random_loop
 
@@ -15,7 +15,7 @@ from tests.loops.loops_for_tests import random_loop
 def late_loop(seed, order=3):
     system, K = random_loop(seed)
     plant = rp.GeneralizedPlant.from_loop(system)
-    tau = 0.4 * margins_at_once(loop_of(system, K), "inputs").any_delay_s
+    tau = 0.4 * simultaneous_margins(loop_of(system, K), "inputs").any_delay_s
     for i, name in enumerate(plant.control_names):
         plant = plant.with_delay(name, tau / (i + 1), order=order)
     return loop_of(plant, K)
@@ -23,7 +23,7 @@ def late_loop(seed, order=3):
 
 def closed(loop, at):
     every = np.eye(loop.plant.nu + loop.plant.ny)
-    return DelayedIntervals.wired(loop.delayed, every, every[at].T, (every[at], every[at]))
+    return DelayedIntervals.of_loop(loop.delayed, every, every[at].T, (every[at], every[at]))
 
 
 def test_values_are_those_of_the_loop():
@@ -51,7 +51,7 @@ def test_nothing_within_an_interval_reaches_the_level(omega, share):
 
 @pytest.mark.parametrize("where", ["inputs", "outputs", "inputs and outputs"])
 def test_disks_do_not_depend_on_the_order_of_models(where):
-    one, other = (margins_at_once(late_loop(3, order), where) for order in (1, 6))
+    one, other = (simultaneous_margins(late_loop(3, order), where) for order in (1, 6))
     assert one.disk.proven
     assert one.disk.alpha == pytest.approx(other.disk.alpha, rel=2e-3)
     assert one.any_delay_s == pytest.approx(other.any_delay_s, rel=2e-2)
@@ -64,7 +64,7 @@ def test_delays_of_many_turns_leave_no_peak_out():
     for name, seconds in zip(plant.control_names, (3.0, 5.0), strict=True):
         plant = plant.with_delay(name, seconds)
     loop = loop_of(plant, -np.diag([0.3, 0.4]))
-    disk = margins_at_once(loop, "outputs").disk
+    disk = simultaneous_margins(loop, "outputs").disk
     at = loop.at("output")
     values = 2 * loop.delayed.closed(np.linspace(1e-4, 20, 5000))[:, at][:, :, at] - np.eye(2)
     peak = max(best_scales(value)[0] for value in values)

@@ -7,7 +7,11 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.loops.measured import MeasuredLoop, measured_at_once, measured_margins
+from robustpolish.loops.measured import (
+    MeasuredLoop,
+    measured_margins,
+    measured_simultaneous_margins,
+)
 
 s = control.tf("s")
 
@@ -36,6 +40,8 @@ def test_a_crossing_at_rest_is_seen_at_the_first_line():
 
 def test_delays_in_any_combination_are_no_more_than_one_that_is_known():
     found = loop(1 / (s - 1), -3.0, 1)
-    at_once = measured_at_once(found, "inputs")
+    at_once = measured_simultaneous_margins(found, "inputs")
     assert at_once.any_delay_s <= at_once.common_delay_s
-    assert measured_at_once(loop(0.1 / (s + 1), -1.0), "inputs").any_delay_s == math.inf
+    assert (
+        measured_simultaneous_margins(loop(0.1 / (s + 1), -1.0), "inputs").any_delay_s == math.inf
+    )

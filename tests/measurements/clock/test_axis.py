@@ -75,8 +75,8 @@ def test_irregular_clocks_are_resampled_with_a_note(case):
     np.testing.assert_allclose(np.diff(axis.time), np.diff(axis.time)[0], rtol=1e-6)
     slow, fast = (lambda t, f=f: np.sin(2 * np.pi * f * t) for f in (9.0, 300.0))
     np.testing.assert_allclose(axis.move(slow(taken)), slow(axis.time), atol=3e-4)
-    assert axis.doubt("x", slow(taken)) == ""
-    assert "x changes fast for its irregular clock" in axis.doubt("x", fast(taken))
+    assert axis.interpolation_warning("x", slow(taken)) == ""
+    assert "x changes fast for its irregular clock" in axis.interpolation_warning("x", fast(taken))
 
 
 def test_a_gap_is_named_with_the_parts_that_can_be_read():

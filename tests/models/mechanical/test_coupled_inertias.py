@@ -8,7 +8,7 @@ from scipy.linalg import eigh
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
-from robustpolish.machines.mechanical.data import share_of_couplings
+from robustpolish.machines.mechanical.data import definite_coupling_share
 from robustpolish.machines.simulation.run import simulate_model
 
 G = 9.81
@@ -235,7 +235,7 @@ def test_three_couplings_that_are_too_much_together_are_refused():
     with pytest.raises(InvalidInputError, match="with the other coupled inertias some has none"):
         with_all(-0.51)
     changes = {f"coupled_inertia[{i}].value": -0.9 for i in range(3)}
-    share = share_of_couplings(model, changes)
+    share = definite_coupling_share(model, changes)
     assert share * 0.9 == pytest.approx(0.5, rel=2e-3)
     assert model.with_parameters({key: share * value for key, value in changes.items()})
-    assert share_of_couplings(model, {}) == 1.0
+    assert definite_coupling_share(model, {}) == 1.0

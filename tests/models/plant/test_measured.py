@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.plants.blocks import between_lines, finite, rearranged
+from robustpolish.plants.blocks import finite, interpolate_response, rearranged
 
 OMEGA = 2 * np.pi * np.linspace(1.0, 5.0, 9)
 
@@ -28,7 +28,7 @@ def test_signals_are_sorted_by_name_as_of_any_plant():
 
 
 def test_between_the_lines_it_is_straight_and_beyond_them_unknown():
-    values = between_lines(response(), 2 * np.pi * np.array([1.25]))
+    values = interpolate_response(response(), 2 * np.pi * np.array([1.25]))
     expected = np.asarray(response().frdata)[..., :2].mean(axis=-1)
     np.testing.assert_allclose(values[0], expected)
     plant = rp.GeneralizedPlant(response(), 1, 1)

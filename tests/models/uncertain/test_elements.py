@@ -1,6 +1,6 @@
 import pytest
 
-from robustpolish.plants.uncertain.elements import Block, DynamicElement, RealElement
+from robustpolish.plants.uncertain.elements import DynamicElement, RealElement, UncertainBlock
 
 
 @pytest.mark.parametrize("value", [1.0, 2.0, 3.7, 5.0])
@@ -14,5 +14,5 @@ def test_middle_has_no_skew():
 
 
 def test_block_signals():
-    block = Block(DynamicElement("d", (2, 3)), 2)
+    block = UncertainBlock(DynamicElement("d", (2, 3)), 2)
     assert (block.rows, block.columns) == (4, 6)

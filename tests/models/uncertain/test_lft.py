@@ -2,24 +2,24 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.plants.uncertain.elements import Block, RealElement
+from robustpolish.plants.uncertain.elements import RealElement, UncertainBlock
 from robustpolish.plants.uncertain.lft import (
     Lft,
-    appended,
+    block_diagonal,
     block_slices,
     common_time,
     constant,
-    exposed,
     inverse,
     product,
-    reduced,
+    pull_out_block,
+    reduce_copies,
     total,
 )
 
 
 def number():
     one, k = np.ones((1, 1)), RealElement("k", 2.0, 1.0, 3.0)
-    return Lft(0 * one, one, one, 2 * one, (), (Block(k, 1),))
+    return Lft(0 * one, one, one, 2 * one, (), (UncertainBlock(k, 1),))
 
 
 def value(one, delta):
@@ -34,7 +34,7 @@ def test_algebra(delta):
     assert value(total(number(), number()), delta) == pytest.approx(2 * k)
     assert value(product(number(), number()), delta) == pytest.approx(k**2)
     assert value(inverse(number()), delta) == pytest.approx(1 / k)
-    assert value(appended([number(), constant(np.eye(1))]), delta) == pytest.approx(
+    assert value(block_diagonal([number(), constant(np.eye(1))]), delta) == pytest.approx(
         np.diag([k, 1.0])
     )
 
@@ -45,7 +45,7 @@ def test_difference_is_nothing():
 
 
 def test_exposed_signals_come_first():
-    opened = exposed(number(), 0)
+    opened = pull_out_block(number(), 0)
     np.testing.assert_allclose(opened.J, [[0, 1], [1, 2]])
     assert opened.blocks == ()
 
@@ -54,7 +54,7 @@ def test_slices():
     both = product(number(), number())
     z, w = block_slices(both)[0]
     assert z.tolist() == w.tolist() == [0, 1]
-    assert reduced(both).blocks[0].copies == 2
+    assert reduce_copies(both).blocks[0].copies == 2
 
 
 def test_times():

@@ -3,10 +3,10 @@ import numpy as np
 import pytest
 
 from robustpolish.robust.branch_and_bound import (
-    along,
+    apply_along_axis,
     from_powers,
     from_values,
-    halves,
+    halving_matrices,
     nodes,
     square,
 )
@@ -24,7 +24,9 @@ def value(coefficients, x):
 def test_from_values(degree):
     powers = np.random.default_rng(degree).standard_normal(degree + 1)
     values = np.array([np.polyval(powers, float(x.p) / float(x.q)) for x in nodes(degree)])
-    coefficients = along(from_values(degree), np.array([flint.arb(v) for v in values]), 0)
+    coefficients = apply_along_axis(
+        from_values(degree), np.array([flint.arb(v) for v in values]), 0
+    )
     for x in (0.0, 0.3, 1.0):
         assert value([float(c) for c in coefficients], x) == pytest.approx(np.polyval(powers, x))
 
@@ -39,10 +41,10 @@ def test_from_powers():
 
 def test_halves():
     coefficients = np.random.default_rng(0).standard_normal((3, 5))
-    lower, upper = (along(half, coefficients, 1) for half in halves(4))
+    lower, upper = (apply_along_axis(half, coefficients, 1) for half in halving_matrices(4))
     assert value(lower[1], 0.6) == pytest.approx(value(coefficients[1], 0.3))
     assert value(upper[1], 0.6) == pytest.approx(value(coefficients[1], 0.8))
-    assert all((half.sum(axis=1) == 1).all() for half in halves(4))
+    assert all((half.sum(axis=1) == 1).all() for half in halving_matrices(4))
 
 
 @pytest.mark.parametrize("degree", [2, 3])

@@ -6,8 +6,8 @@ from scipy.optimize import minimize
 
 import robustpolish as rp
 from robustpolish.robust import branch_and_bound as branch
-from robustpolish.robust.branch_and_bound import branched, gauge_of
-from robustpolish.robust.loop_model import DeltaBlock, LoopModel, Structure
+from robustpolish.robust.branch_and_bound import branch_and_bound, parameter_norm_of
+from robustpolish.robust.loop_model import DeltaBlock, DeltaStructure, LoopModel
 from tests.robust.loops import servo
 
 
@@ -114,7 +114,7 @@ def test_a_size_that_nothing_has_is_not_proven(claimed, monkeypatch):
     truth = rp.robust_stability(servo())
     loop = LoopModel.of(servo())
     best = claimed * truth.upper * loop.gain
-    found = branched(loop, "both", 0.0, best, 1e-3, lambda numbers, frequency: best)
+    found = branch_and_bound(loop, "both", 0.0, best, 1e-3, lambda numbers, frequency: best)
     assert truth.lower * 0.9 <= found / loop.gain <= truth.upper
 
 
@@ -125,5 +125,5 @@ def test_gauge_of():
         DeltaBlock("complex"),
         DeltaBlock("real", group="e"),
     )
-    gauge = gauge_of(Structure(blocks))
-    assert (gauge.alone, gauge.together) == ((0,), ((1, 2),))
+    parameter_norm = parameter_norm_of(DeltaStructure(blocks))
+    assert (parameter_norm.alone, parameter_norm.together) == ((0,), ((1, 2),))

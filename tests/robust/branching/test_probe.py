@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
 
-from robustpolish.robust.branch_and_bound import nearby, worst_signals
+from robustpolish.robust.branch_and_bound import local_witness, worst_signals
 from robustpolish.robust.loop_model import LoopModel
 from tests.robust.loops import carts, servo
 
 
 def test_nearby():
     loop = LoopModel.of(carts())
-    found = nearby(loop, -3 * loop.gain * np.ones(3), 575 / loop.time, (False,) * 3)
+    found = local_witness(loop, -3 * loop.gain * np.ones(3), 575 / loop.time, (False,) * 3)
     assert found.size / loop.gain < 2.9
 
 

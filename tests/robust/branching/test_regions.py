@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from robustpolish.robust.branch_and_bound import Gauge, Region, bent, bound
+from robustpolish.robust.branch_and_bound import ParameterNorm, Region, bound, least_linear_axis
 
-ALONE = Gauge((0,), ())
+ALONE = ParameterNorm((0,), ())
 
 
 def line(*values, low=-1.0, high=1.0):
@@ -14,10 +14,10 @@ def line(*values, low=-1.0, high=1.0):
 
 
 def test_gauge():
-    gauge = Gauge((0,), ((1, 2),))
-    assert gauge.size(np.array([-2.0, 3.0, 4.0])) == 5
+    parameter_norm = ParameterNorm((0,), ((1, 2),))
+    assert parameter_norm.size(np.array([-2.0, 3.0, 4.0])) == 5
     low, high = np.array([-1.0, 3.0, -5.0]), np.array([1.0, 6.0, -4.0])
-    assert gauge.least(low, high) == pytest.approx(5)
+    assert parameter_norm.least(low, high) == pytest.approx(5)
 
 
 def test_zero_within_the_hull():
@@ -32,9 +32,9 @@ def test_ball_ends_within_the_box():
     P = (1.6 - grid[:, None] - grid[None, :])[None, ..., None] + 0j
     ends = -np.ones(2), np.ones(2)
     region = Region(P, np.array([1e-15]), (0, 0), *ends, (0.0, 1.0), False)
-    assert bound(region, Gauge((0, 1), ()), 1.0, 1.0).size == 0
-    assert bound(region, Gauge((), ((0, 1),)), 1.0, 1.0).size == np.inf
-    assert bound(region, Gauge((), ((0, 1),)), 1.2, 1.0).size == 0
+    assert bound(region, ParameterNorm((0, 1), ()), 1.0, 1.0).size == 0
+    assert bound(region, ParameterNorm((), ((0, 1),)), 1.0, 1.0).size == np.inf
+    assert bound(region, ParameterNorm((), ((0, 1),)), 1.2, 1.0).size == 0
     assert region.frequency == 0
 
 
@@ -66,5 +66,5 @@ def test_halves_are_what_they_were():
 
 def test_bent():
     x, y = np.meshgrid(np.linspace(0, 1, 3), np.linspace(0, 1, 3), indexing="ij")
-    assert bent((5 * x + y**2,)) == 1
-    assert bent((x**2 + 5 * y,)) == 0
+    assert least_linear_axis((5 * x + y**2,)) == 1
+    assert least_linear_axis((x**2 + 5 * y,)) == 0

@@ -5,7 +5,7 @@ import pytest
 import robustpolish as rp
 from robustpolish.linear.arithmetic.balls import precision
 from robustpolish.robust.loop_model import LoopModel
-from robustpolish.robust.real_parameters import proven_size
+from robustpolish.robust.real_parameters import proven_real_margin
 from tests.robust.loops import servo
 
 
@@ -72,9 +72,9 @@ def test_hundred_cases_are_exact(start):
 def test_a_larger_size_is_not_proven():
     _, _, loop = repeated(0)
     margin, model = rp.robust_stability(loop), LoopModel.of(loop)
-    assert proven_size(model, 1.001 * margin.upper * model.gain) is None
-    assert proven_size(model, 0.9 * margin.upper * model.gain) is not None
+    assert proven_real_margin(model, 1.001 * margin.upper * model.gain) is None
+    assert proven_real_margin(model, 0.9 * margin.upper * model.gain) is not None
 
 
 def test_only_one_number():
-    assert proven_size(LoopModel.of(servo()), 1.0) is None
+    assert proven_real_margin(LoopModel.of(servo()), 1.0) is None

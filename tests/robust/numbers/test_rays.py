@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 
 from robustpolish.robust.loop_model import LoopModel
-from robustpolish.robust.real_parameters import crossings
+from robustpolish.robust.real_parameters import ray_crossings
 from tests.robust.loops import carts, damper
 
 
 def test_damper():
     loop = LoopModel.of(damper())
-    nearest = crossings(loop)[0]
+    nearest = ray_crossings(loop)[0]
     assert nearest.size / loop.gain == pytest.approx(1)
     assert loop.omega(nearest.frequency) == pytest.approx(1)
     assert nearest.deltas[0] < 0
@@ -16,7 +16,7 @@ def test_damper():
 
 def test_every_crossing_is_one():
     loop = LoopModel.of(carts())
-    found = crossings(loop)
+    found = ray_crossings(loop)
     assert len(found) >= 2
     for crossing in found:
         M = loop.response(loop.angle(crossing.frequency))[0]

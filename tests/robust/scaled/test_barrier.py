@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from robustpolish.robust.loop_model import read_structure
-from robustpolish.robust.scalings import Barrier, Inequality, Space, centre, started
+from robustpolish.robust.scalings import Barrier, Inequality, Space, centre, initial_scalings
 
 
 def test_slope_and_curvature_are_those_of_the_value():
@@ -10,7 +10,7 @@ def test_slope_and_curvature_are_those_of_the_value():
     M = random.standard_normal((6, 6)) + 1j * random.standard_normal((6, 6))
     structure = read_structure([("real", 2), "real", ("complex", 2), "complex"])
     one = Inequality(Space(structure, (False,) * 4), M[None])
-    start = started(one)
+    start = initial_scalings(one)
     barrier = Barrier.of(one.coefficients(2 * start.square), one.space.boxes(1e3 * one.size))
     x = centre(one, 2 * start.square, start.x)
     slope, curvature = barrier.derivatives(x)

@@ -3,13 +3,13 @@ import pytest
 
 from robustpolish.robust.loop_model import read_structure
 from robustpolish.robust.scalings import (
-    EFFORT,
+    CENTRING_OPTIONS,
     Inequality,
     Space,
     centre,
-    lowered,
+    initial_scalings,
     normalised,
-    started,
+    reduce_level,
 )
 
 slycot = pytest.importorskip("slycot")
@@ -25,7 +25,7 @@ def test_least_level_agrees_with_slicot(seed):
     random = np.random.default_rng(seed)
     M = random.standard_normal((5, 5)) + 1j * random.standard_normal((5, 5))
     one = inequality(M, ["real", "complex", "real", ("full", 2)])
-    level = lowered(one, started(one))
+    level = reduce_level(one, initial_scalings(one))
     bound = slycot.ab13md(M, np.array([1, 1, 1, 2]), np.array([1, 2, 1, 2]))[0]
     assert np.sqrt(level.square) == pytest.approx(bound, rel=2e-4)
 
@@ -33,26 +33,30 @@ def test_least_level_agrees_with_slicot(seed):
 def test_badly_scaled_matrix():
     M = np.array([[0.3, 1e6], [1e-8, 0.2j]])
     one = inequality(M, ["complex", "complex"])
-    assert np.sqrt(lowered(one, started(one)).square) < 0.5
+    assert np.sqrt(reduce_level(one, initial_scalings(one)).square) < 0.5
 
 
 def test_centre_has_no_slope():
     random = np.random.default_rng(1)
     one = inequality(random.standard_normal((3, 3)) + 0j, ["real", "complex", "complex"])
-    start = started(one)
+    start = initial_scalings(one)
     x = centre(one, 2 * start.square, start.x)
     assert one.least_square(x) < 2 * start.square
     again = centre(one, 2 * start.square, x)
-    assert one.least_square(again) == pytest.approx(one.least_square(x), rel=EFFORT.centred)
+    assert one.least_square(again) == pytest.approx(
+        one.least_square(x), rel=CENTRING_OPTIONS.centred
+    )
 
 
 def test_fixed_blocks():
     # the gain of M22 + M21 d M12 / (1 - M11 d) is largest at |d| = 1
     M = np.array([[0.5, 1.0], [1.0, 0.2]], complex)
     one = inequality(M, ["complex", "complex"], (True, False))
-    assert np.sqrt(lowered(one, started(one)).square) == pytest.approx(0.2 + 1 / 0.5, rel=1e-4)
+    assert np.sqrt(reduce_level(one, initial_scalings(one)).square) == pytest.approx(
+        0.2 + 1 / 0.5, rel=1e-4
+    )
     large = inequality(np.array([[1.5, 1], [1, 1]], complex), ["complex", "complex"], (True, False))
-    assert started(large).square == np.inf
+    assert initial_scalings(large).square == np.inf
 
 
 def test_normalised():

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.robust.loop_model import evened
+from robustpolish.robust.loop_model import equilibrate
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -11,7 +11,7 @@ def test_rows_and_columns_are_alike_whatever_the_units_were(seed):
     units = 10.0 ** random.uniform(-4, 4, 6)
     found = []
     for one in (sizes, sizes * units / units[:, None]):
-        scales = evened(one)
+        scales = equilibrate(one)
         assert np.exp(np.log(scales).mean()) == pytest.approx(1)
         found.append(one * scales / scales[:, None])
     np.testing.assert_allclose(found[1], found[0], rtol=1e-10)
@@ -21,7 +21,7 @@ def test_rows_and_columns_are_alike_whatever_the_units_were(seed):
 
 def test_what_acts_one_way_only_ends_somewhere():
     sizes = np.array([[0.0, 1e3, 0.0], [0.0, 0.0, 2.0], [0.0, 3.0, 0.0]])
-    scales = evened(sizes)
+    scales = equilibrate(sizes)
     turned = sizes * scales / scales[:, None]
     assert np.isfinite(scales).all()
     assert 0 < turned[0, 1] < 1e-3
@@ -29,4 +29,4 @@ def test_what_acts_one_way_only_ends_somewhere():
 
 
 def test_nothing_to_even():
-    np.testing.assert_array_equal(evened(np.diag([1.0, 2.0])), np.ones(2))
+    np.testing.assert_array_equal(equilibrate(np.diag([1.0, 2.0])), np.ones(2))

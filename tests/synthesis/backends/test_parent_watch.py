@@ -95,6 +95,6 @@ def test_a_parent_that_is_gone_before_the_watch_begins_is_noticed():
     reader, _writer = os.pipe()
     child = os.fork()
     if child == 0:
-        parent_watch.end_with(1 << 30, reader)
+        parent_watch.exit_with_parent(1 << 30, reader)
         os._exit(0)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 1

@@ -5,13 +5,13 @@ import pytest
 from three_loops import blocks, plant
 
 from robustpolish.synthesis.problem.scaling import scale_plant
-from robustpolish.synthesis.structured.block_wiring import placed, wired
+from robustpolish.synthesis.structured.block_wiring import block_parametrisation, place_blocks
 
 
 def test_back_is_the_gradient():
     P = plant()
-    placement = placed(blocks(), P)
-    gain = wired(placement, scale_plant(P))
+    placement = place_blocks(blocks(), P)
+    gain = block_parametrisation(placement, scale_plant(P))
     rng = np.random.default_rng(1)
     theta = 0.3 * rng.normal(size=gain.size)
     theta[[n.key for n in placement.numbers].index("notch_x.depth")] = 0.4  # inside its limits

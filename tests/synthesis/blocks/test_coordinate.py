@@ -4,14 +4,14 @@ import math
 
 import pytest
 
-from robustpolish.synthesis.structured.block_parts import LEAST, Coordinate
+from robustpolish.synthesis.structured.block_parts import LEAST, ParameterTransform
 
 INF = math.inf
 CASES = [
-    (Coordinate(2.0, -INF, INF), -3.0),
-    (Coordinate(2.0, 0.0, INF, "positive"), 0.7),
-    (Coordinate(2.0, -INF, INF, "integral"), -0.3),
-    (Coordinate(2.0, -INF, 0.0, "integral"), -0.3),
+    (ParameterTransform(2.0, -INF, INF), -3.0),
+    (ParameterTransform(2.0, 0.0, INF, "positive"), 0.7),
+    (ParameterTransform(2.0, -INF, INF, "integral"), -0.3),
+    (ParameterTransform(2.0, -INF, 0.0, "integral"), -0.3),
 ]
 
 
@@ -36,7 +36,7 @@ def test_an_integral_gain_keeps_away_from_zero_on_either_side():
 
 
 def test_limits_are_kept_in_spite_of_rounding():
-    coordinate = Coordinate(0.3, 0.1, 0.7, "positive")
+    coordinate = ParameterTransform(0.3, 0.1, 0.7, "positive")
     low, high = coordinate.bounds(0.0)
     assert 0.1 <= coordinate.value(low) <= 0.1 * (1 + 1e-12)
     assert 0.7 * (1 - 1e-12) <= coordinate.value(high) <= 0.7

@@ -11,7 +11,7 @@ from robustpolish.synthesis.structured.block_parts import GivenFilter
 def test_another_unit_of_time_moves_its_frequencies():
     system = control.tf([1.0, 300.0], [1.0, 5.0, 900.0])
     A, B, C, D = (
-        (M := GivenFilter.of(system).in_time(0.125).matrix(np.zeros(0)))[:2, :2],
+        (M := GivenFilter.of(system).in_unit_of_time(0.125).matrix(np.zeros(0)))[:2, :2],
         M[:2, 2:],
         M[2:, :2],
         M[2:, 2:],

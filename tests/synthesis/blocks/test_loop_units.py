@@ -6,7 +6,7 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.structured.block_wiring import LoopUnits, placed
+from robustpolish.synthesis.structured.block_wiring import LoopUnits, place_blocks
 
 
 def test_weights_do_not_belong_to_the_loop():
@@ -15,7 +15,7 @@ def test_weights_do_not_belong_to_the_loop():
     units = LoopUnits(PlantMatrices.of(plant))
     assert units.band == pytest.approx((2.0 / 30, 20.0))
     at = LoopUnits(PlantMatrices.of(plant), 6.0)
-    placement = placed(rp.tunable.pid("x"), plant)
+    placement = place_blocks(rp.tunable.pid("x"), plant)
     sizes = [at.size(placement.blocks[0], 0, slot) for slot in placement.blocks[0].stages[0].slots]
     gain = abs(2.0 + 6.0j) / 4.0
     assert sizes == pytest.approx([gain, gain * 6.0, gain / 6.0, 1 / 6.0])

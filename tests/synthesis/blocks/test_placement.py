@@ -7,27 +7,29 @@ from three_loops import blocks, plant
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
-from robustpolish.synthesis.structured.block_wiring import placed
+from robustpolish.synthesis.structured.block_wiring import place_blocks
 
 
 def test_names_are_different_and_tell_the_signal():
-    placement = placed(
+    placement = place_blocks(
         [rp.tunable.pid("x", "F"), rp.tunable.pid("x", "F"), rp.tunable.pid("x", "M")], plant()
     )
     assert [s.name for _, _, s in placement.places] == ["pid_x", "pid_x_F", "pid_x_M"]
-    named = placed([rp.tunable.pid("x", "F", name="inner"), rp.tunable.pid("x", "F")], plant())
+    named = place_blocks(
+        [rp.tunable.pid("x", "F", name="inner"), rp.tunable.pid("x", "F")], plant()
+    )
     assert [s.name for _, _, s in named.places] == ["inner", "pid_x"]
 
 
 def test_mask_and_shared_numbers():
-    placement = placed(blocks(), plant())
+    placement = place_blocks(blocks(), plant())
     assert placement.mask.tolist() == [[True, False, True], [True, True, True]]
     assert [n.key for n in placement.numbers].count("k") == 1
 
 
 def test_one_measurement_and_one_control_need_no_names():
     P = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
-    (block,) = placed(rp.tunable.pid(), P).blocks
+    (block,) = place_blocks(rp.tunable.pid(), P).blocks
     assert (block.measurements, block.controls) == (P.measurement_names, P.control_names)
 
 
@@ -62,17 +64,17 @@ def idle():
 )
 def test_refuses(given, words):
     with pytest.raises(InvalidInputError, match=words):
-        assert placed(given, plant()).numbers
+        assert place_blocks(given, plant()).numbers
 
 
 def test_refuses_blocks_without_effect():
     with pytest.raises(InvalidInputError, match="drives M, which moves nothing"):
-        placed([rp.tunable.pid("x", "M")], idle())
+        place_blocks([rp.tunable.pid("x", "M")], idle())
 
 
 def test_discrete_plants_take_what_means_the_same_there():
     sampled = control.StateSpace(0.5 * np.eye(1), [[1.0]], [[1.0]], 0, 0.1)
     P = rp.GeneralizedPlant.from_loop(sampled)
     with pytest.raises(InvalidInputError, match=r"call design.discretize\(period\)"):
-        placed(rp.tunable.pid(), P)
-    assert len(placed(rp.tunable.fixed_order(order=1), P).numbers) == 4
+        place_blocks(rp.tunable.pid(), P)
+    assert len(place_blocks(rp.tunable.fixed_order(order=1), P).numbers) == 4

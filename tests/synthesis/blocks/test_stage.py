@@ -16,4 +16,4 @@ def test_a_filter_has_one_input_and_one_output():
 def test_named():
     assert Notch().named("n").name == "n"
     assert Notch().integrators == ()
-    assert Notch().in_time(3.0).kind == "notch"
+    assert Notch().in_unit_of_time(3.0).kind == "notch"

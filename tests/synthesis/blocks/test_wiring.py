@@ -7,15 +7,15 @@ import pytest
 from three_loops import blocks, plant
 
 from robustpolish.synthesis.problem.scaling import scale_plant
-from robustpolish.synthesis.structured.block_wiring import placed, wired
+from robustpolish.synthesis.structured.block_wiring import block_parametrisation, place_blocks
 
 S, W = 2.3j, 2 * math.pi
 
 
 def test_series_and_sums():
     P = plant()
-    placement, scaled = placed(blocks(), P), scale_plant(P)
-    gain = wired(placement, scaled)
+    placement, scaled = place_blocks(blocks(), P), scale_plant(P)
+    gain = block_parametrisation(placement, scaled)
     theta = 0.3 * np.random.default_rng(2).normal(size=gain.size)
     M, n = gain.gain(theta), len(gain.leave) - P.nu
     pencil = S * scaled.time * np.eye(n) - M[:n, :n]

@@ -7,16 +7,16 @@ import pytest
 from robustpolish.linear.arithmetic import balls
 from robustpolish.synthesis.proofs.bounded_real import (
     BITS,
-    enclosed,
-    precise_candidate,
+    enclose_system,
     precise_peak,
+    precise_riccati_solution,
 )
 
 
 def loop_of(A, B, C, D=None):
     C, B = np.atleast_2d(C), np.atleast_2d(B)
     D = np.zeros((len(C), B.shape[1])) if D is None else D
-    return enclosed(control.StateSpace(A, B, C, D))
+    return enclose_system(control.StateSpace(A, B, C, D))
 
 
 @pytest.mark.parametrize("damping", [0.3, 1e-6, 1e-13])
@@ -39,7 +39,7 @@ def test_the_candidate_is_the_stabilising_solution():
     B, C = rng.standard_normal((4, 2)), rng.standard_normal((3, 4))
     C /= 1.25 * np.linalg.norm(control.StateSpace(A, B, C, 0)(0j), 2)
     with balls.precision(BITS):
-        found = precise_candidate(loop_of(A, B, C))
+        found = precise_riccati_solution(loop_of(A, B, C))
         assert found is not None
         X = balls.midpoint(found)
     assert pytest.approx(np.zeros((4, 4)), abs=1e-12) == A.T @ X + X @ A + X @ B @ B.T @ X + C.T @ C
@@ -50,4 +50,4 @@ def test_the_candidate_is_the_stabilising_solution():
 @pytest.mark.parametrize(("pole", "gain"), [(-1.0, 1.5), (0.0, 0.1)])
 def test_nothing_proves_a_norm_above_one_or_an_integrator(pole, gain):
     with balls.precision(BITS):
-        assert precise_candidate(loop_of([[pole]], [[1.0]], [[gain]])) is None
+        assert precise_riccati_solution(loop_of([[pole]], [[1.0]], [[gain]])) is None

@@ -6,7 +6,7 @@ import pytest
 import robustpolish as rp
 from robustpolish.synthesis.proofs.bounded_real import (
     enclose_loop,
-    enclosed,
+    enclose_system,
     prove_computed_norm,
     rounding_level,
 )
@@ -30,7 +30,7 @@ def drawn(n, dt, seed):
 def computed(plant, gain=0.0, rounded=None):
     K = plant.static_controller([[gain]])
     loop = enclose_loop(plant, K)
-    rounded = enclosed(plant.closed_loop(K) if rounded is None else rounded)
+    rounded = enclose_system(plant.closed_loop(K) if rounded is None else rounded)
     return prove_computed_norm(loop, rounded, rounding_level(loop), plant.dt or None)
 
 

@@ -6,7 +6,7 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.synthesis.proofs import achieved_norm as module
-from robustpolish.synthesis.proofs.achieved_norm import quick_norm, state_scale
+from robustpolish.synthesis.proofs.achieved_norm import estimate_norm, state_scale
 
 
 def test_a_narrow_resonance_beside_a_broad_one():
@@ -14,7 +14,7 @@ def test_a_narrow_resonance_beside_a_broad_one():
     A[:2, :2] = [[0.0, 1.0], [-1.0, -0.2]]  # peaks with 5
     A[2:, 2:] = [[0.0, 1.0], [-1e4, -2e-4]]  # peaks with 50
     B = np.array([[0.0], [1.0], [0.0], [1.0]])
-    found = quick_norm(
+    found = estimate_norm(
         A, B, np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]), np.zeros((2, 1))
     )
     assert found.settled
@@ -35,24 +35,24 @@ def test_random_systems_in_wild_units(seed):
         rng.standard_normal((3, 2)),
     )
     exact = rp.hinf_norm(control.StateSpace(*system))
-    found = quick_norm(*system)
+    found = estimate_norm(*system)
     assert found.settled
     assert exact.lower * (1 - 2e-6) <= found.value <= exact.upper * (1 + 1e-9)
 
 
 def test_peaks_at_both_ends_of_the_frequencies():
     lag = np.array([[-2.0]]), np.array([[1.0]])
-    assert quick_norm(*lag, np.array([[6.0]]), np.zeros((1, 1)))[:2] == pytest.approx((3.0, 0.0))
+    assert estimate_norm(*lag, np.array([[6.0]]), np.zeros((1, 1)))[:2] == pytest.approx((3.0, 0.0))
     # 3 s/(s + 2)
-    high = quick_norm(*lag, np.array([[-6.0]]), np.array([[3.0]]))
+    high = estimate_norm(*lag, np.array([[-6.0]]), np.array([[3.0]]))
     assert high[:2] == (pytest.approx(3.0, rel=1e-6), np.inf)
     nothing = np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0))
-    assert quick_norm(*nothing, np.diag([3.0, -4.0])) == (4.0, np.inf, True)
+    assert estimate_norm(*nothing, np.diag([3.0, -4.0])) == (4.0, np.inf, True)
 
 
 def test_a_pole_on_the_axis_has_no_norm():
     one = np.eye(1)
-    assert quick_norm(np.zeros((1, 1)), one, one, np.zeros((1, 1)))[::2] == (np.inf, False)
+    assert estimate_norm(np.zeros((1, 1)), one, one, np.zeros((1, 1)))[::2] == (np.inf, False)
 
 
 def test_scales_even_out_units_and_are_powers_of_two():
@@ -72,7 +72,7 @@ def test_many_states_have_the_norm_of_the_proven_bracket(seed):
     A = rng.standard_normal((60, 60))
     A -= (np.linalg.eigvals(A).real.max() + 0.1) * np.eye(60)
     B, C, D = rng.standard_normal((60, 2)), rng.standard_normal((3, 60)), np.ones((3, 2))
-    found = quick_norm(A, B, C, D)
+    found = estimate_norm(A, B, C, D)
     proven = rp.hinf_norm(control.StateSpace(A, B, C, D))
     assert found.settled
     assert found.value == pytest.approx(proven.value, rel=1e-9)
@@ -94,7 +94,7 @@ def test_a_peak_that_modes_leave_in_doubt_is_settled_by_the_hamiltonian(monkeypa
 
     real = module._highest
     monkeypatch.setattr(module, "_highest", highest)
-    found = quick_norm(A, B, C, D)
+    found = estimate_norm(A, B, C, D)
     assert looked[0] == 1  # the peak of the modes, and no resonance
     assert found.settled
     proven = rp.hinf_norm(control.StateSpace(A, B, C, D))

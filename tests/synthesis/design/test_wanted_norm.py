@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.synthesis.certificate import ANY_NORM, WantedNorm, norm_in_words, out_of_reach
+from robustpolish.synthesis.certificate import (
+    ANY_NORM,
+    NormTarget,
+    norm_in_words,
+    unreachable_norm_error,
+)
 
 
 @pytest.mark.parametrize(
@@ -20,14 +25,14 @@ from robustpolish.synthesis.certificate import ANY_NORM, WantedNorm, norm_in_wor
     ],
 )
 def test_numbers_and_ranges(gamma, enough, below):
-    wanted = WantedNorm.checked(gamma)
+    wanted = NormTarget.checked(gamma)
     assert (wanted.enough, wanted.below) == (enough, below)
-    assert wanted.asks
+    assert wanted.is_requested
 
 
 def test_nothing_and_everything_ask_for_nothing():
-    assert WantedNorm.checked(None) is ANY_NORM
-    assert not WantedNorm.checked((0, np.inf)).asks
+    assert NormTarget.checked(None) is ANY_NORM
+    assert not NormTarget.checked((0, np.inf)).is_requested
     assert ANY_NORM.limited(1.5) == 1.5
     assert ANY_NORM.in_words() == ""
 
@@ -39,22 +44,22 @@ def test_nothing_and_everything_ask_for_nothing():
 )  # fmt: skip
 def test_what_is_neither_is_refused_and_shown(gamma):
     with pytest.raises(InvalidInputError, match=r"gamma: got .*\(low, high\).*Pass gamma"):
-        WantedNorm.checked(gamma)
+        NormTarget.checked(gamma)
 
 
 def test_searches_aim_into_the_range_and_leave_room_for_the_proof():
-    wanted = WantedNorm.checked((1.0, 2.0))
+    wanted = NormTarget.checked((1.0, 2.0))
     assert 0.999 < wanted.limited(0.5) < 1.0
     assert 1.499 < wanted.limited(1.5) < 1.5
     assert 1.999 < wanted.limited(3.0) < 2.0
-    assert wanted.in_unit(0.5) == WantedNorm(2.0, 4.0)
+    assert wanted.in_unit(0.5) == NormTarget(2.0, 4.0)
 
 
 def test_words():
-    assert WantedNorm.checked(2).in_words() == "a norm below gamma = 2"
-    assert WantedNorm.checked((0.5, 2)).in_words() == "a norm within gamma = 0.5 to 2"
-    assert "0.5 to infinity" in WantedNorm.checked((0.5, np.inf)).in_words()
+    assert NormTarget.checked(2).in_words() == "a norm below gamma = 2"
+    assert NormTarget.checked((0.5, 2)).in_words() == "a norm within gamma = 0.5 to 2"
+    assert "0.5 to infinity" in NormTarget.checked((0.5, np.inf)).in_words()
     assert norm_in_words("h2") == "H2"
-    error = out_of_reach(WantedNorm.checked(2), 2.5, "hinf", "by hand")
+    error = unreachable_norm_error(NormTarget.checked(2), 2.5, "hinf", "by hand")
     assert "no controller has a norm below gamma = 2" in str(error)
     assert "H-infinity norm of every stabilising controller's loop is at least 2.5" in str(error)

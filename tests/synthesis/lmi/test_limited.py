@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.synthesis.lmi.program import run_limited
+from robustpolish.synthesis.lmi.program import run_with_time_limit
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs processes that fork")
 
 
 def test_answers_larger_than_a_pipe_come_back():
     seed = 3
-    found = run_limited(lambda: np.random.default_rng(seed).standard_normal(300_000), 30.0)
+    found = run_with_time_limit(lambda: np.random.default_rng(seed).standard_normal(300_000), 30.0)
     np.testing.assert_array_equal(found, np.random.default_rng(seed).standard_normal(300_000))
 
 
@@ -28,7 +28,7 @@ def test_the_call_and_what_it_started_are_ended():
         time.sleep(60)
 
     start = time.monotonic()
-    assert run_limited(two_that_sleep, 0.2) is None
+    assert run_with_time_limit(two_that_sleep, 0.2) is None
     os.close(writer)
     # Whoever still slept would hold the other end open.
     assert select.select([reader], [], [], 10.0)[0]
@@ -42,12 +42,12 @@ def test_our_own_errors_arrive_and_others_are_no_answer():
         raise rp.InfeasibleError("No controller stabilises the plant.")
 
     with pytest.raises(rp.InfeasibleError, match="No controller stabilises"):
-        run_limited(refuse, 30.0)
-    assert run_limited(lambda: 1 / 0, 30.0) is None
-    assert run_limited(lambda: os.kill(os.getpid(), signal.SIGKILL), 30.0) is None
+        run_with_time_limit(refuse, 30.0)
+    assert run_with_time_limit(lambda: 1 / 0, 30.0) is None
+    assert run_with_time_limit(lambda: os.kill(os.getpid(), signal.SIGKILL), 30.0) is None
 
 
 def test_nothing_that_the_call_changes_is_seen_outside():
     seen = []
-    assert run_limited(lambda: seen.append(1) or len(seen), np.inf) == 1
+    assert run_with_time_limit(lambda: seen.append(1) or len(seen), np.inf) == 1
     assert seen == []

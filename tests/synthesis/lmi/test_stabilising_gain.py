@@ -6,7 +6,7 @@ from small_plants import static_plant
 
 from robustpolish.base.budget import Budget
 from robustpolish.synthesis.lmi.program import ProgramSolver, stabilising_gain
-from robustpolish.synthesis.problem.matrices import close_static
+from robustpolish.synthesis.problem.matrices import close_static_loop
 
 solver = ProgramSolver("cvxpy", None, Budget(), accuracy=1e-7)
 
@@ -20,7 +20,7 @@ def test_finds_a_stabilising_gain(discrete):
             A /= 0.8 * np.abs(np.linalg.eigvals(A)).max()
         plant = static_plant(A, rng.normal(size=(4, 2)), rng.normal(size=(3, 4)), discrete)
         K = stabilising_gain(plant, np.ones((2, 3), bool), solver)
-        assert close_static(plant, K).stable
+        assert close_static_loop(plant, K).stable
 
 
 def test_respects_a_pattern():
@@ -28,4 +28,4 @@ def test_respects_a_pattern():
     mask = np.eye(2, dtype=bool)
     K = stabilising_gain(plant, mask, solver)
     assert (K[~mask] == 0).all()
-    assert close_static(plant, K).stable
+    assert close_static_loop(plant, K).stable

@@ -6,9 +6,9 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.synthesis.loop_shaping.coprime import (
-    arrays_of,
     cayley,
     cayley_back,
+    consistent_matrices,
     coprime,
     in_series,
     loop_plant,
@@ -55,7 +55,7 @@ def test_the_optimal_gamma_is_that_of_the_four_blocks(seed):
 
 
 def test_the_image_of_discrete_time_and_back():
-    G = arrays_of(random_plant(7, 0.1))
+    G = consistent_matrices(random_plant(7, 0.1))
     image = SystemMatrices(*cayley(*G))
     for z in (np.exp(0.3j), np.exp(2j)):
         np.testing.assert_allclose(response(image, (z - 1) / (z + 1)), response(G, z))
@@ -65,7 +65,7 @@ def test_the_image_of_discrete_time_and_back():
 
 def test_systems_in_series():
     one, two = random_plant(1), control.ss(random_plant(2).A, np.ones((4, 3)), np.ones((1, 4)), 0)
-    both = in_series(arrays_of(one), arrays_of(two))
+    both = in_series(consistent_matrices(one), consistent_matrices(two))
     np.testing.assert_allclose(response(both, 2j), np.atleast_2d(two(2j)) @ one(2j))
 
 

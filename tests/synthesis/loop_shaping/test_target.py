@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.synthesis.loop_shaping.coprime import arrays_of
-from robustpolish.synthesis.loop_shaping.loop_shaping import WantedLoop, gains
+from robustpolish.synthesis.loop_shaping.coprime import consistent_matrices
+from robustpolish.synthesis.loop_shaping.loop_shaping import TargetLoop, gains
 
 s = control.tf("s")
 
 
 def wanted(system, dt=0, band_hz=None):
-    return WantedLoop.checked(arrays_of(control.ss(system)), dt, band_hz)
+    return TargetLoop.checked(consistent_matrices(control.ss(system)), dt, band_hz)
 
 
 def test_crossovers_and_band_follow_from_the_target():
@@ -33,20 +33,20 @@ def test_the_band_of_a_discrete_target_ends_at_half_the_sample_rate():
 
 def test_distance_counts_both_ways_and_shortfall_only_what_harms():
     target = wanted(10 / s)
-    more = arrays_of(control.ss(20 / s))
+    more = consistent_matrices(control.ss(20 / s))
     assert target.distance_of(more)[0] == pytest.approx(2)
     # Twice the gain helps below 10 rad/s and harms above.
     factor, where = target.shortfall_of(more)
     assert factor == pytest.approx(2)
     assert where > 10
-    assert target.shortfall_of(arrays_of(control.ss(5 / s)))[1] < 10
-    lagged = arrays_of(control.ss(10 / s / (0.01 * s + 1)))
+    assert target.shortfall_of(consistent_matrices(control.ss(5 / s)))[1] < 10
+    lagged = consistent_matrices(control.ss(10 / s / (0.01 * s + 1)))
     assert target.distance_of(lagged)[0] == pytest.approx(np.sqrt(2), rel=1e-6)
     assert target.shortfall_of(lagged)[0] < 1.006
 
 
 def test_gains_are_infinite_at_a_pole():
-    sizes = gains(arrays_of(control.ss(1 / s)), np.array([0.0, 2.0]), 0)
+    sizes = gains(consistent_matrices(control.ss(1 / s)), np.array([0.0, 2.0]), 0)
     assert sizes.ravel().tolist() == [np.inf, 0.5]
 
 

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.synthesis.loop_shaping.coprime import arrays_of, in_series
+from robustpolish.synthesis.loop_shaping.coprime import consistent_matrices, in_series
 from robustpolish.synthesis.loop_shaping.loop_shaping import (
-    WantedLoop,
+    TargetLoop,
     limits_in_words,
     target_weight,
 )
@@ -24,8 +24,8 @@ def pieces(G, crossover=10.0, dt=0):
     if dt:
         G, one = control.c2d(G, dt), control.c2d(one, dt)
     count = min(G.ninputs, G.noutputs)
-    shape = SystemMatrices(*(np.kron(np.eye(count), M) for M in arrays_of(one)))
-    return arrays_of(G), WantedLoop.checked(shape, dt, None)
+    shape = SystemMatrices(*(np.kron(np.eye(count), M) for M in consistent_matrices(one)))
+    return consistent_matrices(G), TargetLoop.checked(shape, dt, None)
 
 
 @pytest.mark.parametrize("dt", [0, 0.01])
@@ -52,9 +52,9 @@ def test_the_shaped_plant_has_the_gain_of_the_target_within_a_percent(plant, dt)
 
 
 def test_a_matrix_target_gives_each_singular_value_its_own_gain():
-    G = arrays_of(control.ss(-np.eye(2), np.eye(2), [[1, 2], [3, 1]], 0))
-    shape = arrays_of(control.ss(np.zeros((2, 2)), np.diag([1.0, 10.0]), np.eye(2), 0))
-    wanted = WantedLoop.checked(shape, 0, None)
+    G = consistent_matrices(control.ss(-np.eye(2), np.eye(2), [[1, 2], [3, 1]], 0))
+    shape = consistent_matrices(control.ss(np.zeros((2, 2)), np.diag([1.0, 10.0]), np.eye(2), 0))
+    wanted = TargetLoop.checked(shape, 0, None)
     assert wanted.distance_of(in_series(target_weight(G, wanted), G))[0] < 1.01
 
 

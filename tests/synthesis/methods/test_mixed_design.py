@@ -49,13 +49,15 @@ def two_lags(fast=1.0):
 @pytest.fixture
 def quick(monkeypatch):
     """Spend little of the work: enough for lags."""
-    checked = structured_design.Orders.checked
+    checked = structured_design.StructuredOptions.checked
 
     def short(*arguments):
         orders = checked(*arguments)
-        return structured_design.Orders(Budget(4e-3 * POLICY.work), orders.seed, orders.target)
+        return structured_design.StructuredOptions(
+            Budget(4e-3 * POLICY.work), orders.seed, orders.target
+        )
 
-    monkeypatch.setattr(mixed_design.Orders, "checked", short)
+    monkeypatch.setattr(mixed_design.StructuredOptions, "checked", short)
 
 
 def test_what_is_specified_is_certified_on_its_channel(quick):

@@ -9,7 +9,11 @@ from robustpolish.errors import InfeasibleError, InvalidInputError, SolverError
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import Norm
 from robustpolish.synthesis.problem.scaling import decoupled_parts
-from robustpolish.synthesis.structured.methods import Orders, checked_bound, design_structured
+from robustpolish.synthesis.structured.methods import (
+    StructuredOptions,
+    checked_bound,
+    design_structured,
+)
 from robustpolish.synthesis.structured.search import POLICY
 from robustpolish.synthesis.structured.structures import StaticStructure
 
@@ -24,13 +28,13 @@ from robustpolish.synthesis.structured.structures import StaticStructure
 )
 def test_bad_arguments_are_named(arguments, named):
     with pytest.raises(InvalidInputError, match=rf"^{named}: "):
-        Orders.checked(*arguments)
+        StructuredOptions.checked(*arguments)
     with pytest.raises(InvalidInputError, match=r"^gain_bound: "):
         checked_bound(0.0)
 
 
 def test_work_is_limited_on_every_machine():
-    orders = Orders.checked("h2", 5.0, 3)
+    orders = StructuredOptions.checked("h2", 5.0, 3)
     assert (orders.budget.work, orders.budget.seconds) == (POLICY.work, 5.0)
     assert (orders.seed, orders.target) == (3, 0.0)
     assert checked_bound(None) is None
@@ -55,7 +59,7 @@ def lags(rates, price=1.0, controls=None):
 def design(plant, norm: Norm = "hinf", mask=None, budget=None):
     structure = StaticStructure(norm, mask=mask)
     parts = decoupled_parts(plant, mask)
-    orders = Orders(budget or Budget(600.0), 0)
+    orders = StructuredOptions(budget or Budget(600.0), 0)
     return design_structured(plant, plant, parts, structure, norm, orders)
 
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from robustpolish.base.budget import Budget
-from robustpolish.synthesis.nonsmooth.descent import Folded, bfgs
+from robustpolish.synthesis.nonsmooth.descent import ReflectedParametrisation, bfgs
 from robustpolish.synthesis.nonsmooth.parametrisations import MaskedGain
 
 BOUNDS = (np.array([-1.0, 0.0, -np.inf, -np.inf]), np.array([2.0, np.inf, 3.0, np.inf]))
-FOLDED = Folded(MaskedGain(np.ones((2, 2), bool)), BOUNDS)
+FOLDED = ReflectedParametrisation(MaskedGain(np.ones((2, 2), bool)), BOUNDS)
 
 
 @pytest.mark.parametrize(

@@ -5,11 +5,11 @@ import pytest
 from random_loops import random_loop, scalar_loop
 
 from robustpolish.synthesis.nonsmooth.measures import LoopResponse
-from robustpolish.synthesis.problem.matrices import close_static
+from robustpolish.synthesis.problem.matrices import close_static_loop
 
 
 def response(loop):
-    return LoopResponse(close_static(loop, np.zeros((loop.nu, loop.ny))))
+    return LoopResponse(close_static_loop(loop, np.zeros((loop.nu, loop.ny))))
 
 
 def by_solves(found, frequencies):

@@ -7,11 +7,11 @@ from random_loops import random_loop, scalar_loop
 
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.synthesis.nonsmooth.measures import LoopResponse, highest_peak, local_peaks
-from robustpolish.synthesis.problem.matrices import PlantMatrices, close_static
+from robustpolish.synthesis.problem.matrices import PlantMatrices, close_static_loop
 
 
 def response(loop):
-    return LoopResponse(close_static(loop, np.zeros((loop.nu, loop.ny))))
+    return LoopResponse(close_static_loop(loop, np.zeros((loop.nu, loop.ny))))
 
 
 @pytest.mark.parametrize("discrete", [False, True])

@@ -8,9 +8,9 @@ from robustpolish.synthesis.nonsmooth.measures import (
     FrobeniusMeasure,
     GainMeasure,
     HinfMeasure,
+    MaxMeasure,
     RegionMeasure,
     StabilityMeasure,
-    WorstMeasure,
 )
 from robustpolish.synthesis.problem.matrices import PlantMatrices, augmented
 
@@ -66,7 +66,7 @@ def test_a_defective_double_pole_still_has_a_piece():
 def test_the_worst_of_several_measures_leads_and_one_infinity_is_enough():
     loop, K = scalar_loop(), np.array([[-2.0]])
     size, norm = GainMeasure(np.eye(1), np.eye(1)), HinfMeasure(loop)
-    worst = WorstMeasure((norm, size, FrobeniusMeasure()))
+    worst = MaxMeasure((norm, size, FrobeniusMeasure()))
     assert [p.value for p in worst.pieces(K, 0.0, ())] == pytest.approx([2.0, 2.0, 0.5])
     assert worst.work == pytest.approx(norm.work + 0.2)
     assert worst.pieces(-K, 0.0, ()) == []

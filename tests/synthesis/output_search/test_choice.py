@@ -8,8 +8,13 @@ from output_tasks import unstable_lag
 
 from robustpolish.base.budget import Budget
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.output_feedback.engine import Candidate, Found, Task, examine
-from robustpolish.synthesis.output_feedback.search import choose
+from robustpolish.synthesis.output_feedback.engine import (
+    Candidate,
+    EngineResult,
+    Task,
+    check_candidate,
+)
+from robustpolish.synthesis.output_feedback.search import choose_controller
 from robustpolish.synthesis.problem.matrices import Controller
 from robustpolish.synthesis.problem.scaling import SolverPlant
 from robustpolish.synthesis.riccati.gamma import LowerBound
@@ -45,14 +50,14 @@ class Choice:
         scaled = self.part.scaled
         D = np.array([[k]]) * scaled.measurement / scaled.control[:, None]
         K = Controller(none((0, 0)), none((0, 1)), none((1, 0)), D)
-        found = examine(self.problem, K, claimed, f"{k}", Budget())
+        found = check_candidate(self.problem, K, claimed, f"{k}", Budget())
         assert found is not None
         return found
 
     def of(self, *candidates, falling=False, enough=0.0):
         """Choose among candidates of one search."""
-        found = Found("by hand", "none", list(candidates), falling=falling)
-        return choose(self.part, self.problem, [found], enough, Budget())
+        found = EngineResult("by hand", "none", list(candidates), falling=falling)
+        return choose_controller(self.part, self.problem, [found], enough, Budget())
 
 
 def test_within_the_tolerance_the_smaller_gain_wins_in_the_units_of_the_plant():
@@ -96,10 +101,12 @@ def test_a_falling_search_need_not_go_below_what_is_enough():
 
 def test_lies_are_found_out_and_the_honest_candidate_is_taken():
     choice = Choice(priced_lag())
-    honest = choice.candidate(-1.0, claimed=0.8 / choice.part.norm(1.0))
-    wild = Controller(*honest.controller[:3], -2.0 * honest.controller.D)  # k = +2 is unstable
+    keeps_claim = choice.candidate(-1.0, claimed=0.8 / choice.part.norm(1.0))
+    wild = Controller(
+        *keeps_claim.controller[:3], -2.0 * keeps_claim.controller.D
+    )  # k = +2 is unstable
     liar = Candidate(wild, 0.1, 0.1, "a lie")
-    chosen, reasons = choice.of(liar, honest)
+    chosen, reasons = choice.of(liar, keeps_claim)
     assert chosen is not None
     assert np.asarray(chosen.controller.D).item() == pytest.approx(-1.0)
     assert chosen.claim == pytest.approx(0.8)
@@ -116,7 +123,7 @@ def test_modes_that_do_nothing_are_removed():
     idle = Controller(
         np.diag([-1e6, -3.0]), np.array([[1e3], [1.0]]), np.array([[1.0, 0.0]]), static.controller.D
     )
-    long = examine(choice.problem, idle, np.inf, "long", Budget())
+    long = check_candidate(choice.problem, idle, np.inf, "long", Budget())
     assert long is not None
     chosen, _ = choice.of(long)
     assert chosen is not None
@@ -133,7 +140,7 @@ def test_many_modes_are_removed_by_halves():
     )
     choice = Choice(plant)
     K = Controller(A, np.ones((n + 1, 1)), np.hstack([-ones, zeros((1, n))]), zeros((1, 1)))
-    long = examine(choice.problem, K, np.inf, "long", Budget())
+    long = check_candidate(choice.problem, K, np.inf, "long", Budget())
     assert long is not None
     chosen, _ = choice.of(long)
     assert chosen is not None
@@ -144,11 +151,11 @@ def test_many_modes_are_removed_by_halves():
 def test_without_budget_nothing_is_shortened():
     choice = Choice(priced_lag())
     K = Controller(-3 * np.eye(1), np.eye(1), np.zeros((1, 1)), -np.eye(1))
-    long = examine(choice.problem, K, np.inf, "long", Budget())
+    long = check_candidate(choice.problem, K, np.inf, "long", Budget())
     assert long is not None
     spent = Budget(1.0)
     spent.spend(1.0)
-    found = Found("by hand", "none", [replace(long)])
-    chosen, _ = choose(choice.part, choice.problem, [found], 0.0, spent)
+    found = EngineResult("by hand", "none", [replace(long)])
+    chosen, _ = choose_controller(choice.part, choice.problem, [found], 0.0, spent)
     assert chosen is not None
     assert chosen.controller.nstates == 1

@@ -10,14 +10,14 @@ from small_plants import regular_plant
 
 import robustpolish as rp
 from robustpolish.base.budget import Budget
-from robustpolish.synthesis.certificate import WantedNorm
-from robustpolish.synthesis.output_feedback.engine import POLICY, Found
+from robustpolish.synthesis.certificate import NormTarget
+from robustpolish.synthesis.output_feedback.engine import POLICY, EngineResult
 from robustpolish.synthesis.output_feedback.lmi import LmiHinf
 
 
 def test_the_hinf_optimum_is_reached_within_the_tolerance():
     found = LmiHinf(settings()).search(task(unstable_lag()), Budget())
-    best = min((c for c in found.candidates if c.honest), key=lambda c: c.achieved)
+    best = min((c for c in found.candidates if c.keeps_claim), key=lambda c: c.achieved)
     assert LAG_HINF * (1 - 1e-6) <= best.achieved <= 1.004 * LAG_HINF
     # The claim of a candidate is the gamma that its inequalities were solved for.
     assert best.claimed == pytest.approx(1.004 * LAG_HINF, rel=1e-3)
@@ -31,7 +31,7 @@ def test_large_norms_are_solved_in_a_unit_of_their_own():
     large = plant.replace(C1=factor * plant.C1, D12=factor * plant.D12)
     found = LmiHinf(settings()).search(task(large), Budget())
     assert LAG_HINF * factor * (1 - 1e-6) <= found.best <= 1.004 * LAG_HINF * factor
-    assert any(c.honest for c in found.candidates)
+    assert any(c.keeps_claim for c in found.candidates)
 
 
 def test_without_a_lower_bound_plants_regularised_less_and_less_are_followed():
@@ -43,7 +43,7 @@ def test_without_a_lower_bound_plants_regularised_less_and_less_are_followed():
 
 
 def test_the_norm_that_was_asked_for_will_do():
-    asked = replace(task(unstable_lag()), wanted=WantedNorm(4.0, 4.0))
+    asked = replace(task(unstable_lag()), wanted=NormTarget(4.0, 4.0))
     found = LmiHinf(settings()).search(asked, Budget())
     assert len(found.candidates) == 1
     assert found.best <= 4.0
@@ -72,8 +72,11 @@ def test_without_work_nothing_is_found():
 def test_inequalities_help_small_plants_whose_norm_no_limit_of_the_gain_explains():
     engine, small = LmiHinf(settings()), task(unstable_lag(), bounded=False)
     large = task(regular_plant(POLICY.lmi_states + 1), bounded=False)
-    missed, falling = Found("riccati", "scipy"), Found("riccati", "scipy", falling=True)
-    assert engine.adds(small, [missed])
-    assert not engine.adds(small, [missed, falling])
-    assert not engine.adds(large, [missed])
-    assert engine.adds(large, [])  # it was asked for alone
+    missed, falling = (
+        EngineResult("riccati", "scipy"),
+        EngineResult("riccati", "scipy", falling=True),
+    )
+    assert engine.is_useful(small, [missed])
+    assert not engine.is_useful(small, [missed, falling])
+    assert not engine.is_useful(large, [missed])
+    assert engine.is_useful(large, [])  # it was asked for alone

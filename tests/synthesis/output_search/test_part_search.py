@@ -72,7 +72,7 @@ def test_all_states_are_searched_where_no_certificate_is_had(small_is_large, mon
             return None, ["it was refused"]
         return choose(part, problem, searches, enough, budget)
 
-    monkeypatch.setattr(module, "choose", refusing)
+    monkeypatch.setattr(module, "choose_controller", refusing)
     design = priced_rod()
     assert len(refused) == 1
     assert design.certificate.valid

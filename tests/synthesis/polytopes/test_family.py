@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from robustpolish.synthesis.scheduled.polytope import LyapunovFamily, combined
+from robustpolish.synthesis.scheduled.polytope import LyapunovFamily, weighted_sum
 
 
 def test_one_for_all_and_one_for_each():
     assert LyapunovFamily.common(3).is_common
-    family = LyapunovFamily.one_each(3)
+    family = LyapunovFamily.per_vertex(3)
     P = [np.eye(2) * k for k in (1, 2, 3)]
-    assert [combined(row, P)[0, 0] for row in family.shares] == [1, 2, 3]
+    assert [weighted_sum(row, P)[0, 0] for row in family.shares] == [1, 2, 3]
     assert not family.drifts.any()
 
 

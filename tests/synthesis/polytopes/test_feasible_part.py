@@ -7,14 +7,14 @@ from polytope_examples import solver
 import robustpolish as rp
 from robustpolish.synthesis.scheduled.polytope import (
     LyapunovFamily,
-    Question,
+    PolytopeSpecification,
     polytope,
     scaled_vertices,
 )
 from robustpolish.synthesis.scheduled.robust_state_feedback import (
     GainProblem,
+    feasible_share,
     refused_vertices,
-    share_with_gain,
 )
 
 
@@ -37,7 +37,7 @@ def test_the_part_that_has_a_gain():
     # From -0.6 to 1: no gain beyond 0; towards the middle, 0.2, it does not change sign below 1/4.
     whole = polytope([pushed(1.0), pushed(-0.6)], None, None).with_full_state()
     _, vertices = scaled_vertices(whole)
-    question = Question(LyapunovFamily.one_each(2), "hinf", False)
-    share = share_with_gain(GainProblem(vertices, question), solver())
+    specification = PolytopeSpecification(LyapunovFamily.per_vertex(2), "hinf", False)
+    share = feasible_share(GainProblem(vertices, specification), solver())
     assert 0.12 < share <= 0.25
     assert np.isfinite(share)

@@ -8,7 +8,7 @@ from robustpolish.synthesis.lmi.program import SemidefiniteProgram
 from robustpolish.synthesis.problem.matrices import PlantMatrices, state_gain_norm
 from robustpolish.synthesis.scheduled.polytope import (
     LyapunovFamily,
-    Question,
+    PolytopeSpecification,
     Slack,
     Terms,
     impose,
@@ -24,8 +24,8 @@ def test_the_least_bound_for_a_given_gain_is_its_norm(norm, tilt):
     plant, F = PlantMatrices.of(held_mass(2.0)), np.array([[-1.0, -2.0]])
     program, count = SemidefiniteProgram(), 1 if tilt is None else 2
     # Twice the same vertex, with a matrix for each: slack and tie have to give the same.
-    family = LyapunovFamily.common(1) if tilt is None else LyapunovFamily.one_each(2)
-    question = Question(family, norm, False)
+    family = LyapunovFamily.common(1) if tilt is None else LyapunovFamily.per_vertex(2)
+    specification = PolytopeSpecification(family, norm, False)
     P = [program.symmetric(2) for _ in range(count)]
     V = P[0] if tilt is None else program.matrix(2, 2)
     weights = tied_weights(False) if tilt is None else (tilt, 1.0)
@@ -34,7 +34,7 @@ def test_the_least_bound_for_a_given_gain_is_its_norm(norm, tilt):
         AV, CV = (plant.A + plant.B2 @ F) @ V, (plant.C1 + plant.D12 @ F) @ V
         seen = CV if norm == "hinf" else np.zeros((0, 2)) @ V
         S = with_gain(V, AV, seen, *weights)
-        impose(program, question, i, P, Terms(S, CV, V, plant.B1, plant.D11), square)
+        impose(program, specification, i, P, Terms(S, CV, V, plant.B1, plant.D11), square)
     program.minimise(square)
     found = np.sqrt(program.solve().value(square).item())
     # A slack of this small tilt costs a little; with the tilt it goes to zero.

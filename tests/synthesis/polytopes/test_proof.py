@@ -7,7 +7,7 @@ from polytope_examples import oscillator, sampled, solver
 
 import robustpolish as rp
 from robustpolish.linear.arithmetic import balls
-from robustpolish.synthesis.scheduled.polytope import LyapunovFamily, Question
+from robustpolish.synthesis.scheduled.polytope import LyapunovFamily, PolytopeSpecification
 from robustpolish.synthesis.scheduled.proof import prove
 
 
@@ -20,8 +20,8 @@ def norm_of(matrices, norm, dt):
 @pytest.mark.parametrize(("make", "dt"), [(oscillator, 0), (sampled, True)])
 def test_a_matrix_for_each_vertex_proves_the_largest_norm_of_all_mixtures(make, dt, norm):
     loops = [make(0.3), make(0.6)]
-    question = Question(LyapunovFamily.one_each(2), norm, bool(dt))
-    proof = prove(loops, question, solver(), 1.0)
+    specification = PolytopeSpecification(LyapunovFamily.per_vertex(2), norm, bool(dt))
+    proof = prove(loops, specification, solver(), 1.0)
     assert proof is not None
     first, second = (loop.doubles for loop in loops)
     mixed = [
@@ -34,8 +34,8 @@ def test_a_matrix_for_each_vertex_proves_the_largest_norm_of_all_mixtures(make, 
 def test_a_common_matrix_costs_and_still_bounds():
     loops = [oscillator(1.0), oscillator(2.0)]
     own, common = (
-        prove(loops, Question(family, "hinf", False), solver(), 1.0)
-        for family in (LyapunovFamily.one_each(2), LyapunovFamily.common(2))
+        prove(loops, PolytopeSpecification(family, "hinf", False), solver(), 1.0)
+        for family in (LyapunovFamily.per_vertex(2), LyapunovFamily.common(2))
     )
     # The spring that changes with time pumps energy into the mass.
     assert common.bound > 4 * own.bound
@@ -44,7 +44,9 @@ def test_a_common_matrix_costs_and_still_bounds():
 def test_a_single_vertex_is_proven_within_a_thousandth():
     loop = oscillator(1.0)
     for norm in ("hinf", "h2"):
-        proof = prove([loop], Question(LyapunovFamily.common(1), norm, False), solver(), 1.0)
+        proof = prove(
+            [loop], PolytopeSpecification(LyapunovFamily.common(1), norm, False), solver(), 1.0
+        )
         true = norm_of(loop.doubles, norm, 0)
         assert true <= proof.bound <= 1.001 * true
 
@@ -53,8 +55,8 @@ def test_what_is_unstable_in_between_is_not_proven():
     # Half way between [[-1, 8], [0, -1]] and its transpose there is an eigenvalue at 3.
     upper = np.array([[-1.0, 8.0], [0.0, -1.0]])
     loops = [oscillator(1.0)._replace(A=balls.ball(M)) for M in (upper, upper.T)]
-    for family in (LyapunovFamily.one_each(2), LyapunovFamily.common(2)):
-        assert prove(loops, Question(family, "hinf", False), solver(), 1.0) is None
+    for family in (LyapunovFamily.per_vertex(2), LyapunovFamily.common(2)):
+        assert prove(loops, PolytopeSpecification(family, "hinf", False), solver(), 1.0) is None
 
 
 def test_bounded_rates_lie_between_rest_and_jumps():
@@ -62,7 +64,10 @@ def test_bounded_rates_lie_between_rest_and_jumps():
     positions = np.array([[-1.0], [1.0]])
     bounds = [
         prove(
-            loops, Question(LyapunovFamily.affine(positions, [rate]), "hinf", False), solver(), 1.0
+            loops,
+            PolytopeSpecification(LyapunovFamily.affine(positions, [rate]), "hinf", False),
+            solver(),
+            1.0,
         ).bound
         for rate in (0.0, 0.3, np.inf)
     ]

@@ -8,7 +8,7 @@ import pytest
 from polytope_examples import held_mass, two_masses
 
 import robustpolish as rp
-from robustpolish.base.budget import OutOfTimeError
+from robustpolish.base.budget import DeadlineError
 
 k = rp.uncertain.real("k", 5.0, range=(1.0, 9.0))
 m = rp.uncertain.real("m", 1.0, percent=50)
@@ -63,14 +63,14 @@ def test_a_proof_that_there_is_time_for_is_enough(monkeypatch):
     module = importlib.import_module("robustpolish.synthesis.scheduled.robust_state_feedback")
 
     def over(loop):
-        raise OutOfTimeError("The time was over.")
+        raise DeadlineError("The time was over.")
 
     asked = {"controls": 1, "control_weight": 0.3}
-    in_time = rp.robust_state_feedback(uncertain_mass(k, 1.0), **asked)
+    in_unit_of_time = rp.robust_state_feedback(uncertain_mass(k, 1.0), **asked)
     monkeypatch.setattr(module, "worst_case_gain", over)
     cut = rp.robust_state_feedback(uncertain_mass(k, 1.0), **asked)
     assert cut.worst_case is None
-    assert in_time.bound <= cut.bound < np.inf
+    assert in_unit_of_time.bound <= cut.bound < np.inf
     with pytest.raises(rp.SolverError, match="time limit"):
         rp.robust_state_feedback(uncertain_mass(k, 1.0), **asked, time_limit=1e-6)
 

@@ -8,7 +8,7 @@ import robustpolish as rp
 from robustpolish.synthesis.problem.matrices import state_gain_norm
 from robustpolish.synthesis.scheduled.polytope import (
     LyapunovFamily,
-    Question,
+    PolytopeSpecification,
     polytope,
     scaled_vertices,
 )
@@ -17,7 +17,9 @@ from robustpolish.synthesis.scheduled.robust_state_feedback import GainProblem, 
 
 def best(plants, norm, makes, scheduled=False):
     scaled, vertices = scaled_vertices(polytope(plants, None, None).with_full_state())
-    problem = GainProblem(vertices, Question(makes(len(plants)), norm, False), scheduled)
+    problem = GainProblem(
+        vertices, PolytopeSpecification(makes(len(plants)), norm, False), scheduled
+    )
     found = next(candidates(problem, solver()))
     reached = [
         scaled.norm(state_gain_norm(p, F, norm), norm)
@@ -36,7 +38,7 @@ def test_a_single_plant_gets_its_own_optimum(norm):
 
 def test_a_matrix_for_each_vertex_beats_a_common_one():
     plants = [two_masses(0.5), two_masses(2.0)]
-    own, reached = best(plants, "h2", LyapunovFamily.one_each)
+    own, reached = best(plants, "h2", LyapunovFamily.per_vertex)
     common, _ = best(plants, "h2", LyapunovFamily.common)
     alone = max(rp.state_feedback(p, "h2").certificate.achieved for p in plants)
     assert alone <= max(reached) <= own < 0.5 * common
@@ -61,8 +63,8 @@ def test_sampled_plants():
         for a in (0.3, 0.9)
     ]  # fmt: skip
     scaled, vertices = scaled_vertices(polytope(plants, None, None).with_full_state())
-    question = Question(LyapunovFamily.one_each(2), "hinf", True)
-    found = next(candidates(GainProblem(vertices, question), solver()))
+    specification = PolytopeSpecification(LyapunovFamily.per_vertex(2), "hinf", True)
+    found = next(candidates(GainProblem(vertices, specification), solver()))
     # A direct search over F ends at 2.400, and no gain for one of them is below 1.889.
     assert 2.399 < scaled.norm(found.claimed) < 2.6
     assert np.array_equal(found.gains[0], found.gains[1])

@@ -6,7 +6,7 @@ from polytope_examples import held_mass
 
 import robustpolish as rp
 from robustpolish.synthesis.scheduled.polytope import (
-    bends_of,
+    affine_warps,
     polytope,
     scaled_vertices,
     shrunk_matrices,
@@ -36,7 +36,7 @@ def spring_mass(stiffness, mass=1.0):
     ],
 )
 def test_mixtures_of_corners(system, known):
-    bends = bends_of(system.matrices)
+    bends = affine_warps(system.matrices)
     assert (bends is not None) == known
     if not known:
         return

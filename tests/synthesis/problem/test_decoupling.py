@@ -6,7 +6,7 @@ import pytest
 
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.polishing.air_bearing import air_bearing
-from robustpolish.synthesis.problem.scaling import decoupled_parts, joined_controller, undivided
+from robustpolish.synthesis.problem.scaling import decoupled_parts, joined_controller, whole_plant
 
 
 def test_the_air_bearing_is_three_axes():
@@ -24,7 +24,7 @@ def test_a_structure_joins_parts():
     structure = np.zeros((6, 6), bool)
     structure[0, 2] = True  # x actuator from y sensor
     assert [part.plant.nx for part in decoupled_parts(plant, structure)] == [8, 4]
-    assert undivided(plant).states == tuple(range(12))
+    assert whole_plant(plant).states == tuple(range(12))
 
 
 def test_joined_controller_has_the_loops_of_its_parts():

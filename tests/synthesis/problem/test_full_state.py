@@ -8,15 +8,15 @@ from hard_plants import random_plant
 
 from robustpolish.synthesis.problem.matrices import (
     PlantMatrices,
-    compressed,
+    compressed_outputs,
     in_states,
     is_regular,
-    measuring_states,
-    only_effort,
+    minimum_effort_problem,
     stabilises,
     state_gain_norm,
+    with_measured_states,
     with_noise,
-    with_price,
+    with_small_penalty,
 )
 
 # x' = x + w + u, z = (x, u), y = x; with u = -3 x it is 1/(s + 2) times (1, -3).
@@ -57,13 +57,13 @@ def test_no_gain_no_norm_and_no_signal_no_norm_either():
 @pytest.mark.parametrize(
     ("change", "size"),
     [
-        (lambda p: with_price(p, 2.0), math.sqrt(10 + 36 + 4e-6)),
+        (lambda p: with_small_penalty(p, 2.0), math.sqrt(10 + 36 + 4e-6)),
         (lambda p: with_noise(p, 0.5), math.sqrt(10 * 1.25)),
         (
             lambda _: with_noise(DEAF, 0.5),
             math.sqrt(2.5),
         ),
-        (lambda p: only_effort(p, 4.0), 5.0),
+        (lambda p: minimum_effort_problem(p, 4.0), 5.0),
     ],
 )
 def test_prices_and_noises_enter_the_norm(change, size):
@@ -85,14 +85,14 @@ def test_every_control_needs_a_price():
 
 
 def test_other_states_and_fewer_outputs_keep_the_norms():
-    plant = measuring_states(PlantMatrices.of(random_plant(3, 1, unstable=0)))
+    plant = with_measured_states(PlantMatrices.of(random_plant(3, 1, unstable=0)))
     rng = np.random.default_rng(0)
     gain, T = 0.01 * rng.standard_normal((2, 3)), rng.standard_normal((3, 3))
     turn = rng.standard_normal((20, 3))
     tall = plant.replace(C1=turn @ plant.C1, D11=turn @ plant.D11, D12=turn @ plant.D12)
-    short = compressed(tall)
+    short = compressed_outputs(tall)
     assert short.nz == 3 + 3 + 2
-    assert compressed(plant) is plant
+    assert compressed_outputs(plant) is plant
     norm = state_gain_norm(tall, gain, "hinf")
     assert math.isfinite(norm)
     assert state_gain_norm(short, gain, "hinf") == pytest.approx(norm, rel=1e-6)

@@ -9,11 +9,11 @@ from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.synthesis.problem.matrices import (
     Controller,
     PlantMatrices,
+    absorb_d22,
     balanced,
     balancing_scale,
     close,
     regularise,
-    shift,
 )
 
 POINTS = (0.0, 1j, 0.5 - 3j)
@@ -37,7 +37,7 @@ def test_a_loop_is_that_of_the_plant_with_names():
     # Around D22 the shifted controller does what K does without it.
     inner = PlantMatrices.of(plant).without_d22()
     assert not inner.has_d22
-    outer = shift(K, plant.D22)
+    outer = absorb_d22(K, plant.D22)
     assert outer is not None
     loop = plant.closed_loop(control.StateSpace(*outer))
     same_response(close(inner, K), (loop.A, loop.B, loop.C, loop.D))
@@ -48,11 +48,11 @@ def test_a_loop_is_that_of_the_plant_with_names():
 
 def test_no_controller_acts_alike_where_the_loop_is_ill_posed():
     K = drawn_controller(1, 1)._replace(D=np.array([[2.0]]))
-    assert shift(K, np.array([[-0.5]])) is None
+    assert absorb_d22(K, np.array([[-0.5]])) is None
     # Units are no reason: det(I + Dk D22) is 1/2, its condition number 2e18.
     wild = drawn_controller()._replace(D=np.array([[0.0, 1e9], [0.5e-9, 0.0]]))
-    assert shift(wild, np.eye(2)) is not None
-    assert shift(K, np.zeros((1, 1))) is K
+    assert absorb_d22(wild, np.eye(2)) is not None
+    assert absorb_d22(K, np.zeros((1, 1))) is K
 
 
 @pytest.mark.parametrize("epsilon", [0.3, 1e-3])

@@ -11,7 +11,7 @@ from robustpolish.synthesis.problem.pole_regions import (
     Sector,
     boundaries,
     checked_regions,
-    outside,
+    violated_regions,
 )
 
 POLES = np.random.default_rng(0).normal(size=200) * 5 + 3j * np.random.default_rng(1).normal(
@@ -72,9 +72,11 @@ def test_one_region_several_or_none():
 
 def test_regions_that_are_missed_are_named():
     regions = HalfPlane(-1.0), Disk(-4.0, 2.0)
-    assert outside(regions, [-3.0, -5.0]) == []
-    assert outside(regions, [-1.5]) == ["a pole lies outside Disk(center=-4.0, radius=2.0)"]
-    assert len(outside(regions, [0.0])) == 2
+    assert violated_regions(regions, [-3.0, -5.0]) == []
+    assert violated_regions(regions, [-1.5]) == [
+        "a pole lies outside Disk(center=-4.0, radius=2.0)"
+    ]
+    assert len(violated_regions(regions, [0.0])) == 2
     drawn = boundaries(regions)
     assert list(drawn) == [f"outside {region}" for region in regions]
     for region, (L, M) in zip(regions, drawn.values(), strict=True):

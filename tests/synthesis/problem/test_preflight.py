@@ -7,7 +7,11 @@ import robustpolish as rp
 from robustpolish.errors import InvalidInputError
 from robustpolish.polishing.air_bearing import air_bearing
 from robustpolish.synthesis.problem.matrices import channel
-from robustpolish.synthesis.problem.preflight import diagnose, noisy, priced
+from robustpolish.synthesis.problem.preflight import (
+    check_solvability,
+    with_control_penalty,
+    with_measurement_noise,
+)
 
 
 def integrator_behind_a_lag(seed=17):
@@ -38,7 +42,7 @@ def integrator_behind_a_lag(seed=17):
 
 @pytest.mark.parametrize("seed", [17, 21, 23, 39])
 def test_an_integrator_behind_a_fast_lag_is_not_fixed(seed):
-    assert diagnose(integrator_behind_a_lag(seed)).fixed_modes == ()
+    assert check_solvability(integrator_behind_a_lag(seed)).fixed_modes == ()
 
 
 def test_a_method_that_fails_does_not_blame_the_integrator():
@@ -59,7 +63,7 @@ def test_a_slow_stable_mode_out_of_reach_is_no_obstacle():
     plant = rp.GeneralizedPlant.from_matrices(
         A, [[0], [1], [1]], [[1e8], [1e-14], [0]], [[0, 1, 1]], [[0, 0, 1]]
     )
-    assert diagnose(plant).fixed_modes == ()
+    assert check_solvability(plant).fixed_modes == ()
 
 
 @pytest.mark.parametrize("dt", [0, 0.1])
@@ -74,7 +78,7 @@ def test_modes_that_are_fixed_are_named_with_their_state(dt):
         dt=dt,
         states=["drift", "lag", "other"],
     )
-    modes = diagnose(plant).fixed_modes
+    modes = check_solvability(plant).fixed_modes
     told = {(mode.lack, mode.state) for mode in modes}
     expected = {("uncontrollable", "drift")} | ({("unobservable", "lag")} if not dt else set())
     assert told == expected
@@ -93,7 +97,7 @@ def test_a_mode_fixed_to_rounding_in_mixed_states_is_named():
         np.ones((1, 3)) @ back,
         np.ones((1, 3)) @ back,
     )
-    (mode,) = diagnose(plant).fixed_modes
+    (mode,) = check_solvability(plant).fixed_modes
     assert mode.eigenvalue == pytest.approx(1.2)
     assert mode.lack == "uncontrollable"
 
@@ -101,7 +105,7 @@ def test_a_mode_fixed_to_rounding_in_mixed_states_is_named():
 def test_price_and_noise_make_a_singular_plant_regular():
     plant = air_bearing(measured="displacement")
     weights = np.array([1.0, 2.0, 0.0, 3.0, 0.0, 0.5])
-    regular = noisy(priced(plant, weights), 1e-6)
+    regular = with_measurement_noise(with_control_penalty(plant, weights), 1e-6)
     assert np.linalg.matrix_rank(regular.D12) == 4
     assert np.linalg.matrix_rank(regular.D21) == 6
     assert regular.performance_names[6:] == (
@@ -121,14 +125,14 @@ def test_price_and_noise_make_a_singular_plant_regular():
 
 def test_nothing_to_pay_leaves_the_plant_alone():
     plant = air_bearing()
-    assert priced(plant, 0.0) is plant
-    assert priced(plant, None) is plant
-    assert noisy(plant, None) is plant
+    assert with_control_penalty(plant, 0.0) is plant
+    assert with_control_penalty(plant, None) is plant
+    assert with_measurement_noise(plant, None) is plant
 
 
 @pytest.mark.parametrize("weight", [-1.0, [1.0, 2.0], np.inf, "dear"])
 def test_bad_weights_are_named(weight):
     with pytest.raises(InvalidInputError, match="control_weight"):
-        priced(air_bearing(), weight)
+        with_control_penalty(air_bearing(), weight)
     with pytest.raises(InvalidInputError, match="measurement_noise"):
-        noisy(air_bearing(), weight)
+        with_measurement_noise(air_bearing(), weight)

@@ -6,12 +6,12 @@ import pytest
 import robustpolish as rp
 from robustpolish.linear.arithmetic.balls import precision
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.riccati.lower_bound import LongPlant
+from robustpolish.synthesis.riccati.lower_bound import PreciseRiccatiPair
 
 
 def out_of_reach(plant, gamma, bits=768):
     with precision(bits):
-        return LongPlant.of(PlantMatrices.of(plant)).is_out_of_reach(gamma)
+        return PreciseRiccatiPair.of(PlantMatrices.of(plant)).is_out_of_reach(gamma)
 
 
 def sensitivity(pole):

@@ -7,7 +7,7 @@ import robustpolish as rp
 from robustpolish.base.budget import Budget
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.scaling import scale_plant
-from robustpolish.synthesis.riccati.gamma import lower_bound, reduced_halves
+from robustpolish.synthesis.riccati.gamma import lower_bound, reduced_riccati_pair
 from robustpolish.synthesis.riccati.lower_bound import PROVABLE_STATES, PROVEN
 from tests.synthesis.weighted_servos import drawn, realisations
 
@@ -50,7 +50,7 @@ def test_a_measurement_without_noise_takes_its_states_out_of_the_equation():
         [[1.0, 0.0]],
         D12=[[0.0], [1.0]],
     )
-    halves = reduced_halves(PlantMatrices.of(plant))
+    halves = reduced_riccati_pair(PlantMatrices.of(plant))
     assert len(halves.measurement.A) == 0
     assert len(halves.control.A) == 2
     # What is left is the state feedback.

@@ -3,10 +3,10 @@
 import pytest
 
 import robustpolish as rp
-from robustpolish.base.budget import OutOfTimeError
+from robustpolish.base.budget import DeadlineError
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.riccati import lower_bound as proof
-from robustpolish.synthesis.riccati.lower_bound import proven_bound
+from robustpolish.synthesis.riccati.lower_bound import proven_lower_bound
 
 
 def plant():
@@ -25,37 +25,37 @@ def plant():
 
 @pytest.mark.parametrize("guess", [0.0, 1e-20, 1.0, 2.6, 1e20])
 def test_a_wrong_guess_takes_longer_only(guess):
-    found = proven_bound(plant(), guess, 1e-3)
-    assert found == pytest.approx(proven_bound(plant(), 2.58, 1e-4), rel=1.2e-3)
+    found = proven_lower_bound(plant(), guess, 1e-3)
+    assert found == pytest.approx(proven_lower_bound(plant(), 2.58, 1e-4), rel=1.2e-3)
 
 
 def test_more_digits_are_taken_where_they_do_not_suffice(monkeypatch):
     policy = proof.ProofPolicy(bits=(64, 768))
     monkeypatch.setattr(proof, "_POLICY", policy)
-    assert proven_bound(plant(), 2.58, 1e-3) > 2.5
+    assert proven_lower_bound(plant(), 2.58, 1e-3) > 2.5
 
 
 def test_without_digits_nothing_is_proven(monkeypatch):
     monkeypatch.setattr(proof, "_POLICY", proof.ProofPolicy(bits=()))
-    assert proven_bound(plant(), 2.58, 1e-3) == 0
+    assert proven_lower_bound(plant(), 2.58, 1e-3) == 0
 
 
 def test_when_the_time_is_over_what_was_proven_is_returned(monkeypatch):
-    full = proven_bound(plant(), 2.0, 1e-3)
+    full = proven_lower_bound(plant(), 2.0, 1e-3)
     looks = [True, True, True]
 
     def look():
         if not looks:
-            raise OutOfTimeError
+            raise DeadlineError
         looks.pop()
 
-    monkeypatch.setattr(proof, "look_at_the_clock", look)
-    assert 1.9 < proven_bound(plant(), 2.0, 1e-3) < 0.999 * full
-    assert proven_bound(plant(), 2.0, 1e-3) == 0
+    monkeypatch.setattr(proof, "check_deadline", look)
+    assert 1.9 < proven_lower_bound(plant(), 2.0, 1e-3) < 0.999 * full
+    assert proven_lower_bound(plant(), 2.0, 1e-3) == 0
 
 
 def test_no_controller_comes_below():
-    bound = proven_bound(plant(), 1.0, 1e-4)
+    bound = proven_lower_bound(plant(), 1.0, 1e-4)
     found = rp.output_feedback(
         rp.GeneralizedPlant.from_matrices(
             *(getattr(plant(), name) for name in ("A", "B1", "B2", "C1", "C2")),

@@ -8,7 +8,7 @@ import robustpolish as rp
 from robustpolish.base.budget import Budget
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.scaling import SolverPlant
-from robustpolish.synthesis.riccati.gamma import lower_bound, reduced_halves
+from robustpolish.synthesis.riccati.gamma import lower_bound, reduced_riccati_pair
 from robustpolish.synthesis.riccati.lower_bound import PROVEN
 
 
@@ -40,7 +40,7 @@ def test_the_bound_of_an_unstable_plant_with_delay_is_the_analytic_one(delay, or
 
 def test_a_tiny_price_beside_a_fast_weight_is_kept():
     plant, _ = levitation(1e-3, rp.weight(0.999, 2000.0, 100.0, order=2))
-    halves = reduced_halves(SolverPlant.of(plant, mapped=True).matrices)
+    halves = reduced_riccati_pair(SolverPlant.of(plant, mapped=True).matrices)
     assert halves is not None
     # Three integrations lie between the control and the weight's output, which is its price.
     assert len(halves.control.A) == plant.nx - 3
@@ -50,6 +50,6 @@ def test_states_that_are_known_exactly_leave_the_equation():
     plant = rp.GeneralizedPlant.from_matrices(
         [[0.0, 1.0], [-1.0, -0.1]], [[0.0], [1.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[1.0, 0.0]]
     )
-    halves = reduced_halves(PlantMatrices.of(plant))
+    halves = reduced_riccati_pair(PlantMatrices.of(plant))
     assert halves is not None
     assert (len(halves.control.A), len(halves.measurement.A)) == (0, 0)

@@ -5,8 +5,12 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.base.budget import Budget
-from robustpolish.synthesis.problem.matrices import PlantMatrices, measuring_states, state_gain_norm
-from robustpolish.synthesis.state_feedback.riccati import RiccatiStateEngine, least_state_norm
+from robustpolish.synthesis.problem.matrices import (
+    PlantMatrices,
+    state_gain_norm,
+    with_measured_states,
+)
+from robustpolish.synthesis.state_feedback.riccati import RiccatiStateEngine, state_norm_lower_bound
 
 # x' = x + w + u, z = (x, u).
 SCALAR = PlantMatrices.of(
@@ -32,7 +36,7 @@ def random_plant(seed, discrete=False, feedthrough=False):
         np.vstack([rng.normal(size=(nz, nu)), 0.5 * np.eye(nu)]),
         dt=0.1 if discrete else 0,
     )
-    return measuring_states(PlantMatrices.of(plant))
+    return with_measured_states(PlantMatrices.of(plant))
 
 
 @pytest.mark.parametrize("norm", ["hinf", "h2"])
@@ -43,7 +47,7 @@ def test_no_gain_near_the_best_is_below_the_bound(seed, discrete, norm):
     budget = Budget(1e5)
     best = RiccatiStateEngine(norm).search(plant, budget)
     assert best is not None
-    bound = least_state_norm(plant, norm, best.achieved, 1e-4, budget)
+    bound = state_norm_lower_bound(plant, norm, best.achieved, 1e-4, budget)
     assert best.achieved * 0.99 < bound <= best.achieved
     rng = np.random.default_rng(seed)
     for size in np.logspace(-6, 0, 60):
@@ -55,7 +59,7 @@ def test_a_bound_is_found_where_the_infimum_is_a_limit_of_gains():
     # With u = F x the norm sqrt(1 + F^2) / |1 + F| falls towards 1 as F goes to minus infinity.
     for gain in (-1e3, -1e5, -1e7):
         achieved = state_gain_norm(SCALAR, np.array([[gain]]), "hinf")
-        bound = least_state_norm(SCALAR, "hinf", achieved, 1e-4, Budget(1e5))
+        bound = state_norm_lower_bound(SCALAR, "hinf", achieved, 1e-4, Budget(1e5))
         assert bound < 1
         assert bound > 1 - 3e-3
     assert bound > 1 - 1e-4
@@ -64,14 +68,17 @@ def test_a_bound_is_found_where_the_infimum_is_a_limit_of_gains():
 def test_a_bad_gain_gets_no_near_bound():
     achieved = state_gain_norm(SCALAR, np.array([[-3.0]]), "hinf")
     assert achieved > 1.5
-    bound = least_state_norm(SCALAR, "hinf", achieved, 1e-4, Budget(1e5))
+    bound = state_norm_lower_bound(SCALAR, "hinf", achieved, 1e-4, Budget(1e5))
     assert 0.5 < bound < 1
 
 
 def test_controls_without_price_leave_the_feedthrough_only():
     free = SCALAR.replace(D12=np.zeros((2, 1)), D11=np.array([[0.0], [0.25]]))
-    assert least_state_norm(free, "hinf", 7.0, 1e-4, Budget(1e5)) == 0.25
-    assert least_state_norm(free.replace(D11=np.zeros((2, 1))), "h2", 7.0, 1e-4, Budget(1e5)) == 0.0
+    assert state_norm_lower_bound(free, "hinf", 7.0, 1e-4, Budget(1e5)) == 0.25
+    assert (
+        state_norm_lower_bound(free.replace(D11=np.zeros((2, 1))), "h2", 7.0, 1e-4, Budget(1e5))
+        == 0.0
+    )
 
 
 def test_zeros_on_the_axis_prove_nothing():
@@ -84,4 +91,4 @@ def test_zeros_on_the_axis_prove_nothing():
         np.eye(3),
         D12=[[0.0], [1.0]],
     )
-    assert least_state_norm(PlantMatrices.of(plant), "hinf", 5.0, 1e-4, Budget(1e5)) == 0.0
+    assert state_norm_lower_bound(PlantMatrices.of(plant), "hinf", 5.0, 1e-4, Budget(1e5)) == 0.0

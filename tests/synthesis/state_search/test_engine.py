@@ -7,7 +7,11 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.base.budget import Budget
-from robustpolish.synthesis.problem.matrices import PlantMatrices, measuring_states, state_gain_norm
+from robustpolish.synthesis.problem.matrices import (
+    PlantMatrices,
+    state_gain_norm,
+    with_measured_states,
+)
 from robustpolish.synthesis.problem.scaling import scale_plant
 from robustpolish.synthesis.state_feedback.state_feedback import ENGINES
 
@@ -21,7 +25,7 @@ def priced_mass():
         [[1.0, 0.0]],
         D12=[[0.0], [0.1]],
     )
-    return measuring_states(PlantMatrices.of(scale_plant(plant).plant))
+    return with_measured_states(PlantMatrices.of(scale_plant(plant).plant))
 
 
 @pytest.mark.parametrize("norm", ["hinf", "h2"])

@@ -5,7 +5,11 @@ import pytest
 
 from robustpolish.base.budget import Budget
 from robustpolish.synthesis.certificate import Norm
-from robustpolish.synthesis.problem.matrices import PlantMatrices, measuring_states, state_gain_norm
+from robustpolish.synthesis.problem.matrices import (
+    PlantMatrices,
+    state_gain_norm,
+    with_measured_states,
+)
 from robustpolish.synthesis.state_feedback.riccati import RiccatiStateEngine
 from robustpolish.synthesis.state_feedback.search import GainBound, minimise_bounded
 
@@ -15,7 +19,7 @@ def priced_lag(price, a=-1.0):
     one, empty = np.ones((1, 1)), np.zeros((0, 0))
     C1, D12 = np.array([[1.0], [0.0]]), np.array([[0.0], [price]])
     D11 = np.zeros((2, 1))
-    return measuring_states(PlantMatrices(a * one, one, one, C1, empty, D11, D12, empty, empty))
+    return with_measured_states(PlantMatrices(a * one, one, one, C1, empty, D11, D12, empty, empty))
 
 
 def bounded(plant, bound, norm: Norm = "hinf", left=1.0, right=1.0):

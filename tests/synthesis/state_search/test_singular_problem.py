@@ -5,9 +5,13 @@ import pytest
 
 from robustpolish.base.budget import Budget
 from robustpolish.synthesis.certificate import Norm
-from robustpolish.synthesis.problem.matrices import PlantMatrices, measuring_states, state_gain_norm
+from robustpolish.synthesis.problem.matrices import (
+    PlantMatrices,
+    state_gain_norm,
+    with_measured_states,
+)
 from robustpolish.synthesis.state_feedback.riccati import RiccatiStateEngine
-from robustpolish.synthesis.state_feedback.search import almost_no_control, solve_singular
+from robustpolish.synthesis.state_feedback.search import least_control_norm, solve_singular
 
 
 def free_control(A, B1, B2, C1):
@@ -15,7 +19,7 @@ def free_control(A, B1, B2, C1):
     A, B1, B2, C1 = (np.array(M, float) for M in (A, B1, B2, C1))
     D11, D12 = np.zeros((len(C1), B1.shape[1])), np.zeros((len(C1), B2.shape[1]))
     empty = np.zeros((0, 0))
-    return measuring_states(PlantMatrices(A, B1, B2, C1, empty, D11, D12, empty, empty))
+    return with_measured_states(PlantMatrices(A, B1, B2, C1, empty, D11, D12, empty, empty))
 
 
 # x' = a x + w + u, z = x: with u = -k x the norm 1/(k - a) falls without end.
@@ -34,15 +38,15 @@ def solve(plant, target, norm: Norm = "hinf", budget=None):
 
 
 def test_almost_no_control_is_none_if_that_is_stable():
-    assert almost_no_control(LAG, "hinf") == pytest.approx(1.0)
-    assert almost_no_control(LAG, "h2") == pytest.approx(np.sqrt(0.5))
+    assert least_control_norm(LAG, "hinf") == pytest.approx(1.0)
+    assert least_control_norm(LAG, "h2") == pytest.approx(np.sqrt(0.5))
 
 
 def test_almost_no_control_mirrors_an_unstable_pole():
     # The least effort that stabilises x' = 2 x + u moves the pole to -2.
     unstable = free_control([[2.0]], [[1.0]], [[1.0]], [[1.0]])
-    assert almost_no_control(unstable, "hinf") == pytest.approx(0.5, rel=1e-3)
-    assert almost_no_control(LOST, "hinf") == np.inf
+    assert least_control_norm(unstable, "hinf") == pytest.approx(0.5, rel=1e-3)
+    assert least_control_norm(LOST, "hinf") == np.inf
 
 
 @pytest.mark.parametrize(("norm", "needed"), [("hinf", 99.0), ("h2", 4999.0)])

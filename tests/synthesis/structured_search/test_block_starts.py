@@ -11,14 +11,14 @@ from robustpolish.base.budget import Budget
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.scaling import scale_plant
 from robustpolish.synthesis.structured.block_structure import BlockStarts
-from robustpolish.synthesis.structured.block_wiring import LoopUnits, placed
+from robustpolish.synthesis.structured.block_wiring import LoopUnits, place_blocks
 
 
 def starts(block, initial=None):
     plant = rp.GeneralizedPlant.from_loop(control.tf([3.0], [1.0, 0.4, 4.0]))
     scaled = scale_plant(plant)
     units = LoopUnits(PlantMatrices.of(scaled.plant))
-    return BlockStarts(placed(block, plant), scaled, units, initial or {})
+    return BlockStarts(place_blocks(block, plant), scaled, units, initial or {})
 
 
 def numbers(found, count):

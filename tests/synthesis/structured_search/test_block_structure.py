@@ -6,9 +6,9 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.errors import InfeasibleError
-from robustpolish.synthesis.problem.scaling import undivided
+from robustpolish.synthesis.problem.scaling import whole_plant
 from robustpolish.synthesis.structured.block_structure import BlockStructure
-from robustpolish.synthesis.structured.block_wiring import placed
+from robustpolish.synthesis.structured.block_wiring import place_blocks
 
 
 def loop(numerator, denominator=(1.0, 0.4, 4.0)):
@@ -17,7 +17,7 @@ def loop(numerator, denominator=(1.0, 0.4, 4.0)):
 
 
 def problem(plant, blocks, norm="hinf"):
-    return BlockStructure(norm, placed(blocks, plant)).problem(undivided(plant))
+    return BlockStructure(norm, place_blocks(blocks, plant)).problem(whole_plant(plant))
 
 
 def test_an_integrator_needs_a_plant_that_passes_constants():

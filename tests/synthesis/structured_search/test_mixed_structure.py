@@ -13,7 +13,7 @@ from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.problem.matrices import channel
 from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
-from robustpolish.synthesis.problem.scaling import undivided
+from robustpolish.synthesis.problem.scaling import whole_plant
 from robustpolish.synthesis.structured.search import POLICY
 from robustpolish.synthesis.structured.structures import InequalityStart, MixedStructure
 
@@ -26,7 +26,7 @@ def structure(plant, **changes):
 
 
 def stated(plant, **changes):
-    problem = structure(plant, **changes).problem(undivided(plant))
+    problem = structure(plant, **changes).problem(whole_plant(plant))
     assert problem is not None
     return problem
 
@@ -132,7 +132,7 @@ def test_demands_are_named_and_nothing_to_choose_is_said():
     idle = PLANT.part(
         states=[0, 1], disturbances=[0], controls=[], performance=[0], measurements=[0]
     )
-    assert structure(idle).problem(undivided(idle)) is None
+    assert structure(idle).problem(whole_plant(idle)) is None
     first = PLANT.disturbance_names[0]
     goal = channel(PLANT, first, PLANT.performance_names)
     assert stated(PLANT).key != stated(PLANT, goal=goal).key

@@ -7,7 +7,7 @@ from robustpolish.base.budget import Budget
 from robustpolish.synthesis.nonsmooth.descent import ActivePiece, Problem, Requirement
 from robustpolish.synthesis.nonsmooth.measures import FrobeniusMeasure
 from robustpolish.synthesis.nonsmooth.parametrisations import MaskedGain
-from robustpolish.synthesis.structured.search import Effort, descend_from, stabilise
+from robustpolish.synthesis.structured.search import SearchEffort, descend_from, stabilise
 
 EDGE = 3.0
 
@@ -64,7 +64,7 @@ def search(starts, problem=PROBLEM, effort=None, budget=None, **options):
     rng = np.random.default_rng(0)
     stability = options.pop("stability", Beyond())
     return descend_from(
-        points, problem, stability, effort or Effort(), budget or Budget(), rng, **options
+        points, problem, stability, effort or SearchEffort(), budget or Budget(), rng, **options
     )
 
 
@@ -78,11 +78,11 @@ def test_the_lowest_of_the_minima_is_kept():
 
 
 def test_agreement_and_patience_end_the_search():
-    agreed = search([-0.9] * 20, effort=Effort(fewest=2))
+    agreed = search([-0.9] * 20, effort=SearchEffort(fewest=2))
     assert (agreed.reason, len(agreed.history)) == ("agreed", 2)
-    patient = search([-0.9] + [0.9] * 20, effort=Effort(patience=2))
+    patient = search([-0.9] + [0.9] * 20, effort=SearchEffort(patience=2))
     assert (patient.reason, len(patient.history)) == ("patience", 3)
-    most = search([-0.9] * 20, effort=Effort(descents=3))
+    most = search([-0.9] * 20, effort=SearchEffort(descents=3))
     assert (most.reason, len(most.history)) == ("starts", 3)
 
 

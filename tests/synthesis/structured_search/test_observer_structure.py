@@ -12,7 +12,7 @@ from robustpolish.base.budget import Budget
 from robustpolish.errors import InfeasibleError, InvalidInputError
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.polishing.air_bearing import air_bearing
-from robustpolish.synthesis.problem.scaling import decoupled_parts, undivided
+from robustpolish.synthesis.problem.scaling import decoupled_parts, whole_plant
 from robustpolish.synthesis.structured.observer import (
     ObserverStructure,
     RiccatiStarts,
@@ -22,7 +22,7 @@ from robustpolish.synthesis.structured.search import POLICY, Norm, PartDesign, P
 
 
 def stated(plant, norm: Norm = "hinf"):
-    problem = ObserverStructure(norm).problem(undivided(plant))
+    problem = ObserverStructure(norm).problem(whole_plant(plant))
     assert problem is not None
     return problem
 
@@ -85,12 +85,12 @@ def test_what_no_observer_does_is_refused():
         [[-1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], D11=[[1.0]]
     )
     with pytest.raises(InfeasibleError, match="D11 passes the disturbance straight to z"):
-        ObserverStructure("h2").problem(undivided(direct))
-    assert ObserverStructure("hinf").problem(undivided(direct)) is not None
+        ObserverStructure("h2").problem(whole_plant(direct))
+    assert ObserverStructure("hinf").problem(whole_plant(direct)) is not None
     nothing = direct.part(
         states=[0], disturbances=[0], controls=[], performance=[0], measurements=[0]
     )
-    assert ObserverStructure("hinf").problem(undivided(nothing)) is None
+    assert ObserverStructure("hinf").problem(whole_plant(nothing)) is None
 
 
 @pytest.mark.parametrize(("norm", "optimum"), [("hinf", LAG_HINF), ("h2", LAG_H2)])

@@ -7,7 +7,7 @@ from small_plants import oscillator
 from robustpolish.base.budget import Budget
 from robustpolish.errors import SolverError
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.problem.scaling import undivided
+from robustpolish.synthesis.problem.scaling import whole_plant
 from robustpolish.synthesis.structured.search import POLICY, design_part
 from robustpolish.synthesis.structured.structures import StaticStructure
 
@@ -20,7 +20,7 @@ def lag(price=1.0, a=-1.0, unit=1.0):
 
 
 def design(plant, seed=0, target=0.0, budget=None, **structure):
-    problem = StaticStructure("hinf", **structure).problem(undivided(plant))
+    problem = StaticStructure("hinf", **structure).problem(whole_plant(plant))
     assert problem is not None
     return design_part(problem, budget or Budget(1e3), seed, target)
 

@@ -6,7 +6,7 @@ import pytest
 from robustpolish.base.budget import Budget
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.polishing.air_bearing import air_bearing
-from robustpolish.synthesis.problem.scaling import decoupled_parts, undivided
+from robustpolish.synthesis.problem.scaling import decoupled_parts, whole_plant
 from robustpolish.synthesis.structured.search import POLICY, PartDesign
 from robustpolish.synthesis.structured.structures import Mechanics, PassiveStructure
 
@@ -63,7 +63,7 @@ def test_units_follow_from_those_of_force_and_displacement():
 
 def test_coefficients_stay_between_nothing_and_their_limit():
     structure = passive([("spring", ("q", "ground")), ("damper", ("p", "q"))], [4.0, np.inf])
-    problem = structure.problem(undivided(machine()))
+    problem = structure.problem(whole_plant(machine()))
     assert problem is not None
     assert problem.bounds is not None
     bottom, top = problem.bounds
@@ -96,7 +96,7 @@ def test_a_part_without_elements_is_left_alone():
 
 def test_what_is_next_to_nothing_is_nothing_in_the_end():
     structure = passive([("spring", ("q", "p")), ("damper", ("p", "ground"))])
-    part = undivided(machine())
+    part = whole_plant(machine())
     problem = structure.problem(part)
     assert problem is not None
     point = np.array([np.log(POLICY.nothing), 0.5])

@@ -1,11 +1,11 @@
 """What follows from the thresholds of the structured searches."""
 
-from robustpolish.synthesis.structured.search import POLICY, Effort, StructuredPolicy
+from robustpolish.synthesis.structured.search import POLICY, SearchEffort, StructuredPolicy
 
 
 def test_agreement_needs_no_more_descents_than_are_asked_for():
-    assert Effort().agreeing == 4
-    assert Effort(fewest=3).agreeing == 3
+    assert SearchEffort().agreeing == 4
+    assert SearchEffort(fewest=3).agreeing == 3
     # A search by H2 Riccati designs can end after its fewest descents, if all agree.
     assert POLICY.observer_h2.agreeing == POLICY.observer_h2.fewest
 

@@ -13,12 +13,12 @@ from robustpolish.base.budget import Budget
 from robustpolish.errors import InfeasibleError, InvalidInputError
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.nonsmooth.parametrisations import AffineGain, MaskedGain
-from robustpolish.synthesis.problem.scaling import decoupled_parts, undivided
+from robustpolish.synthesis.problem.scaling import decoupled_parts, whole_plant
 from robustpolish.synthesis.structured.structures import (
     StaticStructure,
     free_gain,
-    resting,
     scaled_matrix,
+    zero_controller,
 )
 
 ANY = np.ones((1, 1), bool)
@@ -44,7 +44,7 @@ def test_each_part_has_its_own_entries_of_the_pattern():
 
 def test_a_plant_without_states_leaves_nothing_to_choose():
     gain = control.StateSpace([], [], [], np.eye(2))
-    assert StaticStructure("hinf").problem(undivided(GeneralizedPlant(gain, 1, 1))) is None
+    assert StaticStructure("hinf").problem(whole_plant(GeneralizedPlant(gain, 1, 1))) is None
 
 
 @pytest.mark.parametrize("order", [0, 2])
@@ -57,7 +57,7 @@ def test_the_search_starts_at_what_was_given(order):
         rng.normal(size=(1, order)),
         rng.normal(size=(1, 1)),
     )
-    problem = StaticStructure("hinf", order, initial=K).problem(undivided(plant))
+    problem = StaticStructure("hinf", order, initial=K).problem(whole_plant(plant))
     assert problem is not None
     first, rest = islice(problem.starts[0].propose((), Budget(), rng), 2)
     again = problem.controller(problem.parametrisation.gain(first))
@@ -69,15 +69,19 @@ def test_the_search_starts_at_what_was_given(order):
 
 def test_scaling_a_controller_undoes_what_the_problem_does_to_it():
     plant = rescaled(two_masses(FULL), seed=2)[0]
-    problem = StaticStructure("hinf", 1).problem(undivided(plant))
+    problem = StaticStructure("hinf", 1).problem(whole_plant(plant))
     assert problem is not None
     K = np.random.default_rng(3).normal(size=(3, 3))
     assert scaled_matrix(problem.controller(K), problem.scaled) == pytest.approx(K, rel=1e-12)
 
 
 def test_states_at_rest_decay():
-    assert resting((3, 3), 2, discrete=False).tolist() == [[-1, 0, 0], [0, -1, 0], [0, 0, 0]]
-    assert not resting((3, 3), 2, discrete=True).any()
+    assert zero_controller((3, 3), 2, discrete=False).tolist() == [
+        [-1, 0, 0],
+        [0, -1, 0],
+        [0, 0, 0],
+    ]
+    assert not zero_controller((3, 3), 2, discrete=True).any()
 
 
 def test_all_marked_entries_are_free_unless_a_feedthrough_is_left():

@@ -2,19 +2,21 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.robust.loop_model import DeltaBlock, Structure
-from robustpolish.synthesis.uncertain.scaled_gain import grid, levels
+from robustpolish.robust.loop_model import DeltaBlock, DeltaStructure
+from robustpolish.synthesis.uncertain.scaled_gain import grid, mu_bounds
 
 
 def test_levels_are_those_of_the_matrices():
     random = np.random.default_rng(0)
-    structure = Structure((DeltaBlock("real"), DeltaBlock("complex"), DeltaBlock("full", 1, 2, 2)))
+    structure = DeltaStructure(
+        (DeltaBlock("real"), DeltaBlock("complex"), DeltaBlock("full", 1, 2, 2))
+    )
     M = random.standard_normal((3, 4, 4)) + 1j * random.standard_normal((3, 4, 4))
-    found = levels(structure, np.arange(3.0), M)
+    found = mu_bounds(structure, np.arange(3.0), M)
     blocks = ["real", "complex", ("full", 2)]
     for one, value in zip(M, found.values, strict=True):
         assert value == pytest.approx(rp.structured_singular_value(one, blocks).upper, rel=2e-3)
-    quick = levels(structure, np.arange(3.0), M, best=False)
+    quick = mu_bounds(structure, np.arange(3.0), M, best=False)
     assert (quick.values >= found.values * (1 - 1e-6)).all()
     assert found.diagonals().shape == (3, 3)
     assert found.diagonals()[:, -1] == pytest.approx(np.ones(3))

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from robustpolish.synthesis.problem.matrices import Controller
-from robustpolish.synthesis.uncertain.scaled_gain import ModalGain, unstacked
+from robustpolish.synthesis.uncertain.scaled_gain import ModalGain, controller_from_matrix
 
 
 def _response(K, s):
@@ -16,7 +16,7 @@ def test_form_keeps_the_controller(states):
         *(random.standard_normal(s) for s in ((states, states), (states, 2), (3, states), (3, 2)))
     )
     form, theta = ModalGain.of(K)
-    again = unstacked(form.gain(theta), form.order)
+    again = controller_from_matrix(form.gain(theta), form.order)
     for s in (0.3j, 5.0 + 1j):
         assert _response(again, s) == pytest.approx(_response(K, s), rel=1e-9)
     blocks = np.kron(np.eye(3), np.ones((2, 2)))[:states, :states]
@@ -28,7 +28,7 @@ def test_double_pole_keeps_the_controller():
         np.array([[-1.0, 1], [0, -1]]), np.ones((2, 1)), np.ones((1, 2)), np.zeros((1, 1))
     )
     form, theta = ModalGain.of(K)
-    again = unstacked(form.gain(theta), 2)
+    again = controller_from_matrix(form.gain(theta), 2)
     assert _response(again, 0.7j) == pytest.approx(_response(K, 0.7j), rel=1e-7)
 
 

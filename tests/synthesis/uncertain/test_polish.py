@@ -10,9 +10,9 @@ from robustpolish.synthesis.uncertain.scaled_gain import (
     RobustProblem,
     Scalings,
     grid,
-    levels,
+    mu_bounds,
 )
-from robustpolish.synthesis.uncertain.search import Polish, Polished, damping
+from robustpolish.synthesis.uncertain.search import MuDescent, MuDescentPoint, damping
 
 
 @pytest.fixture
@@ -21,12 +21,12 @@ def start():
     K = Controller(*(np.array([[x]]) for x in (-1.0, 0.3, 0.4, -0.5)))
     loop = problem.loop(K)
     omega = grid([loop.poles])
-    found = levels(problem.structure, omega, LoopResponses.of(loop, omega).M)
+    found = mu_bounds(problem.structure, omega, LoopResponses.of(loop, omega).M)
     scalings = Scalings(problem.structure)
     weights = np.array([scalings.of_weights(f.x, found.space, 1.0) for f in found.found])
     form, theta = ModalGain.of(K)
-    polish = Polish(augmented(problem.matrices, 1), form, scalings, omega)
-    return polish, Polished(theta, weights, found.peak)
+    polish = MuDescent(augmented(problem.matrices, 1), form, scalings, omega)
+    return polish, MuDescentPoint(theta, weights, found.peak)
 
 
 def test_levels_of_the_start_are_those_of_the_analysis(start):
@@ -39,8 +39,8 @@ def test_derivatives_are_those_of_differences_with_the_fence_and_without(start):
     polish, state = start
     random, h = np.random.default_rng(0), 1e-6
     x = np.concatenate([state.theta, state.weights.ravel()])
-    for each in (polish, Polish(polish.plant, polish.gain, polish.scalings, polish.omega, 2.0)):
-        fence = each._fence(each.loop(state.theta))[0]
+    for each in (polish, MuDescent(polish.plant, polish.gain, polish.scalings, polish.omega, 2.0)):
+        fence = each._stability_penalty(each.loop(state.theta))[0]
         assert (fence > 0) == (each.damping == 2.0)
         value, slope = each._value(x, len(state.theta), 20.0, state.level**2)
         step = random.standard_normal(len(x))

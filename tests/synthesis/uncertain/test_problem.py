@@ -4,7 +4,11 @@ import uncertain_plants
 
 import robustpolish as rp
 from robustpolish.synthesis.problem.matrices import Controller
-from robustpolish.synthesis.uncertain.scaled_gain import RobustProblem, stacked, unstacked
+from robustpolish.synthesis.uncertain.scaled_gain import (
+    RobustProblem,
+    controller_from_matrix,
+    controller_matrix,
+)
 
 
 def test_level_and_controller_are_those_of_the_plant():
@@ -40,5 +44,5 @@ def test_every_copy_becomes_a_complex_number_of_its_own():
 
 def test_stacked_matrices_come_apart_again():
     K = Controller(np.eye(2), np.ones((2, 1)), np.ones((1, 2)), np.zeros((1, 1)))
-    for one, other in zip(unstacked(stacked(K), 2), K, strict=True):
+    for one, other in zip(controller_from_matrix(controller_matrix(K), 2), K, strict=True):
         assert (one == other).all()

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from uncertain_plants import two_masses
 
-from robustpolish.synthesis.problem.matrices import Controller, close_static
+from robustpolish.synthesis.problem.matrices import Controller, close_static_loop
 from robustpolish.synthesis.uncertain.scaled_gain import LoopResponses, RobustProblem
 
 OMEGA = np.array([0.0, 0.3, 1.4, 20.0, np.inf])
@@ -37,7 +37,7 @@ def test_gradients_over_k_are_those_of_differences(loop):
     gradient = responses.back(weights)
 
     def value(K):
-        M = LoopResponses.of(close_static(loop.plant, K), OMEGA).M
+        M = LoopResponses.of(close_static_loop(loop.plant, K), OMEGA).M
         return np.einsum("kwz,kzw->", weights, M).real
 
     step, h = random.standard_normal(loop.K.shape), 1e-6

@@ -6,7 +6,7 @@ import pytest
 from uncertain_plants import column, lag, two_masses
 
 import robustpolish as rp
-from robustpolish.base.budget import OutOfTimeError
+from robustpolish.base.budget import DeadlineError
 
 
 def test_lag_is_robust_with_named_signals_and_a_proof():
@@ -129,7 +129,7 @@ def test_a_structure_of_the_wrong_shape_is_refused():
 
 def test_when_the_time_is_over_what_was_proven_counts(monkeypatch):
     def over(*_):
-        raise OutOfTimeError("The time was over.")
+        raise DeadlineError("The time was over.")
 
     module = importlib.import_module("robustpolish.synthesis.uncertain.robust_output_feedback")
     monkeypatch.setattr(module, "_by_scalings", over)

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.robust.loop_model import DeltaBlock, Structure
-from robustpolish.robust.scalings import Inequality, Space, lowered, started
+from robustpolish.robust.loop_model import DeltaBlock, DeltaStructure
+from robustpolish.robust.scalings import Inequality, Space, initial_scalings, reduce_level
 from robustpolish.synthesis.uncertain.scaled_gain import ScaledGain, Scalings
 
 BLOCKS = (
@@ -17,7 +17,7 @@ BLOCKS = (
 @pytest.fixture
 def case():
     random = np.random.default_rng(0)
-    structure = Structure(BLOCKS)
+    structure = DeltaStructure(BLOCKS)
     scalings = Scalings(structure)
     nz, nw = structure.shape
     M = random.standard_normal((3, nz, nw)) + 1j * random.standard_normal((3, nz, nw))
@@ -50,7 +50,7 @@ def test_scalings_of_the_analysis_prove_the_same_level(case, gain):
     scalings, _, M, _ = case
     space = Space(scalings.structure, (False,) * len(BLOCKS))
     inequality = Inequality(space, M[:1] / gain)
-    best = lowered(inequality, started(inequality))
+    best = reduce_level(inequality, initial_scalings(inequality))
     theta = scalings.of_weights(best.x, space, gain)
     H = ScaledGain(scalings, theta[None], M[:1]).H[0]
     assert np.linalg.eigvalsh(H)[-1] == pytest.approx(best.square * gain**2, rel=1e-9)

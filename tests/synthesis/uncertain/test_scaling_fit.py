@@ -1,7 +1,12 @@
 import numpy as np
 import pytest
 
-from robustpolish.synthesis.uncertain.dk_iteration import Filter, beside, fitted, scaled_norms
+from robustpolish.synthesis.uncertain.dk_iteration import (
+    Filter,
+    fitted,
+    repeated_filters,
+    scaled_norms,
+)
 
 OMEGA = np.array([0.0, *np.geomspace(1e-3, 1e3, 60), np.inf])
 
@@ -32,7 +37,7 @@ def test_sizes_of_a_filter_are_fitted_by_one_of_its_order():
 
 
 def test_filters_stand_beside_each_other():
-    both = beside(
+    both = repeated_filters(
         [Filter(2.0, np.array([1.0]), np.array([3.0])), Filter(5.0, *np.zeros((2, 0)))], [2, 1]
     )
     assert pytest.approx(np.diag([6.0, 6.0, 5.0])) == both.D

@@ -3,8 +3,13 @@ import pytest
 import uncertain_plants
 
 from robustpolish.synthesis.problem.matrices import Controller
-from robustpolish.synthesis.uncertain.dk_iteration import level_with, shorter
-from robustpolish.synthesis.uncertain.scaled_gain import LoopResponses, RobustProblem, grid, levels
+from robustpolish.synthesis.uncertain.dk_iteration import mu_bound_with, reduced_controllers
+from robustpolish.synthesis.uncertain.scaled_gain import (
+    LoopResponses,
+    RobustProblem,
+    grid,
+    mu_bounds,
+)
 
 
 def test_shorter_controllers_are_stable_and_come_near():
@@ -15,9 +20,9 @@ def test_shorter_controllers_are_stable_and_come_near():
     )
     loop = problem.loop(K)
     omega = grid([loop.poles])
-    known = levels(problem.structure, omega, LoopResponses.of(loop, omega).M)
-    assert level_with(problem, K, known) == pytest.approx(known.peak, rel=1e-9)
-    found = list(shorter(problem, K, 1))
+    known = mu_bounds(problem.structure, omega, LoopResponses.of(loop, omega).M)
+    assert mu_bound_with(problem, K, known) == pytest.approx(known.peak, rel=1e-9)
+    found = list(reduced_controllers(problem, K, 1))
     assert all(len(one.A) == 1 for one in found)
-    assert min(level_with(problem, one, known) for one in found) < 1.01 * known.peak
-    assert list(shorter(problem, K, 5)) == [K]
+    assert min(mu_bound_with(problem, one, known) for one in found) < 1.01 * known.peak
+    assert list(reduced_controllers(problem, K, 5)) == [K]

@@ -50,16 +50,16 @@ def _frequency_below(signal: NDArray[np.float64], share: float, dt: float) -> fl
 
 def _at(motion: Motion, frequency: float) -> Shape:
     """Return the pull of a mass, and its derivative, which moves frequency and damping."""
-    column = force_with(KIND, _swinging(1.0, frequency), motion)
+    column = force_with(KIND, _resonator_values(1.0, frequency), motion)
     turned = np.gradient(column[0], motion.time[1] - motion.time[0])[None] / (2 * np.pi * frequency)
 
     def values(c: NDArray[np.float64]) -> Mapping[str, float]:
-        return _swinging(float(c[0]), frequency)
+        return _resonator_values(float(c[0]), frequency)
 
     return Shape(np.stack([column, turned]), values, (1, 0), _near)
 
 
-def _swinging(mass: float, frequency: float) -> Mapping[str, float]:
+def _resonator_values(mass: float, frequency: float) -> Mapping[str, float]:
     omega = 2 * np.pi * frequency
     return {"mass": mass, "stiffness": mass * omega**2, "damping": 2 * _DAMPING * omega * mass}
 
@@ -91,7 +91,7 @@ KIND = EffectKind(
     gains=_gains,
     state_sizes=_state_sizes,
     states=2,
-    swinging=_swinging,
+    swinging=_resonator_values,
     looks_like="One narrow band of the residual, with a resonance and a notch beside it in the "
     "frequency response.",
     checks=(

@@ -7,7 +7,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from robustpolish.base.arrays import Array
-from robustpolish.machines.effects.kind import EffectKind, Motion, Parameter, Shape, as_it_is
+from robustpolish.machines.effects.kind import (
+    EffectKind,
+    Motion,
+    Parameter,
+    Shape,
+    unchanged_signal,
+)
 
 _TRIED = (0.02, 0.06, 0.15, 0.3)
 """Half widths as shares of the largest force that is asked for."""
@@ -41,7 +47,7 @@ KIND = EffectKind(
         Parameter("width", "signal", "command to either side that does nothing", lower=0.0),
     ),
     on_signal=_on_signal,
-    linear_signal=as_it_is,  # beyond it, changes act in full
+    linear_signal=unchanged_signal,  # beyond it, changes act in full
     shapes=_shapes,
     looks_like="A residual against the sign of the command, where dry friction's is against the "
     "sign of the velocity: small commands do nothing, large ones too little.",

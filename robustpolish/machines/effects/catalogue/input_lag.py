@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from robustpolish.base.arrays import Array
-from robustpolish.machines.effects.evaluate import lagged
+from robustpolish.machines.effects.evaluate import first_order_lag
 from robustpolish.machines.effects.kind import EffectKind, Motion, Parameter, Shape, Timing
 
 _TRIED = 6
@@ -34,7 +34,7 @@ def _at(motion: Motion, lag: float) -> Shape:
 
 def _on_signal(u: Array, time: Array, values: Mapping[str, float]) -> Array:
     step = float(time[-1] - time[0]) / (time.size - 1)
-    return lagged(u, np.concatenate([u[1:], u[-1:]]), step, values["lag"])
+    return first_order_lag(u, np.concatenate([u[1:], u[-1:]]), step, values["lag"])
 
 
 def _timing(values: Mapping[str, float]) -> Timing:

@@ -7,7 +7,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from robustpolish.base.arrays import Array
-from robustpolish.machines.effects.kind import EffectKind, Motion, Parameter, Shape, as_it_is
+from robustpolish.machines.effects.kind import (
+    EffectKind,
+    Motion,
+    Parameter,
+    Shape,
+    unchanged_signal,
+)
 
 _TRIED = (0.92, 0.8, 0.65, 0.5, 0.35)
 """Limits as shares of the largest force that is asked for."""
@@ -41,7 +47,7 @@ KIND = EffectKind(
         Parameter("limit", "signal", "largest force to either side", lower=0.0, default=np.inf),
     ),
     on_signal=_on_signal,
-    linear_signal=as_it_is,  # below the limit
+    linear_signal=unchanged_signal,  # below the limit
     shapes=_shapes,
     looks_like="A residual in phase with the largest forces alone: the machine answers small "
     "commands as it should and large ones too weakly.",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from robustpolish.base.arrays import Array
-from robustpolish.machines.effects.kind import CONSTANT, EffectKind, Parameter, as_it_is
+from robustpolish.machines.effects.kind import CONSTANT, EffectKind, Parameter, unchanged_signal
 
 
 def _on_signal(u: Array, time: Array, values: Mapping[str, float]) -> Array:
@@ -18,7 +18,7 @@ KIND = EffectKind(
     domain="output",
     parameters=(Parameter("offset", "signal", "shown when there is nothing"),),
     on_signal=_on_signal,
-    linear_signal=as_it_is,
+    linear_signal=unchanged_signal,
     linear_in=("offset",),
     family=CONSTANT,
     looks_like="This channel's residual has a mean, from the first sample on.",

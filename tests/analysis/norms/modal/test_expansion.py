@@ -11,7 +11,7 @@ from robustpolish.linear.norms.modal_expansion import (
     expand_far,
     expansion_error,
 )
-from robustpolish.linear.norms.modal_form import modal_form, modes_of
+from robustpolish.linear.norms.modal_form import modal_arrays, modal_form
 from tests.analysis.norms.random_models import model, response
 
 
@@ -21,7 +21,7 @@ def summed(terms, t):
 
 def modes_and_room(G):
     form = modal_form(G, eigensystem(G.A), True)
-    return modes_of(form), np.empty((ORDER, *form.D.shape), complex)
+    return modal_arrays(form), np.empty((ORDER, *form.D.shape), complex)
 
 
 @pytest.mark.parametrize("dt", [0, 0.1])

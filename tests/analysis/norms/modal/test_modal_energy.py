@@ -9,7 +9,7 @@ import pytest
 from robustpolish.linear.arithmetic.rational import ExactModel
 from robustpolish.linear.arithmetic.realisation import realisation, rescaled
 from robustpolish.linear.eigen import eigensystem
-from robustpolish.linear.norms.gramian import exact_energy
+from robustpolish.linear.norms.gramian import exact_h2_energy
 from robustpolish.linear.norms.h2 import modal_energy
 from robustpolish.linear.norms.modal_form import modal_form
 from tests.analysis.norms.random_models import model
@@ -24,7 +24,7 @@ def energy_of(G):
 def test_bounds_hold_in_ball_arithmetic(seed):
     G = model(seed, states=3 + seed, inputs=1 + seed % 3)
     G = rescaled(replace(G, D=0 * G.D))
-    found, exact = energy_of(G), exact_energy(ExactModel.of(G))
+    found, exact = energy_of(G), exact_h2_energy(ExactModel.of(G))
     assert found.lower <= exact.lower <= exact.upper <= found.upper
     assert found.lower <= found.square <= found.upper
     assert found.width < 1e-10
@@ -34,7 +34,7 @@ def test_bounds_hold_in_ball_arithmetic(seed):
 def test_light_damping(damping):
     A = np.array([[0, 1, 0, 0], [-1, -2 * damping, 0, 0.1], [0, 0, 0, 1], [0, 0, -9, -damping]])
     G = rescaled(realisation("system", control.ss(A, [[0], [1], [0], [1]], [[1.0, 0, 0, 0.1]], 0)))
-    found, exact = energy_of(G), exact_energy(ExactModel.of(G))
+    found, exact = energy_of(G), exact_h2_energy(ExactModel.of(G))
     assert found.lower <= exact.lower <= exact.upper <= found.upper
     assert found.width < 1e-5
 

@@ -9,7 +9,7 @@ from robustpolish.linear.arithmetic.realisation import realisation, rescaled
 from robustpolish.linear.eigen import eigensystem
 from robustpolish.linear.norms.modal_form import modal_form
 from robustpolish.linear.norms.modal_peak import _search, modal_peak
-from robustpolish.linear.norms.peak import crossings
+from robustpolish.linear.norms.peak import gain_crossings
 from tests.analysis.norms.random_models import model
 
 
@@ -23,9 +23,9 @@ def check(G):
     found = peak_of(G)
     assert found.lower <= found.gain <= found.upper <= found.lower * (1 + 1.3e-9)
     exact = ExactModel.of(G)
-    assert not crossings(exact, fraction(found.upper) ** 2)
+    assert not gain_crossings(exact, fraction(found.upper) ** 2)
     if np.isfinite(found.frequency):
-        assert crossings(exact, fraction(found.lower * (1 - 1e-12)) ** 2)
+        assert gain_crossings(exact, fraction(found.lower * (1 - 1e-12)) ** 2)
     return found
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robustpolish.linear.eigen import eigensystem
-from robustpolish.linear.norms.modal_form import modal_form, modes_of
+from robustpolish.linear.norms.modal_form import modal_arrays, modal_form
 from tests.analysis.norms.random_models import model
 
 
@@ -12,7 +12,7 @@ from tests.analysis.norms.random_models import model
 def test_two_doubles_hold_the_imaginary_parts(proven):
     G = model(3)
     form = modal_form(G, eigensystem(G.A), proven)
-    modes = modes_of(form)
+    modes = modal_arrays(form)
     wide = modes.high.astype(np.longdouble) + modes.low
     assert np.abs(wide - form.imag).max() <= 1e-19
     assert (np.abs(modes.low) <= np.spacing(np.abs(modes.high))).all()

@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from robustpolish.linear.norms.modal_form import wide_product
+from robustpolish.linear.norms.modal_form import extended_product
 
 
 @pytest.mark.parametrize("inner", [5, 80])
@@ -16,7 +16,7 @@ def test_errors_are_within_their_bounds_and_small(inner, spread):
     M[3] = 0.0
     V = rng.standard_normal((inner, 70)) + 1j * rng.standard_normal((inner, 70))
     V[:, :10] *= 10.0 ** rng.uniform(-spread, 0, (inner, 10))
-    found, error = wide_product(M, V)
+    found, error = extended_product(M, V)
     for i, j in [(0, 0), (1, 7), (2, 69), (3, 1)]:
         for parts, value in ((V.real, found.real), (V.imag, found.imag)):
             exact = sum(

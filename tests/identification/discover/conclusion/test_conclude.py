@@ -9,10 +9,10 @@ from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.observer.kalman import FREE, Level
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
-from robustpolish.identification.structure.decays import Cut
+from robustpolish.identification.structure.decays import DecaySplit
 from robustpolish.identification.structure.screening import ScreenedEffect, Screening
-from robustpolish.identification.structure.spline_laws import CURVES, KINDS, ONE_CURVE, OVER_TIME
-from robustpolish.identification.structure.state import RefittedEffect, Turn
+from robustpolish.identification.structure.spline_laws import CURVES, KINDS, OVER_TIME, SINGLE_CURVE
+from robustpolish.identification.structure.state import RefittedEffect, SelectionStep
 from robustpolish.identification.structure.verdict import conclude
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.evaluate import force_with
@@ -31,7 +31,7 @@ def searched(force, *effects, model, policy=POLICY):
     """A search on a rig with more force, and effects that were accepted."""
     search = search_of(model, DATA.assign(f=("time", DATA["f"].values + force)), policy)
     for effect in effects:
-        fitted = search.fitted_with(search.stage.model, effect)
+        fitted = search.fit_with(search.stage.model, effect)
         search.accept([RefittedEffect(ScreenedEffect(effect, 100.0, 0.5), fitted)])
     return search
 
@@ -79,7 +79,7 @@ def test_what_was_added_is_the_finding():
 
 
 LEARN = "robustpolish.identification.structure.spline_laws.learn"
-CUT_DECAYS = "robustpolish.identification.structure.decays.cut_decays"
+CUT_DECAYS = "robustpolish.identification.structure.decays.split_decays"
 BETTER_SHAPE = "robustpolish.identification.structure.spline_laws.better_shape"
 THREE = (
     Effect("cubic_stiffness", PLACE, {"stiffness": 100.0}),
@@ -108,16 +108,18 @@ def asked_of_a_cubic_spring(monkeypatch):
     return asked
 
 
-@pytest.mark.parametrize("fades", [False, True])
-def test_what_varies_with_time_is_sought_where_no_law_of_the_motion_explains(monkeypatch, fades):
+@pytest.mark.parametrize("quieter_held_out", [False, True])
+def test_what_varies_with_time_is_sought_where_no_law_of_the_motion_explains(
+    monkeypatch, quieter_held_out
+):
     """Also in a motion that fades as a sweep does that has passed its resonance."""
-    monkeypatch.setattr(PreparedRecord, "fades", fades)
+    monkeypatch.setattr(PreparedRecord, "fades", quieter_held_out)
     assert asked_of_a_cubic_spring(monkeypatch) == [KINDS, OVER_TIME]
 
 
 def test_in_a_free_decay_nothing_is_said_to_vary_with_time(monkeypatch):
     record = record_of(rig(), DATA)
-    monkeypatch.setattr(CUT_DECAYS, lambda *_: Cut([record], [record]))
+    monkeypatch.setattr(CUT_DECAYS, lambda *_: DecaySplit([record], [record]))
     assert asked_of_a_cubic_spring(monkeypatch) == [KINDS]
 
 
@@ -207,7 +209,7 @@ def test_what_explains_a_part_is_kept_and_the_rest_is_told():
 def test_what_helps_a_bit_and_has_no_size_gets_no_name(monkeypatch):
     """Of a spring that drifts a mass that hangs somewhere takes a part, whatever that weighs."""
     monkeypatch.setattr(
-        "robustpolish.identification.structure.score.undetermined",
+        "robustpolish.identification.structure.score.undetermined_parameter",
         lambda *_, **__: "stiffness",
     )
     monkeypatch.setattr(LEARN, lambda *_: None)
@@ -316,7 +318,7 @@ def test_a_friction_that_turns_over_gently_has_no_memory(monkeypatch):
     """What a jump leaves at every reversal speaks for Dahl's law, until the jump is rounded."""
     instead = {"dahl_friction": [Effect("coulomb_friction", PLACE, {"force": 1.0})]}
     monkeypatch.setattr(
-        "robustpolish.identification.structure.moves_replace.nearly_the_same",
+        "robustpolish.identification.structure.moves_replace.close_force_equivalents",
         lambda _, model, at: instead.get(model.effects[at].kind, []),
     )
     speed = 0.1 * np.std(V)
@@ -359,7 +361,7 @@ def test_noise_on_inputs_is_no_error_that_an_effect_has_to_explain():
         tried = refitted(rig(), "cubic_stiffness", PLACE, {"stiffness": 3.0}, left)
         tried = replace(tried, fitted=replace(tried.fitted, over_fitted=lambda loud=loud: loud))
         noisy = replace(search, screening=Screening((), (), Level(0.0, input_noise=0.03)))
-        noisy.turns = [Turn(noisy.copy(), (), (), (tried,))]
+        noisy.selection_steps = [SelectionStep(noisy.copy(), (), (), (tried,))]
         assert conclude(noisy, rig()).verdict == said
 
 
@@ -374,7 +376,7 @@ def test_what_three_effects_at_one_place_leave_is_no_noise_on_the_inputs(monkeyp
         noise = any("like a noise on the inputs" in reason for reason in found.reasons)
         assert noise == (len(named) < 3)
         # one curve may leave visibly less than what is like a noise on the inputs
-        assert asked == ([ONE_CURVE, OVER_TIME] if noise else [CURVES])
+        assert asked == ([SINGLE_CURVE, OVER_TIME] if noise else [CURVES])
 
 
 def test_a_kind_whose_numbers_are_left_open_gives_way_to_a_simpler_one():

@@ -5,7 +5,7 @@ import pytest
 
 from robustpolish.identification.structure import verdict as module
 from robustpolish.identification.structure.state import Search
-from robustpolish.identification.structure.verdict import Final, final_fit
+from robustpolish.identification.structure.verdict import FinalFit, final_fit
 from robustpolish.machines.effects.effect import Effect
 from tests.identification.discover.searches import STRIBECK, judged, refitted, search_of
 from tests.identification.oscillators import PLACE, of_rig, rig
@@ -26,16 +26,16 @@ def test_what_is_left_open_stays_if_another_is_absurd_without_it(monkeypatch, sl
     search.accept([refitted(friction.fitted.model, drag.kind, PLACE, drag.values, 10.0)])
     search.stage = stage
 
-    def fitted_without(self, model, at):
+    def fit_without(self, model, at):
         return judged(with_friction(rig(), force=sliding), 10.1) if at else None
 
-    def as_it_is(search, stage, calm):
-        return Final(stage.fit, np.atleast_1d(stage.free), calm)
+    def as_it_is(search, stage, predictable):
+        return FinalFit(stage.fit, np.atleast_1d(stage.free), predictable)
 
-    monkeypatch.setattr(Search, "fitted_without", fitted_without)
-    monkeypatch.setattr(module, "fit_to_all", as_it_is)
-    monkeypatch.setattr(module, "is_calm", lambda search: False)
-    monkeypatch.setattr(module, "simpler", lambda *_: ())
-    monkeypatch.setattr(module, "_gently", lambda search, final: final)
+    monkeypatch.setattr(Search, "fitted_without", fit_without)
+    monkeypatch.setattr(module, "fit_whole_record", as_it_is)
+    monkeypatch.setattr(module, "free_runs_predictable", lambda search: False)
+    monkeypatch.setattr(module, "fits_of_simpler_kinds", lambda *_: ())
+    monkeypatch.setattr(module, "_smooth_frictions", lambda search, final: final)
     found = [effect.kind for effect in final_fit(search).fit.model.effects]
     assert found == ["stribeck_friction", *["quadratic_damping"] * kept]

@@ -11,7 +11,7 @@ from robustpolish.identification.structure.screening import ScreenedEffect
 from robustpolish.identification.structure.state import RefittedEffect
 from robustpolish.identification.structure.verdict import Verdict, final_fit
 from robustpolish.machines.effects.effect import Effect
-from tests.effects.learned_curves import law_of, surface_of
+from tests.effects.learned_curves import learned_law_of, surface_of
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.discover.searches import search_of
 
@@ -30,7 +30,7 @@ def named(case, hold=None):
     if hold is not None:
         model = model.with_effect("input_hold", ("F_x",), {"order": hold})
     search = search_of(model, records(case)[0][0])
-    fitted = search.fitted_with(search.stage.model, CUBIC)
+    fitted = search.fit_with(search.stage.model, CUBIC)
     search.accept([RefittedEffect(ScreenedEffect(CUBIC, 100.0, 0.5), fitted)])
     return search
 
@@ -41,7 +41,7 @@ def test_one_curve_explains_what_a_name_does_not():
     assert law.search is search
     (curve,) = law.learned.laws
     assert curve.effect.kind.startswith("learned_stiffness")
-    assert law.search.at_floor(law.learned.fitted)
+    assert law.search.at_noise_floor(law.learned.fitted)
     assert np.all(search.stage.error > 1.5 * search.prepared.scales.noise)
 
 
@@ -63,7 +63,7 @@ def test_a_hold_that_was_believed_beside_a_name_is_asked_again_beside_a_law():
     law = laws.one_curve(search)
     assert law.search is not search
     assert not any(e.values["order"] == 0.0 for e in law.search.reference.effects)
-    assert law.search.at_floor(law.learned.fitted)
+    assert law.search.at_noise_floor(law.learned.fitted)
 
 
 @pytest.mark.parametrize(("times", "looked"), [(1.05, []), (1.15, ["screened"])])
@@ -73,7 +73,7 @@ def test_more_is_looked_for_beside_a_name_that_leaves_more_than_white_noise(
     search, screened = named(TRUE_NAME), []
     error = times * search.prepared.scales.noise
     names = final_fit(search)._replace(error=error)
-    monkeypatch.setattr(laws, "_more_shows", lambda *_: screened.append("screened"))
+    monkeypatch.setattr(laws, "_screening_finds_more", lambda *_: screened.append("screened"))
     assert laws.unknown_law(search, names, Verdict("missing_effect", [], error), None) is None
     assert screened == looked
 
@@ -94,11 +94,11 @@ def test_a_curve_that_does_not_explain_all_leaves_a_third_of_what_names_leave(
     search = named(SATURATING)
     names = final_fit(search)
     made = {"force": lambda: surface_of(lambda q, v: q * v)}
-    found = [made[o]() if o in made else law_of(lambda x: x, over=o) for o in over]
+    found = [made[o]() if o in made else learned_law_of(lambda x: x, over=o) for o in over]
     effects = (*search.reference.effects, *(law.effect for law in found))
     learned = SimpleNamespace(explains=False, model=SimpleNamespace(effects=effects))
-    law = laws.LawFound(search, learned)
-    monkeypatch.setattr(laws, "_found", lambda *_: law)
-    monkeypatch.setattr(laws, "whole_error", lambda *_: left * names.error)
+    law = laws.NonparametricLaw(search, learned)
+    monkeypatch.setattr(laws, "_best_law", lambda *_: law)
+    monkeypatch.setattr(laws, "whole_record_error", lambda *_: left * names.error)
     verdict = Verdict("missing_effect", [], 0.1 * names.error)
     assert laws.unknown_law(search, names, verdict, None) is (law if taken else None)

@@ -14,14 +14,14 @@ from robustpolish.synthesis.lmi.output_feedback import (
     solve_projected,
 )
 from robustpolish.synthesis.lmi.program import ProgramSolver
-from robustpolish.synthesis.problem.matrices import PlantMatrices, close, with_price_and_noise
+from robustpolish.synthesis.problem.matrices import PlantMatrices, close, with_penalty_and_noise
 from robustpolish.synthesis.riccati.gamma import lower_bound
 
 
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: with_price_and_noise(PlantMatrices.of(scherer_1997()), 1e-3),
+        lambda: with_penalty_and_noise(PlantMatrices.of(scherer_1997()), 1e-3),
         lambda: PlantMatrices.of(random_plant(4, 2, singular=False)).without_d22(),
         lambda: PlantMatrices.of(random_plant(5, 3, singular=False)).without_d22(),
     ],

@@ -8,13 +8,13 @@ from published_plants import zhou_h2
 from scipy.linalg import block_diag
 
 from robustpolish.synthesis.lmi.output_feedback import (
-    Unknowns,
+    LmiVariables,
+    assemble_blocks,
     bounded_real,
     coupling,
     impose_h2,
     loop_terms,
-    size_of,
-    stacked,
+    variable_bound,
 )
 from robustpolish.synthesis.lmi.program import Affine, SemidefiniteProgram
 from robustpolish.synthesis.problem.matrices import PlantMatrices, close
@@ -23,7 +23,7 @@ NOTHING = np.zeros(0)
 
 
 def constant(variables):
-    return Unknowns(*(Affine.of(M) for M in variables))
+    return LmiVariables(*(Affine.of(M) for M in variables))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -53,7 +53,7 @@ def test_bounded_real_is_that_of_the_loop(seed):
 
 def test_least_energy_is_the_published_h2_optimum():
     plant, program = PlantMatrices.of(zhou_h2()), SemidefiniteProgram()
-    v = Unknowns.of(program, plant, "h2")
+    v = LmiVariables.of(program, plant, "h2")
     square = impose_h2(program, loop_terms(plant, v), v)
     program.minimise(square)
     solution = program.solve()
@@ -68,7 +68,7 @@ def test_for_the_h2_norm_only_what_is_unpriced_or_exact_feeds_through(norm, free
         D21=np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]),
     )
     program = SemidefiniteProgram()
-    v = Unknowns.of(program, plant, norm)
+    v = LmiVariables.of(program, plant, norm)
     np.testing.assert_array_equal(v.D.at(np.ones(program.unknowns)), free)
 
 
@@ -78,7 +78,7 @@ def test_size_and_coupling_are_the_largest_that_fit():
     variables, _, _ = changed(plant, K, X, Y)
     program = SemidefiniteProgram()
     v = constant(variables)
-    size, beta = size_of(program, v), program.scalar()
+    size, beta = variable_bound(program, v), program.scalar()
     coupling(program, v, beta)
     program.minimise(size - beta)
     found = program.solve()
@@ -98,4 +98,4 @@ def test_blocks_are_stacked_as_numpy_does():
     ]
     x = np.arange(12.0)
     expected = np.block([[part.at(x) for part in row] for row in blocks])
-    np.testing.assert_array_equal(stacked(blocks).at(x), expected)
+    np.testing.assert_array_equal(assemble_blocks(blocks).at(x), expected)

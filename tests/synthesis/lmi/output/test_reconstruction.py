@@ -11,11 +11,11 @@ from robustpolish.base.budget import Budget
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.synthesis.lmi.output_feedback import (
     bounded_real,
-    conditioned,
     loop_terms,
     rebalanced,
     reconstruct,
     solve_projected,
+    well_conditioned_controllers,
 )
 from robustpolish.synthesis.lmi.program import ProgramSolver
 from robustpolish.synthesis.problem.matrices import PlantMatrices, close
@@ -52,7 +52,7 @@ def controllers(bound, work=np.inf):
     def impose(program, v):
         program.positive(-bounded_real(loop_terms(frame, v), bound))
 
-    found = conditioned(frame, "hinf", impose, solver)
+    found = well_conditioned_controllers(frame, "hinf", impose, solver)
     return [(K, control.StateSpace(*close(frame, K))) for K in found]
 
 

@@ -5,11 +5,15 @@ import pytest
 from hard_plants import random_plant
 from scipy.linalg import solve_continuous_lyapunov
 
-from robustpolish.synthesis.problem.matrices import PlantMatrices, measuring_states, state_gain_norm
+from robustpolish.synthesis.problem.matrices import (
+    PlantMatrices,
+    state_gain_norm,
+    with_measured_states,
+)
 from robustpolish.synthesis.state_feedback.lmi import Coordinates
 from robustpolish.synthesis.state_feedback.riccati import lqr_gain
 
-PLANT = measuring_states(PlantMatrices.of(random_plant(4, 1, singular=False)))
+PLANT = with_measured_states(PlantMatrices.of(random_plant(4, 1, singular=False)))
 RNG = np.random.default_rng(0)
 COORDINATES = Coordinates(RNG.standard_normal((4, 4)), np.diag([10.0, 0.2]), np.eye(4), 30.0)
 

@@ -6,18 +6,22 @@ from hard_plants import random_plant
 from small_plants import oscillator
 
 from robustpolish.base.budget import Budget
-from robustpolish.synthesis.problem.matrices import PlantMatrices, measuring_states, state_gain_norm
+from robustpolish.synthesis.problem.matrices import (
+    PlantMatrices,
+    state_gain_norm,
+    with_measured_states,
+)
 from robustpolish.synthesis.problem.pole_regions import HalfPlane, Sector
 from robustpolish.synthesis.state_feedback.lmi import LmiStateEngine
-from robustpolish.synthesis.state_feedback.riccati import least_state_norm, lqr_gain
+from robustpolish.synthesis.state_feedback.riccati import lqr_gain, state_norm_lower_bound
 
-OSCILLATOR = measuring_states(PlantMatrices.of(oscillator()))
+OSCILLATOR = with_measured_states(PlantMatrices.of(oscillator()))
 
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("norm", ["hinf", "h2"])
 def test_the_norm_is_within_the_slack_of_a_lower_bound(norm, seed):
-    plant = measuring_states(PlantMatrices.of(random_plant(4, seed, singular=False)))
+    plant = with_measured_states(PlantMatrices.of(random_plant(4, seed, singular=False)))
     if norm == "h2":
         plant = plant.replace(D11=np.zeros_like(plant.D11))
     engine, budget = LmiStateEngine(norm, tolerance=1e-3), Budget(1e5)
@@ -25,7 +29,7 @@ def test_the_norm_is_within_the_slack_of_a_lower_bound(norm, seed):
     assert found is not None
     assert found.achieved == state_gain_norm(plant, found.F, norm)
     assert found.achieved <= found.claimed
-    bound = least_state_norm(plant, norm, found.achieved, 1e-4, budget)
+    bound = state_norm_lower_bound(plant, norm, found.achieved, 1e-4, budget)
     assert found.achieved <= bound * (1 + engine.tolerance)
 
 

@@ -5,7 +5,11 @@ import pytest
 from hard_plants import random_plant
 
 from robustpolish.synthesis.lmi.program import Affine, SemidefiniteProgram
-from robustpolish.synthesis.problem.matrices import PlantMatrices, measuring_states, state_gain_norm
+from robustpolish.synthesis.problem.matrices import (
+    PlantMatrices,
+    state_gain_norm,
+    with_measured_states,
+)
 from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
 from robustpolish.synthesis.state_feedback.lmi import (
     gain_inequality,
@@ -19,7 +23,7 @@ from robustpolish.synthesis.state_feedback.riccati import lqr_gain
 
 def held_plant(discrete, feedthrough):
     """Return a plant and a gain that stabilises it."""
-    plant = measuring_states(PlantMatrices.of(random_plant(3, 1, singular=False)))
+    plant = with_measured_states(PlantMatrices.of(random_plant(3, 1, singular=False)))
     if discrete:
         A = 1.1 * plant.A / np.abs(np.linalg.eigvals(plant.A)).max()
         plant = plant.replace(A=A, discrete=True)

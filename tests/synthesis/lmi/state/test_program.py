@@ -8,7 +8,11 @@ from small_plants import oscillator
 
 from robustpolish.base.budget import Budget
 from robustpolish.synthesis.certificate import Norm
-from robustpolish.synthesis.problem.matrices import PlantMatrices, measuring_states, state_gain_norm
+from robustpolish.synthesis.problem.matrices import (
+    PlantMatrices,
+    state_gain_norm,
+    with_measured_states,
+)
 from robustpolish.synthesis.problem.pole_regions import HalfPlane
 from robustpolish.synthesis.state_feedback.lmi import (
     Coordinates,
@@ -18,7 +22,7 @@ from robustpolish.synthesis.state_feedback.lmi import (
 )
 from robustpolish.synthesis.state_feedback.riccati import RiccatiStateEngine, lqr_gain
 
-PLANT = measuring_states(PlantMatrices.of(oscillator()))
+PLANT = with_measured_states(PlantMatrices.of(oscillator()))
 PLAIN = Coordinates.plain(PLANT, 1.0)
 
 
@@ -88,9 +92,9 @@ def test_poles_are_asked_into_the_regions():
 
 def test_loops_outside_the_regions_or_unstable_are_infinitely_bad():
     F, unstable = np.array([[0.0, -1.0]]), np.array([[0.0, 1.0]])
-    assert programs().judged(F) == pytest.approx(state_gain_norm(PLANT, F, "hinf"))
-    assert programs(regions=(HalfPlane(-3.0),)).judged(F) == math.inf
-    assert programs().judged(unstable) == math.inf
+    assert programs().loop_norm_of(F) == pytest.approx(state_gain_norm(PLANT, F, "hinf"))
+    assert programs(regions=(HalfPlane(-3.0),)).loop_norm_of(F) == math.inf
+    assert programs().loop_norm_of(unstable) == math.inf
 
 
 def test_without_work_there_is_no_answer():

@@ -5,12 +5,16 @@ from uncertain_plants import lag
 import robustpolish as rp
 from robustpolish.base.budget import Budget
 from robustpolish.errors import InfeasibleError
-from robustpolish.synthesis.uncertain.scenarios import FreeSearch, Machines, with_structure
+from robustpolish.synthesis.uncertain.scenarios import (
+    UncertainSamples,
+    UnstructuredSearch,
+    with_structure,
+)
 
 
 @pytest.fixture(scope="module")
 def found():
-    return FreeSearch(Machines(lag(), 1, 1), None, Budget(20_000.0)).from_nominal()
+    return UnstructuredSearch(UncertainSamples(lag(), 1, 1), None, Budget(20_000.0)).from_nominal()
 
 
 def test_of_a_lag_a_static_gain_does_all_that_can_be_done(found):
@@ -28,7 +32,7 @@ def test_the_bound_is_what_one_machine_allows(found):
 @pytest.mark.slow
 def test_a_structure_reaches_the_same_and_the_same_numbers_again(found):
     one, other = (
-        with_structure(Machines(lag(), 1, 1), 0, np.ones((1, 1), bool), Budget(1000.0))[0]
+        with_structure(UncertainSamples(lag(), 1, 1), 0, np.ones((1, 1), bool), Budget(1000.0))[0]
         for _ in range(2)
     )
     # So little work ends a little above what is possible.
@@ -44,4 +48,6 @@ def test_a_pattern_that_moves_nothing_is_refused():
         [[k, 0], [0, -1.0]], [[1, 1, 0], [1, 0, 1]], [[1, 1], [0, 1], [1, 0]], 0
     )
     with pytest.raises(InfeasibleError):
-        with_structure(Machines(plant, 2, 2), 0, np.array([[0, 0], [1, 1]], bool), Budget(3000.0))
+        with_structure(
+            UncertainSamples(plant, 2, 2), 0, np.array([[0, 0], [1, 1]], bool), Budget(3000.0)
+        )

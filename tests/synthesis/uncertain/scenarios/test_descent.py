@@ -6,10 +6,10 @@ from uncertain_plants import two_masses
 import robustpolish as rp
 from robustpolish.base.budget import Budget
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.problem.scaling import undivided
-from robustpolish.synthesis.structured.search import Effort
+from robustpolish.synthesis.problem.scaling import whole_plant
+from robustpolish.synthesis.structured.search import SearchEffort
 from robustpolish.synthesis.structured.structures import StaticStructure
-from robustpolish.synthesis.uncertain.scenarios import Descent, Machines
+from robustpolish.synthesis.uncertain.scenarios import UncertainSamples, WorstCaseObjective
 
 
 @pytest.fixture
@@ -19,10 +19,12 @@ def descent():
     plant = rp.uncertain.system(
         [[-a]], [[1.0, 0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 0.2], [0, 0.1, 0]]
     )
-    machines = Machines(plant, 1, 1)
-    part = StaticStructure("hinf").problem(undivided(machines.nominal))
+    machines = UncertainSamples(plant, 1, 1)
+    part = StaticStructure("hinf").problem(whole_plant(machines.nominal))
     found = [machines.at({"a": value}) for value in (-1.0, 1.0)]
-    return Descent(part, tuple(part.scaled.in_units(PlantMatrices.of(one)) for one in found))
+    return WorstCaseObjective(
+        part, tuple(part.scaled.in_units(PlantMatrices.of(one)) for one in found)
+    )
 
 
 def worst_norm(k):
@@ -37,13 +39,13 @@ def worst_norm(k):
 def test_the_largest_norm_is_that_of_the_worst_machine(descent):
     K = descent.part.parametrisation.gain(np.array([-3.0]))
     k = float(descent.part.controller(K).D[0, 0])
-    level = max(descent.badness(K, m, Budget())[1] for m in descent.machines)
+    level = max(descent.instability_or_norm(K, m, Budget())[1] for m in descent.machines)
     assert descent.part.scaled.norm(level) == pytest.approx(worst_norm(k), rel=1e-6)
 
 
 def test_unstable_loops_are_worse_than_any_norm(descent):
     K = descent.part.parametrisation.gain(np.array([0.0]))
-    judged = [descent.badness(K, machine, Budget()) for machine in descent.machines]
+    judged = [descent.instability_or_norm(K, machine, Budget()) for machine in descent.machines]
     assert [unstable for unstable, _ in judged] == [True, False]
 
 
@@ -56,14 +58,14 @@ def test_a_descent_makes_stable_and_finds_the_best_gain(descent, thorough):
 
 def test_several_starts_agree(descent):
     starts = [np.array([x]) for x in (-1.0, 5.0, -20.0)]
-    theta, level = descent.search(starts, Effort(descents=3, fewest=2), Budget(5000.0))
+    theta, level = descent.search(starts, SearchEffort(descents=3, fewest=2), Budget(5000.0))
     assert level == pytest.approx(descent.lower(theta, Budget(5000.0), True)[1], rel=1e-6)
 
 
 def test_machines_that_no_gain_stabilises_have_an_infinite_level():
-    machines = Machines(two_masses(), 1, 1)
-    part = StaticStructure("hinf", 0, np.ones((1, 1), bool)).problem(undivided(machines.nominal))
+    machines = UncertainSamples(two_masses(), 1, 1)
+    part = StaticStructure("hinf", 0, np.ones((1, 1), bool)).problem(whole_plant(machines.nominal))
     one = part.scaled.in_units(PlantMatrices.of(machines.at({"k": 1.1})))
     # A force on the first mass by the position of the second alone always drives one mode.
-    _, level = Descent(part, (one,)).lower(np.array([-1.0]), Budget(2000.0), False)
+    _, level = WorstCaseObjective(part, (one,)).lower(np.array([-1.0]), Budget(2000.0), False)
     assert level == np.inf

@@ -4,15 +4,15 @@ from uncertain_plants import lag
 
 import robustpolish as rp
 from robustpolish.base.budget import Budget
-from robustpolish.synthesis.problem.scaling import undivided
-from robustpolish.synthesis.structured.search import Effort
+from robustpolish.synthesis.problem.scaling import whole_plant
+from robustpolish.synthesis.structured.search import SearchEffort
 from robustpolish.synthesis.structured.structures import StaticStructure
-from robustpolish.synthesis.uncertain.scenarios import POLICY, Machines, ScenarioSearch
+from robustpolish.synthesis.uncertain.scenarios import POLICY, ScenarioSearch, UncertainSamples
 
 
 def searching(plant):
-    machines = Machines(plant, 1, 1)
-    part = StaticStructure("hinf").problem(undivided(machines.nominal))
+    machines = UncertainSamples(plant, 1, 1)
+    part = StaticStructure("hinf").problem(whole_plant(machines.nominal))
     return part, ScenarioSearch(machines, part.scaled, Budget(20_000.0))
 
 
@@ -32,7 +32,7 @@ def test_the_worst_corner_joins_until_none_is_worse():
     proven = search.proven(found)
     assert proven.worst.proven
     assert proven.worst.upper <= found.gain * (1 + POLICY.agrees)
-    assert search.worst_known(found)[0][1][0] == {"b": 0.8}
+    assert search.worst_samples(found)[0][1][0] == {"b": 0.8}
 
 
 @pytest.mark.slow
@@ -50,7 +50,7 @@ def test_a_worst_machine_between_the_corners_joins_by_the_proof():
 def test_a_search_stops_where_its_level_does_not_come_low_enough():
     part, search = searching(lag())
     best = search.settled(part, np.array([0.0]))
-    effort = Effort(descents=2, fewest=1, smooth_first=False)
+    effort = SearchEffort(descents=2, fewest=1, smooth_first=False)
     starts = [np.array([-0.5]), np.array([-2.0])]
     assert search.searched(part, starts, effort, below=0.9 * best.gain) is None
     found = search.searched(part, starts, effort)
