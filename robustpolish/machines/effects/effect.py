@@ -23,38 +23,7 @@ from robustpolish.machines.effects.kind import GROUND, EffectKind
 from robustpolish.machines.effects.spline_law import learned_kind
 
 ENTRY_POINT_GROUP = "robustpolish.effects"
-BUILT_IN = (
-    "coulomb_friction",
-    "stribeck_friction",
-    "elastic_coulomb_friction",
-    "dahl_friction",
-    "lugre_friction",
-    "quadratic_damping",
-    "structural_damping",
-    "displacement_dependent_damping",
-    "maxwell_element",
-    "bouc_wen_hysteresis",
-    "cubic_stiffness",
-    "quadratic_stiffness",
-    "backlash",
-    "contact_stop",
-    "pendulum_gravity",
-    "constant_force",
-    "harmonic_force",
-    "unbalance",
-    "parametric_stiffness",
-    "gyroscopic_coupling",
-    "cross_stiffness",
-    "attached_resonator",
-    "input_delay",
-    "input_lag",
-    "input_gain",
-    "input_hold",
-    "input_saturation",
-    "input_dead_zone",
-    "sensor_offset",
-    "sensor_gain",
-)
+_FAMILIES = ("friction", "damping", "stiffness", "excitation", "signals")
 _registered: dict[str, EffectKind] = {}
 
 
@@ -144,11 +113,17 @@ def lookup(name: str) -> EffectKind:
 
 
 @lru_cache(maxsize=1)
+def built_in() -> dict[str, EffectKind]:
+    """Return the kinds that come with the package, by name."""
+    families = (
+        import_module(f"robustpolish.machines.effects.catalogue.{name}") for name in _FAMILIES
+    )
+    return {kind.kind: kind for family in families for kind in family.KINDS}
+
+
+@lru_cache(maxsize=1)
 def _catalogue() -> dict[str, EffectKind]:
-    found: dict[str, EffectKind] = {
-        name: import_module(f"robustpolish.machines.effects.catalogue.{name}").KIND
-        for name in BUILT_IN
-    }
+    found = dict(built_in())
     for point in entry_points(group=ENTRY_POINT_GROUP):
         try:
             kind = point.load()

@@ -176,6 +176,7 @@ class Shape:
 
 
 Values = Mapping[str, float]
+Steepness = tuple[float, float, float]
 Domain = Literal["pair", "dof", "axes", "input", "output"]
 Law = Callable[[Any, Any, Any, Any, Any, Any, Any], None]
 SignalChange = Callable[[Array, Array, Values], Array]
@@ -185,6 +186,34 @@ CONSTANT = "constant"
 """The family of forces and offsets that never change."""
 _PLACES: dict[str, int] = {"pair": 2, "dof": 1, "axes": 2, "input": 1, "output": 1}
 _SI = {"F": ("N", "N m"), "L": ("m", "rad"), "T": ("s", "s"), "M": ("kg", "kg m^2")}
+
+
+def signal_candidate(
+    column: Array, name: str, change: float, within: tuple[float, float], start: float = 0.0
+) -> Shape:
+    """Return a candidate of an effect on a signal, near one value that is tried of its parameter.
+
+    Parameters
+    ----------
+    column : ndarray, shape (samples,)
+        What the effect adds to the signal at the value that is tried.
+    name : str
+        Of the parameter: `start` plus the coefficient times `change`.
+    change : float
+    within : (float, float)
+        Coefficients for which the signal is nearly linear in the parameter.
+    start : float, optional
+        The value at which nothing is added.
+
+    Returns
+    -------
+    Shape
+    """
+
+    def values(c: Coefficients) -> dict[str, float]:
+        return {name: start + float(np.clip(c[0], *within)) * change}
+
+    return Shape(column[None, None], values, (1,))
 
 
 class SignalSlope(NamedTuple):
@@ -403,7 +432,7 @@ def _plausible(values: Values) -> str | None:
 
 @dataclass(frozen=True, repr=False)
 class EffectKind:
-    """One kind of physical effect; one of these per file.
+    """One kind of physical effect.
 
     Parameters
     ----------
@@ -483,7 +512,7 @@ class EffectKind:
     turns_over : str
         Of dry friction: the parameter that is the speed over which it turns over. Where the step of
         a run cannot resolve that, bodies rest until the force gives way, see
-        ``simulation/dry_friction.py``. Needs the context ``"mobility"``.
+        ``simulation/stepper.py``. Needs the context ``"mobility"``.
     swinging : callable, optional
         Of what swings by itself: the values with a mass in kg at a frequency in Hz, lightly damped.
     looks_like, checks, references
@@ -504,7 +533,7 @@ class EffectKind:
     states: int = 0
     context: tuple[str, ...] = ()
     gives: tuple[tuple[str, str], ...] = ()
-    gains: Callable[[Values, float, float], tuple[float, float, float]] | None = None
+    gains: Callable[[Values, float, float], Steepness] | None = None
     state_sizes: Callable[[Values, float, float], tuple[float, ...]] = _no_sizes
     implausible: Callable[[Values], str | None] = _plausible
     channels: tuple[tuple[str, str], ...] = ()
@@ -586,7 +615,7 @@ class EffectKind:
         step, rest = (self.on_signal(np.full(16, u), time, values)[-1] for u in (1.0, 0.0))
         return SignalSlope(float(step - rest))
 
-    def steepness(self, values: Values, q: float, v: float) -> tuple[float, float, float]:
+    def steepness(self, values: Values, q: float, v: float) -> Steepness:
         """Return the largest stiffness and damping of the law, and the rate of its states in 1/s.
 
         Parameters

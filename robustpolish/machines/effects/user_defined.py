@@ -16,7 +16,7 @@ from numba.extending import intrinsic
 
 from robustpolish.base.checks import described, invalid
 from robustpolish.errors import InvalidInputError, RobustPolishWarning
-from robustpolish.machines.effects.effect import BUILT_IN, register
+from robustpolish.machines.effects.effect import built_in, register
 from robustpolish.machines.effects.evaluate import POINTER, machine_code
 from robustpolish.machines.effects.formula_language import (
     FUNCTIONS,
@@ -513,7 +513,7 @@ def own_table(kind: EffectKind) -> dict[str, Any] | None:
 def _build_kind(written: EffectSpecification) -> tuple[EffectKind, ScreeningPlan]:
     """Return the kind, and what a screening tries of it."""
     name = written.name or written.formula
-    if name in BUILT_IN:
+    if name in built_in():
         raise invalid(("name",), name, "a name that the catalogue does not have", "Rename it.")
     law = FormulaLaw(written)
     units, known = dict(written.units), dict(written.known)

@@ -1,0 +1,240 @@
+"""Damping and hysteresis: forces that take energy out of the motion without dry friction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robustpolish.machines.effects.kind import EffectKind, Parameter, Scan, Steepness, Values
+
+# Drag that grows with the square of the velocity, as of air or oil.
+
+
+def _quadratic_damping_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+    f[0] = -p[0] * abs(v[0]) * v[0]
+
+
+_QUADRATIC_DAMPING = EffectKind(
+    kind="quadratic_damping",
+    title="Quadratic (fluid) damping",
+    domain="pair",
+    parameters=(Parameter("coefficient", "F*T^2/L^2", "force over velocity squared", lower=0.0),),
+    law=_quadratic_damping_law,
+    linear_in=("coefficient",),
+    looks_like="Damping that grows with amplitude; the residual grows with v|v|.",
+    checks=(
+        "Air or oil that is pushed through gaps: covers, cavities, dashpots, fans.",
+        "Let it decay freely: the decrement falls with the amplitude.",
+    ),
+    references=("Nayfeh and Mook (1979), Nonlinear Oscillations, section 3.3, Wiley",),
+)
+
+
+# Damping inside a material: the loss of a cycle grows with its amplitude squared, not its rate.
+#
+# Hysteretic damping, a complex stiffness k (1 + j eta), is a law over frequency: no force in time
+# that knows the past alone answers to it. Reid's force does: it opposes the motion in proportion to
+# the displacement, and takes the same energy out of a harmonic motion, pi eta k A^2 per cycle, if
+# its coefficient is pi/2 eta k.
+
+
+def _structural_damping_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+    f[0] = -p[0] * abs(q[0]) * np.sign(v[0])
+
+
+_STRUCTURAL_DAMPING = EffectKind(
+    kind="structural_damping",
+    title="Structural (hysteretic) damping",
+    domain="pair",
+    # Neither linear_in nor scan: at one frequency and one amplitude it is a viscous damper, so that
+    # a diagnosis does not try it. Fits and simulations take it.
+    parameters=(Parameter("loss", "F/L", "pi/2 times loss factor times stiffness", lower=0.0),),
+    law=_structural_damping_law,
+    sharp=True,
+    looks_like="Damping ratios that are the same at every frequency and amplitude; small third "
+    "harmonics in the force.",
+    checks=(
+        "Joints, rubber and composites at this place.",
+        "Shake at two frequencies with one amplitude: the energy lost per cycle stays.",
+    ),
+    references=(
+        "Reid (1956), Free vibration and hysteretic damping, J. Royal Aeronautical Society 60, 283",
+        "Crandall (1970), The role of damping in vibration theory, J. Sound and Vibration 11, 3-18",
+    ),
+)
+
+
+# Damping that grows with the square of the displacement.
+
+
+def _displacement_dependent_damping_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+    f[0] = -p[0] * q[0] * q[0] * v[0]
+
+
+_DISPLACEMENT_DEPENDENT_DAMPING = EffectKind(
+    kind="displacement_dependent_damping",
+    title="Displacement-dependent damping",
+    domain="pair",
+    parameters=(
+        Parameter("coefficient", "F*T/L^3", "damping over displacement squared", lower=0.0),
+    ),
+    law=_displacement_dependent_damping_law,
+    linear_in=("coefficient",),
+    looks_like="Damping that grows with amplitude while the velocity does not matter; third "
+    "harmonics in quadrature to those of a cubic spring.",
+    checks=(
+        "Joints and seals that clamp harder when deflected; squeeze films.",
+        "Shift the rest position with a static load: the damping changes.",
+    ),
+    references=("Elliott, Tehrani, Langley (2015), Phil. Trans. R. Soc. A 373, 20140402",),
+)
+
+
+# A spring and a damper in a row beside what the model has: a force that relaxes.
+
+
+def _maxwell_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+    # z is the force, which begins relaxed; p: stiffness, relaxation time, spring beside it, step
+    f[0] = -z[0]
+    dz[0] = p[0] * v[0] - z[0] / max(p[1], p[3], 1e-300)
+
+
+def _maxwell_near(values: Values) -> tuple[float, float]:
+    # one that relaxes at once is a damper, one that never does a spring: a fit moves the relaxation
+    # time by a factor of 100 at most
+    return values["time"] / 100.0, values["time"] * 100.0
+
+
+def _maxwell_gains(values: Values, q: float, v: float) -> Steepness:
+    return abs(values["stiffness"]), 0.0, 1 / max(values["time"], 1e-300)
+
+
+def _maxwell_state_sizes(values: Values, q: float, v: float) -> tuple[float, ...]:
+    # at most its spring alone, or its damper alone
+    return (values["stiffness"] * max(min(q, values["time"] * v), 1e-6 * q),)
+
+
+_MAXWELL_ELEMENT = EffectKind(
+    kind="maxwell_element",
+    title="Relaxation (Maxwell element)",
+    domain="pair",
+    parameters=(
+        Parameter("stiffness", "F/L", "stiffness of its spring", lower=0.0),
+        Parameter(
+            "time",
+            "T",
+            "relaxation time: its damping over its stiffness",
+            lower=0.0,
+            fit_bounds=_maxwell_near,
+        ),
+    ),
+    law=_maxwell_law,
+    linear_in=("stiffness",),
+    scan=(Scan("time", (1, -1), (0.1, 0.25, 0.6, 1.5, 4.0)),),
+    gains=_maxwell_gains,
+    state_sizes=_maxwell_state_sizes,
+    states=1,
+    # Without a spring beside it, where it drags a machine that drifts, it could be any slow force.
+    context=("spring_stiffness", "step"),
+    looks_like="A stiffness that grows with frequency and a damping that falls, at every "
+    "amplitude the same.",
+    checks=(
+        "Rubber, glue, cables, fluid films and eddy currents at this place.",
+        "Step the position and wait: the force falls back over the relaxation time.",
+    ),
+    references=("Inman (2017), Vibration with Control, section 2.7, Wiley",),
+)
+
+
+# Smooth hysteresis.
+#
+# The force z follows ``z' = k (v - (beta |v| sign(z) + gamma v) |z / F|^n)``. With beta + gamma = 1
+# the reference force F is the yield force; where beta + gamma is not positive nothing yields, and
+# the loops stiffen. In the usual notation the coefficients are ``k beta / F^n``, ``k gamma / F^n``.
+
+
+def _bouc_wen_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+    # z is the hysteretic force, p: reference force, stiffness, exponent, beta, gamma, step
+    level = max(abs(z[0]) / max(p[0], 1e-300), 1e-12)
+    bends = level ** p[2]
+    rate = p[1] * abs(v[0]) * p[2] * abs(p[3]) * bends / (level * max(p[0], 1e-300))
+    stiffness = p[1] / max(1.0, rate * p[5])
+    dz[0] = stiffness * (v[0] - (p[3] * abs(v[0]) * np.sign(z[0]) + p[4] * v[0]) * bends)
+    f[0] = -z[0]
+
+
+def _bouc_wen_gains(values: Values, q: float, v: float) -> Steepness:
+    steepest = values["exponent"] * (abs(values["beta"]) + abs(values["gamma"]))
+    rate = steepest * abs(values["stiffness"]) * v / max(values["force"], 1e-300)
+    return abs(values["stiffness"]), 0.0, rate
+
+
+def _bouc_wen_implausible(values: Values) -> str | None:
+    if values["exponent"] > 12:
+        return "its exponent is that of an elastic Coulomb element"
+    if values["beta"] <= 0:
+        return "its loops would feed energy into the motion"
+    return None
+
+
+def _bouc_wen_bend(values: Values) -> float:
+    """Return the size that beta and gamma share: one of them may be near 0."""
+    return max(abs(values["beta"]), abs(values["gamma"])) or 1.0
+
+
+def _bouc_wen_state_sizes(values: Values, q: float, v: float) -> tuple[float, ...]:
+    return (values["force"],)
+
+
+_BOUC_WEN_HYSTERESIS = EffectKind(
+    kind="bouc_wen_hysteresis",
+    title="Bouc-Wen hysteresis",
+    domain="pair",
+    parameters=(
+        Parameter("force", "F", "force that beta and gamma refer to", lower=0.0, fitted=False),
+        Parameter("stiffness", "F/L", "hysteretic stiffness at small motion", lower=0.0),
+        Parameter("exponent", "1", "sharpness of yielding", lower=0.5, upper=20.0, default=1.0),
+        Parameter(
+            "beta",
+            "1",
+            "of the term with the sign of the velocity",
+            default=0.5,
+            fit_size=_bouc_wen_bend,
+        ),
+        Parameter(
+            "gamma",
+            "1",
+            "of the term without, negative if it stiffens",
+            default=0.5,
+            fit_size=_bouc_wen_bend,
+        ),
+    ),
+    law=_bouc_wen_law,
+    linear_in=("force",),
+    scan=(
+        Scan("stiffness", "per slip", (0.01, 0.05, 0.15, 0.4, 0.8)),
+        Scan("exponent", "1", (1.0, 2.0)),
+        Scan("gamma", "1", (0.5, -0.5)),
+    ),
+    gains=_bouc_wen_gains,
+    implausible=_bouc_wen_implausible,
+    state_sizes=_bouc_wen_state_sizes,
+    states=1,
+    context=("step",),
+    family="dry friction",
+    sharp=True,
+    looks_like="Rounded loops of residual force over displacement that do not depend on speed.",
+    checks=(
+        "Rubber mounts, wire ropes, joints in micro-slip, magnetostrictive or piezo parts.",
+        "Cycle slowly at several amplitudes: the loops are nested and rounded.",
+    ),
+    references=("Ismail, Ikhouane, Rodellar (2009), Arch. Comput. Methods Eng. 16, 161-188",),
+)
+
+
+KINDS = (
+    _QUADRATIC_DAMPING,
+    _STRUCTURAL_DAMPING,
+    _DISPLACEMENT_DEPENDENT_DAMPING,
+    _MAXWELL_ELEMENT,
+    _BOUC_WEN_HYSTERESIS,
+)

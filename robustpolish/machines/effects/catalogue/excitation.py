@@ -1,0 +1,319 @@
+"""Excitation from outside and by rotation, coupling of axes, and an attached resonator."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robustpolish.base.arrays import Array
+from robustpolish.machines.effects.evaluate import force_with
+from robustpolish.machines.effects.kind import (
+    CONSTANT,
+    LINE,
+    EffectKind,
+    Motion,
+    Parameter,
+    Scan,
+    Shape,
+    Steepness,
+    Values,
+)
+
+# A force that never changes.
+
+
+def _constant_force_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+    f[0] = p[0]
+
+
+_CONSTANT_FORCE = EffectKind(
+    kind="constant_force",
+    title="Constant force",
+    domain="dof",
+    parameters=(Parameter("force", "F", "force along the coordinate"),),
+    law=_constant_force_law,
+    linear_in=("force",),
+    family=CONSTANT,
+    looks_like="A residual with a mean; the free run starts right and settles beside the data.",
+    checks=(
+        "Weight, preload, cables, an offset of the force sensor or amplifier.",
+        "Record the machine at rest, with and without the drive switched on.",
+    ),
+    references=("Janot, Gautier, Brunot (2019), Data set and reference models of EMPS",),
+)
+
+
+# A force at one frequency that nobody measured.
+
+
+def _harmonic_force_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+    f[0] = p[0] * np.cos(2.0 * np.pi * p[1] * t + p[2])
+
+
+_HARMONIC_FORCE = EffectKind(
+    kind="harmonic_force",
+    title="Harmonic force",
+    domain="dof",
+    parameters=(
+        Parameter("amplitude", "F", "amplitude along the coordinate", lower=0.0),
+        Parameter("frequency", "1/T", "frequency in Hz", lower=0.0, fit_scale=1e-3),
+        Parameter("phase", "rad", "phase of the cosine at time 0"),
+    ),
+    law=_harmonic_force_law,
+    linear_in=("amplitude",),
+    scan=(Scan("frequency", LINE, (0, 1, 2)),),
+    looks_like="One line in the residual's spectrum, whatever the input does.",
+    checks=(
+        "Fans, pumps, mains hum, drives and neighbours that run at this frequency.",
+        "Record with the input switched off: the line stays.",
+    ),
+    references=("Ewins (2000), Modal Testing, chapter 3, Research Studies Press",),
+)
+
+
+# A mass beside the axis of rotation, at the known spin frequency.
+
+
+def _unbalance_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+    size = p[0] * p[3] * p[3]
+    f[0] = size * np.cos(p[3] * t + p[1])
+    f[1] = p[2] * size * np.sin(p[3] * t + p[1])
+
+
+_UNBALANCE = EffectKind(
+    kind="unbalance",
+    title="Unbalance",
+    domain="axes",
+    parameters=(
+        Parameter("unbalance", "M*L", "mass times eccentricity", lower=0.0),
+        Parameter("phase", "rad", "angle from the first axis at time 0"),
+        Parameter(
+            "direction",
+            "1",
+            "1 if it turns from the first axis to the second, else -1",
+            default=1.0,
+            fitted=False,
+        ),
+    ),
+    law=_unbalance_law,
+    linear_in=("unbalance",),
+    scan=(Scan("direction", "1", (1.0, -1.0)),),
+    context=("spin_frequency",),
+    looks_like="A line at the spin frequency on both axes, a quarter of a turn apart.",
+    checks=(
+        "Balance the rotor; check the seat of chuck, tool and brush.",
+        "Change the speed: the force grows with its square.",
+    ),
+    references=("ISO 21940-11:2016, Mechanical vibration - Rotor balancing",),
+)
+
+
+# A spring whose stiffness turns with the spindle.
+
+
+def _parametric_stiffness_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+    f[0] = -p[0] * np.cos(p[2] * t + p[1]) * q[0]
+
+
+_PARAMETRIC_STIFFNESS = EffectKind(
+    kind="parametric_stiffness",
+    title="Stiffness modulated by the spin",
+    domain="pair",
+    parameters=(
+        Parameter("amplitude", "F/L", "amplitude of the stiffness", lower=0.0),
+        Parameter("phase", "rad", "phase of the cosine at time 0"),
+    ),
+    law=_parametric_stiffness_law,
+    linear_in=("amplitude",),
+    context=("spin_frequency",),
+    looks_like="Sidebands at the excitation plus and minus the spin frequency.",
+    checks=(
+        "Cracked or slotted shafts, worn bearings, unequal brush segments.",
+        "Turn the spindle by hand and measure the static stiffness around the circle.",
+    ),
+    references=("Nayfeh and Mook (1979), Nonlinear Oscillations, chapter 5, Wiley",),
+)
+
+
+# Two axes of a spinning body that turn each other.
+
+
+def _gyroscopic_coupling_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+    f[0] = -p[0] * v[1]
+    f[1] = p[0] * v[0]
+
+
+_GYROSCOPIC_COUPLING = EffectKind(
+    kind="gyroscopic_coupling",
+    title="Gyroscopic coupling",
+    domain="axes",
+    parameters=(Parameter("coefficient", "F*T/L", "force over the other axis' velocity"),),
+    law=_gyroscopic_coupling_law,
+    linear_in=("coefficient",),
+    looks_like="Each axis' residual follows the other axis' velocity, with opposite signs; no "
+    "energy is lost.",
+    checks=(
+        "Polar inertia and speed of the spinning parts, off-centre bearings.",
+        "Change the speed: the coupling is proportional to it.",
+    ),
+    references=("Genta (2005), Dynamics of Rotating Systems, chapter 4, Springer",),
+)
+
+
+# Springs across two axes, as of seals, fluid films or tilted supports.
+
+
+def _cross_stiffness_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+    f[0] = -p[0] * q[1]
+    f[1] = -p[1] * q[0]
+
+
+def _cross_stiffness_shapes(motion: Motion) -> list[Shape]:
+    none = np.zeros_like(motion.q[0])
+    columns = np.array([[-motion.q[1], none], [none, -motion.q[0]]])
+    skew = np.array([[-motion.q[1], motion.q[0]]])
+    tilted = np.array([[-motion.q[1], -motion.q[0]]])
+    return [
+        Shape(skew, lambda c: _cross_stiffness_values(c[0], -c[0]), (0,)),
+        Shape(tilted, lambda c: _cross_stiffness_values(c[0], c[0]), (0,)),
+        Shape(columns, lambda c: _cross_stiffness_values(c[0], c[1]), (0, 0)),
+    ]
+
+
+def _cross_stiffness_values(xy: float, yx: float) -> Values:
+    return {"stiffness_xy": float(xy), "stiffness_yx": float(yx)}
+
+
+def _cross_stiffness_gains(values: Values, q: float, v: float) -> Steepness:
+    return max(abs(values["stiffness_xy"]), abs(values["stiffness_yx"])), 0.0, 0.0
+
+
+_CROSS_STIFFNESS = EffectKind(
+    kind="cross_stiffness",
+    title="Cross-coupled stiffness",
+    domain="axes",
+    parameters=(
+        Parameter("stiffness_xy", "F/L", "first axis' force over second axis' displacement"),
+        Parameter("stiffness_yx", "F/L", "second axis' force over first axis' displacement"),
+    ),
+    law=_cross_stiffness_law,
+    shapes=_cross_stiffness_shapes,
+    gains=_cross_stiffness_gains,
+    looks_like="Each axis' residual follows the other axis' displacement. Opposite signs feed "
+    "energy into a whirl, equal signs are a tilted spring.",
+    checks=(
+        "Seals, journal bearings and aerostatic films (opposite signs); mounts and sensors "
+        "that are not aligned with the axes (equal signs).",
+    ),
+    references=("Genta (2005), Dynamics of Rotating Systems, chapter 6, Springer",),
+)
+
+
+# A mass on a spring that the model does not have: a missing mode.
+
+
+_RESONATOR_DAMPING = 0.04
+"""Damping ratio that is tried first."""
+
+
+def _resonator_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+    # z: displacement and velocity of the mass, relative to where it is attached
+    pull = p[1] * (z[0] - q[0]) + p[2] * (z[1] - v[0])
+    f[0] = pull
+    dz[0] = z[1]
+    dz[1] = -pull / max(p[0], 1e-300)
+
+
+def _resonator_shapes(motion: Motion) -> list[Shape]:
+    """Try frequencies from where displacements begin to where velocities end, and the lines.
+
+    A mass pulls by its acceleration: what is slow for the displacement may be quick for it.
+    """
+    dt = motion.time[1] - motion.time[0]
+    if not motion.q[0].any():
+        return []
+    first = 3 / (motion.q.shape[1] * dt)
+    low = max(0.5 * _frequency_below(motion.q[0], 0.01, dt), first)
+    high = min(2.0 * _frequency_below(motion.v[0], 0.99, dt), 0.15 / dt)
+    if high <= low:
+        return []
+    count = int(np.clip(np.log(high / low) / 0.06, 4, 60))
+    lines = [f for f in Scan("frequency", LINE, (0, 1)).values(motion) if first < f < 0.15 / dt]
+    return [
+        _resonator_at(motion, frequency) for frequency in (*np.geomspace(low, high, count), *lines)
+    ]
+
+
+def _frequency_below(signal: Array, share: float, dt: float) -> float:
+    """Return the frequency below which a share of a signal's power lies, in Hz."""
+    power = np.cumsum(np.abs(np.fft.rfft(signal - signal.mean())) ** 2)
+    bins = np.fft.rfftfreq(signal.size, dt)
+    return float(bins[np.searchsorted(power, share * power[-1])]) if power[-1] > 0 else 0.0
+
+
+def _resonator_at(motion: Motion, frequency: float) -> Shape:
+    """Return the pull of a mass, and its derivative, which moves frequency and damping."""
+    column = force_with(_ATTACHED_RESONATOR, _resonator_values(1.0, frequency), motion)
+    turned = np.gradient(column[0], motion.time[1] - motion.time[0])[None] / (2 * np.pi * frequency)
+
+    def values(c: Array) -> Values:
+        return _resonator_values(float(c[0]), frequency)
+
+    return Shape(np.stack([column, turned]), values, (1, 0), _resonator_near)
+
+
+def _resonator_values(mass: float, frequency: float) -> Values:
+    omega = 2 * np.pi * frequency
+    return {
+        "mass": mass,
+        "stiffness": mass * omega**2,
+        "damping": 2 * _RESONATOR_DAMPING * omega * mass,
+    }
+
+
+def _resonator_near(c: Array) -> bool:
+    return bool(abs(c[1]) <= abs(c[0]))
+
+
+def _resonator_gains(values: Values, q: float, v: float) -> Steepness:
+    mass = max(values["mass"], 1e-300)
+    return 0.0, 0.0, float(np.sqrt(abs(values["stiffness"]) / mass) + abs(values["damping"]) / mass)
+
+
+def _resonator_state_sizes(values: Values, q: float, v: float) -> tuple[float, ...]:
+    return (q, v)
+
+
+_ATTACHED_RESONATOR = EffectKind(
+    kind="attached_resonator",
+    title="Attached resonator (missing mode)",
+    domain="dof",
+    parameters=(
+        Parameter("mass", "M", "mass that swings", lower=0.0, default=1.0),
+        Parameter("stiffness", "F/L", "its spring", lower=0.0),
+        Parameter("damping", "F*T/L", "its damper", lower=0.0),
+    ),
+    law=_resonator_law,
+    shapes=_resonator_shapes,
+    gains=_resonator_gains,
+    state_sizes=_resonator_state_sizes,
+    states=2,
+    swinging=_resonator_values,
+    looks_like="One narrow band of the residual, with a resonance and a notch beside it in the "
+    "frequency response.",
+    checks=(
+        "Cables, covers, tools and sensors that hang on this part.",
+        "Tap with a hammer around this frequency, or hold the part by hand and measure again.",
+    ),
+    references=("Den Hartog (1956), Mechanical Vibrations, section 3.2, McGraw-Hill",),
+)
+
+
+KINDS = (
+    _CONSTANT_FORCE,
+    _HARMONIC_FORCE,
+    _UNBALANCE,
+    _PARAMETRIC_STIFFNESS,
+    _GYROSCOPIC_COUPLING,
+    _CROSS_STIFFNESS,
+    _ATTACHED_RESONATOR,
+)

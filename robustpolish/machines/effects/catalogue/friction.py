@@ -1,0 +1,312 @@
+"""Dry friction: laws of the sliding velocity alone, and laws that remember where they slid."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robustpolish.machines.effects.kind import EffectKind, Parameter, Scan, Steepness, Values
+
+# Dry friction of constant size against the sliding velocity.
+
+
+def _coulomb_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+    width = max(p[2], abs(p[0]) * p[3])
+    direction = np.tanh(v[0] / width) if width > 0.0 else np.sign(v[0])
+    f[0] = -p[0] * direction - p[1] * direction * direction
+
+
+def _coulomb_gains(values: Values, q: float, v: float) -> Steepness:
+    return 0.0, values["force"] / values["width"] if values["width"] > 0 else 0.0, 0.0
+
+
+_COULOMB_FRICTION = EffectKind(
+    kind="coulomb_friction",
+    title="Coulomb friction",
+    domain="pair",
+    parameters=(
+        Parameter("force", "F", "sliding friction force", lower=0.0),
+        Parameter("asymmetry", "F", "half the difference between the directions", fitted=False),
+        Parameter("width", "L/T", "speed over which the force turns over", lower=0.0, fitted=False),
+    ),
+    law=_coulomb_law,
+    linear_in=("force",),
+    scan=(Scan("width", "speed", (0.02,), kept=False),),
+    gains=_coulomb_gains,
+    family="dry friction",
+    sharp=True,
+    turns_over="width",
+    context=("mobility",),
+    looks_like="A square wave with the sign of the velocity; relatively larger at small "
+    "amplitudes, with flat spots at reversals.",
+    checks=(
+        "Guides, seals, cable chains and bearings at this place: preload, lubrication, dirt.",
+        "Move slowly in both directions at constant speed: the drive force changes by twice "
+        "the friction.",
+    ),
+    references=("Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7), 1083-1138",),
+)
+
+
+# Dry friction that is larger at low speed.
+
+
+# Exponent beyond which nothing of an exponential is left beside 1; near its end exp is slow.
+_NOTHING_LEFT = 700.0
+
+
+def _stribeck_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+    fast = (v[0] / p[2]) ** 2
+    more = np.exp(-fast) if fast < _NOTHING_LEFT else 0.0
+    size = p[0] + (p[1] - p[0]) * more
+    width = max(p[3], max(p[0], p[1]) * p[4])
+    direction = np.tanh(v[0] / width) if width > 0.0 else np.sign(v[0])
+    f[0] = -size * direction
+
+
+def _implausible(values: Values) -> str | None:
+    """Say why static and sliding friction cannot be those of a machine, or return None."""
+    if values["static_force"] < (1 - 1e-9) * values["force"]:
+        return "the static friction is below the sliding friction"
+    if values["static_force"] > 6 * values["force"]:
+        return "the static friction is many times the sliding friction"
+    return None
+
+
+def _near_velocity(values: Values) -> tuple[float, float]:
+    # A corner much sharper than the data shows is none.
+    velocity = values["velocity"]
+    return (0.2 * velocity, 6 * velocity) if velocity > 0 else (0.0, np.inf)
+
+
+_STATIC_FORCE = Parameter(
+    "static_force", "F", "friction force at rest", lower=0.0, at_least="force"
+)
+_VELOCITY = Parameter(
+    "velocity", "L/T", "speed over which it falls", 0.0, default=1.0, fit_bounds=_near_velocity
+)
+
+
+def _stribeck_gains(values: Values, q: float, v: float) -> Steepness:
+    more = abs(values["static_force"] - values["force"])
+    width = values["width"]
+    slope = max(values["static_force"], values["force"]) / width if width > 0 else 0.0
+    return 0.0, max(slope, more / max(values["velocity"], 1e-300)), 0.0
+
+
+_STRIBECK_FRICTION = EffectKind(
+    kind="stribeck_friction",
+    title="Stribeck friction",
+    domain="pair",
+    parameters=(
+        Parameter("force", "F", "sliding friction force at high speed", lower=0.0),
+        _STATIC_FORCE,
+        _VELOCITY,
+        Parameter("width", "L/T", "speed over which the force turns over", lower=0.0, fitted=False),
+    ),
+    law=_stribeck_law,
+    linear_in=(("force", "static_force"), "static_force"),
+    scan=(
+        Scan("velocity", "speed", (0.06, 0.15, 0.4)),
+        Scan("width", "speed", (0.02,), kept=False),
+    ),
+    gains=_stribeck_gains,
+    implausible=_implausible,
+    context=("mobility",),
+    family="dry friction",
+    sharp=True,
+    turns_over="width",
+    looks_like="A square wave with the sign of the velocity and peaks at reversals.",
+    checks=(
+        "Lubricated guides and seals at low speed; stick-slip at slow feed.",
+        "Measure the drive force at several constant speeds, slow ones too.",
+    ),
+    references=("Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7), 1083-1138",),
+)
+
+
+_BEHIND_CLEARANCE = Parameter(
+    "behind_clearance", "1", "1 if it acts behind a clearance at its place, 0 beside it",
+    lower=0.0, upper=1.0, default=1.0, fitted=False, choices=(1.0, 0.0), matters_with="clearance",
+)  # fmt: skip
+"""Of an elastic friction: with a clearance it is in series (a damper behind a worn pin), or what
+moves in the clearance rubs as well."""
+
+
+def _sliding_gains(values: Values, q: float, v: float) -> Steepness:
+    """Return the steepness of a force that builds up over a way, and slides: see `EffectKind`."""
+    rate = abs(values["stiffness"]) * v / max(values["force"], 1e-300)
+    return abs(values["stiffness"]), 0.0, rate
+
+
+def _sliding_state_sizes(values: Values, q: float, v: float) -> tuple[float, ...]:
+    return (values["force"],)
+
+
+# Dry friction behind a spring: stick, slip and memory (Jenkins element).
+
+
+def _elastic_coulomb_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+    # z is the elongation between the slider and the end, p: slip force, stiffness, whether it acts
+    # behind the clearance, the clearance and the length of a step.
+    # It follows the motion until the slider slips. A step may overshoot the elongation of slip:
+    # the force is cut off, and the overshoot slides back with the sliding distance, but not beyond
+    # its end in one step, where the slider would stick again.
+    reach = p[0] / max(p[1], 1e-300)
+    gap = p[2] * p[3]
+    longest = reach + gap
+    side = np.sign(z[0])
+    over = abs(z[0]) - longest
+    if over >= 0.0:
+        f[0] = -side * p[0]
+        if side * v[0] > 0.0:
+            dz[0] = -side * over * min(abs(v[0]) / max(reach, 1e-300), 1.0 / max(p[4], 1e-300))
+        else:
+            dz[0] = v[0]
+    else:
+        f[0] = -side * p[1] * max(abs(z[0]) - gap, 0.0)
+        dz[0] = v[0]
+
+
+def _elastic_coulomb_state_sizes(values: Values, q: float, v: float) -> tuple[float, ...]:
+    return (max(values["force"] / max(values["stiffness"], 1e-300), 1e-6 * q),)
+
+
+_ELASTIC_COULOMB_FRICTION = EffectKind(
+    kind="elastic_coulomb_friction",
+    title="Elastic Coulomb friction (Jenkins element)",
+    domain="pair",
+    parameters=(
+        Parameter("force", "F", "force at which it slips", lower=0.0),
+        Parameter("stiffness", "F/L", "stiffness while it sticks", lower=0.0),
+        _BEHIND_CLEARANCE,
+    ),
+    law=_elastic_coulomb_law,
+    linear_in=("force",),
+    scan=(Scan("stiffness", "per slip", (0.02, 0.05, 0.12, 0.3, 0.6, 1.0)),),
+    gains=_sliding_gains,
+    state_sizes=_elastic_coulomb_state_sizes,
+    states=1,
+    context=("clearance", "step"),
+    family="dry friction",
+    sharp=True,
+    looks_like="Parallelogram loops of residual force over displacement; stiff after each "
+    "reversal, then constant. A force without memory cannot follow it.",
+    checks=(
+        "Bolted or clamped joints, belts, friction dampers: clamping force, wear.",
+        "Move slowly to and fro with growing amplitude: small loops are elastic.",
+    ),
+    references=("Gaul and Nitsche (2001), Appl. Mech. Rev. 54(2), 93-106",),
+)
+
+
+# Dry friction that builds up over a short way, and remembers it.
+
+
+def _dahl_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+    # z is the friction force, p: sliding force, stiffness at reversals, whether it acts behind the
+    # clearance, that clearance, step. On its way through a clearance z grows from -reach to reach,
+    # and no force acts. A step may overshoot the sliding force past it: the force is cut off, and
+    # the overshoot slides back.
+    size = max(p[0], 1e-300)
+    reach = p[1] * p[2] * p[3]
+    if abs(z[0]) < reach:
+        dz[0] = p[1] * v[0]
+        f[0] = 0.0
+    else:
+        force = z[0] - np.sign(z[0]) * reach
+        stiffness = p[1] / max(1.0, p[1] * abs(v[0]) / size * p[4])
+        dz[0] = stiffness * (v[0] - abs(v[0]) * force / size)
+        f[0] = -force
+        if reach > 0.0:
+            f[0] = -min(max(force, -size), size)
+
+
+_DAHL_FRICTION = EffectKind(
+    kind="dahl_friction",
+    title="Dahl friction",
+    domain="pair",
+    parameters=(
+        Parameter("force", "F", "sliding friction force", lower=0.0),
+        Parameter("stiffness", "F/L", "stiffness after a reversal", lower=0.0),
+        _BEHIND_CLEARANCE,
+    ),
+    law=_dahl_law,
+    linear_in=("force",),
+    scan=(Scan("stiffness", "per slip", (0.003, 0.01, 0.03, 0.1, 0.3)),),
+    gains=_sliding_gains,
+    state_sizes=_sliding_state_sizes,
+    states=1,
+    context=("clearance", "step"),
+    family="dry friction",
+    sharp=True,
+    looks_like="Like Coulomb friction, with rounded corners after each reversal: over some way, "
+    "however slowly it is gone.",
+    checks=(
+        "Rolling bearings, seals and dampers: the way over which the force builds up.",
+        "Move slowly to and fro by a few micrometres: the force follows displacement.",
+    ),
+    references=("Dahl (1976), AIAA Journal 14(12), 1675-1682",),
+)
+
+
+# Dry friction with bristles: presliding, Stribeck effect and memory.
+
+
+def _lugre_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+    # z is the force in the bristles
+    # p: sliding and static force, velocity, stiffness, damping, step
+    size = max(p[0] + (p[1] - p[0]) * np.exp(-((v[0] / p[2]) ** 2)), 1e-300)
+    stiffness = p[3] / max(1.0, p[3] * abs(v[0]) / size * p[5])
+    dz[0] = stiffness * (v[0] - abs(v[0]) * z[0] / size)
+    f[0] = -z[0] - p[4] / max(p[3], 1e-300) * dz[0]
+
+
+def _lugre_gains(values: Values, q: float, v: float) -> Steepness:
+    stiffness, _, rate = _sliding_gains(values, q, v)
+    return stiffness, abs(values["damping"]), rate
+
+
+_LUGRE_FRICTION = EffectKind(
+    kind="lugre_friction",
+    title="LuGre friction",
+    domain="pair",
+    parameters=(
+        Parameter("force", "F", "sliding friction force at high speed", lower=0.0),
+        _STATIC_FORCE,
+        _VELOCITY,
+        Parameter("stiffness", "F/L", "stiffness of the bristles", lower=0.0),
+        Parameter("damping", "F*T/L", "damping of the bristles", lower=0.0, fitted=False),
+    ),
+    law=_lugre_law,
+    linear_in=("force",),
+    scan=(
+        Scan("stiffness", "per slip", (0.01, 0.04, 0.12, 0.35)),
+        Scan("velocity", "speed", (0.06, 0.25)),
+        Scan("static_force", "1", (1.3, 2.0)),
+    ),
+    gains=_lugre_gains,
+    state_sizes=_sliding_state_sizes,
+    implausible=_implausible,
+    states=1,
+    context=("step",),
+    family="dry friction",
+    sharp=True,
+    looks_like="Like Stribeck friction, with rounded loops after each reversal.",
+    checks=(
+        "Lubricated guides and preloaded bearings; micrometre motion before it breaks away.",
+        "Move to and fro by a few micrometres: force follows displacement like a spring.",
+    ),
+    references=(
+        "Canudas de Wit, Olsson, Astrom, Lischinsky (1995), IEEE Trans. Automatic Control "
+        "40(3), 419-425",
+    ),
+)
+
+
+KINDS = (
+    _COULOMB_FRICTION,
+    _STRIBECK_FRICTION,
+    _ELASTIC_COULOMB_FRICTION,
+    _DAHL_FRICTION,
+    _LUGRE_FRICTION,
+)

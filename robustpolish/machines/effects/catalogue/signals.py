@@ -1,0 +1,308 @@
+"""Inputs and outputs: what actuators make of commands, and sensors of the motion."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from robustpolish.base.arrays import Array
+from robustpolish.machines.effects.evaluate import first_order_lag
+from robustpolish.machines.effects.kind import (
+    CONSTANT,
+    EffectKind,
+    Motion,
+    Parameter,
+    Shape,
+    Timing,
+    Values,
+    signal_candidate,
+    unchanged_signal,
+)
+
+# A measured input that acts later than it says.
+
+
+def _input_delay_shapes(motion: Motion) -> list[Shape]:
+    signal, shapes = motion.q[0], []
+    for samples in (1, 2, 4, 8):
+        delay = samples * (motion.time[1] - motion.time[0])
+        late = np.concatenate([signal[:1].repeat(samples), signal[:-samples]])
+        shapes.append(signal_candidate(late - signal, "delay", delay, (0.0, 3.0)))
+    return shapes
+
+
+def _input_delay_on_signal(u: Array, time: Array, values: Values) -> Array:
+    if not values["delay"]:
+        return u
+    return CubicSpline(time, u)(np.maximum(time - values["delay"], time[0]))
+
+
+def _input_delay_timing(values: Values) -> Timing:
+    return Timing(delay=values["delay"])
+
+
+_INPUT_DELAY = EffectKind(
+    kind="input_delay",
+    title="Delay of an input",
+    domain="input",
+    parameters=(Parameter("delay", "T", "time from the record to the force", lower=0.0),),
+    on_signal=_input_delay_on_signal,
+    timing=_input_delay_timing,
+    shapes=_input_delay_shapes,
+    looks_like="A residual in quadrature, growing with frequency; it looks like negative "
+    "damping at every mode.",
+    checks=("Bus and filter delays, sample-and-hold, clocks of two recorders.",),
+    references=("Ljung (1999), System Identification, section 10.5, Prentice Hall",),
+)
+
+
+# An actuator that follows its input with a first-order lag.
+
+
+def _input_lag_shapes(motion: Motion) -> list[Shape]:
+    """Try six time constants, from a sample to the time in which the input itself changes."""
+    step = float(motion.time[1] - motion.time[0])
+    speed = motion.speed
+    longest = max(2 * motion.amplitude / speed if speed else 0.0, 8 * step)
+    shapes = []
+    for lag in np.geomspace(step, longest, 6).tolist():
+        column = _input_lag_on_signal(motion.q[0], motion.time, {"lag": lag}) - motion.q[0]
+        # within these times of the constant that was tried, the force is nearly linear in it
+        shapes.append(signal_candidate(column, "lag", lag, (0.5, 2.0)))
+    return shapes
+
+
+def _input_lag_on_signal(u: Array, time: Array, values: Values) -> Array:
+    step = float(time[-1] - time[0]) / (time.size - 1)
+    return first_order_lag(u, np.concatenate([u[1:], u[-1:]]), step, values["lag"])
+
+
+def _input_lag_timing(values: Values) -> Timing:
+    return Timing(lag=values["lag"])
+
+
+_INPUT_LAG = EffectKind(
+    kind="input_lag",
+    title="Lag of an input (actuator)",
+    domain="input",
+    parameters=(Parameter("lag", "T", "time constant of the actuator", lower=0.0),),
+    on_signal=_input_lag_on_signal,
+    timing=_input_lag_timing,
+    shapes=_input_lag_shapes,
+    looks_like="A residual in quadrature that grows with frequency, as of a delay, and a response "
+    "that is too large at high frequencies.",
+    checks=(
+        "Bandwidth of the current loop, amplifier or valve: measure the force, not the command.",
+        "Inductance over resistance of a coil that is driven with a voltage.",
+    ),
+    references=("Franklin, Powell, Emami-Naeini (2019), Feedback Control, section 2.3, Pearson",),
+)
+
+
+# A measured input that acts with another size than it says.
+
+
+def _gain_on_signal(u: Array, time: Array, values: Values) -> Array:
+    return u * values["gain"]
+
+
+_INPUT_GAIN = EffectKind(
+    kind="input_gain",
+    title="Gain of an input",
+    domain="input",
+    parameters=(Parameter("gain", "1", "true over measured", default=1.0),),
+    on_signal=_gain_on_signal,
+    linear_in=("gain",),
+    looks_like="A residual that is a scaled copy of the simulated output, at all frequencies.",
+    checks=("Calibration of the force sensor or amplifier, lever ratios, units of the column.",),
+    references=("Ljung (1999), System Identification, section 14.1, Prentice Hall",),
+)
+
+
+# What an input does between its samples; no effect of the machine but of the record.
+#
+# Runs take each step by itself, see ``simulation/stepper.py``. As a record of its own, a zero-order
+# hold, or a smooth signal with content near the sampling rate, is the linear interpolation of a
+# filtered one; short filters match the frequency responses.
+
+
+def _input_hold_on_signal(u: Array, time: Array, values: Values) -> Array:
+    """Return the record whose linear interpolation acts like `u` with another hold."""
+    order = values["order"]
+    if order == 1.0:
+        return u
+    padded = np.concatenate([u[:1], u[:1], u, u[-1:], u[-1:]])
+    far, last, now, later, farther = (padded[i : i + u.size] for i in range(5))
+    if order == 0.0:
+        return (7 * (now + last) - later - far) / 12
+    second = last - 2 * now + later
+    fourth = far - 4 * last + 6 * now - 4 * later + farther
+    return now - second / 12 + fourth / 90
+
+
+def _input_hold_timing(values: Values) -> Timing:
+    return Timing(values["order"])
+
+
+_INPUT_HOLD = EffectKind(
+    kind="input_hold",
+    title="Behaviour of an input between its samples",
+    domain="input",
+    parameters=(
+        Parameter(
+            "order",
+            "1",
+            "0: held until the next sample, 1: linear, 3: smooth (band-limited)",
+            lower=0.0,
+            upper=3.0,
+            default=1.0,
+            fitted=False,
+        ),
+    ),
+    on_signal=_input_hold_on_signal,
+    timing=_input_hold_timing,
+    looks_like="Half a sample of delay (order 0), or an error that grows with the square of the "
+    "frequency (order 3).",
+    checks=("Whether the input was written by a controller (held) or measured (smooth).",),
+    references=("Pintelon and Schoukens (2012), System Identification, section 13.2, Wiley",),
+)
+
+
+# An actuator that cannot do more than its limit.
+
+
+def _input_saturation_shapes(motion: Motion) -> list[Shape]:
+    """Try limits as shares of the largest force that is asked for."""
+    signal = motion.q[0]
+    peak = float(np.max(np.abs(signal)))
+    # the signal may be cut half as deep again, in what was cut off
+    return [
+        signal_candidate(
+            np.clip(signal, -limit, limit) - signal, "limit", limit - peak, (0.0, 1.5), peak
+        )
+        for limit in (share * peak for share in (0.92, 0.8, 0.65, 0.5, 0.35) if peak)
+    ]
+
+
+def _input_saturation_on_signal(u: Array, time: Array, values: Values) -> Array:
+    return np.clip(u, -values["limit"], values["limit"])
+
+
+_INPUT_SATURATION = EffectKind(
+    kind="input_saturation",
+    title="Limit of an input (saturation)",
+    domain="input",
+    parameters=(
+        Parameter("limit", "signal", "largest force to either side", lower=0.0, default=np.inf),
+    ),
+    on_signal=_input_saturation_on_signal,
+    linear_signal=unchanged_signal,  # below the limit
+    shapes=_input_saturation_shapes,
+    looks_like="A residual in phase with the largest forces alone: the machine answers small "
+    "commands as it should and large ones too weakly.",
+    checks=(
+        "Current limit of the amplifier, supply voltage, pressure of the supply of a valve.",
+        "Measure the force instead of the command, or drive with less.",
+    ),
+    references=("Hippe (2006), Windup in Control, chapter 1, Springer",),
+)
+
+
+# An actuator that does nothing about small commands.
+
+
+def _input_dead_zone_shapes(motion: Motion) -> list[Shape]:
+    """Try half widths as shares of the largest force that is asked for."""
+    signal = motion.q[0]
+    peak = float(np.max(np.abs(signal)))
+    # up to twice the half width that was tried, the force is nearly linear in it
+    return [
+        signal_candidate(-np.clip(signal, -width, width), "width", width, (0.0, 2.0))
+        for width in (share * peak for share in (0.02, 0.06, 0.15, 0.3) if peak)
+    ]
+
+
+def _input_dead_zone_on_signal(u: Array, time: Array, values: Values) -> Array:
+    return np.asarray(u - np.clip(u, -values["width"], values["width"]))
+
+
+_INPUT_DEAD_ZONE = EffectKind(
+    kind="input_dead_zone",
+    title="Dead zone of an input",
+    domain="input",
+    parameters=(
+        Parameter("width", "signal", "command to either side that does nothing", lower=0.0),
+    ),
+    on_signal=_input_dead_zone_on_signal,
+    linear_signal=unchanged_signal,  # beyond it, changes act in full
+    shapes=_input_dead_zone_shapes,
+    looks_like="A residual against the sign of the command, where dry friction's is against the "
+    "sign of the velocity: small commands do nothing, large ones too little.",
+    checks=(
+        "Overlap of a valve, a dead band in the controller or the amplifier, a loose coupling "
+        "before the force.",
+        "Give a slow ramp of the command with the machine clamped, and measure the force.",
+    ),
+    references=(
+        "Tao and Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor "
+        "Nonlinearities, chapter 2, Wiley",
+    ),
+)
+
+
+# A sensor that does not show zero at zero.
+
+
+def _sensor_offset_on_signal(u: Array, time: Array, values: Values) -> Array:
+    return u + values["offset"]
+
+
+_SENSOR_OFFSET = EffectKind(
+    kind="sensor_offset",
+    title="Offset of a sensor",
+    domain="output",
+    parameters=(Parameter("offset", "signal", "shown when there is nothing"),),
+    on_signal=_sensor_offset_on_signal,
+    linear_signal=unchanged_signal,
+    linear_in=("offset",),
+    family=CONSTANT,
+    looks_like="This channel's residual has a mean, from the first sample on.",
+    checks=("Zero of the sensor and of its amplifier, drift with temperature.",),
+    references=("Ljung (1999), System Identification, section 14.1, Prentice Hall",),
+)
+
+
+# A sensor that shows another size than there is.
+
+
+def _sensor_gain_shapes(motion: Motion) -> list[Shape]:
+    return [Shape(motion.q[None], _sensor_gain_values, (0,))]
+
+
+def _sensor_gain_values(c: Array) -> Values:
+    return {"gain": 1.0 / (1.0 - float(np.clip(c[0], -0.9, 0.9)))}
+
+
+_SENSOR_GAIN = EffectKind(
+    kind="sensor_gain",
+    title="Gain of a sensor",
+    domain="output",
+    parameters=(Parameter("gain", "1", "shown over true", default=1.0),),
+    on_signal=_gain_on_signal,
+    shapes=_sensor_gain_shapes,
+    looks_like="This channel's residual is a scaled copy of the channel; the others fit.",
+    checks=("Calibration of the sensor, its amplifier range, units of the column.",),
+    references=("ISO 16063-21:2003, Vibration calibration by comparison",),
+)
+
+
+KINDS = (
+    _INPUT_DELAY,
+    _INPUT_LAG,
+    _INPUT_GAIN,
+    _INPUT_HOLD,
+    _INPUT_SATURATION,
+    _INPUT_DEAD_ZONE,
+    _SENSOR_OFFSET,
+    _SENSOR_GAIN,
+)
