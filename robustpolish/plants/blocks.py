@@ -34,8 +34,7 @@ class PlantBlocks:
     @property
     def nx(self) -> int:
         """Number of states."""
-        known = isinstance(self.system, control.StateSpace)
-        return int((self.system if known else self._model()).nstates)
+        return int(self._model().nstates)
 
     @property
     def nw(self) -> int:
@@ -139,8 +138,7 @@ class PlantBlocks:
 
     def _matrix(self, name: str) -> Matrix:
         """Copy A, B, C or D of the system."""
-        known = isinstance(self.system, control.StateSpace)
-        return np.array(getattr(self.system if known else self._model(), name))
+        return np.array(getattr(self._model(), name))
 
     def _model(self) -> control.StateSpace:
         """Return the system if it is one of states, and not a measured response."""
@@ -199,6 +197,40 @@ def named_system(
         system.B, system.D = np.zeros((n, 0)), np.zeros((p, 0))
         return system
     return control.StateSpace(A, B, C, D, dt, remove_useless_states=False, **names)
+
+
+def chosen_signals(
+    system: control.StateSpace,
+    outputs: Sequence[int],
+    inputs: Sequence[int],
+    states: Sequence[int] | None = None,
+) -> control.StateSpace:
+    """Return a system's part of some outputs, inputs and states, in the given order.
+
+    Parameters
+    ----------
+    system : control.StateSpace
+    outputs, inputs : sequence of int
+    states : sequence of int, optional
+        All by default.
+
+    Returns
+    -------
+    control.StateSpace
+    """
+    A, B, C, D = matrices_of(system)
+    x = list(range(len(A)) if states is None else states)
+    if states is None:  # B by columns: products depend on the order in memory, in the last bit
+        B, C = B[:, inputs], C[outputs]
+    else:
+        A, B, C = A[np.ix_(x, x)], B[np.ix_(x, inputs)], C[np.ix_(outputs, x)]
+    return named_system(
+        (A, B, C, D[np.ix_(outputs, inputs)]),
+        0 if system.dt is None else system.dt,
+        [system.input_labels[i] for i in inputs],
+        [system.output_labels[i] for i in outputs],
+        [system.state_labels[i] for i in x],
+    )
 
 
 def closed_loop(
@@ -497,17 +529,7 @@ def sorted_signals(
         return system, ny, nu
     if isinstance(system, control.FrequencyResponseData):
         return rearranged(system, outs, ins), ny, nu
-    n = system.nstates
-    A, B, C, D = (np.asarray(getattr(system, name)) for name in "ABCD")
-    B, C = B.reshape(n, len(ins)), C.reshape(len(outs), n)
-    moved = named_system(
-        (A, B[:, ins], C[outs], D[np.ix_(outs, ins)]),
-        0 if system.dt is None else system.dt,
-        [system.input_labels[i] for i in ins],
-        [system.output_labels[i] for i in outs],
-        system.state_labels,
-    )
-    return moved, ny, nu
+    return chosen_signals(system, outs, ins), ny, nu
 
 
 def _order(argument: str, given: Any, labels: Sequence[str], what: str) -> tuple[list[int], int]:

@@ -29,6 +29,7 @@ from robustpolish.linear.delays.systems import DelayLine
 from robustpolish.plants.blocks import (
     SignalChoice,
     as_state_space,
+    chosen_signals,
     closed_loop,
     finite,
     named_system,
@@ -627,7 +628,6 @@ class GeneralizedPlant(WiredPlant, Displayed):
         >>> rp.air_bearing().part(disturbances=[0], performance=[1, 0]).performance_names
         ('x', 'x_m')
         """
-        x = list(range(self.nx) if states is None else states)
         w = list(range(self.nw) if disturbances is None else disturbances)
         u = list(range(self.nu) if controls is None else controls)
         z = list(range(self.nz) if performance is None else performance)
@@ -635,15 +635,7 @@ class GeneralizedPlant(WiredPlant, Displayed):
         if states is None:
             return self.rewired(self.wiring.chosen(w, u, z, y))
         ins, outs = [*w, *(self.nw + i for i in u)], [*z, *(self.nz + i for i in y)]
-        whole = self.system
-        A, B, C, D = (self._matrix(name) for name in "ABCD")
-        part = named_system(
-            (A[np.ix_(x, x)], B[np.ix_(x, ins)], C[np.ix_(outs, x)], D[np.ix_(outs, ins)]),
-            self.dt,
-            [whole.input_labels[i] for i in ins],
-            [whole.output_labels[i] for i in outs],
-            [whole.state_labels[i] for i in x],
-        )
+        part = chosen_signals(self._model(), outs, ins, list(states))
         return self.without_delays()._with_units_of(part, len(y), len(u))
 
     @property

@@ -12,7 +12,7 @@ import numpy as np
 from robustpolish.base.checks import described, invalid, is_whole, positive
 from robustpolish.plants.blocks import as_state_space, named_system
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.plants.wired import bilinear, single_filter
+from robustpolish.plants.wired import bilinear, in_a_row, single_filter, state_names
 from robustpolish.plants.wiring import Wiring
 
 # The plant of mixed sensitivity: performance, effort and robustness with a weight each.
@@ -261,21 +261,16 @@ def weight(
             "For another gain at the crossover multiply the weight by a number.",
         )
     a, b, c, d = _section(low ** (1 / order), high ** (1 / order))
-    A, B, C, D = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))
-    for _ in range(int(order)):
-        k = len(A)
-        A = np.block([[A, np.zeros((k, 1))], [b * C, np.full((1, 1), a)]])
-        B = np.vstack([B, b * D])
-        C = np.hstack([d * C, [[c]]])
-        D = d * D
+    one = np.ones((1, 1))
+    A, B, C, D = in_a_row([(a * one, b * one, c * one, d)] * int(order))
     rate = 2 * math.pi * hertz
     if dt is not True:
         dt = positive("dt", dt, "s", zero=True)
     if dt:
         return bilinear(A, B, C, D, dt, rate)
-    names = [f"x[{i}]" for i in range(len(A))]
     root = math.sqrt(rate)
-    return named_system((A * rate, B * root, C * root, D), 0, ["u"], ["y"], names)
+    matrices = (A * rate, B * root, C * root, D)
+    return named_system(matrices, 0, ["u"], ["y"], state_names(len(A)))
 
 
 def _section(low: float, high: float) -> tuple[float, float, float, float]:

@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import described, instance_of, invalid, is_whole, positive
 from robustpolish.linear.delays.systems import (
     DelayedSystem,
@@ -34,6 +35,7 @@ from robustpolish.signals.frequency_response import labelled_response, ratio_uni
 
 # What stands between a controller and its machine: lags of actuators, sensors and filters.
 
+Section = tuple[Matrix, Matrix, Matrix, float]
 MOST_ORDER = 8
 """A lag of a higher order is a delay and better given as one."""
 
@@ -69,17 +71,30 @@ def lag(
     if not is_whole(order) or not 1 <= order <= MOST_ORDER:
         want = f"a whole number from 1 to {MOST_ORDER}"
         raise invalid("order", order, want, "Pass another lag as dynamics=, a delay with_delay.")
-    A, B, C = np.zeros((0, 0)), np.zeros((0, 1)), np.ones((1, 0))
-    D = np.ones((1, 1))
-    for a, b, c in _sections(int(order), damping):
-        k = len(A)
-        A = np.block([[A, np.zeros((k, len(a)))], [b @ C, a]])
-        B = np.vstack([B, b @ D])
-        C, D = np.hstack([np.zeros((1, k)), c]), np.zeros((1, 1))
+    A, B, C, D = in_a_row(_sections(int(order), damping))
     rate = 2 * math.pi * hertz
     if not dt:
-        return named_system((A * rate, B * rate, C, D), 0, ["u"], ["y"], _names(len(A)))
+        return named_system((A * rate, B * rate, C, D), 0, ["u"], ["y"], state_names(len(A)))
     return bilinear(A, B, C, D, dt, rate)
+
+
+def in_a_row(sections: Sequence[Section]) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    """Return A, B, C, D of sections of one input and one output, each fed by the one before.
+
+    Parameters
+    ----------
+    sections : sequence of (A, B, C, d)
+
+    Returns
+    -------
+    A, B, C, D : ndarray
+    """
+    A, B, C, D = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))
+    for a, b, c, d in sections:
+        A = np.block([[A, np.zeros((len(A), len(a)))], [b @ C, a]])
+        B = np.vstack([B, b @ D])
+        C, D = np.hstack([d * C, c]), d * D
+    return A, B, C, D
 
 
 def bilinear(
@@ -104,13 +119,8 @@ def bilinear(
     half = math.tan(rate * step / 2)  # s = (z - 1) / (z + 1) / half
     one = np.eye(len(A))
     inner = np.linalg.inv(one - half * A)
-    matrices = (
-        inner @ (one + half * A),
-        2 * half * inner @ B,
-        C @ inner,
-        D + half * C @ inner @ B,
-    )
-    return named_system(matrices, dt, ["u"], ["y"], _names(len(A)))
+    matrices = (inner @ (one + half * A), 2 * half * inner @ B, C @ inner, D + half * C @ inner @ B)
+    return named_system(matrices, dt, ["u"], ["y"], state_names(len(A)))
 
 
 def single_filter(argument: str, value: Any, dt: float | bool) -> control.StateSpace:
@@ -134,34 +144,28 @@ def single_filter(argument: str, value: Any, dt: float | bool) -> control.StateS
         raise invalid(argument, shown, "one of each", "Give each signal a filter of its own.")
     own = dt if system.dt is None or not system.nstates else system.dt
     if own != dt:
-        raise invalid(
-            argument,
-            described(f"sampling time {system.dt}"),
-            f"{dt} like the plant",
-            "Discretise it, for instance with control.sample_system.",
-        )
+        shown = described(f"sampling time {system.dt}")
+        remedy = "Discretise it, for instance with control.sample_system."
+        raise invalid(argument, shown, f"{dt} like the plant", remedy)
     return system
 
 
-def _sections(order: int, damping: float | None) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Return A, B, C of lags of first and second order in a row, in units of the bandwidth."""
-    found = [(np.array([[-1.0]]), np.ones((1, 1)), np.ones((1, 1)))] if order % 2 else []
+def _sections(order: int, damping: float | None) -> list[Section]:
+    """Return lags of first and second order, in units of the bandwidth."""
+    one = np.ones((1, 1))
+    found: list[Section] = [(-one, one, one, 0.0)] if order % 2 else []
     for k in range(order // 2):
         zeta = math.sin(math.pi * (2 * k + 1) / (2 * order)) if damping is None else damping
         # |G| = 1 / sqrt(2) at 1: w^2 + ... solved for the natural frequency.
         spread = 1 - 2 * zeta**2
         natural = 1.0 if damping is None else 1 / math.sqrt(spread + math.hypot(spread, 1))
-        found.append(
-            (
-                np.array([[0.0, natural], [-natural, -2 * zeta * natural]]),
-                np.array([[0.0], [natural]]),
-                np.array([[1.0, 0.0]]),
-            )
-        )
+        a = np.array([[0.0, natural], [-natural, -2 * zeta * natural]])
+        found.append((a, np.array([[0.0], [natural]]), np.array([[1.0, 0.0]]), 0.0))
     return found
 
 
-def _names(count: int) -> list[str]:
+def state_names(count: int) -> list[str]:
+    """Return names of the states of a filter."""
     return [f"x[{i}]" for i in range(count)]
 
 
@@ -364,7 +368,7 @@ class WiredPlant(PlantBlocks):
         >>> plant.with_filter("x", notch).states[2:]
         ('x_filter[0]', 'x_filter[1]')
         """
-        side, at = self._place(name, ("u", "y", "w", "z"))
+        side, at = _place(self.wiring, name, ("u", "y", "w", "z"))
         model = single_filter("system", system, self.dt)
         return self.rewired(self.wiring.series(side, at, model, f"{name}_filter"))
 
@@ -399,7 +403,7 @@ class WiredPlant(PlantBlocks):
         instance_of("weights", weights, Mapping, "a mapping of names", 'Write {"x": weight}.')
         wiring = self.wiring
         for name, weight in weights.items():
-            side, at = self._place(name, ("w", "z", "u", "y"))
+            side, at = _place(self.wiring, name, ("w", "z", "u", "y"))
             model = single_filter(f"weights[{name!r}]", weight, self.dt)
             wiring = wiring.series(side, at, model, f"{name}_weight")
         return self.rewired(wiring)
@@ -558,9 +562,6 @@ class WiredPlant(PlantBlocks):
         want = "a bandwidth in Hz, or dynamics="
         raise invalid("bandwidth_hz", None, want, "Say how fast it is.")
 
-    def _place(self, name: str, order: Sequence[str]) -> tuple[Side, int]:
-        return _place(self.wiring, name, order)
-
     def _shift(self, seconds: float) -> control.StateSpace:
         """Return a chain of states that delays by a whole number of samples."""
         step = 1.0 if self.dt is True else float(self.dt)
@@ -568,9 +569,8 @@ class WiredPlant(PlantBlocks):
         if count < 1 or abs(seconds / step - count) > 1e-6 * count:
             want = f"a whole number of samples of {step:g} s"
             raise invalid("seconds", seconds, want, "Round it, or delay the continuous plant.")
-        names = [f"x[{i}]" for i in range(count)]
         A, B, C = np.eye(count, k=-1), np.eye(count)[:, :1], np.eye(count)[-1:]
-        return named_system((A, B, C, [[0.0]]), self.dt, ["u"], ["y"], names)
+        return named_system((A, B, C, [[0.0]]), self.dt, ["u"], ["y"], state_names(count))
 
 
 def _place(wiring: Wiring, name: str, order: Sequence[str]) -> tuple[Side, int]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from robustpolish.base.arrays import Matrix
 from robustpolish.linear.delays.systems import DelayedSystem, DelayLine
-from robustpolish.plants.blocks import PlantBlocks, matrices_of, named_system
+from robustpolish.plants.blocks import PlantBlocks, chosen_signals, matrices_of, named_system
 
 Side = Literal["input", "output"]
 
@@ -197,15 +197,7 @@ class Wiring(PlantBlocks):
         k = len(self.lines)
         ins = [*w, *range(self.nw - k, self.nw), *(self.nw + i for i in u)]
         outs = [*z, *range(self.nz - k, self.nz), *(self.nz + i for i in y)]
-        A, B, C, D = self.arrays()
-        part = named_system(
-            (A, B[:, ins], C[outs], D[np.ix_(outs, ins)]),
-            self.dt,
-            [self.system.input_labels[i] for i in ins],
-            [self.system.output_labels[i] for i in outs],
-            self.states,
-        )
-        return Wiring(part, len(y), len(u), self.lines)
+        return Wiring(chosen_signals(self.system, outs, ins), len(y), len(u), self.lines)
 
     def renamed(
         self, inputs: Sequence[str], outputs: Sequence[str], states: Sequence[str]
@@ -230,15 +222,7 @@ class Wiring(PlantBlocks):
         k, w, z = len(self.lines), self.nw, self.nz
         ins = [*range(w - k), *range(w, w + self.nu), *range(w - k, w)]
         outs = [*range(z - k), *range(z, z + self.ny), *range(z - k, z)]
-        A, B, C, D = self.arrays()
-        system = named_system(
-            (A, B[:, ins], C[outs], D[np.ix_(outs, ins)]),
-            self.dt,
-            [self.system.input_labels[i] for i in ins],
-            [self.system.output_labels[i] for i in outs],
-            self.states,
-        )
-        return DelayedSystem(system, self.lines)
+        return DelayedSystem(chosen_signals(self.system, outs, ins), self.lines)
 
     def arrays(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:
         """Copy A, B, C and D as floats of consistent shapes."""

@@ -19,9 +19,11 @@ from robustpolish.plots.style import (
     LEVEL,
     LINE_STYLES,
     MARKER_STYLES,
+    in_styles,
     legend,
     log_axis,
     new_axes,
+    quantity_axis,
     si_axis,
 )
 
@@ -106,7 +108,7 @@ def plot_distribution(
         ax.hist(numbers, bins=min(30, max(5, numbers.size // 8)), **LEVEL)
     for style, (name, value) in zip(LINE_STYLES[1:], (marks or {}).items(), strict=False):
         ax.axvline(value, label=name, **style)
-    si_axis(ax.xaxis, str(values.name or ""), str(values.attrs.get("units", "")))
+    quantity_axis(ax.xaxis, values)
     ax.xaxis.set_major_locator(MaxNLocator(_TICKS))
     ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_ylabel(f"number per bin ({values.dims[0]})")
@@ -120,12 +122,7 @@ def plot_distribution(
 
 
 def plot_error_bars(
-    curves: Mapping[str, xr.DataArray],
-    name: str,
-    unit: str,
-    ax: Axes | None = None,
-    *,
-    over: str,
+    curves: Mapping[str, xr.DataArray], name: str, unit: str, ax: Axes | None = None, *, over: str
 ) -> Axes:
     """Draw values with error bars over a logarithmic axis.
 
@@ -145,8 +142,7 @@ def plot_error_bars(
     matplotlib.axes.Axes
     """
     ax = new_axes(ax)
-    for i, (label, curve) in enumerate(curves.items()):
-        style = MARKER_STYLES[i % len(MARKER_STYLES)]
+    for style, label, curve in in_styles(curves, 0, MARKER_STYLES):
         ax.errorbar(
             curve[over].values, curve.values, curve["bar"].values, label=label, capsize=3, **style
         )
@@ -177,11 +173,10 @@ def plot_gain_against_norm(points: xr.Dataset, ax: Axes | None = None) -> Axes:
     """
     ax = new_axes(ax)
     known = points.where((points["gain"] > 0) & (points["norm"] > 0)).dropna("controller")
-    for i, name in enumerate(known["controller"].values):
-        one = known.sel(controller=name)
-        style = MARKER_STYLES[i % len(MARKER_STYLES)]
+    single = {name: known.sel(controller=name) for name in known["controller"].values}
+    for style, name, one in in_styles(single, 0, MARKER_STYLES):
         ax.plot(
-            float(one["gain"]), float(one["norm"]), linestyle="", label=str(name), markersize=8,
+            float(one["gain"]), float(one["norm"]), linestyle="", label=name, markersize=8,
             fillstyle="none", **style,
         )  # fmt: skip
     for which, key in (("x", "gain"), ("y", "norm")):
@@ -225,7 +220,7 @@ def plot_over_plane(
     if level is not None and known.size and known.min() < level < known.max():
         ax.contour(x, y, values, levels=[level], colors="white", linewidths=1.5)
     colorbar = ax.figure.colorbar(image, ax=ax)
-    si_axis(colorbar.ax.yaxis, str(shown.name), str(shown.attrs.get("units", "")))
+    quantity_axis(colorbar.ax.yaxis, shown)
     si_axis(ax.xaxis, "x", "m")
     si_axis(ax.yaxis, "y", "m")
     ax.set_aspect("equal")
@@ -277,9 +272,7 @@ def plot_path_in_space(
     ax.computed_zorder = False  # the path lies on the surface and has to be seen
     ax.add_collection(pieces)
     bar = ax.figure.colorbar(pieces, ax=ax, shrink=0.7)
-    si_axis(
-        bar.ax.yaxis, str(colour.attrs.get("long_name", colour.name)), colour.attrs.get("units", "")
-    )
+    quantity_axis(bar.ax.yaxis, colour, colour.attrs.get("long_name"))
     ax.set(xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
     heights = shown[np.isfinite(shown)]
     ax.set_box_aspect((np.ptp(x), np.ptp(y), max(np.ptp(heights), 0.15 * np.ptp(x))))
@@ -340,7 +333,7 @@ def plot_waterfall(
     if len(names) > 3 or max(map(len, names), default=0) > 14:
         ax.tick_params(axis="x", rotation=20)
     ax.set_xlabel("step")
-    si_axis(ax.yaxis, str(levels.name or "level"), str(levels.attrs.get("units", "")))
+    quantity_axis(ax.yaxis, levels, levels.name or "level")
     ax.margins(y=0.2)  # for the numbers on top of the bars
     # Bars fill the picture: there is no place for names but above it.
     ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)

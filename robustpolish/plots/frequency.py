@@ -11,7 +11,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from robustpolish.base.arrays import AnyVector
-from robustpolish.plots.style import LINE_STYLES, legend, log_axis, new_axes, si_axis
+from robustpolish.plots.style import LINE_STYLES, in_styles, legend, log_axis, new_axes, si_axis
 
 # Complex responses over frequency: magnitude and phase, and in the complex plane.
 
@@ -47,8 +47,7 @@ def plot_bode(
         Of the magnitude; the phase's follow in its figure.
     """
     upper, below = _two_axes() if ax is None else (ax, phase)
-    for i, (label, response) in enumerate(responses.items()):
-        style: dict[str, Any] = {**LINE_STYLES[(i + 1) % len(LINE_STYLES)]}
+    for i, (style, label, response) in enumerate(in_styles(responses)):
         style["linewidth"] = 1.2 if i else 2.5
         frequency, values = response["frequency"].values, response.values
         size = np.abs(values)
@@ -95,18 +94,22 @@ def plot_nyquist(
     matplotlib.axes.Axes
     """
     ax = new_axes(ax)
-    for i, (label, response) in enumerate(responses.items()):
-        style: dict[str, Any] = {**LINE_STYLES[(i + 1) % len(LINE_STYLES)]}
+    for i, (style, label, response) in enumerate(in_styles(responses)):
         if not i:
             style |= {"linestyle": "none", "marker": "o", "markersize": 3}
         ax.plot(np.real(response.values), np.imag(response.values), label=label, **style)
-    ax.axhline(0.0, color="black", linewidth=0.5)
-    ax.axvline(0.0, color="black", linewidth=0.5)
+    _complex_plane(ax, name, unit)
     ax.set_aspect("equal", adjustable="datalim")
-    si_axis(ax.xaxis, f"real part of {name}", unit)
-    si_axis(ax.yaxis, f"imaginary part of {name}", unit)
     legend(ax, least=1)
     return ax
+
+
+def _complex_plane(ax: Axes, name: str, unit: str) -> None:
+    """Draw both axes through zero, and name them."""
+    ax.axhline(0.0, color="black", linewidth=0.5)
+    ax.axvline(0.0, color="black", linewidth=0.5)
+    si_axis(ax.xaxis, f"real part of {name}", unit)
+    si_axis(ax.yaxis, f"imaginary part of {name}", unit)
 
 
 def _two_axes() -> tuple[Axes, Axes]:
@@ -157,9 +160,8 @@ def plot_gains(
     """
     ax = new_axes(ax)
     unit = ""
-    for i, (label, gain) in enumerate(gains.items(), first_style):
+    for style, label, gain in in_styles(gains, first_style):
         values = np.where(gain.values > 0, gain.values, np.nan)
-        style = LINE_STYLES[i % len(LINE_STYLES)]
         ax.plot(gain["frequency"].values, values, label=label, linewidth=1.2, **style)
         unit = str(gain.attrs.get("units", unit))
     for label, (frequency, value) in (marks or {}).items():
@@ -195,9 +197,8 @@ def plot_over_frequency(
     matplotlib.axes.Axes
     """
     ax = new_axes(ax)
-    for i, (label, curve) in enumerate(curves.data_vars.items(), 1):
-        style = LINE_STYLES[i % len(LINE_STYLES)]
-        ax.plot(curve["frequency"].values, curve.values, label=str(label), **style)
+    for style, label, curve in in_styles(curves.data_vars):
+        ax.plot(curve["frequency"].values, curve.values, label=label, **style)
     log_axis(ax, "x", "frequency", "Hz")
     log_axis(ax, "y", name, unit)
     legend(ax)
@@ -232,8 +233,7 @@ def plot_nyquist_disks(
         For positive frequencies; the curve of the negative ones is the mirror image.
     """
     ax = new_axes(ax)
-    for i, (label, loop) in enumerate(loops.items(), 1):
-        style: dict[str, Any] = LINE_STYLES[i % len(LINE_STYLES)]
+    for style, label, loop in in_styles(loops):
         values: Any = np.where(np.isfinite(loop.values), loop.values, np.nan)
         ax.plot(values.real, values.imag, label=label, **style)
         alpha = (disks or {}).get(label)
@@ -242,11 +242,8 @@ def plot_nyquist_disks(
             ax.fill(edge.real, edge.imag, color=style["color"], alpha=0.15, linewidth=0)
     ax.plot([-1], [0], marker="+", color="black", markersize=10, linestyle="", label="-1")
     _limits(ax, loops)
-    ax.axhline(0.0, color="black", linewidth=0.5)
-    ax.axvline(0.0, color="black", linewidth=0.5)
+    _complex_plane(ax, "L", "")
     ax.set_aspect("equal")
-    si_axis(ax.xaxis, "real part of L", "")
-    si_axis(ax.yaxis, "imaginary part of L", "")
     legend(ax)
     return ax
 
@@ -270,8 +267,7 @@ def plot_nichols(
     """
     ax = new_axes(ax)
     shown: list[float] = [-180.0]
-    for i, (label, loop) in enumerate(loops.items(), 1):
-        style: dict[str, Any] = LINE_STYLES[i % len(LINE_STYLES)]
+    for style, label, loop in in_styles(loops):
         values = loop.values[np.isfinite(loop.values) & (np.abs(loop.values) > 0)]
         phase = np.degrees(np.unwrap(np.angle(values)))
         phase -= 360 * np.round((phase[0] + 90) / 360) if phase.size else 0

@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import Formatter
 from numpy.typing import ArrayLike, NDArray
 
-from robustpolish.plots.style import LINE_STYLES, MARKER_STYLES, legend, new_axes, si_axis
+from robustpolish.plots.style import MARKER_STYLES, in_styles, legend, new_axes, si_axis
 
 # Whirl frequencies of a rotor over its speed.
 
@@ -126,8 +126,7 @@ def plot_poles(
     drawn: dict[str, Any] = {
         label: np.ravel(np.asarray(values, dtype=complex)) for label, values in poles.items()
     }
-    for i, (label, values) in enumerate(drawn.items()):
-        style = MARKER_STYLES[i % len(MARKER_STYLES)]
+    for style, label, values in in_styles(drawn, 0, MARKER_STYLES):
         height = values.imag / scale
         ax.plot(values.real, height, linestyle="", fillstyle="none", label=label, **style)
     if discrete:
@@ -239,13 +238,12 @@ def plot_whirl_shapes(
     matplotlib.axes.Axes
     """
     ax = new_axes(ax)
-    for i, (label, shape) in enumerate(shapes.items(), 1):
+    for style, label, shape in in_styles(shapes):
         both = np.asarray(shape)
         larger = both[np.abs(both).max(axis=1).argmax()]
         largest = larger[np.abs(larger).argmax()]
         # Turned so that the largest deflection is real, and drawn upwards where the shaft ends.
         drawn = (larger / largest).real
-        style = LINE_STYLES[i % len(LINE_STYLES)]
         ax.plot(np.asarray(nodes), drawn * (1 if drawn[-1] >= 0 else -1), label=label, **style)
     ax.axhline(0.0, color="#999999", linewidth=0.5)
     si_axis(ax.xaxis, "along the shaft", "m")

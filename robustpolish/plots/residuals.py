@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import gaussian_filter
 from scipy.signal import ShortTimeFFT
 
-from robustpolish.plots.style import LINE_STYLES, legend, log_axis, new_axes, si_axis
+from robustpolish.plots.style import LINE_STYLES, legend, log_axis, new_axes, quantity_axis, si_axis
 
 # A force over what it depends on, with its band.
 
@@ -48,8 +48,8 @@ def plot_force_curve(
         half = np.minimum(np.nan_to_num(band.values, posinf=np.inf), np.ptp(y))
         shade = {"alpha": 0.3, "color": LINE_STYLES[2]["color"], "label": "95 % band"}
         ax.fill_between(x, y - half, y + half, **shade)
-    si_axis(ax.xaxis, name, str(force[name].attrs.get("units", "")))
-    si_axis(ax.yaxis, str(force.name or "force"), str(force.attrs.get("units", "")))
+    quantity_axis(ax.xaxis, force[name])
+    quantity_axis(ax.yaxis, force, force.name or "force")
     legend(ax)
     return ax
 
@@ -62,9 +62,7 @@ _SEGMENTS = 40
 
 
 def plot_residual_map(
-    residual: xr.DataArray,
-    marks: Mapping[str, ArrayLike] | None = None,
-    ax: Axes | None = None,
+    residual: xr.DataArray, marks: Mapping[str, ArrayLike] | None = None, ax: Axes | None = None
 ) -> Axes:
     """Draw the amplitude density of a signal over time and frequency.
 
@@ -337,7 +335,7 @@ def plot_surface(shown: xr.Dataset, ax: Axes | None = None) -> Axes:
             facecolor="#333333", labelcolor="white", fontsize="small",
         ).set_in_layout(False)  # fmt: skip
     colorbar = ax.figure.colorbar(image, ax=ax)
-    si_axis(colorbar.ax.yaxis, "force", str(force.attrs.get("units", "")))
-    for axis, dim in ((ax.xaxis, "displacement"), (ax.yaxis, "velocity")):
-        si_axis(axis, dim, str(shown[dim].attrs.get("units", "")))
+    quantity_axis(colorbar.ax.yaxis, force)
+    quantity_axis(ax.xaxis, shown["displacement"])
+    quantity_axis(ax.yaxis, shown["velocity"])
     return ax

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, TypeVar
 
 import matplotlib.pyplot as plt
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.ticker import EngFormatter, Formatter, LogLocator, NullFormatter
 
 from robustpolish.base.results import bears_prefix, prefix_power, prefixed
+
+T = TypeVar("T")
 
 # Okabe and Ito's colours, dark to light, with line styles for a print in grey.
 LINE_STYLES: tuple[dict[str, Any], ...] = (
@@ -139,3 +143,37 @@ def legend(ax: Axes, least: int = 2) -> None:
     """Add a legend where at least so many things have a name."""
     if len(ax.get_legend_handles_labels()[0]) >= least:
         ax.legend(loc="best")
+
+
+def quantity_axis(axis: Axis, shown: xr.DataArray, name: object = None) -> None:
+    """Label an axis with the name and the unit of a labelled array; see :func:`si_axis`.
+
+    Parameters
+    ----------
+    axis : matplotlib.axis.Axis
+    shown : xarray.DataArray
+    name : str, optional
+        That of the array by default.
+    """
+    si_axis(axis, str(name or shown.name or ""), str(shown.attrs.get("units", "")))
+
+
+def in_styles(
+    curves: Mapping[Any, T], first: int = 1, styles: Sequence[dict[str, Any]] = LINE_STYLES
+) -> Iterator[tuple[dict[str, Any], str, T]]:
+    """Yield style, label and curve of each of several, the styles beginning with the `first`.
+
+    Parameters
+    ----------
+    curves : mapping of str to anything
+    first : int, optional
+    styles : sequence of dict, optional
+
+    Yields
+    ------
+    style : dict
+    label : str
+    curve
+    """
+    for i, (label, curve) in enumerate(curves.items(), first):
+        yield {**styles[i % len(styles)]}, str(label), curve

@@ -242,24 +242,25 @@ def plot_before_and_after(
     shown = {"measured": measured, **given}
     for ax, signals in zip(axes[:2], (shown, rest), strict=True):
         inside = {k: s if stretch is None else s.sel(time=stretch) for k, s in signals.items()}
-        plot_time_series(inside, ax)
-        for line in ax.lines:  # one look for one thing in every panel
-            line.set(**_STYLES[str(line.get_label())])
-        if ax.get_legend() is not None:
-            ax.get_legend().remove()
+        _plot_alike(inside, ax)
     axes[0].set_xlabel("")
     if stretch is not None:
         whole = axes[2]
-        plot_time_series(rest, whole)
-        for line in whole.lines:
-            line.set(**_STYLES[str(line.get_label())])
-        if whole.get_legend() is not None:
-            whole.get_legend().remove()
+        _plot_alike(rest, whole)
         whole.axvspan(stretch.start, stretch.stop, color="#333333", alpha=0.15)
         whole.set_title("the whole record; shaded: shown above")
     # Swings fill every panel: there is no place for names but above them all.
     figure.legend(handles=axes[0].lines, loc="outside upper center", ncols=len(shown))
     return figure
+
+
+def _plot_alike(signals: Mapping[str, xr.DataArray], ax: Axes) -> None:
+    """Draw signals without a legend, with one look for one thing in every panel."""
+    plot_time_series(signals, ax)
+    for line in ax.lines:
+        line.set(**_STYLES[str(line.get_label())])
+    if ax.get_legend() is not None:
+        ax.get_legend().remove()
 
 
 _STYLES = {
@@ -290,11 +291,7 @@ def plot_overlay(
     """
     names = [str(name) for name in measured.data_vars]
     figure, panels = plt.subplots(
-        len(names),
-        3,
-        squeeze=False,
-        figsize=(14, 0.8 + 2.4 * len(names)),
-        layout="constrained",
+        len(names), 3, squeeze=False, figsize=(14, 0.8 + 2.4 * len(names)), layout="constrained"
     )
     for row, name in zip(panels, names, strict=True):
         overlay, rest, spectra = row
@@ -334,7 +331,10 @@ def plot_response(
     ax = plot_time_series({"measured": measured, "simulated": simulated}, ax)
     ax.lines[-2].set_linewidth(2.5)  # so that it shows beneath a model that fits
     if band is not None:
-        _shade(ax, simulated, band)
+        low, high = simulated - band, simulated + band
+        shade = {"alpha": 0.3, "color": "#d55e00", "label": "95 % band"}
+        ax.fill_between(simulated["time"].values, low.values, high.values, **shade)
+        ax.legend(loc="best")
     return ax
 
 
@@ -370,13 +370,6 @@ def plot_spectra(signals: dict[str, xr.DataArray], ax: Axes) -> Axes:
     if ax.lines:
         ax.legend(loc="best")
     return ax
-
-
-def _shade(ax: Axes, signal: xr.DataArray, width: xr.DataArray) -> None:
-    low, high = signal - width, signal + width
-    time = signal["time"].values
-    ax.fill_between(time, low.values, high.values, alpha=0.3, color="#d55e00", label="95 % band")
-    ax.legend(loc="best")
 
 
 def plot_two_machines(
@@ -418,10 +411,7 @@ def plot_two_machines(
     plot_time_series(dict(zip(names, (first, second), strict=True)), both)
     both.lines[0].set(linewidth=2.5)
     both.set_xlabel("")
-    rest = {
-        "as they are": first - second,
-        "second fitted anew": first - adapted,
-    }
+    rest = {"as they are": first - second, "second fitted anew": first - adapted}
     unit = {"units": first.attrs.get("units", "")}
     plot_time_series({k: d.rename("difference").assign_attrs(unit) for k, d in rest.items()}, apart)
     for line, style in zip(apart.lines, (LINE_STYLES[2], LINE_STYLES[1]), strict=True):

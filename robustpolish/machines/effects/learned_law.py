@@ -34,32 +34,15 @@ _REFINED = 6
 """How many of the best sums have their length or speed fitted, after some were tried."""
 
 
-@dataclass(frozen=True)
-class FormulaMatchPolicy:
-    """When a formula counts as the one behind a curve.
-
-    Attributes
-    ----------
-    chance : float
-        Share of right formulas whose misfit is called chance: one in a hundred is refused.
-    as_good : float
-        Share of the largest force within which a formula is as good as a curve, however narrow
-        its band: splines round the corners of a dead zone by about as much.
-    unknown : float
-        The same where no covariance is known.
-    turns : tuple of float
-        Shares of the range that are tried for a gap, or for the length over which a force
-        saturates.
-    """
-
-    chance: float = 0.99
-    as_good: float = 0.003
-    unknown: float = 0.05
-    turns: tuple[float, ...] = tuple(np.geomspace(0.003, 0.9, 36).tolist())
-
-
-FORMULA_MATCH = FormulaMatchPolicy()
-"""What :meth:`LearnedLaw.formula` goes by."""
+_CHANCE = 0.99
+"""Share of right formulas whose misfit is called chance: one in a hundred is refused."""
+_AS_GOOD = 0.003
+"""Share of the largest force within which a formula is as good as a curve, however narrow its band:
+splines round the corners of a dead zone by about as much."""
+_UNKNOWN = 0.05
+"""The same where no covariance is known."""
+_TURNS = tuple(np.geomspace(0.003, 0.9, 36).tolist())
+"""Shares of the range that are tried for a gap, or for the length over which a force saturates."""
 
 
 @dataclass(frozen=True)
@@ -196,7 +179,7 @@ def simplest_formula(curve: Curve, over: str, units: tuple[str, str]) -> Formula
         found = [fit(terms, turn) for terms, turn in _choices(TERMS[over], number, curve.axes)]
         found += [fit.turned(f) for f in sorted(found, key=lambda f: f.chi2)[:_REFINED] if f.turn]
         best = min(found, key=lambda f: f.chi2, default=None)
-        if best is not None and best.chi2 <= chi2.ppf(FORMULA_MATCH.chance, fit.freedom(number)):
+        if best is not None and best.chi2 <= chi2.ppf(_CHANCE, fit.freedom(number)):
             return _formula(best, fit, units)
     return None
 
@@ -215,7 +198,7 @@ def _choices(
                 yield chosen, 0.0
                 continue
             reach = float(np.max(np.abs(axes[turning[0].over])))
-            yield from ((chosen, share * reach) for share in FORMULA_MATCH.turns)
+            yield from ((chosen, share * reach) for share in _TURNS)
 
 
 class _Found(NamedTuple):
@@ -235,7 +218,7 @@ class _Fit:
         self.largest = float(np.max(np.abs(values)))
         known = curve.covariance is not None and bool(np.isfinite(curve.covariance).all())
         self.known = known
-        share = FORMULA_MATCH.as_good if known else FORMULA_MATCH.unknown
+        share = _AS_GOOD if known else _UNKNOWN
         spread = np.eye(curve.coefficients.size) * (share * self.largest) ** 2
         if known and curve.covariance is not None:
             spread = spread + curve.covariance
@@ -256,8 +239,7 @@ class _Fit:
 
     def turned(self, found: _Found) -> _Found:
         """Return the same terms with the length that fits best about the one that was tried."""
-        turns = FORMULA_MATCH.turns
-        step = turns[1] / turns[0]
+        step = _TURNS[1] / _TURNS[0]
         bounds = found.turn / step, found.turn * step
         best: Any = minimize_scalar(lambda d: self(found.terms, float(d)).chi2, bounds=bounds)
         return self(found.terms, float(best.x))
@@ -318,56 +300,6 @@ def unit_of_power(units: tuple[str, str], q: int, v: int) -> str:
 
 
 # What a learned curve resembles, in words with numbers.
-
-
-@dataclass(frozen=True)
-class WordPolicy:
-    """When a word is used of a curve.
-
-    Attributes
-    ----------
-    mostly : float
-        Share of its square that has to be odd, or even, for the curve to be called so.
-    side : float
-        Share of the force on one side of zero below which the other is the only one.
-    harder, softer : float
-        Slope at the ends over the slope about rest from which a spring hardens, and below which
-        it softens.
-    flat : float
-        The same below which it saturates.
-    dead : float
-        Share of the largest force below which there is none, and `zone` the share of the range
-        over which it has to be so small.
-    grows : float
-        Greatest ratio of the slope at the very ends to that just outside of a dead zone: a cube
-        is small about rest too, but its slope goes on growing.
-    feeds : float
-        Share of the largest power from which a force that pushes counts.
-    dry : float
-        Range of the force beyond a quarter of the largest speed, as a share of its mean, below
-        which it is called dry.
-    sure : float
-        Standard errors beyond which a force has a sign.
-    back : float
-        Share of the way up that what varies with time may come down and still be called rising.
-    """
-
-    mostly: float = 0.9
-    side: float = 0.1
-    harder: float = 1.5
-    softer: float = 0.67
-    flat: float = 0.2
-    dead: float = 0.05
-    zone: float = 0.2
-    grows: float = 1.25
-    feeds: float = 0.01
-    dry: float = 0.3
-    sure: float = 2.0
-    back: float = 0.1
-
-
-WORDS = WordPolicy()
-"""What :meth:`LearnedLaw.describe` goes by."""
 
 
 def describe_law(curve: xr.Dataset, place: str, formula: Formula | None) -> str:
@@ -449,7 +381,7 @@ def _damper(curve: xr.Dataset) -> list[str]:
     outer = np.abs(v) > 0.25 * np.max(np.abs(v))
     sizes = np.abs(g[outer])
     turns = np.sign(g[v < 0][:1]) != np.sign(g[v > 0][-1:])
-    if not side and turns.all() and np.ptp(sizes) < WORDS.dry * np.mean(sizes):
+    if not side and turns.all() and np.ptp(sizes) < 0.3 * np.mean(sizes):
         mean = float(np.mean(sizes))
         lines.append(f"It hardly depends on the speed, as dry friction of {mean:.3g} {unit}.")
         return lines
@@ -465,7 +397,7 @@ def _along_time(found: xr.DataArray) -> str:
     steps = np.diff(values)
     up, down = float(steps[steps > 0].sum()), float(-steps[steps < 0].sum())
     way = "rises" if up > down else "falls"
-    if min(up, down) > WORDS.back * max(up, down):
+    if min(up, down) > 0.1 * max(up, down):  # of the way up
         way = "goes up and down"
     return (
         f"It comes on top of what the model was given, and {way} along the record: from "
@@ -482,11 +414,11 @@ _OF_DAMPERS = (
 
 def _bend(middle: float, ends: float, more: str, less: str, straight: str) -> str:
     """Say what becomes of a slope from the middle to the ends."""
-    if abs(ends) <= WORDS.flat * abs(middle):
+    if abs(ends) <= 0.2 * abs(middle):
         return "saturates"
-    if ends > WORDS.harder * middle and ends > 0:
+    if ends > 1.5 * middle and ends > 0:
         return more
-    return less if ends < WORDS.softer * middle else straight
+    return less if ends < 0.67 * middle else straight
 
 
 def _symmetry(x: Array, g: Array, what: str) -> list[str]:
@@ -498,9 +430,9 @@ def _symmetry(x: Array, g: Array, what: str) -> list[str]:
     ahead, behind = np.interp(grid, x, g), np.interp(-grid, x, g)
     odd, even = np.mean((ahead - behind) ** 2), np.mean((ahead + behind) ** 2)
     share = float(odd / max(odd + even, 1e-300))
-    if share >= WORDS.mostly:
+    if share >= 0.9:
         return [f"It is odd, {100 * share:.0f} % of its square: it changes its sign with {what}."]
-    if share <= 1 - WORDS.mostly:
+    if share <= 1 - 0.9:
         return [f"It is even, {100 * (1 - share):.0f} % of its square: it keeps its sign."]
     return [f"It is neither odd nor even: {100 * share:.0f} % of its square is odd."]
 
@@ -510,14 +442,14 @@ def _one_sided(x: Array, g: Array) -> str:
     if x[0] >= 0 or x[-1] <= 0:
         return ""
     negative, positive = (float(np.sqrt(np.mean(g[s] ** 2))) for s in (x < 0, x > 0))
-    if negative < WORDS.side * positive:
+    if negative < 0.1 * positive:
         return "positive"
-    return "negative" if positive < WORDS.side * negative else ""
+    return "negative" if positive < 0.1 * negative else ""
 
 
 def _dead_zone(x: Array, g: Array, slope: Array) -> tuple[float, float] | None:
     """Return the ends of a stretch without force beyond which the slope is nearly constant."""
-    small = np.abs(g) < WORDS.dead * np.max(np.abs(g))
+    small = np.abs(g) < 0.05 * np.max(np.abs(g))
     middle = int(np.argmin(np.abs(x)))
     if not small[middle]:
         return None
@@ -526,14 +458,15 @@ def _dead_zone(x: Array, g: Array, slope: Array) -> tuple[float, float] | None:
         first -= 1
     while last + 1 < x.size and small[last + 1]:
         last += 1
-    if x[last] - x[first] < WORDS.zone * (x[-1] - x[0]) or first == 0 or last == x.size - 1:
+    if x[last] - x[first] < 0.2 * (x[-1] - x[0]) or first == 0 or last == x.size - 1:
         return None
     ends = []
     for at, outside in ((first, slice(first - 1, None, -1)), (last, slice(last + 1, None))):
         steep = slope[outside]
         third = max(steep.size // 3, 1)
         near, far = float(np.mean(steep[third : 2 * third])), float(np.mean(steep[2 * third :]))
-        if steep.size < 6 or far > WORDS.grows * near or not near:
+        # a cube is small about rest, too, but its slope goes on growing to the very ends
+        if steep.size < 6 or far > 1.25 * near or not near:
             return None
         begin = outside.start + (third if at == last else -third)
         ends.append(float(x[begin] - g[begin] / near))  # where the straight part would begin
@@ -556,8 +489,8 @@ def _energy(curve: xr.Dataset) -> list[str]:
         still = np.array([np.interp(0.0, v, row) for row in force])
         force = force - still[:, None]
     power = force * v
-    feeds = (power < 0) & (np.abs(force) > WORDS.sure * stderr)
-    little = WORDS.feeds * np.max(np.abs(power))
+    feeds = (power < 0) & (np.abs(force) > 2.0 * stderr)  # two standard errors: it has a sign
+    little = 0.01 * np.max(np.abs(power))
     feeds &= np.abs(power) > little
     if not feeds.any():
         return ["It takes energy out at every speed that was seen."]

@@ -22,7 +22,7 @@ bends (Eilers and Marx 1996, Statistical Science 11(2), 89-121).
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple, cast
@@ -32,7 +32,7 @@ import numpy as np
 from robustpolish.base.arrays import Array
 from robustpolish.base.jit import njit
 from robustpolish.machines.effects.evaluate import machine_code
-from robustpolish.machines.effects.kind import EffectKind, Law, Parameter
+from robustpolish.machines.effects.kind import EffectKind, Law, Parameter, Steepness, Values
 
 Over = Literal["stiffness", "damping", "force", "varying_stiffness", "varying_damping"]
 _NAME = re.compile(
@@ -71,23 +71,21 @@ def _weights(x, low, high, count, stays):  # type: ignore[no-untyped-def]  # com
     )
 
 
-def _stiffness(count: int) -> Law:
+def _curve(count: int, variable: str, factor: str = "") -> Law:
+    """Return the law of a curve over q, v or t; over t times q (a stiffness) or v (a damping)."""
+    over_time, over_q, stays = variable == "t", variable == "q", variable != "q"
+    times_q, times_v = factor == "q", factor == "v"
+
     def law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
-        i, a, b, c, d = _weights(q[0], p[0], p[1], count, False)
-        f[0] = -(a * p[i + 3] + b * p[i + 4] + c * p[i + 5] + d * p[i + 6])
+        x = t if over_time else q[0] if over_q else v[0]
+        i, a, b, c, d = _weights(x, p[0], p[1], count, stays)
+        force = -(a * p[i + 3] + b * p[i + 4] + c * p[i + 5] + d * p[i + 6])
+        f[0] = force * q[0] if times_q else force * v[0] if times_v else force
 
     return law
 
 
-def _damping(count: int) -> Law:
-    def law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
-        i, a, b, c, d = _weights(v[0], p[0], p[1], count, True)
-        f[0] = -(a * p[i + 3] + b * p[i + 4] + c * p[i + 5] + d * p[i + 6])
-
-    return law
-
-
-def _force(count: int) -> Law:
+def _surface(count: int) -> Law:
     def law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
         i, a, b, c, d = _weights(q[0], p[0], p[1], count, False)
         j, e, g, h, k = _weights(v[0], p[2], p[3], count, True)
@@ -97,22 +95,6 @@ def _force(count: int) -> Law:
             total += weight * (e * p[at] + g * p[at + 1] + h * p[at + 2] + k * p[at + 3])
             at += count
         f[0] = -total
-
-    return law
-
-
-def _varying_stiffness(count: int) -> Law:
-    def law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
-        i, a, b, c, d = _weights(t, p[0], p[1], count, True)
-        f[0] = -(a * p[i + 3] + b * p[i + 4] + c * p[i + 5] + d * p[i + 6]) * q[0]
-
-    return law
-
-
-def _varying_damping(count: int) -> Law:
-    def law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
-        i, a, b, c, d = _weights(t, p[0], p[1], count, True)
-        f[0] = -(a * p[i + 3] + b * p[i + 4] + c * p[i + 5] + d * p[i + 6]) * v[0]
 
     return law
 
@@ -133,11 +115,15 @@ class SplineLaw:
 
     def __call__(self, t: float, q: Any, v: Any, z: Any, p: Any, f: Any, dz: Any) -> None:
         """Write the force, as every law does."""
-        _LAWS[self.over].law(self.count)(t, q, v, z, p, f, dz)
+        self._law()(t, q, v, z, p, f, dz)
+
+    def _law(self) -> Law:
+        curve = _LAWS[self.over].curve
+        return _curve(self.count, *curve) if curve else _surface(self.count)
 
     def compiled(self) -> Any:
         """Return the law as machine code."""
-        return machine_code(_LAWS[self.over].law(self.count))
+        return machine_code(self._law())
 
 
 @njit(cache=True)
@@ -293,39 +279,35 @@ def _steepest(values: Mapping[str, float], first: str, last: str, axis: int) -> 
     return float(np.max(np.abs(np.diff(c, axis=axis)))) / width if width > 0 else 0.0
 
 
-def _stiffness_gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
-    return _steepest(values, "low", "high", 0), 0.0, 0.0
+@dataclass(frozen=True)
+class SplineSteepness:
+    """The largest stiffness and damping of a curve or surface.
 
+    Parameters
+    ----------
+    over : {"stiffness", "damping", "force", "varying_stiffness", "varying_damping"}
+    """
 
-def _damping_gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
-    return 0.0, _steepest(values, "low", "high", 0), 0.0
+    over: str
 
-
-def _force_gains(values: Mapping[str, float], q: float, v: float) -> tuple[float, float, float]:
-    return _steepest(values, "low", "high", 0), _steepest(values, "slow", "fast", 1), 0.0
-
-
-def _varying_stiffness_gains(
-    values: Mapping[str, float], q: float, v: float
-) -> tuple[float, float, float]:
-    return _largest(values), 0.0, 0.0
-
-
-def _varying_damping_gains(
-    values: Mapping[str, float], q: float, v: float
-) -> tuple[float, float, float]:
-    return 0.0, _largest(values), 0.0
+    def __call__(self, values: Values, q: float, v: float) -> Steepness:
+        """Return stiffness and damping, and no rate; see `EffectKind`."""
+        if self.over == "force":
+            fastest = _steepest(values, "slow", "fast", 1)
+            return _steepest(values, "low", "high", 0), fastest, 0.0
+        varies = self.over.startswith("varying")
+        size = _largest(values) if varies else _steepest(values, "low", "high", 0)
+        return (0.0, size, 0.0) if self.over.endswith("damping") else (size, 0.0, 0.0)
 
 
 class _Shape(NamedTuple):
     """What is particular to one shape of law: the rest of its kind follows from this.
 
-    `knots` are the names of their ends, with the dimension of what they lie along; `dimension` is
-    that of the coefficients.
+    `curve` are the arguments of its law, none of a surface; `knots` are the names of their ends,
+    with the dimension of what they lie along; `dimension` is that of the coefficients.
     """
 
-    law: Callable[[int], Law]
-    gains: Callable[[Mapping[str, float], float, float], tuple[float, float, float]]
+    curve: tuple[str, ...]
     over: tuple[str, ...]
     contains: tuple[str, ...]
     knots: tuple[tuple[str, str, str], ...]
@@ -333,23 +315,17 @@ class _Shape(NamedTuple):
 
 
 _LAWS: dict[str, _Shape] = {
-    "stiffness": _Shape(
-        _stiffness, _stiffness_gains, ("displacement",), ("spring",), (("low", "high", "L"),)
-    ),
-    "damping": _Shape(
-        _damping, _damping_gains, ("velocity",), ("damper",), (("low", "high", "L/T"),)
-    ),
+    "stiffness": _Shape(("q",), ("displacement",), ("spring",), (("low", "high", "L"),)),
+    "damping": _Shape(("v",), ("velocity",), ("damper",), (("low", "high", "L/T"),)),
     "force": _Shape(
-        _force, _force_gains, ("displacement", "velocity"), ("spring", "damper"),
+        (), ("displacement", "velocity"), ("spring", "damper"),
         (("low", "high", "L"), ("slow", "fast", "L/T")),
     ),
     "varying_stiffness": _Shape(
-        _varying_stiffness, _varying_stiffness_gains, ("time",), ("spring",),
-        (("low", "high", "T"),), "F/L",
+        ("t", "q"), ("time",), ("spring",), (("low", "high", "T"),), "F/L"
     ),
     "varying_damping": _Shape(
-        _varying_damping, _varying_damping_gains, ("time",), ("damper",),
-        (("low", "high", "T"),), "F*T/L",
+        ("t", "v"), ("time",), ("damper",), (("low", "high", "T"),), "F*T/L"
     ),
 }  # fmt: skip
 _ALONG = {"L": "displacement", "L/T": "velocity", "T": "time"}
@@ -429,7 +405,7 @@ def learned_kind(name: str) -> EffectKind | None:
         domain="pair",
         parameters=(*_knots(shape), *_coefficients(count, bool(across), shape.dimension)),
         law=SplineLaw(cast(Over, over), count),
-        gains=shape.gains,
+        gains=SplineSteepness(over),
         prior=smoothness_prior,
         over=shape.over,
         contains=shape.contains,

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
+import ast
 import itertools
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import FunctionType
 from typing import Any, Literal
 
 import numpy as np
-from numba import types
-from numba.extending import intrinsic
 
 from robustpolish.base.checks import described, invalid
 from robustpolish.errors import InvalidInputError, RobustPolishWarning
 from robustpolish.machines.effects.effect import built_in, register
-from robustpolish.machines.effects.evaluate import POINTER, machine_code
+from robustpolish.machines.effects.evaluate import machine_code
 from robustpolish.machines.effects.formula_language import (
     FUNCTIONS,
     OWN_KEYS,
+    PAIRS,
     EffectSpecification,
     PostfixProgram,
     dimension_text,
@@ -176,30 +177,10 @@ def _letters(parameter: Parameter) -> list[str]:
 # The force law that a formula says: called from Python, or compiled to machine code.
 
 _CORNERS = frozenset({"abs", "sign", "min", "max"})
-_HIGHEST = 64  # whole powers up to this one are multiplied out, as Numba does
+_HIGHEST = 64  # whole powers up to this one are multiplied out, by repeated squaring
+_ARITHMETIC = {"+": ast.Add, "-": ast.Sub, "*": ast.Mult, "/": ast.Div}
 _SIGNALS = (-10.0, -1.0, 0.0, 1.0, 10.0)  # of a channel, in its unit: signals end at 10 V
 _GRID = 33  # odd: with the middle, where friction is steepest
-
-
-def _entry(pointer, i):  # type: ignore[no-untyped-def]  # compiled by Numba
-    return pointer[i]
-
-
-def _power(x, y):  # type: ignore[no-untyped-def]  # compiled by Numba
-    return np.power(x, y)
-
-
-def _unary(name: str) -> Callable[[Any], Any]:
-    """Return a function that Numba can compile in place of a name."""
-    function = FUNCTIONS[name]
-
-    def call(x):  # type: ignore[no-untyped-def]  # compiled by Numba
-        return function(x)
-
-    return call
-
-
-_UNARY = {name: _unary(name) for name in FUNCTIONS}
 
 
 @dataclass(frozen=True)
@@ -238,90 +219,38 @@ class FormulaLaw:
     def compiled(self) -> Any:
         """Return the law compiled to the signature of all laws.
 
-        The operations are put together as machine code one by one: no text is executed, and no
-        file holds the result, which would be found again under the name of another formula.
+        The operations that were read are put together as a syntax tree: no text is executed, and
+        no file holds the result, which would be found again under the name of another formula.
         """
-        force = _assembled(self)
-
-        def law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
-            f[0] = force(t, q, v, p)
-
-        return machine_code(law, cache=False)
+        return machine_code(_function(self), cache=False)
 
 
-def _assembled(law: FormulaLaw) -> Any:
-    """Return the force of (t, q, v, p) as a function that compiled code can call."""
-    written = law.written
-    places: dict[str, tuple[int, int]] = {"q": (1, 0), "v": (2, 0)}
-    places.update((name, (3, i)) for i, (name, _) in enumerate(written.units))
-    places.update((name, (1, 1 + i)) for i, (name, _) in enumerate(written.channels))
+def _function(law: FormulaLaw) -> Callable[..., None]:
+    """Return the law as a Python function, made of the operations that were read and no others."""
+    places = {"t": "t", "q": "q[0]", "v": "v[0]"}
+    places.update((name, f"p[{i}]") for i, (name, _) in enumerate(law.written.units))
+    places.update((name, f"q[{1 + i}]") for i, (name, _) in enumerate(law.written.channels))
 
-    @intrinsic
-    def force(typing_context, t, q, v, p):  # type: ignore[no-untyped-def]
-        signature = types.float64(types.float64, POINTER, POINTER, POINTER)
+    def leaf(item: float | str) -> ast.expr:
+        if isinstance(item, str):
+            return ast.parse(places[item], mode="eval").body
+        return ast.Constant(item)
 
-        def generate(context, builder, _, given):  # type: ignore[no-untyped-def]
-            def constant(number: float) -> Any:
-                return context.get_constant(types.float64, number)
+    def combine(operation: str, *operands: ast.expr) -> ast.expr:
+        if operation == "negative":
+            return ast.UnaryOp(ast.USub(), operands[0])
+        if operation in _ARITHMETIC:
+            return ast.BinOp(operands[0], _ARITHMETIC[operation](), operands[1])
+        exponent = operands[-1].value if isinstance(operands[-1], ast.Constant) else math.inf
+        if operation == "**" and float(exponent).is_integer() and abs(exponent) <= _HIGHEST:
+            power = ast.BinOp(operands[0], ast.Pow(), ast.Constant(abs(int(exponent))))
+            return ast.BinOp(ast.Constant(1.0), ast.Div(), power) if exponent < 0 else power
+        return ast.Call(ast.Name(operation, ast.Load()), list(operands), [])
 
-            def call(function: Any, kinds: tuple[Any, ...], operands: tuple[Any, ...]) -> Any:
-                return context.compile_internal(builder, function, types.float64(*kinds), operands)
-
-            def leaf(item: float | str) -> tuple[Any, float | None]:
-                if not isinstance(item, str):
-                    return constant(item), item
-                if item == "t":
-                    return given[0], None
-                array, index = places[item]
-                where = context.get_constant(types.intp, index)
-                return call(_entry, (POINTER, types.intp), (given[array], where)), None
-
-            def combine(operation: str, *operands: tuple[Any, float | None]) -> tuple[Any, None]:
-                values = tuple(value for value, _ in operands)
-                if operation in _BUILDS:
-                    return _BUILDS[operation](builder, *values), None
-                if operation != "**":
-                    return call(_UNARY[operation], (types.float64,), values), None
-                exponent = operands[1][1]
-                if exponent is not None and exponent.is_integer() and abs(exponent) <= _HIGHEST:
-                    power = _multiplied(builder, values[0], int(abs(exponent)), constant(1.0))
-                    return (builder.fdiv(constant(1.0), power) if exponent < 0 else power), None
-                return call(_power, (types.float64, types.float64), values), None
-
-            return law.formula.fold(leaf, combine)[0]
-
-        return signature, generate
-
-    return force
-
-
-def _larger(builder: Any, x: Any, y: Any) -> Any:
-    return builder.select(builder.fcmp_unordered(">", x, y), x, y)
-
-
-def _smaller(builder: Any, x: Any, y: Any) -> Any:
-    return builder.select(builder.fcmp_unordered("<", x, y), x, y)
-
-
-_BUILDS: dict[str, Callable[..., Any]] = {
-    "+": lambda builder, x, y: builder.fadd(x, y),
-    "-": lambda builder, x, y: builder.fsub(x, y),
-    "*": lambda builder, x, y: builder.fmul(x, y),
-    "/": lambda builder, x, y: builder.fdiv(x, y),
-    "negative": lambda builder, x: builder.fneg(x),
-    "min": _smaller,
-    "max": _larger,
-}
-
-
-def _multiplied(builder: Any, x: Any, exponent: int, one: Any) -> Any:
-    """Return a whole power by repeated squaring."""
-    power = one
-    while exponent:
-        if exponent & 1:
-            power = builder.fmul(power, x)
-        x, exponent = builder.fmul(x, x), exponent >> 1
-    return power
+    tree = ast.parse("def law(t, q, v, z, p, f, dz):\n    f[0] = 0.0")
+    tree.body[0].body[0].value = law.formula.fold(leaf, combine)  # type: ignore[attr-defined]
+    code = compile(ast.fix_missing_locations(tree), "<formula>", "exec").co_consts[0]
+    return FunctionType(code, {**FUNCTIONS, **PAIRS})
 
 
 @dataclass(frozen=True)

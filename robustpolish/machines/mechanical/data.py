@@ -15,6 +15,7 @@ from robustpolish.base.checks import described, invalid
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import GROUND, Motion
 from robustpolish.machines.mechanical.parts import (
+    CONNECTIONS,
     DISPLACEMENT,
     FORCE,
     UNITS,
@@ -155,7 +156,7 @@ class MechanicalData:
 
 
 Model = TypeVar("Model", bound=MechanicalData)
-Part = TypeVar("Part", Dof, Spring, Damper, CoupledInertia, Input)
+Part = TypeVar("Part", Dof, Input)
 
 
 def values(model: MechanicalData) -> dict[str, float]:
@@ -163,12 +164,9 @@ def values(model: MechanicalData) -> dict[str, float]:
     result: dict[str, float] = {}
     for dof in model.dofs:
         result[".".join(dof.key)] = dof.mass
-    for i, coupled in enumerate(model.coupled_inertias):
-        result[f"coupled_inertia[{i}].value"] = coupled.value
-    for i, spring in enumerate(model.springs):
-        result[f"spring[{i}].stiffness"] = spring.stiffness
-    for i, damper in enumerate(model.dampers):
-        result[f"damper[{i}].damping"] = damper.damping
+    for what, (_, name) in CONNECTIONS.items():
+        for i, part in enumerate(getattr(model, f"{what}s")):
+            result[f"{what}[{i}].{name}"] = getattr(part, name)
     for item in model.inputs:
         result[f"input.{item.name}.gain"] = item.gain
     for i, effect in enumerate(model.effects):
@@ -193,9 +191,10 @@ def with_parameter_values(model: Model, changes: Mapping[str, float]) -> Model:
     found = copy(model)
     for name, part in {
         "dofs": tuple(_with(d, "mass", ".".join(d.key), new) for d in model.dofs),
-        "springs": _each_with(model.springs, "spring", "stiffness", new),
-        "dampers": _each_with(model.dampers, "damper", "damping", new),
-        "coupled_inertias": _each_with(model.coupled_inertias, "coupled_inertia", "value", new),
+        **{
+            f"{what}s": _each_with(model, what, name, new)
+            for what, (_, name) in CONNECTIONS.items()
+        },
         "inputs": tuple(_with(i, "gain", f"input.{i.name}.gain", new) for i in model.inputs),
         "effects": tuple(
             _effect_with(e, f"effect[{i}].", new) for i, e in enumerate(model.effects)
@@ -215,11 +214,11 @@ def _with(part: Part, name: str, key: str, new: Mapping[str, float]) -> Part:
 
 
 def _each_with(
-    parts: tuple[Part, ...], what: str, name: str, new: Mapping[str, float]
-) -> tuple[Part, ...]:
+    model: MechanicalData, what: str, name: str, new: Mapping[str, float]
+) -> tuple[Any, ...]:
     """Return parts with their numbers as they stand in `new`; these parts check none themselves."""
-    found = list(parts)
-    for i, part in enumerate(parts):
+    found = list(getattr(model, f"{what}s"))
+    for i, part in enumerate(found):
         if (key := f"{what}[{i}].{name}") in new:
             found[i] = replace(part, **{name: number((what, i, name), new[key])})
     return tuple(found)
@@ -380,9 +379,7 @@ def effect_ports(model: MechanicalData) -> EffectPorts:
 
 @lru_cache(maxsize=32)
 def _ports_at(
-    matrices: MechanicalMatrices,
-    outputs: tuple[Output, ...],
-    pairs: tuple[tuple[_Pair, ...], ...],
+    matrices: MechanicalMatrices, outputs: tuple[Output, ...], pairs: tuple[tuple[_Pair, ...], ...]
 ) -> tuple[tuple[Array, ...], _PortMatrices]:
     """Return the rows and matrices of effects at these places; fits vary their numbers only."""
     rows = tuple(_rows(matrices.coordinates, each) for each in pairs)

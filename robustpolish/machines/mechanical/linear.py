@@ -35,7 +35,6 @@ from robustpolish.machines.mechanical.parts import (
     DISPLACEMENT,
     UNITS,
     VELOCITY,
-    Input,
     MechanicalMatrices,
     Output,
 )
@@ -58,34 +57,29 @@ def mechanical_card(model: MechanicalData) -> Card:
             continue
         name = dof.key[-1]
         rows.append((name, dof.name, name, dof.mass, dof.unit))
-    parts = [(f"spring[{i}]", "spring", s.between) for i, s in enumerate(model.springs)]
-    parts += [(f"damper[{i}]", "damper", d.between) for i, d in enumerate(model.dampers)]
-    parts += [(f"coupled_inertia[{i}]", "coupled inertia", c.between)
-              for i, c in enumerate(model.coupled_inertias)]  # fmt: skip
+    parts = [
+        (f"{what}[{i}]", what.replace("_", " "), part.between)
+        for what in ("spring", "damper", "coupled_inertia")
+        for i, part in enumerate(getattr(model, f"{what}s"))
+    ]
     parts += [(f"effect[{i}]", e.kind, e.at) for i, e in enumerate(model.effects)]
     numbers = values(model)
     for start, part, at in parts:
         for key in (key for key in numbers if key.startswith(f"{start}.")):
             name = key.removeprefix(f"{start}.")
             rows.append((part, _joined(at), name, float(numbers[key]), unit_of(model, key)))
-    signals = [
-        ("input", item.name, *_what(model, item), model.unit_of(item)) for item in model.inputs
-    ] + [
-        ("output", item.name, _seen(item), item.quantity, model.unit_of(item))
-        for item in model.outputs
-    ]
+    signals: list[tuple[Any, ...]] = []
+    for item in model.inputs:
+        channel = item.imposes and item.on[0] in model.channels
+        what = ("", "channel") if channel else (_joined(item.on), item.imposes or "force")
+        signals.append(("input", item.name, *what, model.unit_of(item)))
+    for out in model.outputs:
+        signals.append(("output", out.name, _seen(out), out.quantity, model.unit_of(out)))
     columns = ("signal", "name", "at", "quantity", "unit")
     tables = [Table("", COLUMNS, tuple(rows)), Table("", columns, tuple(signals))]
     if model.spin_frequency is not None:
         tables.append(Table("", (), (("spin [Hz]", model.spin_frequency),)))
     return Card(f"Mechanical model {model.name}".rstrip(), tuple(tables))
-
-
-def _what(model: MechanicalData, item: Input) -> tuple[str, str]:
-    """Return where an input acts, and what it is there."""
-    if item.imposes and item.on[0] in model.channels:
-        return "", "channel"
-    return _joined(item.on), item.imposes or "force"
 
 
 def _seen(item: Output) -> str:
@@ -340,7 +334,10 @@ def uncertain_model(model: MechanicalData, ranges: Mapping[str, Any]) -> Uncerta
     Every number enters the forces and outputs linearly, a mass by the acceleration: the force and
     output that come with its change are a few signals that go through its delta.
     """
-    given = dict(_checked(ranges))
+    if not isinstance(ranges, Mapping):
+        remedy = 'Write {"spring[0].stiffness": 0.1} for 10 %.'
+        raise invalid("ranges", ranges, "a mapping of keys to ranges", remedy)
+    given = dict(ranges)
     numbers = {key: value for key, value in given.items() if isinstance(value, UncertainSystem)}
     model = with_parameter_values(
         model, {key: _nominal(model, key, n) for key, n in numbers.items()}
@@ -365,10 +362,8 @@ def uncertain_model(model: MechanicalData, ranges: Mapping[str, Any]) -> Uncerta
     if deltas:
         D[deltas:, :deltas] += np.hstack([left[1] for left, _ in pieces])
         D[:deltas, deltas : deltas + first] += np.vstack([right[3] for _, right in pieces])
-    scale = np.array([e.slope for e, (left, _) in zip(elements, pieces, strict=True)
-                      for _ in range(left[0].shape[1])])  # fmt: skip
-    skew = np.array([e.skew for e, (left, _) in zip(elements, pieces, strict=True)
-                     for _ in range(left[0].shape[1])])  # fmt: skip
+    copies = np.array([left[0].shape[1] for left, _ in pieces], dtype=int)
+    scale, skew = (np.repeat([getattr(e, n) for e in elements], copies) for n in ("slope", "skew"))
     # w = slope delta z / (1 - skew delta), as a fraction of the delta.
     C[:deltas] *= scale[:, None]
     D[:deltas] *= scale[:, None]
@@ -378,8 +373,8 @@ def uncertain_model(model: MechanicalData, ranges: Mapping[str, Any]) -> Uncerta
         np.hstack([C[deltas:], D[deltas:, :deltas]]),
         D[deltas:, deltas:],
         m.states,
-        tuple(UncertainBlock(_renamed(e, numbers), left[0].shape[1])
-              for e, (left, _) in zip(elements, pieces, strict=True) if left[0].shape[1]),
+        tuple(UncertainBlock(_renamed(element, numbers), count)
+              for element, count in zip(elements, copies, strict=True) if count),
         0,
         m.signals,
         m.outputs,
@@ -407,13 +402,6 @@ def _with_number(whole: Lft, key: str, number: UncertainSystem) -> Lft:
     return close_block(whole, names.index(_STAND_IN + key), change.matrices)
 
 
-def _checked(ranges: Any) -> Mapping[str, Any]:
-    if not isinstance(ranges, Mapping):
-        remedy = 'Write {"spring[0].stiffness": 0.1} for 10 %.'
-        raise invalid("ranges", ranges, "a mapping of keys to ranges", remedy)
-    return ranges
-
-
 def _renamed(element: RealElement, numbers: Mapping[str, Any]) -> RealElement:
     """Return the element that stands in for a number made of others by a name of its own."""
     own = element.name in numbers
@@ -433,9 +421,8 @@ def _known(model: MechanicalData, key: str) -> float:
     imposing = {f"input.{item.name}.gain" for item in model.inputs if item.imposes}
     if key in imposing:
         shown = described(f"{key}, of an imposed motion")
-        raise invalid(
-            "ranges", shown, "gains of forces", "Multiply the system by an uncertain_real."
-        )
+        remedy = "Multiply the system by an uncertain_real."
+        raise invalid("ranges", shown, "gains of forces", remedy)
     return known[key]
 
 

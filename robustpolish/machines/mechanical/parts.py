@@ -166,6 +166,15 @@ class CoupledInertia:
     value: float
 
 
+CONNECTIONS: dict[str, tuple[type, str]] = {
+    "coupled_inertia": (CoupledInertia, "value"),
+    "spring": (Spring, "stiffness"),
+    "damper": (Damper, "damping"),
+}
+"""What lies between two coordinates, by its name in keys and files: its class and its number. The
+fields of a model have these names in the plural."""
+
+
 @dataclass(frozen=True)
 class Input:
     """A measured signal that drives the model: a force, or an imposed motion.
@@ -411,12 +420,8 @@ def _check_names(dofs: Sequence[Dof], inputs: Sequence[Input], outputs: Sequence
     for dof in dofs:
         for taken in (f"{dof.name}_dot", f"d{dof.name}"):
             if any(other.name == taken for other in dofs):
-                raise invalid(
-                    ("dof", taken),
-                    taken,
-                    f"another name: this is what the velocity of {dof.name!r} is called",
-                    "Rename it.",
-                )
+                want = f"another name: this is what the velocity of {dof.name!r} is called"
+                raise invalid(("dof", taken), taken, want, "Rename it.")
 
 
 def _connections(what: str, key: str, items: Any, dofs: Mapping[str, Dof]) -> tuple[Any, ...]:
@@ -458,12 +463,8 @@ def check_inertias(
     """
     for dof in dofs:
         if dof.mass == 0 and dof.name not in moved:
-            raise invalid(
-                dof.key,
-                dof.mass,
-                f"a number above 0 {dof.unit}",
-                "Only a coordinate with imposed motion may have none.",
-            )
+            remedy = "Only a coordinate with imposed motion may have none."
+            raise invalid(dof.key, dof.mass, f"a number above 0 {dof.unit}", remedy)
     free = [dof for dof in dofs if dof.name not in moved]
     names = {dof.name for dof in free}
     inside = [item for item in coupled if names.issuperset(item.between)]
@@ -759,18 +760,17 @@ class MechanicalMatrices:
         Lq[self.free, np.arange(nf)] = 1
         Lv[self.free, nf + np.arange(nf)] = 1
         Rq, Rv = np.zeros((n, nw)), np.zeros((n, nw))
-        for column, row, gain in self._imposed_columns(DISPLACEMENT):
-            Rq[row, column] = gain
-        for column, row, gain in self._imposed_columns(VELOCITY):
-            Rv[row, column] = gain
+        for part, quantity in ((Rq, DISPLACEMENT), (Rv, VELOCITY)):
+            for column, row, gain in self._imposed_columns(quantity):
+                part[row, column] = gain
         for part in (Lq, Lv, Rq, Rv):
             part.flags.writeable = False
         return Lq, Lv, Rq, Rv
 
     def first_order(self) -> _Four:
         """Return A, B, C, D of the first-order form, from `signals` to `outputs`."""
-        A, B, C, D = self._first_order
-        return A.copy(), B.copy(), C.copy(), D.copy()
+        A, B, C, D = (part.copy() for part in self._first_order)
+        return A, B, C, D
 
     @cached_property
     def _first_order(self) -> _Four:

@@ -22,15 +22,13 @@ from robustpolish.machines.effects.kind import GROUND
 from robustpolish.machines.effects.user_defined import own_kind, own_table
 from robustpolish.machines.mechanical.data import MechanicalData
 from robustpolish.machines.mechanical.parts import (
+    CONNECTIONS,
     DISPLACEMENT,
     FORCE,
     QUANTITIES,
-    CoupledInertia,
-    Damper,
     Dof,
     Input,
     Output,
-    Spring,
 )
 
 # Where in a TOML text a key stands, so that a message can say so.
@@ -168,9 +166,8 @@ def toml_with_line_numbers(source: str | Path, max_bytes: float | None = None) -
     except tomllib.TOMLDecodeError as error:
         raise InvalidInputError(f"{where}: not valid TOML: {error}.") from None
     except ValueError:  # Python reads no integers of thousands of digits
-        raise InvalidInputError(
-            f"{where}: not a model: an integer of thousands of digits."
-        ) from None
+        what = "an integer of thousands of digits"
+        raise InvalidInputError(f"{where}: not a model: {what}.") from None
     except RecursionError:
         raise InvalidInputError(f"{where}: not a model: tables nested too deeply.") from None
     try:
@@ -187,14 +184,12 @@ def _model(table: Table) -> MechanicalData:
     dofs = [_dof(name, item) for name, item in _table(("dof",), table["dof"]).items()]
     return MechanicalData(
         dofs=tuple(dofs),
-        springs=_list(table, "spring", _spring),
-        dampers=_list(table, "damper", _damper),
+        **{f"{what}s": _list(table, what, _connection) for what in CONNECTIONS},
         inputs=_list(table, "input", lambda where, item: _input(where, item, dofs)),
         outputs=_list(table, "output", _output),
         effects=_list(table, "effect", _effect),
         spin_frequency=table.get("spin_frequency"),
         name=table.get("name", ""),
-        coupled_inertias=_list(table, "coupled_inertia", _coupled),
         design=design_section(table),
     )
 
@@ -252,19 +247,10 @@ def _dof(name: str, item: Any) -> Dof:
     return Dof(name, item["inertia" if rotational else "mass"], rotational)
 
 
-def _spring(where: Key, item: Table) -> Spring:
-    known_keys(where, item, ("between", "stiffness"), ("between", "stiffness"))
-    return Spring(item["between"], item["stiffness"])
-
-
-def _damper(where: Key, item: Table) -> Damper:
-    known_keys(where, item, ("between", "damping"), ("between", "damping"))
-    return Damper(item["between"], item["damping"])
-
-
-def _coupled(where: Key, item: Table) -> CoupledInertia:
-    known_keys(where, item, ("between", "value"), ("between", "value"))
-    return CoupledInertia(item["between"], item["value"])
+def _connection(where: Key, item: Table) -> Any:
+    kind, number = CONNECTIONS[str(where[0])]
+    known_keys(where, item, ("between", number), ("between", number))
+    return kind(item["between"], item[number])
 
 
 def _input(where: Key, item: Table, dofs: list[Dof]) -> Input:
@@ -277,15 +263,13 @@ def _input(where: Key, item: Table, dofs: list[Dof]) -> Input:
     key = given[0]
     if key == "motion_of":
         imposes = item.get("quantity", DISPLACEMENT)
-        one_of(
-            (*where, "quantity"), imposes, [q for q, kind in QUANTITIES.items() if kind != FORCE]
-        )
+        motions = [quantity for quantity, kind in QUANTITIES.items() if kind != FORCE]
+        one_of((*where, "quantity"), imposes, motions)
     else:
         imposes = None
         if "quantity" in item:
-            raise invalid(
-                (*where, "quantity"), item["quantity"], f"no quantity with {key}", "Remove it."
-            )
+            want = f"no quantity with {key}"
+            raise invalid((*where, "quantity"), item["quantity"], want, "Remove it.")
         _force_fits((*where, key), key, item[key], dofs)
     return Input(item["name"], item[key], imposes, item.get("gain", 1.0), item.get("unit"))
 
@@ -297,12 +281,8 @@ def _force_fits(where: Key, key: str, place: Any, dofs: list[Dof]) -> None:
         if dof.name == name and dof.rotational != (key == "torque_on"):
             wanted = "torque_on" if dof.rotational else "force_on"
             has = "an inertia in kg m^2" if dof.rotational else "a mass in kg"
-            raise invalid(
-                where,
-                described(f"{key} = {name!r}, which has {has}"),
-                f"{wanted} there: units must match",
-                f"Write {wanted}.",
-            )
+            shown = described(f"{key} = {name!r}, which has {has}")
+            raise invalid(where, shown, f"{wanted} there: units must match", f"Write {wanted}.")
 
 
 def _output(where: Key, item: Table) -> Output:
@@ -369,13 +349,9 @@ def write_model(model: MechanicalData, path: str | Path | None = None) -> str:
             f"[dof.{_key(dof.name)}]",
             f"{dof.key[-1]} = {_value(dof.mass)}  # {dof.unit}",
         ]
-    for coupled in model.coupled_inertias:
-        table = {"between": coupled.between, "value": coupled.value}
-        lines += _entry("coupled_inertia", table)
-    for spring in model.springs:
-        lines += _entry("spring", {"between": spring.between, "stiffness": spring.stiffness})
-    for damper in model.dampers:
-        lines += _entry("damper", {"between": damper.between, "damping": damper.damping})
+    for what, (_, name) in CONNECTIONS.items():
+        for part in getattr(model, f"{what}s"):
+            lines += _entry(what, {"between": part.between, name: getattr(part, name)})
     for source in model.inputs:
         lines += _entry("input", _input_table(model, source))
     for output in model.outputs:

@@ -74,9 +74,7 @@ def mode_names(system: SecondOrder) -> list[str]:
 
 
 def rotor_plant(
-    system: SecondOrder,
-    speed: float,
-    rows: Mapping[str, Mapping[str, Matrix]],
+    system: SecondOrder, speed: float, rows: Mapping[str, Mapping[str, Matrix]]
 ) -> GeneralizedPlant:
     """Return the plant of a rotor.
 

@@ -98,9 +98,7 @@ def _forces(laws, layout, p, t, motion, at, ports, z, f, dz):  # type: ignore[no
     `layout` rows: port, ports, state, states, parameter, parameters, whether it is dry friction.
     """
     for i in range(len(laws)):
-        port, state, own = layout[i, 0], layout[i, 2], layout[i, 4]
-        q = at + port
-        call_law(laws[i], t, motion, q, motion, q + ports, z, state, p, own, f, port, dz, state)
+        _force(laws, layout, p, t, motion, at, ports, z, f, dz, i)
 
 
 @njit(cache=True, error_model="numpy")
@@ -349,18 +347,7 @@ def run_steps(m, output, laws, layout, p, W, E, Y, K, s0, z0, t0, dt, substeps, 
                     if stops:
                         _limits(laws, layout, p, t + h, now, 0, ports, zs, fc, dc, dry, *ends)
                         _apply_stopping(
-                            out,
-                            v0,
-                            v1,
-                            mean,
-                            push,
-                            tilt,
-                            by_push,
-                            by_tilt,
-                            ends,
-                            slow,
-                            mid,
-                            held,
+                            out, v0, v1, mean, push, tilt, by_push, by_tilt, ends, slow, mid, held
                         )
             for r in range(n):
                 x[r] = out[r]
