@@ -144,12 +144,9 @@ class PlantBlocks:
         """Return the system if it is one of states, and not a measured response."""
         if isinstance(self.system, control.StateSpace):
             return self.system
-        raise invalid(
-            "plant",
-            described("a frequency response, which has no states"),
-            "a model in state space",
-            "Fit a model to the response; itself it serves plant.frequency_response only.",
-        )
+        shown = described("a frequency response, which has no states")
+        remedy = "Fit a model to the response; itself it serves plant.frequency_response only."
+        raise invalid("plant", shown, "a model in state space", remedy)
 
 
 def matrices_of(system: control.StateSpace) -> tuple[Matrix, Matrix, Matrix, Matrix]:
@@ -242,12 +239,9 @@ def closed_loop(
     loop = np.eye(plant.nu) - Dk @ plant.D22
     condition = np.linalg.cond(loop) if loop.size and np.isfinite(loop).all() else 1.0
     if condition > 1 / np.finfo(float).eps:
-        raise invalid(
-            "controller",
-            described(f"a loop matrix I - Dk D22 with condition {condition:.1e}"),
-            "a well-posed loop",
-            "Change the controller's feedthrough or the plant's D22.",
-        )
+        shown = described(f"a loop matrix I - Dk D22 with condition {condition:.1e}")
+        remedy = "Change the controller's feedthrough or the plant's D22."
+        raise invalid("controller", shown, "a well-posed loop", remedy)
     # u = solve(loop, Ck xk + Dk (C2 x + D21 w)), then y follows from u.
     on_x = np.linalg.solve(loop, Dk @ plant.C2)
     on_k = np.linalg.solve(loop, Ck)
@@ -262,12 +256,9 @@ def closed_loop(
     C = np.hstack([plant.C1 + plant.D12 @ on_x, plant.D12 @ on_k])
     D = plant.D11 + plant.D12 @ on_w
     if not all(np.isfinite(M).all() for M in (loop, A, B, C, D)):
-        raise invalid(
-            "controller",
-            described("a loop with entries beyond 1e308"),
-            "products of plant and controller that double precision can hold",
-            "Choose other units for the signals.",
-        )
+        shown = described("a loop with entries beyond 1e308")
+        want = "products of plant and controller that double precision can hold"
+        raise invalid("controller", shown, want, "Choose other units for the signals.")
     taken = set(plant.states)
     extra = [f"{'controller_' if name in taken else ''}{name}" for name in K.state_labels]
     names = (plant.disturbance_names, plant.performance_names, [*plant.states, *extra])
@@ -285,20 +276,14 @@ def _checked(plant: PlantBlocks, controller: control.StateSpace | ArrayLike) -> 
         return static_controller(plant, controller)
     state_space("controller", controller)
     if (controller.noutputs, controller.ninputs) != (plant.nu, plant.ny):
-        raise invalid(
-            "controller",
-            described(f"{controller.ninputs} inputs and {controller.noutputs} outputs"),
-            f"{plant.ny} inputs (y) and {plant.nu} outputs (u)",
-            "Check measurements= and controls= of the plant.",
-        )
+        shown = described(f"{controller.ninputs} inputs and {controller.noutputs} outputs")
+        want = f"{plant.ny} inputs (y) and {plant.nu} outputs (u)"
+        raise invalid("controller", shown, want, "Check measurements= and controls= of the plant.")
     static = controller.nstates == 0
     if not static and controller.dt is not None and controller.dt != plant.dt:
-        raise invalid(
-            "controller",
-            described(f"sampling time {controller.dt}"),
-            f"{plant.dt} like the plant",
-            "Discretise the plant or the controller first.",
-        )
+        shown = described(f"sampling time {controller.dt}")
+        remedy = "Discretise the plant or the controller first."
+        raise invalid("controller", shown, f"{plant.dt} like the plant", remedy)
     return controller
 
 
@@ -417,12 +402,9 @@ def _same_response(
         s = complex(s) + 0.1 * scale * factor  # off the axis, where poles may lie
         want, have = np.atleast_2d(system(s)), np.atleast_2d(found(s))
         if not np.abs(want - have).max() <= _SAME_RESPONSE * np.abs(want).max():
-            raise invalid(
-                argument,
-                described("a TransferFunction whose realisation has another response"),
-                "one that can be realised in double precision",
-                "Build it as a control.StateSpace.",
-            )
+            shown = described("a TransferFunction whose realisation has another response")
+            remedy = "Build it as a control.StateSpace."
+            raise invalid(argument, shown, "one that can be realised in double precision", remedy)
 
 
 # A plant that is known by its frequency response only.
@@ -482,12 +464,9 @@ def interpolate_response(system: control.FrequencyResponseData, omega: Vector) -
     room = 1e-9 * lines[-1]  # hertz to rad/s and back
     if omega.size and not (lines[0] - room <= omega.min() and omega.max() <= lines[-1] + room):
         hertz = (lines[0] / (2 * np.pi), lines[-1] / (2 * np.pi))
-        raise invalid(
-            "frequency",
-            described(f"{omega.min() / (2 * np.pi):.6g} to {omega.max() / (2 * np.pi):.6g} Hz"),
-            f"frequencies within those measured, {hertz[0]:.6g} to {hertz[1]:.6g} Hz",
-            "Measure there, or fit a model.",
-        )
+        shown = described(f"{omega.min() / (2 * np.pi):.6g} to {omega.max() / (2 * np.pi):.6g} Hz")
+        want = f"frequencies within those measured, {hertz[0]:.6g} to {hertz[1]:.6g} Hz"
+        raise invalid("frequency", shown, want, "Measure there, or fit a model.")
     found = np.empty((omega.size, *values.shape[:2]), dtype=complex)
     for i, j in np.ndindex(*values.shape[:2]):
         found[:, i, j] = np.interp(omega, lines, values[i, j])
@@ -539,12 +518,9 @@ def _order(argument: str, given: Any, labels: Sequence[str], what: str) -> tuple
     if whole and 0 <= given <= count:
         return list(range(count)), int(given)
     if whole or given is None or isinstance(given, bool | float):
-        raise invalid(
-            argument,
-            given,
-            f"a whole number from 0 to {count}, the system's number of {what}, or names",
-            f"Count the {what} at the end of the list, or name them.",
-        )
+        want = f"a whole number from 0 to {count}, the system's number of {what}, or names"
+        remedy = f"Count the {what} at the end of the list, or name them."
+        raise invalid(argument, given, want, remedy)
     names = chosen_names(argument, given, labels, what)
     chosen = [labels.index(name) for name in names]
     return [*(i for i in range(count) if i not in chosen), *chosen], len(chosen)

@@ -35,12 +35,9 @@ def controller_system(plant: PlantBlocks, controller: GivenController) -> contro
     if isinstance(controller, control.TransferFunction):
         if (controller.noutputs, controller.ninputs) != (plant.nu, plant.ny):
             shown = f"{controller.noutputs} outputs and {controller.ninputs} inputs"
-            raise invalid(
-                "controller",
-                described(f"a TransferFunction with {shown}"),
-                f"one with {plant.nu} outputs and {plant.ny} inputs",
-                "It leads from the measurements y to the controls u.",
-            )
+            want = f"one with {plant.nu} outputs and {plant.ny} inputs"
+            remedy = "It leads from the measurements y to the controls u."
+            raise invalid("controller", described(f"a TransferFunction with {shown}"), want, remedy)
         # A transfer function without a sampling time takes that of the plant.
         names = (plant.measurement_names, plant.control_names)
         return realised("controller", controller, plant.dt, *names)

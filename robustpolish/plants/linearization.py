@@ -149,29 +149,22 @@ def linearize(
     n, m = q.size, u.size
     if n == 1 and m == 0:
         # python-control reads a 1 x 0 input matrix as an empty one.
-        raise invalid(
-            "control_value",
-            described("no control for a single state"),
-            "at least one control",
-            "Add an input, if only a disturbance that is zero at the equilibrium.",
-        )
+        shown = described("no control for a single state")
+        remedy = "Add an input, if only a disturbance that is zero at the equilibrium."
+        raise invalid("control_value", shown, "at least one control", remedy)
     size = np.maximum(np.abs(np.concatenate([q, u])), 1.0)
     if scale is not None:
         size = np.array(scale, dtype=float).ravel()
         if size.shape != (n + m,) or not (size > 0).all():
-            raise invalid(
-                "scale", scale, f"{n + m} positive sizes", "Give one for each state and control."
-            )
+            remedy = "Give one for each state and control."
+            raise invalid("scale", scale, f"{n + m} positive sizes", remedy)
 
     def f(point: Vector) -> Vector:
         value = np.asarray(dynamics(point[:n], point[n:]), dtype=float).ravel()
         if value.shape != (n,):
-            raise invalid(
-                "dynamics",
-                described(f"a result of shape {value.shape}"),
-                f"shape ({n},), like the state",
-                "Return one derivative for each state.",
-            )
+            shown = described(f"a result of shape {value.shape}")
+            remedy = "Return one derivative for each state."
+            raise invalid("dynamics", shown, f"shape ({n},), like the state", remedy)
         return value
 
     def g(point: Vector) -> Vector:
@@ -187,12 +180,9 @@ def linearize(
     yardstick = np.abs(jacobian) @ size
     residual = float(np.max(np.abs(f(point)) / np.where(yardstick > 0, yardstick, 1.0), initial=0))
     if residual > 1e-6:
-        raise invalid(
-            "state",
-            described(f"a state with relative residual {residual:.1e}"),
-            "an equilibrium, f(q, u) = 0",
-            "Let find_equilibrium search for it, or improve the guess.",
-        )
+        shown = described(f"a state with relative residual {residual:.1e}")
+        remedy = "Let find_equilibrium search for it, or improve the guess."
+        raise invalid("state", shown, "an equilibrium, f(q, u) = 0", remedy)
     output_jacobian = _derivative(g, point, size)
     names = {"states": states, "inputs": inputs, "outputs": outputs}
     system = control.StateSpace(

@@ -558,12 +558,9 @@ class GeneralizedPlant(WiredPlant, Displayed):
         kinds = ("states", "disturbances", "controls", "performance", "measurements")
         for name in changes:
             if name in ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22", "dt"):
-                raise invalid(
-                    name,
-                    described("a change of a plant with delays"),
-                    "changes of names and units only",
-                    "Change the plant before with_delay(...), or take plant.without_delays().",
-                )
+                shown = described("a change of a plant with delays")
+                remedy = "Change the plant before with_delay(...), or take plant.without_delays()."
+                raise invalid(name, shown, "changes of names and units only", remedy)
             if name not in kinds:
                 raise TypeError(f"replace() got an unexpected keyword argument {name!r}")
         old = (
@@ -685,12 +682,9 @@ class GeneralizedPlant(WiredPlant, Displayed):
     def with_full_state(self) -> GeneralizedPlant:
         """Return the same plant with y = x, for state feedback."""
         if self._wiring is not None:
-            raise invalid(
-                "plant",
-                described("delays, which have infinitely many states"),
-                "a plant without delays for state feedback",
-                "Use an output feedback, or take plant.without_delays() with its Pade states.",
-            )
+            shown = described("delays, which have infinitely many states")
+            remedy = "Use an output feedback, or take plant.without_delays() with its Pade states."
+            raise invalid("plant", shown, "a plant without delays for state feedback", remedy)
         return self.replace(
             C2=np.eye(self.nx),
             D21=np.zeros((self.nx, self.nw)),

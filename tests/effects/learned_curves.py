@@ -7,7 +7,9 @@ from robustpolish.machines.effects.learned_law import LearnedLaw
 from robustpolish.machines.effects.spline_law import learned_name, spline_basis
 
 
-def law_of(curve, low=-1.1, high=1.0, count=25, over="stiffness", share=0.002, seed=0, at="x"):
+def learned_law_of(
+    curve, low=-1.1, high=1.0, count=25, over="stiffness", share=0.002, seed=0, at="x"
+):
     """The law whose curve is nearest to a function, its coefficients off by a share of its size."""
     x = np.linspace(low, high, 800)
     basis = spline_basis(x, low, high, count, over != "stiffness")

@@ -106,9 +106,8 @@ def lookup(name: str) -> EffectKind:
     """
     kind = _registered.get(name) or _catalogue().get(name) or learned_kind(name)
     if kind is None:
-        raise invalid(
-            ("effect", "kind"), name, f"one of {', '.join(kinds())}", "Check the spelling."
-        )
+        remedy = "Check the spelling."
+        raise invalid(("effect", "kind"), name, f"one of {', '.join(kinds())}", remedy)
     return kind
 
 
@@ -279,12 +278,10 @@ class Effect:
             raise invalid("kind", self.kind, "an effect on an input or output", "Simulate it.")
         changed = np.asarray(change(signal, time, self.values), dtype=float)
         if changed.shape != signal.shape:
-            raise invalid(
-                f"{self.kind}.on_signal",
-                described(f"a result of shape {changed.shape}"),
-                f"shape {signal.shape}, like the signal",
-                "Return one value for each sample.",
-            )
+            shown = described(f"a result of shape {changed.shape}")
+            want = f"shape {signal.shape}, like the signal"
+            remedy = "Return one value for each sample."
+            raise invalid(f"{self.kind}.on_signal", shown, want, remedy)
         return changed
 
     def __str__(self) -> str:
@@ -312,9 +309,8 @@ def _places(definition: EffectKind, at: Any) -> tuple[str, ...]:
 
 def _numbers(definition: EffectKind, parameters: Any) -> dict[str, float]:
     if not isinstance(parameters, Mapping):
-        raise invalid(
-            (definition.kind, "parameters"), parameters, "a table of numbers", "Write name = value."
-        )
+        remedy = "Write name = value."
+        raise invalid((definition.kind, "parameters"), parameters, "a table of numbers", remedy)
     numbers: dict[str, float] = {}
     for name, value in parameters.items():
         definition.parameter(name)

@@ -215,7 +215,12 @@ def graded(
         if operation in ("+", "-", "min", "max"):
             return _alike(operation, operands[0], operands[1], shown)
         if operation in ("*", "/"):
-            return _product(operands[0], operands[1], 1.0 if operation == "*" else -1.0)
+            one, other = operands
+            loose = one.loose or other.loose
+            if one.powers is None or other.powers is None:
+                return Grade(None, loose)
+            sign = 1.0 if operation == "*" else -1.0
+            return Grade(multiplied(one.powers, other.powers, sign), loose)
         if operation == "**":
             return _power(operands[0], operands[1], shown)
         (one,) = operands
@@ -245,13 +250,6 @@ def _alike(operation: str, one: Grade, other: Grade, shown: Callable[[Powers], s
         return Grade(other.powers if one.loose else one.powers)
     pair = f"{shown(one.powers)} and {shown(other.powers)}"
     raise ArithmeticError(f"{operation} joins {pair}")
-
-
-def _product(one: Grade, other: Grade, exponent: float) -> Grade:
-    loose = one.loose or other.loose
-    if one.powers is None or other.powers is None:
-        return Grade(None, loose)
-    return Grade(multiplied(one.powers, other.powers, exponent), loose)
 
 
 def _power(base: Grade, exponent: Grade, shown: Callable[[Powers], str]) -> Grade:
@@ -381,12 +379,9 @@ def read_formula(text: str, declared: Iterable[str]) -> PostfixProgram:
     formula = PostfixProgram(" ".join(text.split()), tuple(program))
     for name in names:
         if name not in formula.names:
-            raise invalid(
-                "formula",
-                described(f"{formula.text!r} without {name}"),
-                f"every name that is declared, {name} too",
-                "Use it in the formula, or leave it out of the declaration.",
-            )
+            shown = described(f"{formula.text!r} without {name}")
+            remedy = "Use it in the formula, or leave it out of the declaration."
+            raise invalid("formula", shown, f"every name that is declared, {name} too", remedy)
     return formula
 
 
@@ -394,12 +389,8 @@ def _check_name(name: Any) -> None:
     taken = {*MOTION, "f", *FUNCTIONS, "min", "max", *_CONSTANTS}
     plain = isinstance(name, str) and name.isidentifier() and len(name) <= 40
     if not plain or keyword.iskeyword(name) or name in taken or name.startswith("__"):
-        raise invalid(
-            "parameters",
-            name,
-            f"a name of letters and digits other than {', '.join(sorted(taken))}",
-            "Rename it.",
-        )
+        want = f"a name of letters and digits other than {', '.join(sorted(taken))}"
+        raise invalid("parameters", name, want, "Rename it.")
     if unicodedata.normalize("NFKC", name) != name:
         raise invalid("parameters", name, "a name of plain letters", "Rename it.")
 
@@ -433,7 +424,7 @@ def _append(program: list[tuple[str, Any]], node: ast.AST, names: set[str], dept
         shown = described("brackets or signs nested too deeply")
         raise invalid("formula", shown, f"at most {_DEEPEST} levels", "Simplify it.")
     if isinstance(node, ast.Constant):
-        program.append(("number", _number(node.value)))
+        program.append(("number", _number("formula", node.value)))
     elif isinstance(node, ast.Name):
         program.append(_named(node.id, names))
     elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub):
@@ -456,7 +447,7 @@ def _apply(program: list[tuple[str, Any]], operation: str, count: int) -> None:
         return
     with np.errstate(all="ignore"):
         result = float(result_of(operation, *(number for _, number in operands)))
-    program[-count:] = [("number", _number(result))]
+    program[-count:] = [("number", _number("formula", result))]
 
 
 def _append_sum(program: list[tuple[str, Any]], node: ast.BinOp, names: set[str], d: int) -> None:
@@ -486,14 +477,16 @@ def _append_call(program: list[tuple[str, Any]], node: ast.Call, names: set[str]
             _apply(program, name, 1 if name in FUNCTIONS else 2)
 
 
-def _number(value: Any) -> float:
+def _number(key: str | Key, value: Any, infinite: bool = False) -> float:
+    if infinite and value in ("inf", "-inf"):  # as JSON has them
+        value = float(value)
     real = isinstance(value, int | float) and not isinstance(value, bool)
     try:
         number = float(value) if real else math.nan
     except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise invalid("formula", value, "finite numbers", "Correct it.")
+        number = math.nan
+    if math.isnan(number) or (math.isinf(number) and not infinite):
+        raise invalid(key, value, "a finite number", "Check the value.")
     return number
 
 
@@ -687,12 +680,9 @@ def dimensions(
         best = best or found
     if best is not None:
         return best
-    raise invalid(
-        "formula",
-        described(f"{formula.text!r}, where {why}"),
-        "a force in N, or a torque in N m",
-        "Check the units of the parameters, and brackets.",
-    )
+    shown = described(f"{formula.text!r}, where {why}")
+    remedy = "Check the units of the parameters, and brackets."
+    raise invalid("formula", shown, "a force in N, or a torque in N m", remedy)
 
 
 def _in_letters(powers: Powers, table: Mapping[str, Powers]) -> Powers:
@@ -864,10 +854,8 @@ def specification_from(table: Mapping[str, Any]) -> EffectSpecification:
             raise invalid(("channels", name), name, "a name that no parameter has", "Rename one.")
     bounds = {n: _bounds(n, v) for n, v in _of_parameters("bounds", table, units).items()}
     scan = {n: _values(n, v) for n, v in _of_parameters("scan", table, units).items()}
-    known = {
-        n: _written_number(("known", n), v)
-        for n, v in _of_parameters("known", table, units).items()
-    }
+    given = _of_parameters("known", table, units)
+    known = {name: _number(("known", name), value) for name, value in given.items()}
     for name in known:
         if name in scan:
             raise invalid(("known", name), name, "no values to scan", "It is known or scanned.")
@@ -914,7 +902,7 @@ def _bounds(name: str, value: Any) -> tuple[float, float]:
     key: Key = ("bounds", name)
     pair = list(value) if isinstance(value, list | tuple) else []
     ends = [
-        _written_number(key, end if end is not None else limit, infinite=True)
+        _number(key, end if end is not None else limit, infinite=True)
         for end, limit in zip(pair, (-math.inf, math.inf), strict=False)
     ]
     if len(pair) != 2 or not ends[0] < ends[1]:
@@ -927,17 +915,4 @@ def _values(name: str, value: Any) -> tuple[float, ...]:
     key: Key = ("scan", name)
     if not isinstance(value, list | tuple) or not 1 <= len(value) <= 50:
         raise invalid(key, value, "one to 50 values", "Write a list in SI units.")
-    return tuple(_written_number(key, item) for item in value)
-
-
-def _written_number(key: Key, value: Any, infinite: bool = False) -> float:
-    if infinite and value in ("inf", "-inf"):  # as JSON has them
-        value = float(value)
-    real = isinstance(value, int | float) and not isinstance(value, bool)
-    try:
-        number = float(value) if real else math.nan
-    except OverflowError:
-        number = math.nan
-    if math.isnan(number) or (math.isinf(number) and not infinite):
-        raise invalid(key, value, "a finite number", "Check the value.")
-    return number
+    return tuple(_number(key, item) for item in value)

@@ -654,6 +654,5 @@ class EffectKind:
             if parameter.name == name:
                 return parameter
         listed = ", ".join(p.name for p in self.parameters)
-        raise invalid(
-            (self.kind, "parameters"), name, f"one of {listed}", "Check the parameter's name."
-        )
+        remedy = "Check the parameter's name."
+        raise invalid((self.kind, "parameters"), name, f"one of {listed}", remedy)

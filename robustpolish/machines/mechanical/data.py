@@ -180,12 +180,8 @@ def with_parameter_values(model: Model, changes: Mapping[str, float]) -> Model:
     known = values(model)
     for key in changes:
         if key not in known:
-            raise invalid(
-                "values",
-                key,
-                "a key of model.parameters",
-                described("Choose one of " + ", ".join(known) + "."),
-            )
+            remedy = described("Choose one of " + ", ".join(known) + ".")
+            raise invalid("values", key, "a key of model.parameters", remedy)
     # fits ask thousands of times a second: what stays is neither made nor checked again
     new = {k: v for k, v in changes.items() if type(v) is not float or v != known[k]}
     found = copy(model)

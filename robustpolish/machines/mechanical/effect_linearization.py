@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import control
 import numpy as np
@@ -25,53 +24,50 @@ _PHASES = 16
 _PADE_ORDER = 2
 
 
-@dataclass(frozen=True, eq=False)
-class LinearEffects:
-    """Forces f and internal states z of the effects, linear in the motion at their ports.
+def linear_with_effects(
+    model: MechanicalData, operating_point: Mapping[str, float] | None
+) -> tuple[Array, Array, Array, Array, list[str]]:
+    """Return A, B, C, D from the signals to the outputs, all effects that make forces linearised.
 
-    ::
+    The forces f and internal states z of the effects are linear in the motion at their ports, and
+    the loops from the motion to the forces are closed::
 
         f  = Fq q + Fv v + Fz z          q = Qs s + Qw w
         z' = Dq q + Dv v + Dz z          v = Vs s + Vw w
-
-    ``motion`` is (Qs, Qw, Vs, Vw); G and H carry the forces to states and outputs.
-    """
-
-    G: Array
-    H: Array
-    motion: tuple[Array, Array, Array, Array]
-    Fq: Array
-    Fv: Array
-    Fz: Array
-    Dq: Array
-    Dv: Array
-    Dz: Array
-    states: tuple[str, ...]
-
-
-def linear_effects(
-    model: MechanicalData, operating_point: Mapping[str, float] | None
-) -> LinearEffects:
-    """Linearise all effects that make forces.
 
     Parameters
     ----------
     model : MechanicalData
     operating_point : mapping of str to float or None
         Displacements at rest; None for the equilibrium.
+
+    Returns
+    -------
+    A, B, C, D : ndarray
+        The effects' states follow the model's.
+    states : list of str
+        Names of the effects' states.
     """
-    placed, ports, G, H, motion = effect_ports(model)
+    placed, ports, G, H, (Qs, Qw, Vs, Vw) = effect_ports(model)
     rest = _rest(model, placed, ports, operating_point)
     slopes = [[np.zeros((0, 0))] * 6]
     for effect, here in zip(placed, ports, strict=True):
         slopes.append(_slopes(model, effect, here @ rest))
-    whole: list[Array] = [np.array(block_diag(*parts)) for parts in zip(*slopes, strict=True)]
+    Fq, Fv, Fz, Dq, Dv, Dz = (np.array(block_diag(*parts)) for parts in zip(*slopes, strict=True))
+    A, B, C, D = model.matrices.first_order()
+    by_s, by_w = Fq @ Qs + Fv @ Vs, Fq @ Qw + Fv @ Vw
     states = [
         f"{effect.kind}_{i}_{k + 1}"
         for i, effect in enumerate(placed, 1)
         for k in range(effect.definition.states)
     ]
-    return LinearEffects(G, H, motion, *whole, states=tuple(states))
+    return (
+        np.block([[A + G @ by_s, G @ Fz], [Dq @ Qs + Dv @ Vs, Dz]]),
+        np.vstack([B + G @ by_w, Dq @ Qw + Dv @ Vw]),
+        np.hstack([C + H @ by_s, H @ Fz]),
+        D + H @ by_w,
+        states,
+    )
 
 
 def _rest(
@@ -159,25 +155,6 @@ def _slopes(model: MechanicalData, effect: Effect, rest: Array, warn: bool = Tru
     table[~np.isfinite(table)] = 0.0
     columns = (slice(0, n), slice(n, 2 * n), slice(2 * n, None))
     return [part[:, c] for part in (table[: kind.ports], table[kind.ports :]) for c in columns]
-
-
-def close_effect_loops(
-    model: MechanicalData, e: LinearEffects
-) -> tuple[Array, Array, Array, Array]:
-    """Close the loops from the motion at the ports over the effects' slopes to their forces.
-
-    Returns A, B, C, D from the signals to the outputs; the effects' states follow the model's.
-    """
-    A, B, C, D = model.matrices.first_order()
-    Qs, Qw, Vs, Vw = e.motion
-    by_s, by_w = e.Fq @ Qs + e.Fv @ Vs, e.Fq @ Qw + e.Fv @ Vw
-    inner_s, inner_w = e.Dq @ Qs + e.Dv @ Vs, e.Dq @ Qw + e.Dv @ Vw
-    return (
-        np.block([[A + e.G @ by_s, e.G @ e.Fz], [inner_s, e.Dz]]),
-        np.vstack([B + e.G @ by_w, inner_w]),
-        np.hstack([C + e.H @ by_s, e.H @ e.Fz]),
-        D + e.H @ by_w,
-    )
 
 
 def signal_gains(model: MechanicalData) -> Array:

@@ -22,10 +22,8 @@ from robustpolish.machines.mechanical.data import (
     with_parameter_values,
 )
 from robustpolish.machines.mechanical.effect_linearization import (
-    LinearEffects,
     add_timing,
-    close_effect_loops,
-    linear_effects,
+    linear_with_effects,
     sensor_gains,
     signal_gains,
     signal_timing,
@@ -147,8 +145,8 @@ def linear_system(
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RobustPolishWarning)
-        system = close_effect_loops(model, linear_effects(model, operating_point))
-    return system, list(dict.fromkeys(str(item.message) for item in caught))
+        A, B, C, D, _ = linear_with_effects(model, operating_point)
+    return (A, B, C, D), list(dict.fromkeys(str(item.message) for item in caught))
 
 
 def _at(s: AnyArray, A: Array, B: Array, C: Array, D: Array) -> AnyArray:
@@ -217,10 +215,9 @@ def linearize(
         raise invalid("model", shown, "a free coordinate", "There is nothing to control.")
     m = model.matrices
     names, nf = model.free, len(model.free)
-    effects = linear_effects(model, operating_point)
-    A, B, C, D = close_effect_loops(model, effects)
+    A, B, C, D, own = linear_with_effects(model, operating_point)
     disturbances = list(m.signals)
-    pushes, chosen, B2, D22 = _controls(model, controls, actuation, A.shape[0], effects)
+    pushes, chosen, B2, D22 = _controls(model, controls, actuation, A.shape[0])
     B *= signal_gains(model)
     C, D, D22 = (sensor_gains(model)[:, None] * M for M in (C, D, D22))
     if chosen:
@@ -228,7 +225,7 @@ def linearize(
         B2, D22 = np.hstack([B[:, taken], B2]), np.hstack([D[:, taken], D22])
         keep = [i for i, name in enumerate(disturbances) if name not in chosen]
         B, D, disturbances = B[:, keep], D[:, keep], [disturbances[i] for i in keep]
-    states = [*names, *(f"d{name}" for name in names), *effects.states]
+    states = [*names, *(f"d{name}" for name in names), *own]
     inputs = [*disturbances, *chosen]
     A, both, C, through, more = add_timing(
         model, inputs, A, np.hstack([B, B2]), C, np.hstack([D, D22])
@@ -268,11 +265,7 @@ def linearize(
 
 
 def _controls(
-    model: MechanicalData,
-    controls: Sequence[str] | None,
-    actuation: str,
-    n: int,
-    effects: LinearEffects,
+    model: MechanicalData, controls: Sequence[str] | None, actuation: str, n: int
 ) -> tuple[list[str], list[str], Matrix, Matrix]:
     """Return coordinates and inputs that are controls, and B2 and D22 of the former."""
     wanted = list(model.free) if controls is None else list(controls)

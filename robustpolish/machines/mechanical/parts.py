@@ -77,9 +77,8 @@ class Dof:
     def __post_init__(self) -> None:
         name = text("dof", self.name)
         if name == GROUND:
-            raise invalid(
-                ("dof", name), name, "a name other than 'ground'", "Rename the coordinate."
-            )
+            remedy = "Rename the coordinate."
+            raise invalid(("dof", name), name, "a name other than 'ground'", remedy)
         mass = positive(self.key, number(self.key, self.mass), self.unit, True)
         object.__setattr__(self, "mass", mass)
 
@@ -498,20 +497,16 @@ def _pair(argument: Key, value: Any, dofs: Mapping[str, Dof]) -> tuple[str, str]
             known = ", ".join([*dofs, GROUND])
             raise invalid(argument, name, f"one of {known}", "Check the spelling or add the dof.")
     if GROUND not in names and dofs[first].rotational != dofs[second].rotational:
-        raise invalid(
-            argument,
-            described(f"{first!r} and {second!r}, one in m and one in rad"),
-            "two coordinates of one unit",
-            "Connect masses with masses and inertias with inertias.",
-        )
+        shown = described(f"{first!r} and {second!r}, one in m and one in rad")
+        remedy = "Connect masses with masses and inertias with inertias."
+        raise invalid(argument, shown, "two coordinates of one unit", remedy)
     return first, second
 
 
 def _check_coordinate(argument: Key, name: str, dofs: Mapping[str, Dof]) -> None:
     if name not in dofs:
-        raise invalid(
-            argument, name, f"one of {', '.join(dofs)}", "Check the spelling or add the dof."
-        )
+        remedy = "Check the spelling or add the dof."
+        raise invalid(argument, name, f"one of {', '.join(dofs)}", remedy)
 
 
 def _input(item: Input, dofs: Mapping[str, Dof]) -> Input:
@@ -539,22 +534,16 @@ def _check_imposed_motions(inputs: Sequence[Input], dofs: Mapping[str, Dof]) -> 
         motions[item.on[0], item.imposes] = item
     for (name, quantity), item in motions.items():
         if (name, DISPLACEMENT) not in motions:
-            raise invalid(
-                "motion_of",
-                described(f"{quantity} of {name!r} only"),
-                "its displacement too",
-                "Add an input for the displacement; velocity and acceleration go with it.",
-                ("input", item.name, "motion_of"),
-            )
+            shown = described(f"{quantity} of {name!r} only")
+            want = "its displacement too"
+            remedy = "Add an input for the displacement; velocity and acceleration go with it."
+            raise invalid("motion_of", shown, want, remedy, ("input", item.name, "motion_of"))
     imposed = imposed_by(inputs)
     for item in inputs:
         if item.imposes is None and item.on[0] in imposed:
-            raise invalid(
-                ("input", item.name),
-                described(f"a force on {item.on[0]!r}, whose motion is imposed"),
-                "a force on a free coordinate",
-                "Remove it: it changes nothing.",
-            )
+            shown = described(f"a force on {item.on[0]!r}, whose motion is imposed")
+            remedy = "Remove it: it changes nothing."
+            raise invalid(("input", item.name), shown, "a force on a free coordinate", remedy)
 
 
 def _output(item: Output, dofs: Mapping[str, Dof], imposed: frozenset[str]) -> Output:
@@ -568,19 +557,13 @@ def _output(item: Output, dofs: Mapping[str, Dof], imposed: frozenset[str]) -> O
     of = _pair(argument, (*of, GROUND)[:2], dofs)
     rotational = dofs[of[0] if of[0] != GROUND else of[1]].rotational
     if item.quantity in ROTATIONAL_ONLY and not rotational:
-        raise invalid(
-            (*argument, "quantity"),
-            described(f"{item.quantity!r} of {of[0]!r}, which has a mass"),
-            "a quantity of translation",
-            f"Write quantity = {quantity!r}, or give the coordinate an inertia.",
-        )
+        shown = described(f"{item.quantity!r} of {of[0]!r}, which has a mass")
+        remedy = f"Write quantity = {quantity!r}, or give the coordinate an inertia."
+        raise invalid((*argument, "quantity"), shown, "a quantity of translation", remedy)
     if item.drive and (quantity != FORCE or of[0] not in imposed):
-        raise invalid(
-            (*argument, "of"),
-            described(f"the driving force of {of[0]!r}, whose motion no input imposes"),
-            "a pair of ends or an imposed coordinate",
-            "Write of = ['x', 'ground'] for the force in a connection.",
-        )
+        shown = described(f"the driving force of {of[0]!r}, whose motion no input imposes")
+        remedy = "Write of = ['x', 'ground'] for the force in a connection."
+        raise invalid((*argument, "of"), shown, "a pair of ends or an imposed coordinate", remedy)
     return Output(item.name, of, quantity, item.drive, item.unit)
 
 
@@ -589,12 +572,9 @@ def _sum(argument: Key, item: Output, quantity: str, dofs: Mapping[str, Dof]) ->
     weights = item.weights
     fits = isinstance(weights, Sequence) and not isinstance(item.of, str)
     if not fits or not weights or len(weights) != len(item.of) or len({*item.of}) != len(item.of):
-        raise invalid(
-            (*argument, "weights"),
-            described(f"{weights} for {item.of}"),
-            "one number for each coordinate, each named once",
-            "Write measures = { q1 = 0.8, q2 = -0.3 }.",
-        )
+        want = "one number for each coordinate, each named once"
+        remedy = "Write measures = { q1 = 0.8, q2 = -0.3 }."
+        raise invalid((*argument, "weights"), described(f"{weights} for {item.of}"), want, remedy)
     for name in item.of:
         _check_coordinate(argument, name, dofs)
     found = tuple(number((*argument, "weights"), weight) for weight in weights)
@@ -630,17 +610,13 @@ def _check_place(
             raise invalid(argument, name, f"one of {listed}", f"{kind.title} acts there.")
     for name, unit in kind.channels:
         if name not in moved:
-            raise invalid(
-                argument,
-                described(f"an effect that reads {name!r}, which no input imposes"),
-                f"a coordinate {name} with an input in {unit}",
-                f"Add it with model.with_channel({name!r}, {unit!r}).",
-            )
+            shown = described(f"an effect that reads {name!r}, which no input imposes")
+            remedy = f"Add it with model.with_channel({name!r}, {unit!r})."
+            raise invalid(argument, shown, f"a coordinate {name} with an input in {unit}", remedy)
     turning = {dofs[name].rotational for name in effect.at if name in dofs}
     if kind.domain == "pair" and len(turning) > 1:
-        raise invalid(
-            argument, effect.at, "two coordinates of one unit", "Do not mix masses and inertias."
-        )
+        remedy = "Do not mix masses and inertias."
+        raise invalid(argument, effect.at, "two coordinates of one unit", remedy)
 
 
 # Mass, damping and stiffness matrices of a mechanical model, and its state space.

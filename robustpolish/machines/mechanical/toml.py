@@ -230,9 +230,8 @@ def _table(where: Key, value: Any) -> Table:
 def _list(table: Table, key: str, make: Callable[[Key, Table], Any]) -> tuple[Any, ...]:
     items = table.get(key, [])
     if not isinstance(items, list):
-        raise invalid(
-            key, described("a single table"), f"[[{key}]]", "Write two brackets: it is a list."
-        )
+        shown = described("a single table")
+        raise invalid(key, shown, f"[[{key}]]", "Write two brackets: it is a list.")
     return tuple(make((key, i), _table((key, i), item)) for i, item in enumerate(items))
 
 

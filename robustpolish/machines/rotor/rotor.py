@@ -220,12 +220,9 @@ def _whirl_shapes(system: SecondOrder, count: int, speed: float) -> Matrix:
 
 def _deflections(plane: SecondOrder, ports: Matrix) -> Matrix:
     if plane.normal_modes[0].min(initial=np.inf) == 0:
-        raise invalid(
-            "method",
-            described("deflections under steady forces"),
-            "'modal' for a rotor that nothing holds",
-            "Add a bearing, or write method='modal'.",
-        )
+        shown = described("deflections under steady forces")
+        remedy = "Add a bearing, or write method='modal'."
+        raise invalid("method", shown, "'modal' for a rotor that nothing holds", remedy)
     found: Any = np.linalg.solve(plane.stiffness, ports.T)
     return found
 

@@ -166,9 +166,8 @@ def _signals(model: MechanicalData, data: xr.Dataset) -> tuple[Array, Intersampl
     """Return the signals at the samples, and between them where one of them is not linear."""
     for name in model.input_names:
         if name not in data:
-            raise invalid(
-                "data", described(f"no column {name!r}"), "every input", "Check the column names."
-            )
+            shown = described(f"no column {name!r}")
+            raise invalid("data", shown, "every input", "Check the column names.")
     time = np.asarray(data["time"].values, dtype=float)
     m = model.matrices
     columns = [np.asarray(data[name].values, dtype=float) for name in m.force_inputs]
@@ -245,12 +244,8 @@ def _apply_effect(effect: Effect, signal: Array, time: Array, derivative: bool) 
     rest = effect.on_signal(np.zeros(time.size), time)
     twice = effect.on_signal(2 * signal, time) - rest
     if np.max(np.abs(twice - 2 * (changed - rest))) > _LINEARITY_TOLERANCE * np.max(np.abs(twice)):
-        raise invalid(
-            f"{effect.kind}.at",
-            effect.at[0],
-            "an input that is a force",
-            "Of a motion that an input imposes its velocity would have to change, too.",
-        )
+        remedy = "Of a motion that an input imposes its velocity would have to change, too."
+        raise invalid(f"{effect.kind}.at", effect.at[0], "an input that is a force", remedy)
     return changed - rest
 
 

@@ -1,0 +1,519 @@
+"""Generalised plants: from systems, matrices and files; their parts, loops and names."""
+
+import copy
+import json
+
+import control
+import numpy as np
+import pytest
+
+import robustpolish as rp
+from robustpolish.base.saved import Fields, plain
+from robustpolish.errors import InvalidInputError
+from robustpolish.plants.blocks import (
+    as_state_space,
+    finite,
+    interpolate_response,
+    named_system,
+    realised,
+    sorted_signals,
+)
+from robustpolish.plants.controllers import controller_system
+from robustpolish.plants.plant import plant_content, plant_from, system_content, system_from
+
+
+def random_plant(rng, nx=4, nw=2, nu=3, nz=2, ny=2, dt=0, D22=True):
+    """Return a plant of these sizes; all nine matrices are full."""
+
+    def shape(*n):
+        return rng.standard_normal(n)
+
+    return rp.GeneralizedPlant.from_matrices(
+        shape(nx, nx),
+        shape(nx, nw),
+        shape(nx, nu),
+        shape(nz, nx),
+        shape(ny, nx),
+        shape(nz, nw),
+        shape(nz, nu),
+        shape(ny, nw),
+        shape(ny, nu) * D22,
+        dt=dt,
+    )
+
+
+# The generalised plant: its parts, its changes and its complaints.
+
+
+def test_state_feedback_loop_ignores_what_is_measured():
+    plant = random_plant(np.random.default_rng(2))
+    gain = np.random.default_rng(3).standard_normal((3, 4))
+    loop = plant.state_feedback_loop(gain)
+    np.testing.assert_allclose(loop.A, plant.A + plant.B2 @ gain)
+    np.testing.assert_allclose(loop.C, plant.C1 + plant.D12 @ gain)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"measurements": 5}, "measurements: got 5, expected a whole number from 0 to 4"),
+        ({"controls": -1}, "controls: got -1"),
+        ({"controls": 1.5}, "controls: got 1.5"),
+        ({"units": {"nothing": "m"}}, "units: got 'nothing'"),
+        ({"system": "1/(s + 1)"}, "system: got str"),
+    ],
+)
+def test_bad_plants_are_named(change, message):
+    plant = random_plant(np.random.default_rng(5))
+    arguments = {"system": plant.system, "measurements": 2, "controls": 3} | change
+    with pytest.raises(InvalidInputError) as caught:
+        rp.GeneralizedPlant(**arguments)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"A": [[1, 2, 3], [4, 5, 6]]}, r"A: got shape \(2, 3\)"),
+        ({"B1": [[1.0]]}, r"B1: got shape \(1, 1\)"),
+        ({"C2": [[1, np.nan]]}, "C2: got nan at row 0, column 1"),
+        ({"B2": [["a"], ["b"]]}, "B2: got"),
+        ({"A": np.eye(2) * 1j}, "A: got complex entries"),
+        ({"states": ["x", "x"]}, "states: got"),
+        ({"states": "xy"}, "states: got 'xy'"),
+    ],
+)
+def test_bad_matrices_are_named(change, message):
+    good = {"A": -np.eye(2), "B1": [[1], [0]], "B2": [[0], [1]], "C1": [[1, 0]], "C2": [[0, 1]]}
+    with pytest.raises(InvalidInputError, match=message):
+        rp.GeneralizedPlant.from_matrices(**(good | change))
+
+
+def named_plant():
+    return random_plant(np.random.default_rng(5)).replace(
+        states=["a", "b", "c", "d"],
+        disturbances=["F", "G"],
+        units={"a": "m", "F": "N", "z1": "m", "y2": "V"},
+    )
+
+
+def test_replaced_names_keep_every_matrix_and_unit():
+    plant = named_plant()
+    assert plant.system.input_labels == ["F", "G", "u1", "u2", "u3"]
+    again = plant.replace(measurements=["one", "y2"], units={"one": "V", "F": "kN"})
+    for name in "ABCD":
+        np.testing.assert_array_equal(getattr(again.system, name), getattr(plant.system, name))
+    assert again.measurement_names == ("one", "y2")
+    assert dict(again.units) == {"a": "m", "F": "kN", "z1": "m", "y2": "V", "one": "V"}
+    assert (again.states, again.disturbance_names) == (plant.states, ("F", "G"))
+
+
+def test_replaced_matrices_keep_all_others():
+    plant = named_plant()
+    wider = np.hstack([plant.B1, plant.B1[:, :1]])
+    again = plant.replace(
+        B1=wider, D11=np.zeros((2, 3)), D21=np.zeros((2, 3)), disturbances=["F", "G", "H"]
+    )
+    np.testing.assert_array_equal(again.B1, wider)
+    for name in ("A", "B2", "C1", "C2", "D12", "D22"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(plant, name))
+    assert dict(again.units) == dict(plant.units)
+    assert plant.replace(C1=plant.C1 * 2, D11=plant.D11 * 2).performance_names == ("z1", "z2")
+    assert plant.replace(dt=0.1).dt == 0.1
+    assert plant.replace(dt=0.1).replace(A=np.eye(4)).dt == 0.1
+
+
+def test_a_feedthrough_of_zeros_takes_the_new_size():
+    plant = rp.air_bearing()
+    again = plant.replace(B1=plant.B1[:, :1], disturbances=["F_x"])
+    assert again.D11.shape == (6, 1)
+    assert again.D21.shape == (12, 1)
+    assert again.units["F_x"] == "N"
+    assert "F_y" not in again.units
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"B1": np.zeros((4, 3))}, "D11"),
+        ({"A": np.zeros((3, 3))}, "B1"),
+        ({"C1": np.zeros((3, 4)), "D11": np.zeros((3, 2)), "D12": np.zeros((3, 3))}, "performance"),
+        ({"disturbances": ["F"]}, "disturbances"),
+        ({"units": {"nobody": "m"}}, "nobody"),
+    ],
+)
+def test_bad_replacements_are_named(change, message):
+    with pytest.raises(InvalidInputError, match=message):
+        named_plant().replace(**change)
+
+
+def test_an_unknown_argument_is_not_swallowed():
+    with pytest.raises(TypeError, match="disturbance_names"):
+        named_plant().replace(disturbance_names=["F"])
+
+
+def test_a_part_has_the_rows_and_columns_of_the_whole():
+    plant = named_plant()
+    part = plant.part(disturbances=[1], performance=[1, 0], measurements=[], controls=[2, 0])
+    assert part.system.input_labels == ["G", "u3", "u1"]
+    assert part.system.output_labels == ["z2", "z1"]
+    np.testing.assert_array_equal(part.D12, plant.D12[[1, 0]][:, [2, 0]])
+    np.testing.assert_array_equal(part.B1, plant.B1[:, [1]])
+    assert dict(part.units) == {"a": "m", "z1": "m"}
+    alone = plant.part(states=[], disturbances=[0])
+    assert (alone.nx, alone.nw, alone.ny) == (0, 1, 2)
+    np.testing.assert_array_equal(alone.D11, plant.D11[:, [0]])
+
+
+def test_states_without_inputs_are_kept():
+    plant = random_plant(np.random.default_rng(6))
+    closed = plant.part(disturbances=[], controls=[], performance=[], measurements=[])
+    assert closed.nx == 4
+
+
+def test_plants_are_copied():
+    plant = rp.air_bearing()
+    again = copy.copy(plant)
+    np.testing.assert_array_equal(again.A, plant.A)
+    assert again.units == plant.units
+
+
+# The blocks of a plant, and its loop with u = K y.
+
+
+def test_blocks_are_those_of_the_system():
+    plant = random_plant(np.random.default_rng(0))
+    again = rp.GeneralizedPlant(plant.system, measurements=2, controls=3)
+    for name in ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(plant, name))
+    assert (again.nx, again.nw, again.nu, again.nz, again.ny) == (4, 2, 3, 2, 2)
+    assert again.control_names == ("u1", "u2", "u3")
+    assert again.measurement_names == ("y1", "y2")
+
+
+@pytest.mark.parametrize("dt", [0, 0.1])
+def test_closed_loop_is_the_linear_fractional_transformation(dt):
+    rng = np.random.default_rng(1)
+    plant = random_plant(rng, dt=dt)
+    controller = control.ss(
+        rng.standard_normal((3, 3)),
+        rng.standard_normal((3, 2)),
+        rng.standard_normal((3, 3)),
+        rng.standard_normal((3, 2)) * 0.1,
+        dt,
+    )
+    loop = plant.closed_loop(controller)
+    for s in (0.3 + 2j, -0.7 + 0.1j, 5.0 + 0j):
+        P, K = plant.system(s), controller(s)
+        expected = P[:2, :2] + P[:2, 2:] @ K @ np.linalg.solve(np.eye(2) - P[2:, 2:] @ K, P[2:, :2])
+        np.testing.assert_allclose(loop(s), expected, rtol=1e-9)
+
+
+def test_controller_states_get_names_of_their_own():
+    plant = random_plant(np.random.default_rng(4))
+    same_names = control.ss(-np.eye(2), np.ones((2, 2)), np.ones((3, 2)), 0, states=["x1", "x2"])
+    loop = plant.closed_loop(same_names)
+    assert len(set(loop.state_labels)) == 6
+
+
+def test_ill_posed_loop_is_refused():
+    plant = rp.GeneralizedPlant.from_matrices(-1, 1, 1, 1, 1, D22=2)
+    with pytest.raises(InvalidInputError, match="well-posed"):
+        plant.closed_loop([[0.5]])
+
+
+def test_controller_must_fit():
+    plant = random_plant(np.random.default_rng(6))
+    with pytest.raises(InvalidInputError, match=r"shape \(3, 2\)"):
+        plant.closed_loop(np.zeros((2, 3)))
+    with pytest.raises(InvalidInputError, match="sampling time"):
+        plant.closed_loop(control.ss(0.5, np.ones((1, 2)), np.ones((3, 1)), 0, 0.1))
+
+
+# Controls and measurements by name and by number.
+
+
+INS, OUTS = ["F", "d", "n", "V"], ["y", "z", "x"]
+
+
+def system():
+    rng = np.random.default_rng(1)
+    matrices = [rng.standard_normal(shape) for shape in ((3, 3), (3, 4), (3, 3), (3, 4))]
+    return control.ss(*matrices, inputs=INS, outputs=OUTS, states=["a", "b", "c"])
+
+
+def test_named_signals_go_last_in_the_order_of_their_names():
+    whole, ny, nu = sorted_signals(system(), ["x", "y"], ("V", "F"))
+    assert (whole.output_labels, whole.input_labels) == (["z", "x", "y"], ["d", "n", "V", "F"])
+    assert (ny, nu) == (2, 2)
+    assert whole.state_labels == ["a", "b", "c"]
+    point = 1.3j
+    old, new = system()(point), whole(point)
+    for i, output in enumerate(whole.output_labels):
+        for j, given in enumerate(whole.input_labels):
+            assert new[i, j] == pytest.approx(old[OUTS.index(output), INS.index(given)])
+
+
+def test_names_that_stand_last_already_move_nothing():
+    given = system()
+    assert sorted_signals(given, "x", ["n", "V"])[0] is given
+    assert sorted_signals(given, 1, 2) == (given, 1, 2)
+    assert sorted_signals(given, np.int64(1), 0)[1:] == (1, 0)
+
+
+def test_a_single_name_stands_for_itself_and_units_stay():
+    plant = rp.GeneralizedPlant(system(), "y", "F", {"y": "m", "F": "N", "a": "m"})
+    assert (plant.measurement_names, plant.control_names) == (("y",), ("F",))
+    assert (plant.performance_names, plant.disturbance_names) == (("z", "x"), ("d", "n", "V"))
+    assert plant.measurements == plant.controls == 1
+    assert plant.units["y"] == "m"
+
+
+def test_a_count_for_one_and_names_for_the_other():
+    plant = rp.GeneralizedPlant(system(), measurements=1, controls=["d"])
+    assert (plant.measurement_names, plant.control_names) == (("x",), ("d",))
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"measurements": "w"}, "measurements: got 'w', expected names among .* y, z, x"),
+        ({"measurements": ["y", "y"]}, "measurements: got y, y, with a name twice"),
+        ({"controls": ["F", "y"]}, "controls: got 'y', expected names among .* F, d, n, V"),
+        ({"controls": [0]}, "controls: got 0, expected names"),
+        ({"controls": 5}, "controls: got 5, expected a whole number from 0 to 4"),
+        ({"controls": True}, "controls: got True, expected a whole number"),
+        ({"controls": None}, "controls: got None"),
+        ({"measurements": 1.0}, "measurements: got 1.0"),
+        ({"measurements": object}, "measurements: got <class 'object'>"),
+    ],
+)
+def test_what_is_neither_is_refused(change, told):
+    with pytest.raises(rp.InvalidInputError, match=told):
+        rp.GeneralizedPlant(system(), **({"measurements": "y", "controls": "F"} | change))
+
+
+# Whatever users call a system.
+
+
+POINTS = 1j * np.array([0.0, 0.3, 1.7, 20.0])
+
+
+def test_a_transfer_function_keeps_response_and_names():
+    G = control.tf([2.0, 1.0], [1.0, 0.2, 9.0], inputs="F", outputs="x")
+    plant = rp.GeneralizedPlant(G, measurements="x", controls="F")
+    for s in POINTS:
+        assert complex(plant.system(s)) == pytest.approx(complex(G(s)))
+    assert (plant.measurement_names, plant.control_names, plant.nx) == (("x",), ("F",), 2)
+
+
+def test_several_inputs_and_outputs_keep_their_response():
+    num = [[[1.0], [2.0, 1.0]], [[3.0], [1.0, 0.0]]]
+    den = [[[1.0, 1.0], [1.0, 2.0, 3.0]], [[1.0, 1.0], [1.0, 2.0, 3.0]]]
+    G = control.tf(num, den, inputs=["a", "b"], outputs=["p", "q"])
+    plant = rp.GeneralizedPlant(G, measurements=["p"], controls=["a"])
+    assert (plant.disturbance_names, plant.performance_names) == (("b",), ("q",))
+    for s in POINTS:
+        np.testing.assert_allclose(plant.system(s), G(s)[::-1, ::-1], atol=1e-12)
+
+
+def test_sampling_times_are_kept_or_given():
+    G = control.tf([1.0], [1.0, -0.5], 0.1)
+    assert as_state_space("G", G).dt == 0.1
+    assert as_state_space("G", control.tf([1.0], [1.0, -0.5], None), 0.2).dt == 0.2
+
+
+def test_a_gain_and_a_system():
+    gain = as_state_space("K", [[1.0, 2.0]], 0.1, ["a", "b"], ["u"])
+    assert (gain.input_labels, gain.nstates, gain.dt) == (["a", "b"], 0, 0.1)
+    assert as_state_space("K", 3.0).D[0, 0] == 3.0
+    system = control.ss([[-1.0]], [[1.0]], [[1.0]], 0)
+    assert as_state_space("K", system) is system
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        (control.tf([1.0, 0.0, 0.0], [1.0, 1.0]), "G: got an improper TransferFunction"),
+        (control.tf([np.inf], [1.0, 1.0]), "G: got coefficients that are not finite"),
+        (control.frd([1.0], [1.0]), "G: got FrequencyResponseData"),
+        (control.ss([[np.nan]], [[1.0]], [[1.0]], 0), "G.A: got nan"),
+        ("1/(s+1)", "G: got '1/"),
+        (None, "G: got None"),
+    ],
+)
+def test_others_are_refused(given, told):
+    with pytest.raises(rp.InvalidInputError, match=told):
+        as_state_space("G", given)
+
+
+def test_no_realisation_is_believed(monkeypatch):
+    G = control.tf([[[1.0], [2.0]]], [[[1.0, 1.0], [1.0, 2.0]]])
+    wrong = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]])
+    monkeypatch.setattr(control, "ss", lambda *_, **__: wrong)
+    with pytest.raises(rp.InvalidInputError, match="realisation has another response"):
+        realised("G", G)
+
+
+# A controller may be a system, a transfer function or a gain.
+
+
+@pytest.fixture
+def plant():
+    return rp.GeneralizedPlant.from_matrices([[-1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+
+
+def test_a_system_is_taken_as_it_is_and_a_gain_gets_names(plant):
+    K = control.ss([[-2.0]], [[1.0]], [[1.0]], 0)
+    assert controller_system(plant, K) is K
+    gain = controller_system(plant, [[-3.0]])
+    assert (gain.nstates, gain.input_labels, gain.output_labels) == (0, ["y1"], ["u1"])
+
+
+def test_a_transfer_function_closes_the_loop_as_its_realisation_does(plant):
+    K = control.tf([-3.0], [1.0, 2.0])
+    loop = plant.closed_loop(K)
+    assert (loop.input_labels, loop.output_labels) == (["w1"], ["z1"])
+    np.testing.assert_allclose(sorted(loop.poles().imag), [-np.sqrt(2.75), np.sqrt(2.75)])
+    delayed = plant.with_delay("u1", 0.01).delayed_loop(K)
+    assert bool(rp.linear.delay_stability(delayed))
+
+
+def test_what_does_not_fit_is_named(plant):
+    with pytest.raises(InvalidInputError, match="a TransferFunction with 1 outputs and 2 inputs"):
+        plant.closed_loop(control.tf([[[1.0], [1.0]]], [[[1.0, 1.0], [1.0, 2.0]]]))
+    measured = control.frd([1.0, 2.0], [1.0, 2.0])
+    with pytest.raises(InvalidInputError, match="Fit or linearise it first"):
+        plant.closed_loop(measured)
+
+
+# Plants that are known by their frequency response only.
+
+
+OMEGA = 2 * np.pi * np.linspace(1.0, 5.0, 9)
+
+
+def response():
+    values = np.arange(2 * 3 * OMEGA.size).reshape(2, 3, OMEGA.size) * (1 + 0.5j)
+    return control.frd(values, OMEGA, inputs=["F", "d", "e"], outputs=["x", "z"])
+
+
+def test_signals_are_sorted_by_name_as_of_any_plant():
+    plant = rp.GeneralizedPlant(response(), measurements="x", controls="F", units={"x": "m"})
+    assert (plant.nw, plant.nu, plant.nz, plant.ny) == (2, 1, 1, 1)
+    assert plant.disturbance_names == ("d", "e")
+    found = plant.frequency_response([1.0, 3.0, 5.0])
+    np.testing.assert_allclose(
+        found.sel(output="x", input="F").values, np.asarray(response().frdata)[0, 0, [0, 4, 8]]
+    )
+    assert "a frequency response" in str(plant)
+    assert "states" not in str(plant)
+
+
+def test_between_the_lines_it_is_straight_and_beyond_them_unknown():
+    values = interpolate_response(response(), 2 * np.pi * np.array([1.25]))
+    expected = np.asarray(response().frdata)[..., :2].mean(axis=-1)
+    np.testing.assert_allclose(values[0], expected)
+    plant = rp.GeneralizedPlant(response(), 1, 1)
+    with pytest.raises(rp.InvalidInputError, match=r"frequency: got 0.5 to 0.5 Hz, .* 1 to 5 Hz"):
+        plant.frequency_response([0.5])
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda p: p.nx,
+        lambda p: p.A,
+        lambda p: p.D22,
+        lambda p: p.closed_loop([[1.0]]),
+        lambda p: p.with_actuator("F", 5.0),
+        lambda p: p.save("never.json"),
+        lambda p: p.part(disturbances=[0]),
+        lambda p: rp.output_feedback(p),
+        lambda p: rp.mixed_sensitivity(p, 1.0),
+        lambda p: rp.loop_shaping(p),
+        lambda p: rp.certify(p, [[1.0]]),
+    ],
+)
+def test_what_needs_states_refuses_it(call):
+    plant = rp.GeneralizedPlant(response(), "x", "F")
+    with pytest.raises(rp.InvalidInputError, match="plant: got a frequency response, which has no"):
+        call(plant)
+
+
+def test_values_that_are_not_finite_are_refused():
+    values = np.ones((1, 1, OMEGA.size), complex)
+    values[0, 0, 3] = np.nan
+    with pytest.raises(rp.InvalidInputError, match="system: got a response with values"):
+        finite("system", control.frd(values, OMEGA))
+
+
+# Plants and systems with names in files.
+
+
+def read(plant, **changes):
+    content = json.loads(json.dumps(plain(plant_content(plant)))) | changes
+    return plant_from(Fields(content, "a.json"))
+
+
+def test_a_plant_comes_back():
+    plant = rp.air_bearing()
+    again = read(plant)
+    for name in ("A", "B1", "B2", "C1", "C2"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(plant, name))
+    assert dict(again.units) == dict(plant.units)
+    assert again.control_names == plant.control_names
+    assert again.measurement_names == plant.measurement_names
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"controls": 1.5}, "controls: got 1.5, expected a whole number"),
+        ({"controls": 99}, "controls: got 99"),
+        ({"units": {"x": 3}}, "units: x: got 3, expected a text"),
+        ({"system": []}, "system: got"),
+    ],
+)
+def test_a_damaged_plant_is_refused(change, told):
+    with pytest.raises(InvalidInputError, match=told):
+        read(rp.air_bearing(), **change)
+
+
+def there_and_back(system, **changes):
+    content = json.loads(json.dumps(plain(system_content(system)))) | changes
+    return system_from(Fields(content, "a.json"))
+
+
+def test_states_without_effect_are_kept():
+    system = named_system(([[0.0]], [[0.0]], [[0.0]], [[2.0]]), 0, ["u"], ["y"], ["lost"])
+    assert (system.nstates, system.state_labels) == (1, ["lost"])
+
+
+@pytest.mark.parametrize("dt", [0, 0.1, True])
+def test_every_entry_and_name_comes_back(dt):
+    rng = np.random.default_rng(0)
+    matrices = [rng.standard_normal(shape) for shape in ((3, 3), (3, 2), (1, 3), (1, 2))]
+    system = named_system(matrices, dt, ["F", "G"], ["x"], ["a", "b", "c"])
+    again = there_and_back(system)
+    for name in "ABCD":
+        np.testing.assert_array_equal(getattr(again, name), getattr(system, name))
+    assert again.dt == dt
+    assert again.state_labels == ["a", "b", "c"]
+    assert (again.input_labels, again.output_labels) == (["F", "G"], ["x"])
+
+
+def test_a_gain_without_states_comes_back():
+    again = there_and_back(named_system(([], [], [], [[1.0, 2.0]]), 0, ["a", "b"], ["y"]))
+    assert again.nstates == 0
+    np.testing.assert_array_equal(again.D, [[1.0, 2.0]])
+
+
+def test_an_unspecified_sampling_time_is_continuous():
+    assert system_content(control.StateSpace(-1, 1, 1, 0, None))["dt"] == 0
+
+
+def test_shapes_that_do_not_fit_the_names_are_named():
+    system = named_system((-1, 1, 1, 0), 0, ["u"], ["y"], ["x"])
+    with pytest.raises(InvalidInputError, match=r"A: got shape \(1, 1\)"):
+        there_and_back(system, states=["x", "v"])
