@@ -114,14 +114,6 @@ def test_bouc_wen_loops_that_stiffen_follow_their_formula():
     assert np.sum((force * V)[later]) < 0  # and yet it takes energy
 
 
-def test_two_places_have_two_forces():
-    motion = Motion(TIME, np.vstack([Q, 2 * Q]), np.vstack([V, 2 * V]), CONTEXT)
-    kind = lookup("gyroscopic_coupling")
-    force = force_along(kind, motion, np.ones(len(kind.parameters) + len(kind.context)))
-    assert force.shape == (2, TIME.size)
-    assert np.sum(force * motion.v, axis=0) == pytest.approx(0.0, abs=1e-12)  # it does no work
-
-
 def shapes(name, **context):
     motion = Motion(TIME, Q[None], V[None], {**CONTEXT, **context}, force=np.cos(300 * TIME)[None])
     return motion, shapes_along(lookup(name), motion)
@@ -173,22 +165,6 @@ def test_a_clearance_and_stops_are_tried_at_shares_of_the_motion():
         gap = shape.values(np.array([9.0]))["gap"]
         depth = np.maximum(Q - gap, 0.0) if gap >= 0 else np.minimum(Q - gap, 0.0)
         np.testing.assert_allclose(shape.columns[0, 0], -depth)
-
-
-def test_what_slips_grows_with_the_coefficient():
-    _, found = shapes("bouc_wen_hysteresis")
-    told = [shape.values(np.array([3.0])) for shape in found]
-    slips = [3.0 / values["stiffness"] for values in told]
-    # 0.01 is less than half of what a sample travels
-    expected = np.repeat([0.05, 0.15, 0.4, 0.8], 4) * np.percentile(abs(Q), 95)
-    np.testing.assert_allclose(slips, expected)
-    assert [values["exponent"] for values in told] == [1.0, 1.0, 2.0, 2.0] * 4
-    assert [values["gamma"] for values in told] == [0.5, -0.5] * 8
-    assert all(values["force"] == 3.0 for values in told)
-    _, found = shapes("dahl_friction")
-    told = [shape.values(np.array([3.0])) for shape in found]
-    ways = np.array([0.03, 0.1, 0.3]) * np.percentile(abs(Q), 95)
-    np.testing.assert_allclose([3.0 / values["stiffness"] for values in told], ways)
 
 
 @pytest.mark.parametrize(
@@ -452,10 +428,6 @@ def motion(kind):
         "step": 1e-3,
     }  # fmt: skip
     return Motion(time, q, v, context, force=q)
-
-
-def test_the_catalogue_has_every_kind():
-    assert len(NAMED) == 29
 
 
 @pytest.mark.parametrize("name", NAMED)

@@ -77,12 +77,6 @@ def test_a_run_is_led_by_what_was_measured():
     assert error[1] < 0.2 * error[0]
 
 
-def test_states_are_kept_on_request():
-    short = run_of(oscillator()).over(FORCE[:, None], np.zeros(2), np.zeros(0), TIME, keep=False)
-    assert short.outputs.shape == (600, 1)
-    assert short.states.shape == (0, 2)
-
-
 @pytest.mark.parametrize("order", [0.0, 3.0])
 def test_an_accelerometer_sees_a_held_force_as_it_is(order):
     """As in discrete time: y[k] = C x[k] + D u[k], whatever the input does between the samples."""

@@ -126,9 +126,8 @@ def equivalent_damping(losses: Loss | Sequence[Loss], amplitude: float, frequenc
     >>> import robustpolish as rp
     >>> from robustpolish.effects import Effect
     >>> air = Effect("quadratic_damping", "x", {"coefficient": 2.0})
-    >>> round(
-    ...     rp.effects.equivalent_damping(air, amplitude=0.01, frequency=100.0), 4)  # 8/(3 pi
-    ... ) b w A
+    >>> c = rp.effects.equivalent_damping(air, amplitude=0.01, frequency=100.0)
+    >>> round(c, 4)  # 8/(3 pi) b w A
     1.6977
     >>> round(rp.effects.equivalent_damping([air, 0.12], 0.01, 100.0), 4)  # and dry friction of 3 N
     5.5174

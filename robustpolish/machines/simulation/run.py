@@ -632,7 +632,7 @@ def simulate_model(
     ...     outputs=[rp.Output("x", ("x", "ground"))],
     ... )
     >>> data = xr.Dataset(coords={"time": np.arange(101) * 0.01})
-    >>> response = simulate(model, data, initial_state=[1.0, 0.0])
+    >>> response = simulate_model(model, data, initial_state=[1.0, 0.0])
     >>> bool(np.allclose(response.outputs[:, 0], np.cos(2 * data.time)))
     True
     """
