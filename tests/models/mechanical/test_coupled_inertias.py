@@ -117,7 +117,7 @@ def test_a_record_of_a_pendulum_gives_its_coupling():
     assert fitted.nrmse["lower"] == pytest.approx(0.0055, rel=0.2)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_friction_in_the_joint_of_a_pendulum_is_found():
     found = rp.diagnose(double_pendulum(), swinging(noise=0.005, friction=0.002))
     assert [e.kind for e in found.effects] == ["coulomb_friction"]

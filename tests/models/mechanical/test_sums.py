@@ -87,7 +87,7 @@ def test_a_sum_of_modes_survives_the_file_and_shows_itself():
     assert "0.8 q1 -0.3 q2" in repr(model)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_sum_of_modes_shows_what_is_missing():
     model = rp.MechanicalModel.from_toml(BEAM)
     data = beam(cubic=2e4)
@@ -199,7 +199,7 @@ def shaft(friction, imposed):
     return xr.Dataset(data, {"time": TIME})
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("imposed", [False, True], ids=["torque", "imposed angle"])
 def test_machines_that_turn_go_all_the_way(imposed):
     model = rp.MechanicalModel.from_toml(SHAFT + (IMPOSED if imposed else TORQUE))
