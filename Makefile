@@ -8,7 +8,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help package test-oldest audit demo test test-slow lint structure docs linkcheck notebooks lab figure validation browser bench compleib hidden-effects fuzz clean clean-cache
+.PHONY: help package test-oldest audit demo test test-full test-long doctest lint structure docs linkcheck notebooks lab figure validation browser bench compleib hidden-effects fuzz clean clean-cache
 
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | expand -t 18
@@ -24,22 +24,33 @@ $(READY): pyproject.toml
 demo: $(READY) ## Run the main job; table, figure and HTML report go to demo-results/
 	$(BIN)/robustpolish design --out demo-results --report --force
 
-test: $(READY) ## Run the tests (twelve minutes on two cores)
-	$(BIN)/python -m pytest -q -n 2 -m "not slow"
+PYTEST := $(BIN)/python -m pytest -q -n 2
 
-test-slow: $(READY) ## Run the long checks too
-	$(BIN)/python -m pytest -q -n 2 --timeout 3600
+test: $(READY) ## Run the quick tests (five minutes on two cores)
+	$(PYTEST) -m "not slow and not long" --durations 40
 
-lint: $(READY) ## Check style, types, the direction of imports, cycles and crowded folders
+test-full: $(READY) ## Run the slower tests that `make test` leaves out
+	$(PYTEST) -m "slow and not long" --durations 40
+
+test-long: $(READY) ## Run the tests that take minutes each
+	$(PYTEST) -m long --timeout 3600
+
+doctest: $(READY) ## Run the examples in docstrings
+	$(PYTEST) --doctest-modules robustpolish
+
+LINES := 64000
+FILES_AT_MOST := 360
+
+lint: $(READY) ## Check style, types, the direction of imports, cycles and the size of the package
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright --threads 2
 	$(BIN)/lint-imports
 	$(BIN)/python -m tests.structure.imports
+	$(BIN)/python -m tests.structure.size --limit $(LINES) --files $(FILES_AT_MOST)
 
-structure: $(READY) ## Print the ways of calls through files, and the modules without tests of their own
+structure: $(READY) ## Print which files the main calls enter
 	$(BIN)/python -m tests.structure.call_path
-	$(BIN)/python -m tests.structure.untested
 
 docs: $(READY) ## Build the documentation, warnings are errors; pages go to docs/_build/html
 	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
@@ -107,7 +118,7 @@ test-oldest: $(READY) ## Run the tests with the oldest versions of all packages 
 	$(OLDEST)/bin/pip install --quiet --disable-pip-version-check uv
 	$(OLDEST)/bin/uv pip install --quiet --python $(OLDEST)/bin/python --resolution lowest-direct --editable '.[dev]'
 	# What old packages use of newer ones is theirs to mend.
-	$(OLDEST)/bin/python -m pytest -q -n 2 -m "not slow" -W default::DeprecationWarning
+	$(OLDEST)/bin/python -m pytest -q -n 2 -m "not slow and not long" -W default::DeprecationWarning
 
 audit: $(RELEASE) ## Ask whether weaknesses of installed packages are known; needs a network
 	$(BIN)/python -m pip freeze --exclude-editable > $(VENV)/audited.txt

@@ -17,6 +17,14 @@ from robustpolish.base.checks import described, invalid, one_of
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 
+__all__ = [
+    "friction_damper",
+    "magnetic_beam",
+    "mr_damper",
+    "pendulum_decay",
+    "sticky_slide",
+]
+
 # The files beside this module, and how they become datasets.
 
 

@@ -8,6 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+__all__ = [
+    "InfeasibleError",
+    "InvalidInputError",
+    "MissingDependencyError",
+    "RobustPolishError",
+    "RobustPolishWarning",
+    "SolverError",
+    "StorageError",
+]
+
 
 class RobustPolishError(Exception):
     """Base of all errors that the package raises on purpose."""

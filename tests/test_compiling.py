@@ -53,7 +53,7 @@ def answer(folder):
     return float(result), int(misses), int(hits)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_edited_callee_is_seen(tmp_path):
     (tmp_path / "caller.py").write_text(CALLER)
     callee = tmp_path / "callee.py"

@@ -126,12 +126,12 @@ def _kept(build, found):
     return init
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_examples_make_every_public_class(made):
     assert [cls.__name__ for cls in CLASSES if cls not in made] == []
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_every_public_result_can_be_copied(made, copied):
     refused = {}
     for result in (result for results in made.values() for result in results):

@@ -116,7 +116,7 @@ def alone(shared):
     return {name: answers(name, shared) for name in SCRIPTS}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.shared
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("name", SCRIPTS)
@@ -126,7 +126,7 @@ def test_fourteen_busy_processes_change_no_bit(alone, shared, name):
     assert [key for key in alone[name] if alone[name][key] != busy[key]] == []
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.shared
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("name", SCRIPTS)

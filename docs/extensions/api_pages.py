@@ -1,7 +1,7 @@
-"""The API reference, one page per room, written from what each room exports.
+"""The API reference, one page per namespace, written from what each namespace exports.
 
 A name of the top level is listed as ``robustpolish.name``, the way it is meant to be used; the
-others as ``robustpolish.room.name``. Nothing public can be forgotten.
+others as ``robustpolish.namespace.name``. Nothing public can be forgotten.
 """
 
 from __future__ import annotations
@@ -21,24 +21,23 @@ from sphinx.util.nodes import make_refnode
 
 import robustpolish
 
-ROOMS = {
-    "models": "Machines and plants",
+NAMESPACES = {
+    "results": "Results",
+    "polishing": "The polishing robot",
+    "rotor": "Rotors",
+    "tunable": "Tunable blocks",
+    "uncertain": "Uncertain systems",
     "effects": "Physical effects",
-    "brush": "The polishing brush",
-    "analysis": "Analysis",
-    "synthesis": "Synthesis and certificates",
-    "robust": "Robust analysis of uncertain systems",
-    "loops": "Loops: margins, bandwidths, effort",
-    "implementation": "From continuous to code",
-    "machine_design": "Controllers for any machine",
-    "closed_loop": "Closed loop",
-    "measurements": "Measurements",
-    "datasets": "Measured records",
-    "identification": "Identification",
     "simulation": "Simulation",
-    "sweeps": "Sweeps over many points",
-    "plotting": "Plotting",
+    "linear": "Linear systems",
+    "loops": "Loops",
+    "implementation": "Sampled and coded controllers",
+    "identification": "Identification",
+    "signals": "Measurements",
+    "datasets": "Measured records",
+    "plots": "Figures",
     "report": "Reports",
+    "errors": "Errors",
 }
 KINDS = ("Functions", "Classes", "Errors and warnings", "Data")
 
@@ -83,22 +82,18 @@ def room_page(title: str, intro: str, names: dict[str, Any], prefix: str) -> str
 
 def pages() -> dict[str, str]:
     """Return all pages by name of file."""
-    found: dict[str, str] = {}
-    seen: set[int] = set()
-    for room, title in ROOMS.items():
-        module = import_module(f"robustpolish.{room}")
-        names = {name: getattr(module, name) for name in public_names(module)}
-        seen |= {id(value) for value in names.values()}
-        intro = (inspect.getdoc(module) or "").splitlines()[0]
-        found[f"{room}.rst"] = room_page(title, intro, names, module.__name__)
-    rest = {
+    top = {
         name: getattr(robustpolish, name)
         for name in robustpolish.__all__
-        if id(getattr(robustpolish, name)) not in seen
-        and not inspect.ismodule(getattr(robustpolish, name))
+        if not inspect.ismodule(getattr(robustpolish, name))
     }
-    intro = "How the package complains, and what belongs to no room."
-    found["general.rst"] = room_page("Errors and the rest", intro, rest, "robustpolish")
+    intro = "Plants, analysis, synthesis, robustness, identification: what `rp.` shows first."
+    found = {"top.rst": room_page("Names at the top", intro, top, "robustpolish")}
+    for namespace, title in NAMESPACES.items():
+        module = import_module(f"robustpolish.{namespace}")
+        names = {name: getattr(module, name) for name in public_names(module)}
+        intro = (inspect.getdoc(module) or "").splitlines()[0]
+        found[f"{namespace}.rst"] = room_page(title, intro, names, module.__name__)
     return found
 
 
@@ -127,7 +122,7 @@ def _resolve(
     name = node["reftarget"]
     if name.startswith("robustpolish."):
         name = name.removeprefix("robustpolish.").split(".", 1)[-1]
-    for prefix in ("robustpolish", *(f"robustpolish.{room}" for room in ROOMS)):
+    for prefix in ("robustpolish", *(f"robustpolish.{namespace}" for namespace in NAMESPACES)):
         found = domain.objects.get(f"{prefix}.{name}")
         if found is not None:
             place = node["refdoc"], found.docname, found.node_id

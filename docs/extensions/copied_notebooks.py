@@ -21,7 +21,7 @@ LIST = "list_of_tutorials.txt"  # no source of its own: tutorials.md includes it
 # Links of a notebook lead through the repository; among the pages these stand for their targets.
 PAGES = {
     b"](../docs/": b"](../",
-    b"](../robustpolish/effects/catalogue)": b"](../effects/index.md)",
+    b"](../robustpolish/machines/effects/catalogue)": b"](../effects/index.md)",
 }
 ENTRY = """\
 | [![first picture of {title}]({folder}/{name}.png){{width=180px}}]({folder}/{name}.md) | \

@@ -100,7 +100,7 @@ def test_nothing_is_half_written(name, files, tmp_path, monkeypatch):
     check_full(name, files, tmp_path, monkeypatch, 64)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("size", [0, 100])  # every result is larger
 @pytest.mark.parametrize("name", COMMANDS)
 def test_nothing_is_half_written_by_any_command(name, size, files, tmp_path, monkeypatch):
@@ -163,7 +163,7 @@ def test_names_that_no_file_can_have(files, monkeypatch):
 @pytest.mark.skipif(sys.platform != "linux", reason="/dev/full is a device of Linux")
 @pytest.mark.parametrize(
     "arguments",
-    [["--help"], pytest.param(["norms", "--model", "machine.toml"], marks=pytest.mark.slow)],
+    [["--help"], pytest.param(["norms", "--model", "machine.toml"], marks=pytest.mark.long)],
 )
 def test_a_full_disk_behind_the_output(arguments, files):
     with open("/dev/full", "w") as full:

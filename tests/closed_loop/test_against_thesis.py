@@ -25,7 +25,7 @@ PRINTED = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("run", PRINTED)
 def test_tables_11_1_to_11_8(run):
     """Largest deviations of q_m + q over 5 s, within 12 % but for one value per run.

@@ -95,7 +95,7 @@ def test_threads_give_the_bits_of_one_by_one(comparison, soft, stiff, load):
             rp.compare_controllers({"soft": soft}, load.drop_vars("time"), executor=threads)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_processes_give_the_bits_of_one_by_one(comparison, soft, stiff, load):
     again = rp.compare_controllers(
         {"soft": soft, "stiff": stiff}, load, signals=("x", "y", "z"), executor=None

@@ -30,7 +30,7 @@ def test_displacement_actuation_cannot_hold_a_steady_force_along_the_spindle():
     assert "zeros on the axis, to working accuracy, at 0 rad/s" in design.message
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("actuation", ["force", "displacement"])
 def test_every_structure_calms_the_brush(actuation):
     designs = thesis_structures(actuation)

@@ -23,7 +23,7 @@ SEARCHED = {
     "uncertain": "api/robust.html",
 }
 """What people look for, and how the address of one of the first ten results has to end."""
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 @pytest.fixture(scope="module")

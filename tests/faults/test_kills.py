@@ -78,7 +78,7 @@ def test_thirty_kills_of_a_folder_and_a_file(monkeypatch):
     assert tally.refusals > 0  # no permission, no space
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_kills_of_everything_that_writes():
     tally = kill(100, seed=2)
     assert tally.complaints == []

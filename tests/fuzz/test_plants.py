@@ -61,7 +61,7 @@ def test_a_foreign_error_and_a_late_answer_count_as_crashes(monkeypatch):
     assert late.where == "late"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_five_hundred_plants_end_in_results_or_our_errors():
     _, crashes = plants.run(500, seed=3)
     assert not crashes, "\n".join(map(str, crashes))

@@ -72,7 +72,7 @@ def test_both_records_suit_the_model(i):
         assert set(noise) | {item.name for item in model.inputs} == set(data)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(3600)
 def test_the_whole_plan_is_as_mixed_as_promised():
     cases = several_cases()

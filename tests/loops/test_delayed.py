@@ -66,7 +66,7 @@ def test_a_model_too_coarse_is_told():
     assert verdicts[0.6] == (True, True)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_several_loops_agree_with_long_pade_models():
     system, K = random_loop(5)
     controller: Any = K

@@ -122,7 +122,7 @@ def test_a_record_of_a_pendulum_gives_its_coupling():
     assert fitted.nrmse["lower"] == pytest.approx(0.0055, rel=0.2)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_friction_in_the_joint_of_a_pendulum_is_found():
     found = rp.diagnose(double_pendulum(), swinging(noise=0.005, friction=0.002))
     assert [e.kind for e in found.effects] == ["coulomb_friction"]
@@ -330,7 +330,7 @@ def test_a_sum_of_modes_survives_the_file_and_shows_itself():
     assert "0.8 q1 -0.3 q2" in repr(model)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_sum_of_modes_shows_what_is_missing():
     model = rp.MechanicalModel.from_toml(BEAM)
     data = beam(cubic=2e4)
@@ -448,7 +448,7 @@ def shaft(friction, imposed):
     return xr.Dataset(data, {"time": TIME})
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("imposed", [False, True], ids=["torque", "imposed angle"])
 def test_machines_that_turn_go_all_the_way(imposed):
     model = rp.MechanicalModel.from_toml(SHAFT + (IMPOSED if imposed else TORQUE))

@@ -183,7 +183,7 @@ def test_one_that_nobody_registered_gets_its_first_values_from_a_screening():
     assert fitted.values["k"] == pytest.approx(1e16, rel=0.02)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_diagnosis_finds_the_fifth_power_among_the_catalogue(tmp_path):
     kind = fifth()
     true = made_up.model().with_effect(kind, "x", {"k": 1e16})
@@ -252,6 +252,7 @@ def test_channel_names_that_are_taken_are_refused():
         made_up.model().with_effect(itself, "x", {"c": 1.0})
 
 
+@pytest.mark.slow
 def test_a_diagnosis_finds_what_follows_a_voltage():
     kind = damper()
     data = driven(6000)

@@ -47,7 +47,7 @@ def fonts(tmp_path_factory):
 @pytest.fixture(
     scope="module",
     params=[
-        pytest.param(path, marks=pytest.mark.slow) if path.stem in LONG else path
+        pytest.param(path, marks=pytest.mark.long) if path.stem in LONG else path
         for path in NOTEBOOKS
     ],
     ids=lambda path: path.stem,

@@ -199,7 +199,7 @@ def test_example_of_skogestad_and_postlethwaite():
 
 
 @pytest.mark.parametrize(
-    "kind", [kind if kind < 2 else pytest.param(kind, marks=pytest.mark.slow) for kind in range(6)]
+    "kind", [kind if kind < 2 else pytest.param(kind, marks=pytest.mark.long) for kind in range(6)]
 )
 def test_gamma_is_that_of_python_control(kind):
     rng = np.random.default_rng(kind)

@@ -19,7 +19,7 @@ def marked(name):
     spent = sum(t["processor"] for t in json.loads(TIMINGS.read_text()).get(name, {}).values())
     marks = [pytest.mark.timeout(3600)]
     if spent > QUICK:
-        marks.append(pytest.mark.slow)
+        marks.append(pytest.mark.long)
     if SUBJECTS[name].shared:
         marks.append(pytest.mark.shared)
     return pytest.param(name, marks=marks)

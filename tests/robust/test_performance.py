@@ -56,7 +56,7 @@ def test_worst_gain_where_a_machine_is_unstable():
 @pytest.mark.parametrize("find", [rp.worst_case_gain, rp.robust_performance])
 @pytest.mark.parametrize(
     "seed",
-    [seed if seed in (3, 35) else pytest.param(seed, marks=pytest.mark.slow) for seed in range(60)],
+    [seed if seed in (3, 35) else pytest.param(seed, marks=pytest.mark.long) for seed in range(60)],
 )
 def test_units_of_random_loops_do_not_matter(seed, find):
     loop = random_loop(seed)

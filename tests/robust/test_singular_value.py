@@ -36,7 +36,7 @@ def test_one_over_the_margin_of_stability():
     assert "critical frequency" in repr(mu)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_carts():
     M, blocks = of_loop(carts())
     mu = rp.structured_singular_value(M, blocks)

@@ -67,7 +67,7 @@ def test_random_structures(seed):
     check_random(seed)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("start", range(0, 1050, 50))
 def test_many_random_structures(start):
     for seed in range(start, start + 50):
@@ -125,7 +125,7 @@ def test_units_of_random_loops_do_not_matter(seed):
     check_units(seed)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("start", range(20, 220, 50))
 def test_units_of_many_random_loops_do_not_matter(start):
     for seed in range(start, start + 50):

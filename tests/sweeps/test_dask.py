@@ -14,7 +14,7 @@ distributed = pytest.importorskip("distributed", reason="needs the extra [cluste
 NUMBERS = {"a": list(range(40))}
 
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.long,
     # Dask says so when a worker is killed, which is what is tried here
     pytest.mark.filterwarnings("ignore::UserWarning:distributed"),
     pytest.mark.filterwarnings("ignore::ResourceWarning"),

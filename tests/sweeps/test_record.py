@@ -16,7 +16,7 @@ from tests.sweeps import functions
 GRID = {"a": list(range(60))}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_whole_process_killed_and_resumed(tmp_path):
     log, file = tmp_path / "log", tmp_path / "sweep.jsonl"
     script = tmp_path / "run.py"

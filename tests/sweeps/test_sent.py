@@ -38,7 +38,7 @@ def test_a_read_only_mapping_stays_one():
     assert back == {"b": 1}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_plant_can_be_bound_to_a_function_of_other_processes():
     poles = partial(functions.slowest_pole, rp.air_bearing())
     found = rp.sweep(poles, {"factor": [1.0, 2.0]})

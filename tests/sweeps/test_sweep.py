@@ -50,7 +50,7 @@ def test_another_shape_is_a_failure():
     assert found.failure.values[[0, 2]].tolist() == ["", ""]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_worker_killed_in_mid_sweep_changes_nothing(tmp_path):
     killed = rp.sweep(partial(functions.kills_once, mark=str(tmp_path / "mark")), NUMBERS)
     assert (tmp_path / "mark").exists()
@@ -58,7 +58,7 @@ def test_a_worker_killed_in_mid_sweep_changes_nothing(tmp_path):
     assert killed.identical(rp.sweep(quiet, NUMBERS, executor="serial"))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_point_that_always_kills_its_worker_is_the_only_failure():
     found = rp.sweep(functions.kills_always, {"a": [0, 1, 2, 3, 4]})
     assert (found.failure != "").values.tolist() == [False, False, True, False, False]

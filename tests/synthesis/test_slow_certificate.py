@@ -11,7 +11,7 @@ POSITIONAL = ("A", "B1", "B2", "C1", "C2")
 
 
 @pytest.mark.shared
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("limit", [1.5, 3.0, 5.0])
 def test_the_limit_holds_for_search_and_certificate(limit, shared, monkeypatch):
     with np.load(shared / "data" / "plants" / "slow_certificate.npz") as data:

@@ -196,7 +196,7 @@ def test_norms_of_hard_systems(seed):
         check_h2(G)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(QUICK, FULL))
 def test_norms_of_many_hard_systems(seed):
     with mp.workdps(60):

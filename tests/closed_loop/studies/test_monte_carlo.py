@@ -76,7 +76,7 @@ def test_threads_and_further_names_change_no_draw(design):
     assert not np.array_equal(more.dataset.norm, here.dataset.norm)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_processes_give_the_same_bits_with_brush_and_machine_drawn(bearing):
     drawn = {"brush_mass": ("normal", 0.2, 0.02), "brush.friction": (0.2, 0.4)}
     options = {"duration": 0.005, "samples": 20, "seed": 3}

@@ -10,7 +10,7 @@ import pytest
 
 import robustpolish as rp
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 OUTPUTS = ("x_m", "x", "y_m", "y", "z_m", "z")
 FORCES = ["F_x", "F_y", "F_z", "F_p"]

@@ -99,7 +99,7 @@ def test_what_is_right_already_stays_and_a_constant_that_does_nothing_goes():
     assert search.prepared.held == frozenset()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.xfail(reason="An elastic friction is chosen, told alike with Coulomb's.", strict=True)
 def test_what_was_told_alike_with_a_law_that_goes_may_go_with_it():
     """The pairs of the search change while its damping is settled; the laws on trial do not."""

@@ -79,7 +79,7 @@ def test_nothing_is_named_where_nothing_is_missing(colour):
     assert diagnosis.model.parameters["spring[0].stiffness"] == pytest.approx(3000, rel=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_drift_is_learned_where_no_effect_explains_it():
     case = Case(
         "drift", one(), [("drifting_stiffness", PLACE, [800.0, 8.0])], drive=10.0, samples=4000,

@@ -75,7 +75,7 @@ def test_noise_free_records_are_no_trouble():
     assert np.isfinite(found.effects[0].parameters["coefficient"].stderr)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_hold_that_shows_only_beside_an_effect_is_no_delay():
     """As long as a cubic spring is missing, what inputs do between samples is nothing to see."""
     case = Case(

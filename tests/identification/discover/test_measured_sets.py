@@ -17,7 +17,7 @@ from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, S
 from robustpolish.signals.filtering import lowpass
 from robustpolish.signals.read import read_measurement
 
-pytestmark = [pytest.mark.shared, pytest.mark.slow]
+pytestmark = [pytest.mark.shared, pytest.mark.long]
 
 MEMORY = {"elastic_coulomb_friction", "bouc_wen_hysteresis", "lugre_friction"}
 

@@ -9,7 +9,7 @@ import pytest
 
 import robustpolish as rp
 
-pytestmark = [pytest.mark.shared, pytest.mark.slow]
+pytestmark = [pytest.mark.shared, pytest.mark.long]
 
 MEMORY = {
     "elastic_coulomb_friction", "dahl_friction", "lugre_friction", "bouc_wen_hysteresis",

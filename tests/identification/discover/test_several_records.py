@@ -75,7 +75,7 @@ def test_a_refit_tells_the_error_of_each_as_a_comparison_does(blows):
     assert "Record by record" not in repr(alone)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_they_name_both_effects_and_the_noise(blows, tmp_path):
     diagnosis = rp.diagnose(machine(), blows)
     assert diagnosis.verdict == "missing_effect"

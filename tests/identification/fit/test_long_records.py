@@ -125,7 +125,7 @@ def test_holds_of_inputs_belong_to_the_record_as_it_was():
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("top", "rough"), [(100.0, 0.01), (None, 0.03)])
 def test_half_a_million_samples_are_diagnosed(top, rough):
     """In less than two minutes on two idle cores; here only what comes out is held."""
@@ -137,7 +137,7 @@ def test_half_a_million_samples_are_diagnosed(top, rough):
     assert len(found.notes) == 1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_half_a_million_samples_are_fitted():
     data, _ = record(500_000)
     fitted = rp.refit(machine(friction=2.0, wrong=1.05), data)

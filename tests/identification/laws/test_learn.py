@@ -75,7 +75,7 @@ def check(name, over, largest=1.5):
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_fifth_power():
     found = check("fifth", "displacement")
     formula = found.laws[0].formula()
@@ -102,14 +102,14 @@ def test_surfaces_are_left_out_on_request():
     assert kept.laws[0].over == "velocity"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_saturating_spring():
     formula = check("saturating", "displacement").laws[0].formula()
     assert formula.expression == "k*q + Fs*tanh(q/d)"
     assert formula.numbers["k"] == pytest.approx(-2000, rel=0.02)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_spring_that_only_a_velocity_shows_is_counted_from_rest_and_has_no_friction_beside():
     formula = check("saturating, velocity", "displacement").laws[0].formula()
     assert formula.expression == "k*q + Fs*tanh(q/d)"
@@ -118,7 +118,7 @@ def test_a_spring_that_only_a_velocity_shows_is_counted_from_rest_and_has_no_fri
     assert [e.kind for e in found.model.effects] == [found.laws[0].effect.kind]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_dead_zone_with_friction():
     found = check("dead zone", "displacement")
     friction = next(e for e in found.model.effects if e.kind == "coulomb_friction")
@@ -126,7 +126,7 @@ def test_a_dead_zone_with_friction():
     assert "dead zone from -0.00" in found.laws[0].describe()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_stiffness_that_drifts():
     case = CASES["drifting"]
     (data, _), (unseen, noise) = records(case)

@@ -20,7 +20,7 @@ def test_a_refit_ends_no_worse_than_it_began(seed):
     held(seed, most=1500)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [*range(100, 160), *range(1000, 1060)])
 def test_a_refit_of_a_longer_record_ends_no_worse(seed):
     held(seed, most=2500)

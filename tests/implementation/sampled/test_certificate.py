@@ -40,7 +40,7 @@ def test_no_certificate_is_contradicted_by_a_simulation():
     assert np.median(tightness) > 0.9999
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_no_certificate_of_a_hundred_is_contradicted_by_a_simulation():
     wrong, tightness = contradictions(range(1000, 1100))
     assert wrong == []

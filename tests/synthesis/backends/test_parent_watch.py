@@ -82,7 +82,7 @@ def test_a_forked_worker_ends_with_its_parent(program, ending):
     assert orphans_after(ending, program) == []
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("ending", [signal.SIGTERM, signal.SIGKILL])
 @pytest.mark.parametrize("method", ["lmi", "slycot"])
 def test_the_workers_of_a_design_end_with_it(method, ending):

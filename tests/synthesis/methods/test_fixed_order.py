@@ -90,7 +90,7 @@ def test_a_fixed_mode_is_refused_for_every_order():
 REACHED = {("DLR3", 2): (560.0, 1619.0), ("HE6", 2): (47.5, 146.0), ("IH", 0): (1e-4, 1.59)}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.shared
 @pytest.mark.parametrize(("name", "order"), REACHED)
 def test_plants_of_twenty_to_forty_states(shared, name, order):

@@ -46,7 +46,7 @@ def test_channels_are_minimised_and_bounded_apart():
     "region",
     [
         *(
-            pytest.param(region, marks=pytest.mark.slow)
+            pytest.param(region, marks=pytest.mark.long)
             for region in (HalfPlane(-0.6), Disk(-2.0, 1.8), Sector(0.8))
         ),
         [HalfPlane(-0.4), Sector(0.6)],
@@ -59,7 +59,7 @@ def test_poles_stay_in_their_region(region):
         assert each.contains(poles)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_gain_bound_holds_at_all_frequencies():
     design = mixed_output_feedback(oscillator(), gain_bound=0.5, time_limit=20)
     assert float(hinf_norm(design.controller)) <= 0.5 * (1 + 1e-6)
@@ -104,7 +104,7 @@ def test_channels_poles_and_gain_together():
     assert np.linalg.norm(design.gain, 2) <= 5.0 * (1 + 1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_polishing_robot_with_a_sector():
     """12 states; a matrix shared by norm and region alone would be conservative."""
     plant = rp.air_bearing(actuation="force")

@@ -22,7 +22,7 @@ def lqg_norm(plant):
     return float(h2_norm(plant.closed_loop(observer_controller(plant, -F, L.T))))
 
 
-@pytest.mark.parametrize("d22", [0.0, pytest.param(0.4, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("d22", [0.0, pytest.param(0.4, marks=pytest.mark.long)])
 def test_h2_is_the_lqg_optimum(d22):
     for seed in range(3):
         plant = regular_plant(seed=seed, d22=d22)
@@ -48,7 +48,7 @@ def test_hinf_is_near_the_infimum_of_full_order_control():
 
 
 @pytest.mark.parametrize(
-    "actuation", [pytest.param("displacement", marks=pytest.mark.slow), "force"]
+    "actuation", [pytest.param("displacement", marks=pytest.mark.long), "force"]
 )
 def test_thesis_plant_from_displacements(actuation):
     plant = air_bearing(actuation=actuation, measured="displacement")

@@ -291,7 +291,7 @@ def test_a_plant_without_controls_is_refused():
         lambda: flexible_structure(8),
         lambda: heat_rod(16),
         *(
-            pytest.param(make, marks=pytest.mark.slow)
+            pytest.param(make, marks=pytest.mark.long)
             for make in (
                 lambda: mass_chain(6, priced=True),
                 lambda: random_plant(16, 0),
@@ -311,7 +311,7 @@ def test_larger_plants_reach_the_regularised_optimum(make):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     "make",
     [

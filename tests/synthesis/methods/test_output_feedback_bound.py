@@ -46,7 +46,7 @@ def realisations(plant):
         mit_lecture,
         lambda: random_plant(4, 1),
         *(
-            pytest.param(make, marks=pytest.mark.slow)
+            pytest.param(make, marks=pytest.mark.long)
             for make in (quadruple_tank, lambda: random_plant(5, 2, singular=False))
         ),
     ],
@@ -67,7 +67,7 @@ def test_the_norm_does_not_depend_on_the_realisation(make):
     "name",
     ["AC3", "NN2"]
     + [
-        pytest.param(name, marks=pytest.mark.slow)
+        pytest.param(name, marks=pytest.mark.long)
         for name in ("AC15", "HE2", "REA1", "HE1", "ROC6")
     ],
 )

@@ -77,7 +77,7 @@ def test_within_one_percent_of_the_infimum(shared, name):
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=pytest.mark.slow) if i % 3 else name
+        pytest.param(name, marks=pytest.mark.long) if i % 3 else name
         for i, name in enumerate(INFIMUM)
     ],
 )
@@ -94,7 +94,7 @@ def test_a_plant_that_nobody_can_stabilise(shared):
     assert caught.value.modes[0] == pytest.approx(0.6065, abs=5e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.shared
 @pytest.mark.parametrize("name", [name for name in INFIMUM if name not in LMI_MAY_FAIL])
 def test_inequalities_alone(shared, name):

@@ -68,7 +68,7 @@ def can_cancel(plant):
 
 @pytest.mark.parametrize(
     ("norm", "count"),
-    [("hinf", 8), ("h2", 5), pytest.param("hinf", 20, marks=pytest.mark.slow)],
+    [("hinf", 8), ("h2", 5), pytest.param("hinf", 20, marks=pytest.mark.long)],
 )
 def test_some_random_plants_all_get_an_answer(norm, count):
     outcomes = Counter(outcome(seed, norm) for seed in range(count))
@@ -81,7 +81,7 @@ def test_some_random_plants_all_get_an_answer(norm, count):
 MANY = [("hinf", 2000, 0.02, 0.7), ("h2", 500, 0.13, 0.4)]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(7200)
 @pytest.mark.parametrize(("norm", "count", "most_without", "least_designed"), MANY)
 def test_many_random_plants_nearly_all_get_an_answer(norm, count, most_without, least_designed):

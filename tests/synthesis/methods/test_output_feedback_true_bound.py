@@ -49,7 +49,7 @@ def in_other_units(plant, seed):
 @pytest.mark.parametrize(
     "seed",
     [
-        seed if seed in (2, 5, 6, 8) else pytest.param(seed, marks=pytest.mark.slow)
+        seed if seed in (2, 5, 6, 8) else pytest.param(seed, marks=pytest.mark.long)
         for seed in range(10)
     ],
 )

@@ -35,7 +35,7 @@ def axis_plant(plant, number):
 
 @pytest.mark.parametrize("norm", NORMS)
 @pytest.mark.parametrize(
-    "actuation", [pytest.param("displacement", marks=pytest.mark.slow), "force"]
+    "actuation", [pytest.param("displacement", marks=pytest.mark.long), "force"]
 )
 @pytest.mark.parametrize("weight", WEIGHTS)
 def test_methods_and_backends_agree(actuation, norm, weight):
@@ -77,7 +77,7 @@ def test_whole_solve_by_inequalities_agrees_with_the_axes():
     assert whole.certificate.achieved == pytest.approx(split.certificate.achieved, rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["lmi", "riccati"])
 @pytest.mark.parametrize("actuation", ACTUATIONS)
 def test_gain_no_larger_than_the_printed_one_does_no_worse(actuation, method):
@@ -93,7 +93,7 @@ def test_gain_no_larger_than_the_printed_one_does_no_worse(actuation, method):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_gain_bound_for_the_h2_norm():
     plant = rp.air_bearing(actuation="force")
     bounded = state_feedback(plant, "h2", gain_bound=100.0)

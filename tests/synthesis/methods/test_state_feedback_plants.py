@@ -120,7 +120,7 @@ def test_scalar_plant_has_the_known_optimum():
         assert design.certificate.achieved == pytest.approx(best, rel=1e-4)
 
 
-@pytest.mark.parametrize("norm", [pytest.param("hinf", marks=pytest.mark.slow), "h2"])
+@pytest.mark.parametrize("norm", [pytest.param("hinf", marks=pytest.mark.long), "h2"])
 def test_discrete_region_and_bound(norm):
     plant, unit = random_plant(5, discrete=True)
     held = state_feedback(plant, norm, control_weight=unit, pole_region=Disk(0.2, 0.6))

@@ -124,7 +124,7 @@ def answers():
     return done.stdout.splitlines()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(1800)
 def test_eight_busy_processes_change_no_bit():
     idle = answers()

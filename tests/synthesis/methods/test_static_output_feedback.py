@@ -42,7 +42,7 @@ def check(design, norm="hinf"):
     assert (design.closed_loop.A == loop.A).all()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.shared
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_reaches_the_best_published_norms(shared, name):
@@ -129,7 +129,7 @@ def test_d22_is_part_of_the_loop():
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_fixed_order_stabilises_where_no_static_gain_does():
     # A double integrator with its position measured needs a derivative.
     plant = GeneralizedPlant.from_matrices(
@@ -176,7 +176,7 @@ def test_thesis_plant_by_axes(actuation):
     assert not design.gain[:2, 2:].any()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_infimum_of_zero_is_said():
     plant = air_bearing(actuation="displacement", measured="displacement")
     design = static_output_feedback(plant)

@@ -172,7 +172,7 @@ def wood_berry():
     return rp.mixed_sensitivity(G, performance=rp.weight(1e3, 0.05 / 6.28, 0.5), effort=0.5)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_pi_loops_of_a_column_have_the_signs_of_the_literature():
     plant = wood_berry()
     blocks = [rp.tunable.pid("xD", "R", "PI", sign=-1), rp.tunable.pid("xB", "S", "PI", sign=-1)]
@@ -185,7 +185,7 @@ def test_two_pi_loops_of_a_column_have_the_signs_of_the_literature():
     assert -0.2 < found["pid_xB"]["Kp"] < 0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.shared
 @pytest.mark.parametrize(("name", "order"), [("AC4", 0), ("HE1", 0), ("AC4", 2)])
 def test_a_free_state_space_is_the_fixed_order_feedback(shared, name, order):

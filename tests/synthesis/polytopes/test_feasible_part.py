@@ -32,7 +32,7 @@ def test_a_vertex_without_control_is_named():
     refused_vertices(polytope([pushed(1.0), pushed(-1.0)], None, None).with_full_state())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_part_that_has_a_gain():
     # From -0.6 to 1: no gain beyond 0; towards the middle, 0.2, it does not change sign below 1/4.
     whole = polytope([pushed(1.0), pushed(-0.6)], None, None).with_full_state()

@@ -19,7 +19,7 @@ def uncertain_mass(stiffness, mass):
     return rp.uncertain.system(A, [[0, 0], [1 / mass, 1 / mass]], [[1, 0]], 0)
 
 
-@pytest.mark.parametrize("norm", ["hinf", pytest.param("h2", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("norm", ["hinf", pytest.param("h2", marks=pytest.mark.long)])
 def test_no_machine_of_the_box_exceeds_the_bound(norm):
     design = rp.robust_state_feedback(uncertain_mass(k, m), norm, controls=1, control_weight=0.3)
     assert design.status == "proven"

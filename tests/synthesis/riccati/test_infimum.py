@@ -99,14 +99,14 @@ def bounds_of_realisations(seed):
 # In double precision the bounds of one and the same plant differed by factors up to three.
 @pytest.mark.parametrize(
     "seed",
-    [7, 29, pytest.param(42, marks=pytest.mark.slow), pytest.param(50, marks=pytest.mark.slow)],
+    [7, 29, pytest.param(42, marks=pytest.mark.long), pytest.param(50, marks=pytest.mark.slow)],
 )
 def test_units_and_last_digits_do_not_change_the_bound(seed):
     found = bounds_of_realisations(seed)
     assert found.max() <= found.min() * (1 + 2e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("start", range(51, 111, 10))
 def test_units_and_last_digits_do_not_change_the_bound_of_any_servo(start):
     for seed in range(start, start + 10):

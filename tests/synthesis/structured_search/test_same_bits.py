@@ -48,7 +48,7 @@ def answers():
     return json.loads(done.stdout)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(3600)
 def test_busy_processes_change_no_bit():
     idle = answers()

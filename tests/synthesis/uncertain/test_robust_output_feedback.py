@@ -24,7 +24,7 @@ def test_lag_is_robust_with_named_signals_and_a_proof():
         assert rp.hinf_norm(loop).value <= design.worst_case.upper
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_signals_may_stand_anywhere():
     plant = lag()
     moved = plant[["y", "x", "price"], ["u", "push", "noise"]]
@@ -108,7 +108,7 @@ def test_dynamics_enter_a_structure_by_their_worst_cases():
     assert max(known) > 2  # the nominal machine, a corner, and witnesses of proofs
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_numbers_of_a_discrete_plant_are_searched_as_they_are():
     b = rp.uncertain.real("b", 0.1, percent=20)
     plant = rp.uncertain.system(
@@ -142,7 +142,7 @@ def test_when_the_time_is_over_what_was_proven_counts(monkeypatch):
     assert "Weigh u" not in late.reason
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_masses_are_far_better_than_with_the_nominal_design():
     """Proven for both: the worst machine's gain is less than half of that of the nominal design."""
     plant = two_masses()
@@ -157,7 +157,7 @@ def test_two_masses_are_far_better_than_with_the_nominal_design():
     assert design.lower_bound <= design.worst_case.lower
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_distillation_column_has_a_proven_mu_below_one_with_twelve_states():
     design = rp.robust_output_feedback(column(), 2, 2, order=12)
     assert design.order <= 12

@@ -29,7 +29,7 @@ def test_the_bound_is_what_one_machine_allows(found):
     assert found.lower_bound <= found.worst.lower * (1 + 1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_structure_reaches_the_same_and_the_same_numbers_again(found):
     one, other = (
         with_structure(UncertainSamples(lag(), 1, 1), 0, np.ones((1, 1), bool), Budget(1000.0))[0]

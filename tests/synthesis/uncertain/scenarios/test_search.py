@@ -35,7 +35,7 @@ def test_the_worst_corner_joins_until_none_is_worse():
     assert search.worst_samples(found)[0][1][0] == {"b": 0.8}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_worst_machine_between_the_corners_joins_by_the_proof():
     part, search = searching(bent())
     found = search.settled(part, np.array([0.0]))

@@ -1,0 +1,1 @@
+"""Command line, design tasks from files, and reports."""

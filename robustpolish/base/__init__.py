@@ -1,0 +1,1 @@
+"""Errors, checks, files, sweeps and tables that all other packages use."""

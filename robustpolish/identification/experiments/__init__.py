@@ -1,0 +1,1 @@
+"""Experiment design that separates two models."""

@@ -1,0 +1,1 @@
+"""Least-squares fits of parameters to free runs."""

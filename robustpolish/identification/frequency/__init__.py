@@ -1,0 +1,1 @@
+"""Comparison and fit of frequency responses."""

@@ -1,0 +1,1 @@
+"""Kalman filters for states and unknown forces."""

@@ -1,0 +1,1 @@
+"""Selection of the physical effects that a model lacks."""

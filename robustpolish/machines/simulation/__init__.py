@@ -1,0 +1,1 @@
+"""Time simulation of mechanical models with effects."""

@@ -1,0 +1,1 @@
+"""Moulds: surfaces that the brush polishes."""

@@ -1,0 +1,1 @@
+"""The thesis's simulator, controllers and comparisons."""

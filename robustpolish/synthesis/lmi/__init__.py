@@ -1,0 +1,1 @@
+"""Linear matrix inequalities of state and output feedback."""

@@ -1,0 +1,1 @@
+"""Loop shaping by normalised coprime factors."""

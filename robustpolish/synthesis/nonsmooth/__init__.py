@@ -1,0 +1,1 @@
+"""Nonsmooth optimisation of closed-loop norms."""

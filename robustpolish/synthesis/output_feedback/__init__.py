@@ -1,0 +1,1 @@
+"""Output feedback of full order."""

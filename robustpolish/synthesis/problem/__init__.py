@@ -1,0 +1,1 @@
+"""Generalised plants as matrices: scaling, decoupling, solvability."""

@@ -1,0 +1,1 @@
+"""Proofs of stability and norm of a closed loop."""

@@ -1,0 +1,1 @@
+"""Riccati equations, infima of gamma and lower bounds."""

@@ -1,0 +1,1 @@
+"""Robust and scheduled feedback for polytopes of plants."""

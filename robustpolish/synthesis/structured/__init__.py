@@ -1,0 +1,1 @@
+"""Static, fixed-order and structured controllers."""

@@ -1,0 +1,1 @@
+"""Robust synthesis: D-K iteration and scenarios."""
