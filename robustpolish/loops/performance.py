@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,15 +17,13 @@ from robustpolish.base.checks import described, instance_of, invalid
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import HinfNorm
 from robustpolish.linear.response import first_order_hold, linear_response
-from robustpolish.loops.loop import PLACES, Loop, Place, norm_of
+from robustpolish.loops.loop import PLACES, Loop, Place, from_to
 from robustpolish.loops.margins import LoopMargins
+from robustpolish.loops.measured import MeasuredLoop
 from robustpolish.loops.requirements import LoopRequirements
-from robustpolish.loops.response import SystemResponse
-from robustpolish.plants.blocks import named_system
+from robustpolish.loops.response import MeasuredResponse, norm_of
 
 # Where in frequency a loop works: bandwidths of S and T, gain crossovers, peaks.
-
-_HALF_POWER = 1 / math.sqrt(2)
 
 
 @dataclass(frozen=True)
@@ -78,12 +75,14 @@ class LoopBandwidth:
     peak_t_hz: float
 
 
-def bandwidths(loop: Loop, margins: Sequence[LoopMargins]) -> tuple[LoopBandwidth, ...]:
+def bandwidths(
+    loop: Loop | MeasuredLoop, margins: Sequence[LoopMargins]
+) -> tuple[LoopBandwidth, ...]:
     """Return the bandwidths of a stable loop's single loops, and of all signals of a place.
 
     Parameters
     ----------
-    loop : Loop
+    loop : Loop or MeasuredLoop
     margins : sequence of LoopMargins
         Of its single loops, whose gain crossovers are known.
 
@@ -105,44 +104,25 @@ def bandwidths(loop: Loop, margins: Sequence[LoopMargins]) -> tuple[LoopBandwidt
 
 
 def _bandwidth(
-    loop: Loop, place: Place, name: str, signals: list[int], crossovers: list[float]
+    loop: Loop | MeasuredLoop,
+    place: Place,
+    name: str,
+    signals: list[int],
+    crossovers: list[float],
 ) -> LoopBandwidth:
     at = loop.at(place, signals)
-    S, T = loop.response_around(at), loop.response_around(at, -1.0, -1.0)
     peak_s, peak_t = loop.peak(at), loop.peak(at, -1.0, -1.0)
     return LoopBandwidth(
         name,
         place,
         max(crossovers, default=math.nan),
-        _rising(S) / (2 * math.pi),
-        _falling(T) / (2 * math.pi),
+        loop.response_around(at).half_power()[0] / (2 * math.pi),
+        loop.response_around(at, -1.0, -1.0).half_power()[1] / (2 * math.pi),
         peak_s.value,
         peak_t.value,
         peak_s.frequency / (2 * math.pi),
         peak_t.frequency / (2 * math.pi),
     )
-
-
-def _sides(response: SystemResponse) -> tuple[list[float], list[bool]]:
-    """Return the half-power frequencies, and whether the gain is above in each stretch between."""
-    found = response.level_crossings(_HALF_POWER)
-    last = max(found, default=1.0)
-    ends = [0.0, *found, response.highest if math.isfinite(response.highest) else 3 * last]
-    middles = np.array([(low + high) / 2 for low, high in itertools.pairwise(ends)])
-    return found, [bool(size > _HALF_POWER) for size in response.sizes(middles)[:, 0]]
-
-
-def _rising(response: SystemResponse) -> float:
-    found, above = _sides(response)
-    upwards = [w for w, low, high in zip(found, above[:-1], above[1:], strict=True) if high > low]
-    return min(upwards, default=math.nan)
-
-
-def _falling(response: SystemResponse) -> float:
-    found, above = _sides(response)
-    if above[-1]:
-        return math.inf
-    return max(found, default=math.nan)
 
 
 # How fast a loop has to be sampled, and how slowly it may be.
@@ -323,6 +303,10 @@ def sampled_poles(loop: Loop, period: float, computation_samples: int) -> AnyVec
 # S, T, KS and GS where a loop is broken, with their peaks.
 
 
+SHOWN = ("S", "T", "KS", "GS")
+"""The closed-loop transfer functions, in the order in which they are drawn."""
+
+
 @dataclass(frozen=True, eq=False)
 class Sensitivities:
     """The transfer functions of a loop at one break point, as named systems.
@@ -367,34 +351,36 @@ class Sensitivities:
     @cached_property
     def peaks(self) -> dict[str, HinfNorm]:
         """Largest singular values over all frequencies of S, T, KS and GS, proven if affordable."""
-        return {name: norm_of(getattr(self, name)) for name in ("S", "T", "KS", "GS")}
+        return {name: norm_of(getattr(self, name)) for name in SHOWN}
 
 
-def sensitivities(loop: Loop, place: Place) -> Sensitivities:
+@dataclass(frozen=True, eq=False)
+class MeasuredSensitivities(Sensitivities):
+    """L, S, T, KS and GS at the measured frequencies, each a `control.FrequencyResponseData`.
+
+    Attributes
+    ----------
+    place : {"input", "output"}
+    L, S, T, KS, GS : control.FrequencyResponseData
+    """
+
+    @cached_property
+    def peaks(self) -> dict[str, HinfNorm]:
+        """Largest singular values of the lines; what lies between them is not known."""
+        return {name: MeasuredResponse(getattr(self, name)).peak() for name in SHOWN}  # type: ignore
+
+
+def sensitivities(loop: Loop | MeasuredLoop, place: Place) -> Sensitivities:
     """Return the transfer functions of a loop at a place."""
     at, u, y = loop.at(place), loop.at("input"), loop.at("output")
-    return Sensitivities(
+    kind: Any = MeasuredSensitivities if isinstance(loop, MeasuredLoop) else Sensitivities
+    return kind(
         place=place,
         L=loop.opened(place),
         S=loop.around(at),
         T=loop.around(at, -1.0, -1.0),
-        KS=from_to(loop.closed, y, u),
-        GS=from_to(loop.closed, u, y),
-    )
-
-
-def from_to(
-    system: control.StateSpace, inputs: Sequence[int], outputs: Sequence[int]
-) -> control.StateSpace:
-    """Return a system between some of its inputs and outputs."""
-    A, B, C, D = (np.asarray(getattr(system, name)) for name in "ABCD")
-    matrices = A, B[:, inputs], C[outputs], D[np.ix_(outputs, inputs)]
-    return named_system(
-        matrices,
-        0 if system.dt is None else system.dt,
-        [system.input_labels[i] for i in inputs],
-        [system.output_labels[i] for i in outputs],
-        system.state_labels,
+        KS=loop.between(y, u),
+        GS=loop.between(u, y),
     )
 
 
@@ -452,6 +438,11 @@ class Effort:
     unit: str = ""
     source_unit: str = ""
 
+    @property
+    def _unit_per_source(self) -> str:
+        """Unit of the control for a unit of its source, where both are known."""
+        return f"{self.unit}/{self.source_unit}" if self.unit and self.source_unit else ""
+
 
 @dataclass(frozen=True)
 class GivenEffort:
@@ -483,7 +474,7 @@ class GivenEffort:
 
 def noise_effort(loop: Loop) -> tuple[Effort, ...]:
     """Return what noise on every measurement makes every control do."""
-    return _efforts(loop, from_to(loop.closed, loop.at("output"), loop.at("input")))
+    return _efforts(loop, loop.between(loop.at("output"), loop.at("input")))
 
 
 def disturbance_effort(loop: Loop) -> tuple[Effort, ...]:
