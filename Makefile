@@ -37,9 +37,9 @@ lint: $(READY) ## Check style, types, the direction of imports, cycles and crowd
 	$(BIN)/lint-imports
 	$(BIN)/python -m tests.structure.imports
 
-structure: $(READY) ## Print the ways of calls through files, and the modules without tests of their own
+structure: $(READY) ## Print the files that public calls enter, and the size of the package
 	$(BIN)/python -m tests.structure.call_path
-	$(BIN)/python -m tests.structure.untested
+	$(BIN)/python -m tests.structure.size
 
 docs: $(READY) ## Build the documentation, warnings are errors; pages go to docs/_build/html
 	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
