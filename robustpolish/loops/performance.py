@@ -14,6 +14,7 @@ import xarray as xr
 
 from robustpolish.base.arrays import AnyVector, Array, Vector
 from robustpolish.base.checks import described, instance_of, invalid
+from robustpolish.implementation.certify_sampled import last_stable
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import HinfNorm
 from robustpolish.linear.response import first_order_hold, linear_response
@@ -127,11 +128,8 @@ def _bandwidth(
 
 # How fast a loop has to be sampled, and how slowly it may be.
 
-# The search goes from this many samples per time constant of the fastest pole down by this ratio.
+# The search goes down from this many samples per time constant of the fastest pole.
 _MOST_SAMPLES = 300.0
-_RATIO = 1.08
-_MOST_STEPS = 600
-_BISECTIONS = 30
 # An eigenvalue this far outside the unit circle is rounding.
 _ROUNDING = 1e-9
 
@@ -228,25 +226,15 @@ def lowest_stable_rate(loop: Loop, computation_samples: int) -> float:
     rates = rates[rates > 0]
     if not rates.size:
         return 0.0
-    period = 1 / (_MOST_SAMPLES * float(rates.max()))
-    if not _stable(loop, period, computation_samples):
+
+    def stable(period: float) -> bool:
+        poles = sampled_poles(loop, period, computation_samples)
+        return bool(np.abs(poles).max() < 1 + _ROUNDING)
+
+    shortest = 1 / (_MOST_SAMPLES * float(rates.max()))
+    if not stable(shortest):
         return math.inf
-    slowest = 30 / float(rates.min())
-    for _ in range(_MOST_STEPS):
-        if period > slowest:
-            return 0.0
-        if not _stable(loop, period * _RATIO, computation_samples):
-            break
-        period *= _RATIO
-    good, bad = period, period * _RATIO
-    for _ in range(_BISECTIONS):
-        middle = math.sqrt(good * bad)
-        good, bad = (middle, bad) if _stable(loop, middle, computation_samples) else (good, middle)
-    return 1 / good
-
-
-def _stable(loop: Loop, period: float, computation_samples: int) -> bool:
-    return bool(np.abs(sampled_poles(loop, period, computation_samples)).max() < 1 + _ROUNDING)
+    return 1 / last_stable(stable, shortest, 30 / float(rates.min()))
 
 
 def sampled_poles(loop: Loop, period: float, computation_samples: int) -> AnyVector:

@@ -19,7 +19,7 @@ from robustpolish.base.arrays import Array, Matrix, Vector
 from robustpolish.base.atomic_writes import new_file, write_file
 from robustpolish.base.checks import invalid, is_whole, one_of
 from robustpolish.base.versions import __version__
-from robustpolish.implementation.realization import SAMPLES, RoundoffBound, controller_outputs
+from robustpolish.implementation.realization import SAMPLES, SinglePrecision, controller_outputs
 
 # What any export writes of a controller: matrices, names, units, limits, and words about it.
 
@@ -202,7 +202,7 @@ def write_c(
     path: str | os.PathLike[str],
     name: str,
     precision: str,
-    bound: RoundoffBound | None,
+    loss: SinglePrecision | None,
     *,
     test_vectors: int = 0,
     force: bool = False,
@@ -216,7 +216,7 @@ def write_c(
         A folder, or a file that ends in ``.c``.
     name : str
     precision : {"double", "float"}
-    bound : RoundoffBound or None
+    loss : SinglePrecision or None
         For "float".
     test_vectors : int, optional
         So many random samples are written to ``<file>_vectors.csv``.
@@ -232,7 +232,7 @@ def write_c(
     if not is_whole(test_vectors) or test_vectors < 0:
         raise invalid("test_vectors", test_vectors, "a number of samples", "Pass 10000, or 0.")
     place = target(path, name, ".c")
-    write_file(place, c_text(spec, name, precision, _facts(spec, bound)), force)
+    write_file(place, c_text(spec, name, precision, _facts(spec, loss)), force)
     if test_vectors:
         y, u = vectors(spec, test_vectors)
         with new_file(place.with_name(f"{place.stem}_vectors.csv"), force) as draft:
@@ -257,13 +257,13 @@ def vectors(spec: CodeSpec, samples: int) -> tuple[Array, Array]:
     return y, controller_outputs(spec.controller, y, spec.limits, spec.feedback)
 
 
-def _facts(spec: CodeSpec, bound: RoundoffBound | None) -> tuple[str, ...]:
-    if bound is None:
+def _facts(spec: CodeSpec, loss: SinglePrecision | None) -> tuple[str, ...]:
+    if loss is None:
         return ()
     each = "; ".join(
         f"{name}: {sample:.3g} per sample, {total:.3g} in all, of at most {size:.3g}"
         for name, sample, total, size in zip(
-            spec.controls, bound.per_sample, bound.outputs, bound.size, strict=True
+            spec.controls, loss.per_sample, loss.outputs, loss.size, strict=True
         )
     )
     limited = " It holds while no limit is reached." if spec.limits is not None else ""
