@@ -49,8 +49,9 @@ lint: $(READY) ## Check style, types, the direction of imports, cycles and the s
 	$(BIN)/python -m tests.structure.imports
 	$(BIN)/python -m tests.structure.size --limit $(LINES) --files $(FILES_AT_MOST)
 
-structure: $(READY) ## Print which files the main calls enter
+structure: $(READY) ## Print the files that public calls enter, and the size of the package
 	$(BIN)/python -m tests.structure.call_path
+	$(BIN)/python -m tests.structure.size
 
 docs: $(READY) ## Build the documentation, warnings are errors; pages go to docs/_build/html
 	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html

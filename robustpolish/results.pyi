@@ -115,6 +115,9 @@ from .linear.zeros import (
 from .loops.analysis import (
     LoopAnalysis as LoopAnalysis,
 )
+from .loops.analysis import (
+    MeasuredLoopAnalysis as MeasuredLoopAnalysis,
+)
 from .loops.disk_margins import (
     DiskMargin as DiskMargin,
 )
@@ -127,17 +130,14 @@ from .loops.margins import (
 from .loops.margins import (
     MarginsAtOnce as MarginsAtOnce,
 )
-from .loops.measured import (
-    MeasuredLoopAnalysis as MeasuredLoopAnalysis,
-)
-from .loops.measured import (
-    MeasuredSensitivities as MeasuredSensitivities,
-)
 from .loops.performance import (
     Effort as Effort,
 )
 from .loops.performance import (
     LoopBandwidth as LoopBandwidth,
+)
+from .loops.performance import (
+    MeasuredSensitivities as MeasuredSensitivities,
 )
 from .loops.performance import (
     SampleRate as SampleRate,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import control
@@ -235,18 +236,26 @@ def longest_period(
     shortest = max(_FAST / rates.max(), delay / MOST_PERIODS * 4)
     if not stable(shortest):
         return _downwards(stable, shortest, delay)
-    low, limit = shortest, _SLOW / rates.min()
+    limit = _SLOW / rates.min()
     if prewarp_hz is not None:
         limit = min(limit, 0.499 / prewarp_hz)
-    while low < limit:
-        high = low * STEP
-        if not stable(high):
-            return _between(stable, low, high)
-        low = high
-    return math.inf if prewarp_hz is None else limit
+    found = last_stable(stable, shortest, limit)
+    return limit if prewarp_hz is not None and math.isinf(found) else found
 
 
-def _downwards(stable, high: float, delay: float) -> float:
+def last_stable(stable: Callable[[float], bool], period: float, limit: float) -> float:
+    """Return the period at which a loop, stable at a first one, is no longer; infinite if none.
+
+    Periods are tried up to a limit, each longer by `STEP` than the one before.
+    """
+    while period < limit:
+        if not stable(period * STEP):
+            return _between(stable, period, period * STEP)
+        period *= STEP
+    return math.inf
+
+
+def _downwards(stable: Callable[[float], bool], high: float, delay: float) -> float:
     """Look for a shorter period that is stable, as far down as the delay lets one."""
     for _ in range(12):
         low = high / 4
@@ -258,7 +267,7 @@ def _downwards(stable, high: float, delay: float) -> float:
     return 0.0
 
 
-def _between(stable, low: float, high: float) -> float:
+def _between(stable: Callable[[float], bool], low: float, high: float) -> float:
     for _ in range(_BISECTIONS):
         middle = math.sqrt(low * high)
         low, high = (middle, high) if stable(middle) else (low, middle)

@@ -32,7 +32,7 @@ from robustpolish.implementation.export.fmu import write_fmu
 from robustpolish.implementation.realization import (
     FORMS,
     Limits,
-    RoundoffBound,
+    SinglePrecision,
     control_limits,
     realized,
     single_precision,
@@ -58,78 +58,6 @@ from robustpolish.plants.plant import (
     system_from,
 )
 from robustpolish.plots.frequency import plot_gains
-
-# What the file of a sampled design holds: plant, controller and timing; the rest is proven again.
-#
-# It lies below the design, which writes and reads itself with it.
-
-_REMEDY = "Plant, controller or timing were changed after saving; discretize it anew."
-
-
-def sampled_content(sampled: Any) -> dict[str, Any]:
-    """Return what is written of a :class:`robustpolish.results.SampledDesign`."""
-    analogue = sampled.anti_aliasing
-    return {
-        "norm": sampled.norm,
-        "achieved": sampled.certificate.achieved,
-        "continuous_norm": sampled.continuous_norm,
-        "message": sampled.message,
-        "method": sampled.method,
-        "period": sampled.period,
-        "delay": sampled.delay,
-        "form": sampled.details.get("form"),
-        "plant": plant_content(sampled.plant),
-        "controller": system_content(sampled.controller),
-        "anti_aliasing": None if analogue is None else system_content(analogue),
-    }
-
-
-def sampled_fields(fields: Fields) -> dict[str, Any]:
-    """Return the fields of the sampled design in a file, with a new certificate.
-
-    Raises
-    ------
-    InvalidInputError
-        If a key is missing or wrong, if the controller does not earn a certificate, or if its
-        loop has another norm than the file says.
-    """
-    plant = checked_plant(plant_from(fields.table("plant")))
-    given = system_from(fields.table("controller"))
-    check_size(fields, plant.system, given)
-    period, delay = fields.number("period"), fields.number("delay")
-    if not (math.isfinite(period) and period > 0):
-        raise invalid(f"{fields.where}: period", period, "a time above 0 s", _REMEDY)
-    delay = checked_delay(delay, period)
-    controller = discrete_controller(plant, given, period)
-    analogue = None
-    if fields.raw("anti_aliasing") is not None:
-        analogue = filter_system(system_from(fields.table("anti_aliasing")), plant.ny)
-    norm = fields.text("norm", ("hinf", "h2"))
-    certificate = certify_sampled(
-        plant,
-        controller,
-        delay=delay,
-        norm="h2" if norm == "h2" else "hinf",
-        anti_aliasing=analogue,
-    )
-    confirm_norm(fields, certificate, _REMEDY)
-    before = fields.number("continuous_norm")
-    if np.isnan(before) or before < 0:
-        raise invalid(f"{fields.where}: continuous_norm", before, "a norm", _REMEDY)
-    form = None if fields.raw("form") is None else fields.text("form", FORMS)
-    return {
-        "plant": plant,
-        "controller": controller,
-        "period": period,
-        "delay": delay,
-        "certificate": certificate,
-        "message": fields.text("message"),
-        "norm": certificate.norm,
-        "continuous_norm": before,
-        "method": fields.text("method"),
-        "anti_aliasing": analogue,
-        "details": MappingProxyType({} if form is None else {"form": form}),
-    }
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -219,7 +147,21 @@ class SampledDesign(Displayed):
         >>> again.certificate.valid, again.certificate.bound == sampled.certificate.bound
         (True, True)
         """
-        write_saved(path, "sampled design", sampled_content(self), force)
+        analogue = self.anti_aliasing
+        content = {
+            "norm": self.norm,
+            "achieved": self.certificate.achieved,
+            "continuous_norm": self.continuous_norm,
+            "message": self.message,
+            "method": self.method,
+            "period": self.period,
+            "delay": self.delay,
+            "form": self.details.get("form"),
+            "plant": plant_content(self.plant),
+            "controller": system_content(self.controller),
+            "anti_aliasing": None if analogue is None else system_content(analogue),
+        }
+        write_saved(path, "sampled design", content, force)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, max_bytes: float | None = None) -> SampledDesign:
@@ -413,12 +355,10 @@ class SampledDesign(Displayed):
         >>> "void lag_step(lag_state *s, const double y[1], double u[1]);" in text
         True
         """
-        bound = None
-        about: tuple[str, ...] = ()
-        if precision == "float":
-            bound, about = self._single()
+        loss = self._single() if precision == "float" else None
+        about = () if loss is None else (loss.sentence,)
         spec = self._spec(limits, anti_windup, about)
-        return write_c(spec, path, name, precision, bound, test_vectors=test_vectors, force=force)
+        return write_c(spec, path, name, precision, loss, test_vectors=test_vectors, force=force)
 
     def export_mat(
         self,
@@ -577,8 +517,8 @@ class SampledDesign(Displayed):
         given = self.plant.limits if limits is None else limits
         return control_limits(given, self.controller.output_labels)
 
-    def _single(self) -> tuple[RoundoffBound, tuple[str, ...]]:
-        """Certify the loop in single precision, and return the bound and what there is to tell."""
+    def _single(self) -> SinglePrecision:
+        """Return the loop in single precision, certified."""
         loss = self.details.get("single_precision")
         if loss is None:
             before = self.certificate.achieved
@@ -589,7 +529,7 @@ class SampledDesign(Displayed):
                 + "; ".join(loss.certificate.reasons)
                 + ". Take another form first, with .realization('sections'), or 'double'.",
             )
-        return RoundoffBound(loss.per_sample, loss.outputs, loss.size), (loss.sentence,)
+        return loss
 
     def _spec(self, limits: Limits, anti_windup: str, about: tuple[str, ...] = ()) -> CodeSpec:
         K, plant, c = self.controller, self.plant, self.certificate
@@ -663,6 +603,46 @@ class SampledDesign(Displayed):
         return Card(f"Sampled design ({self.method}): {verdict}", (quantities(*rows),), notes)
 
 
+_REMEDY = "Plant, controller or timing were changed after saving; discretize it anew."
+
+
 def sampled_from(fields: Fields) -> SampledDesign:
-    """Return the sampled design in a file that has been opened; see :meth:`SampledDesign.load`."""
-    return SampledDesign(**sampled_fields(fields))
+    """Return the sampled design in a file that has been opened, with a new certificate.
+
+    Raises
+    ------
+    InvalidInputError
+        If a key is missing or wrong, if the controller does not earn a certificate, or if its
+        loop has another norm than the file says.
+    """
+    plant = checked_plant(plant_from(fields.table("plant")))
+    given = system_from(fields.table("controller"))
+    check_size(fields, plant.system, given)
+    period, delay = fields.number("period"), fields.number("delay")
+    if not (math.isfinite(period) and period > 0):
+        raise invalid(f"{fields.where}: period", period, "a time above 0 s", _REMEDY)
+    delay = checked_delay(delay, period)
+    controller = discrete_controller(plant, given, period)
+    analogue = None
+    if fields.raw("anti_aliasing") is not None:
+        analogue = filter_system(system_from(fields.table("anti_aliasing")), plant.ny)
+    norm: Any = fields.text("norm", ("hinf", "h2"))
+    certificate = certify_sampled(plant, controller, delay=delay, norm=norm, anti_aliasing=analogue)
+    confirm_norm(fields, certificate, _REMEDY)
+    before = fields.number("continuous_norm")
+    if np.isnan(before) or before < 0:
+        raise invalid(f"{fields.where}: continuous_norm", before, "a norm", _REMEDY)
+    form = None if fields.raw("form") is None else fields.text("form", FORMS)
+    return SampledDesign(
+        plant=plant,
+        controller=controller,
+        period=period,
+        delay=delay,
+        certificate=certificate,
+        message=fields.text("message"),
+        norm=certificate.norm,
+        continuous_norm=before,
+        method=fields.text("method"),
+        anti_aliasing=analogue,
+        details=MappingProxyType({} if form is None else {"form": form}),
+    )

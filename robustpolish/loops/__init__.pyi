@@ -2,6 +2,9 @@ from .analysis import (
     LoopAnalysis as LoopAnalysis,
 )
 from .analysis import (
+    MeasuredLoopAnalysis as MeasuredLoopAnalysis,
+)
+from .analysis import (
     loop_analysis as loop_analysis,
 )
 from .disk_margins import (
@@ -19,12 +22,6 @@ from .margins import (
 from .margins import (
     MarginsAtOnce as MarginsAtOnce,
 )
-from .measured import (
-    MeasuredLoopAnalysis as MeasuredLoopAnalysis,
-)
-from .measured import (
-    MeasuredSensitivities as MeasuredSensitivities,
-)
 from .performance import (
     Effort as Effort,
 )
@@ -33,6 +30,9 @@ from .performance import (
 )
 from .performance import (
     LoopBandwidth as LoopBandwidth,
+)
+from .performance import (
+    MeasuredSensitivities as MeasuredSensitivities,
 )
 from .performance import (
     SampleRate as SampleRate,

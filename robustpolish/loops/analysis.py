@@ -13,27 +13,29 @@ from matplotlib.axes import Axes
 
 from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import described, instance_of, invalid, one_of
-from robustpolish.base.results import Card, Displayed, Table
-from robustpolish.loops.loop import PLACES, Loop, Place, controller_of, loop_of, measured_plant
-from robustpolish.loops.margins import LoopMargins, Where, margins_of, simultaneous_margins
-from robustpolish.loops.measured import MeasuredLoopAnalysis, measured_analysis
+from robustpolish.base.results import Card, Table
+from robustpolish.loops.loop import (
+    PLACES,
+    Loop,
+    Place,
+    controller_of,
+    from_to,
+    loop_of,
+    measured_plant,
+)
+from robustpolish.loops.margins import Where, margins_of, simultaneous_margins
+from robustpolish.loops.measured import MeasuredLoop
 from robustpolish.loops.performance import (
+    SHOWN,
     bandwidths,
     disturbance_effort,
-    from_to,
     given_effort,
     noise_effort,
     sample_rate,
     sensitivities,
 )
-from robustpolish.loops.pictures import (
-    plot_loop_bode,
-    plot_loop_nichols,
-    plot_loop_nyquist,
-    plot_sigma,
-    plot_steps,
-)
-from robustpolish.loops.report import LoopFigures, explain, problems, tables_of
+from robustpolish.loops.pictures import plot_steps
+from robustpolish.loops.report import LoopFigures, details, explain, lines_in_words, tables_of
 from robustpolish.loops.requirements import LoopRequirements
 from robustpolish.plants.controllers import GivenController
 from robustpolish.plants.plant import GeneralizedPlant
@@ -42,7 +44,7 @@ from robustpolish.synthesis.design import Design
 Kind = Literal["bode", "sigma", "nyquist", "nichols", "step"]
 
 
-class LoopAnalysis(LoopFigures, Displayed):
+class LoopAnalysis(LoopFigures):
     """What :func:`loop_analysis` found out.
 
     Attributes
@@ -88,16 +90,6 @@ class LoopAnalysis(LoopFigures, Displayed):
     ['Margins, one loop at a time', 'Margins, all at once']
     """
 
-    @property
-    def problems(self) -> tuple[str, ...]:
-        """What speaks against building the loop, the worst first."""
-        return tuple(problems(self))
-
-    @property
-    def buildable(self) -> bool:
-        """Whether the loop meets its requirements."""
-        return not problems(self)
-
     def explain(self) -> str:
         """Say in a paragraph whether the loop can be built, and what limits it.
 
@@ -105,7 +97,7 @@ class LoopAnalysis(LoopFigures, Displayed):
         -------
         str
         """
-        return explain(self)
+        return explain(self, details(self))
 
     def tables(self) -> tuple[Table, ...]:
         """Return the figures as tables: margins, bandwidths, noise, effort, sampling.
@@ -158,25 +150,14 @@ class LoopAnalysis(LoopFigures, Displayed):
         if isinstance(ax, str):
             ax, kind = None, ax  # type: ignore[assignment]
         one_of("kind", kind, get_args(Kind))
-        one_of("place", place, PLACES)
-        chosen = self._chosen(place, signal)
-        if kind == "sigma":
-            at = getattr(self, chosen[0][0])
-            systems = {name: getattr(at, name) for name in ("S", "T", "KS", "GS")}
-            return plot_sigma(systems, ax, self.loop.rates)
         if kind == "step":
-            return self._plot_steps(chosen, of, duration, ax)
-        loops = {self.loop.names(where)[i]: self.loop.opened(where, [i]) for where, i in chosen}
-        disks = {m.name: m.disk.alpha for m in self.margins}
-        if kind == "bode":
-            return plot_loop_bode(loops, ax, self.loop.rates)
-        draw = plot_loop_nyquist if kind == "nyquist" else plot_loop_nichols
-        return draw(loops, disks, ax, self.loop.rates)
+            return self._plot_steps(self._chosen(place, signal), of, duration, ax)
+        return self._drawn(ax, kind, signal, place, self.loop.rates)
 
     def _plot_steps(
         self, chosen: list[tuple[Place, int]], of: str, duration: float | None, ax: Axes | None
     ) -> Axes:
-        one_of("of", of, ("S", "T", "KS", "GS"))
+        one_of("of", of, SHOWN)
         if not self.stable:
             shown = described("the steps of an unstable loop")
             raise invalid("kind", shown, "a stable loop", "Draw kind='nyquist' to see why.")
@@ -199,6 +180,128 @@ class LoopAnalysis(LoopFigures, Displayed):
         time = "discrete time" if self.loop.is_discrete else "continuous time"
         title = f"Loop analysis, {time}: {state}" + (f", {verdict}" if self.stable else "")
         return Card(title, self.tables(), (self.explain(),))
+
+
+MeasuredKind = Literal["bode", "sigma", "nyquist", "nichols"]
+
+
+class MeasuredLoopAnalysis(LoopFigures):
+    """What :func:`robustpolish.loop_analysis` says of a measured plant.
+
+    Its fields are those of :class:`robustpolish.results.LoopAnalysis`. Stability is counted by
+    Nyquist's
+    criterion, margins lie on the lines or straight between them, and nothing is proven. What
+    needs a model is empty: ``noise``, ``effort`` and ``given`` are ``()``, ``sample_rate`` is None.
+
+    Attributes
+    ----------
+    loop : MeasuredLoop
+        Plant, controller and their lines.
+    stability : Stability
+        As Nyquist's criterion counts it.
+    input, output : MeasuredSensitivities
+        L, S, T, KS and GS at the plant's input and output, as frequency responses.
+    margins, at_once, bandwidths, requirements
+        As in :class:`robustpolish.results.LoopAnalysis`.
+    noise, effort, given, sample_rate
+        Empty, and None.
+
+    Examples
+    --------
+    >>> import control
+    >>> import numpy as np
+    >>> import robustpolish as rp
+    >>> s = control.tf("s")
+    >>> measured = control.frd(1 / (s * (s + 1) * (0.5 * s + 1)), np.logspace(-2, 2, 400))
+    >>> analysis = rp.loop_analysis(measured, -1)
+    >>> analysis.stable, round(analysis.gain_margin[1], 2), round(analysis.phase_margin, 1)
+    (True, 3.0, 32.6)
+    >>> analysis.plot(kind="nyquist").get_xlabel()
+    'real part of L'
+    """
+
+    loop: Any
+
+    def explain(self) -> str:
+        """Say in a paragraph whether the loop can be built, and what that rests on.
+
+        Returns
+        -------
+        str
+
+        Examples
+        --------
+        >>> import control
+        >>> import numpy as np
+        >>> import robustpolish as rp
+        >>> lines = control.frd(control.tf([2], [1, 1]), np.logspace(-2, 2, 50))
+        >>> "50 measured lines" in rp.loop_analysis(lines, -1).explain()
+        True
+        """
+        return explain(self, [lines_in_words(self)])
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return the figures as tables: margins and bandwidths.
+
+        Returns
+        -------
+        tuple of Table
+
+        Examples
+        --------
+        >>> import control
+        >>> import numpy as np
+        >>> import robustpolish as rp
+        >>> lines = control.frd(control.tf([2], [1, 1]), np.logspace(-2, 2, 50))
+        >>> [table.caption for table in rp.loop_analysis(lines, -1).tables()][-1]
+        'Bandwidths'
+        """
+        return tuple(table for table in tables_of(self) if table.rows)
+
+    def plot(
+        self,
+        ax: Axes | str | None = None,
+        *,
+        kind: MeasuredKind = "bode",
+        signal: str | None = None,
+        place: Place = "input",
+    ) -> Axes:
+        """Draw the loops at the measured lines, joined by straight strokes.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes or str, optional
+            Where to draw; a new figure by default. A text is taken as `kind`.
+        kind : {"bode", "sigma", "nyquist", "nichols"}, optional
+            "bode", "nyquist" and "nichols" show L of single loops, the latter two with the disk
+            around -1 that each stays out of at the lines; "sigma" the largest singular values of
+            S, T, KS and GS.
+        signal : str, optional
+            The control or measurement at which the loop is broken; by default all of `place`, at
+            most five.
+        place : {"input", "output"}, optional
+            Of the plant.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no such kind, place or signal; steps need a model.
+        """
+        if isinstance(ax, str):
+            ax, kind = None, ax  # type: ignore[assignment]
+        if kind == "step":
+            shown = described("the steps of a measured plant")
+            raise invalid("kind", shown, "a model to run", "Fit one, or draw kind='bode'.")
+        one_of("kind", kind, get_args(MeasuredKind))
+        return self._drawn(ax, kind, signal, place, None)
+
+    def _card(self) -> Card:
+        state = "stable as counted" if self.stable else "NOT stable as counted"
+        return Card(f"Loop analysis of a measured plant: {state}", self.tables(), (self.explain(),))
 
 
 @single_threaded_blas
@@ -283,7 +386,8 @@ def loop_analysis(
         if disturbance is not None:
             shown = described("a disturbance of a measured plant")
             raise invalid("disturbance", shown, "a model to run", "Fit one, or leave it out.")
-        return measured_analysis(lines, controller_of(controller), unstable_poles, asked)
+        measured = MeasuredLoop.of(lines, controller_of(controller), unstable_poles)
+        return MeasuredLoopAnalysis(**_figures(measured, asked))
     if unstable_poles != 0:
         shown, want = described("a count for a model"), "a count for a measured plant only"
         raise invalid("unstable_poles", shown, want, "Leave it out: a model tells its poles.")
@@ -298,35 +402,38 @@ def model_analysis(
 ) -> LoopAnalysis:
     """Return what :func:`loop_analysis` finds out of a model."""
     loop = loop_of(plant, controller)
-    at = {place: sensitivities(loop, place) for place in PLACES}
-    if not loop.stability:
-        return LoopAnalysis(
-            loop, loop.stability, at["input"], at["output"], (), {}, (), (), (), (), None, asked
-        )
-    singles = tuple(
-        margins_of(loop, place, i) for place in PLACES for i in range(len(loop.names(place)))
-    )
-    at_once = {where: simultaneous_margins(loop, where) for where in get_args(Where)}
-    widths = bandwidths(loop, singles)
-    found = LoopAnalysis(
-        loop=loop,
-        stability=loop.stability,
-        input=at["input"],
-        output=at["output"],
-        margins=singles,
-        at_once=at_once,
-        bandwidths=widths,
+    found = LoopAnalysis(**_figures(loop, asked))
+    if not found.stable:
+        return found
+    return replace(
+        found,
         noise=noise_effort(loop),
         effort=disturbance_effort(loop),
         given=() if disturbance is None else given_effort(loop, disturbance),
-        sample_rate=None,
-        requirements=asked,
+        sample_rate=None
+        if loop.is_discrete
+        else sample_rate(loop, found.margins, found.delay_margin, found.bandwidths, asked),
     )
-    return found if loop.is_discrete else _with_rate(found, loop, singles, asked)
 
 
-def _with_rate(
-    found: LoopAnalysis, loop: Loop, singles: tuple[LoopMargins, ...], asked: LoopRequirements
-) -> LoopAnalysis:
-    rate = sample_rate(loop, singles, found.delay_margin, found.bandwidths, asked)
-    return replace(found, sample_rate=rate)
+def _figures(loop: Loop | MeasuredLoop, asked: LoopRequirements) -> dict[str, Any]:
+    """Return the fields that a model and a measured plant have in common."""
+    found: dict[str, Any] = {
+        "loop": loop,
+        "stability": loop.stability,
+        **{place: sensitivities(loop, place) for place in PLACES},
+        **dict.fromkeys(("margins", "bandwidths", "noise", "effort", "given"), ()),
+        "at_once": {},
+        "sample_rate": None,
+        "requirements": asked,
+    }
+    if not loop.stability:
+        return found
+    margins = tuple(
+        margins_of(loop, place, i) for place in PLACES for i in range(len(loop.names(place)))
+    )
+    return found | {
+        "margins": margins,
+        "at_once": {where: simultaneous_margins(loop, where) for where in get_args(Where)},
+        "bandwidths": bandwidths(loop, margins),
+    }

@@ -16,9 +16,14 @@ from robustpolish.base.checks import described, invalid
 from robustpolish.errors import InvalidInputError
 from robustpolish.linear.delays.stability import delay_stability
 from robustpolish.linear.delays.systems import DelayedSystem
-from robustpolish.linear.norms.hinf import HinfNorm, hinf_norm
+from robustpolish.linear.norms.hinf import HinfNorm
 from robustpolish.linear.stability import Stability, stability
-from robustpolish.loops.response import DelayedLoop, DelayedResponse, SystemResponse
+from robustpolish.loops.response import (
+    DelayedLoop,
+    DelayedResponse,
+    MeasuredResponse,
+    SystemResponse,
+)
 from robustpolish.plants.blocks import as_state_space, matrices_of, named_system
 from robustpolish.plants.blocks import closed_loop as plant_loop
 from robustpolish.plants.controllers import GivenController, controller_system
@@ -28,13 +33,93 @@ from robustpolish.synthesis.design import Design
 
 Place = Literal["input", "output"]
 PLACES: tuple[Place, ...] = ("input", "output")
-PROVEN_STATES = 16
-"""Largest number of states of a loop for which peaks are proven in exact arithmetic."""
 _Matrices = tuple[Matrix, Matrix, Matrix, Matrix]
 
 
+class BreakableLoop:
+    """What loops of models and of measured plants have in common: signals, and peaks of S and T."""
+
+    plant: GeneralizedPlant
+    controller: control.StateSpace
+
+    def names(self, place: Place) -> tuple[str, ...]:
+        """Return the signals at which the loop can be broken: controls or measurements.
+
+        Parameters
+        ----------
+        place : {"input", "output"}
+
+        Returns
+        -------
+        tuple of str
+        """
+        own = self.plant
+        return own.control_names if place == "input" else own.measurement_names
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Names of the controls and of the measurements, in the order of :meth:`at`."""
+        return (*self.plant.control_names, *self.plant.measurement_names)
+
+    def at(self, place: Place, signals: Sequence[int] | None = None) -> list[int]:
+        """Return where signals of a place stand in :attr:`closed`.
+
+        Parameters
+        ----------
+        place : {"input", "output"}
+        signals : sequence of int, optional
+            All of the place by default.
+
+        Returns
+        -------
+        list of int
+        """
+        first = 0 if place == "input" else self.plant.nu
+        return [first + i for i in (range(len(self.names(place))) if signals is None else signals)]
+
+    def response_around(
+        self, at: Sequence[int], weight: float = 1.0, less: float = 0.0
+    ) -> SystemResponse | MeasuredResponse:
+        """Return weight * S - less * 1 at some signals over frequency."""
+        raise NotImplementedError
+
+    def peak(self, at: Sequence[int], weight: float = 1.0, less: float = 0.0) -> HinfNorm:
+        """Return the norm of :meth:`around`, proven if that is affordable, and remember it.
+
+        Parameters
+        ----------
+        at : sequence of int
+        weight, less : float, optional
+
+        Returns
+        -------
+        HinfNorm
+        """
+        key = (*at, weight, less)
+        if key not in self._peaks:
+            self._peaks[key] = self.response_around(at, weight, less).peak()
+        return self._peaks[key]
+
+    def balanced_peak(self, at: Sequence[int]) -> HinfNorm:
+        """Return the norm of S - T, whose inverse is half the disk margin of one loop.
+
+        Parameters
+        ----------
+        at : sequence of int
+
+        Returns
+        -------
+        HinfNorm
+        """
+        return self.peak(at, 2.0, 1.0)
+
+    @cached_property
+    def _peaks(self) -> dict[tuple[float, ...], HinfNorm]:
+        return {}
+
+
 @dataclass(frozen=True, eq=False)
-class Loop:
+class Loop(BreakableLoop):
     """A plant from u to y and a controller u = K y, with what lies outside the loop left out.
 
     Delays that a plant keeps beside its state-space system are in :meth:`response`,
@@ -75,20 +160,6 @@ class Loop:
     def is_discrete(self) -> bool:
         """Whether it is a loop in discrete time."""
         return self.plant.is_discrete
-
-    def names(self, place: Place) -> tuple[str, ...]:
-        """Return the signals at which the loop can be broken: controls or measurements.
-
-        Parameters
-        ----------
-        place : {"input", "output"}
-
-        Returns
-        -------
-        tuple of str
-        """
-        own = self.plant
-        return own.control_names if place == "input" else own.measurement_names
 
     def unit(self, name: str) -> str:
         """Return the unit of a signal if the plant knows it; that of a measured state is its own.
@@ -151,10 +222,9 @@ class Loop:
         rows[:n, :n] += A
         rows[n:, n : n + k] += Ak
         outer = np.vstack([u, y])
-        names = [*self.names("input"), *self.names("output")]
         cut = n + k
         matrices = rows[:, :cut], rows[:, cut:], outer[:, :cut], outer[:, cut:]
-        return named_system(matrices, self.dt, names, names, self._states())
+        return named_system(matrices, self.dt, self.signals, self.signals, self._states())
 
     @cached_property
     def stability(self) -> Stability:
@@ -190,21 +260,9 @@ class Loop:
         """Whether the loop with the opposite sign, u = -K y, is stable."""
         return stability(Loop(self.plant, -self.controller).closed)
 
-    def at(self, place: Place, signals: Sequence[int] | None = None) -> list[int]:
-        """Return where signals of a place stand in :attr:`closed`.
-
-        Parameters
-        ----------
-        place : {"input", "output"}
-        signals : sequence of int, optional
-            All of the place by default.
-
-        Returns
-        -------
-        list of int
-        """
-        first = 0 if place == "input" else self.plant.nu
-        return [first + i for i in (range(len(self.names(place))) if signals is None else signals)]
+    def between(self, inputs: Sequence[int], outputs: Sequence[int]) -> control.StateSpace:
+        """Return :attr:`closed` between some of its inputs and outputs."""
+        return from_to(self.closed, inputs, outputs)
 
     def around(
         self, at: Sequence[int], weight: float = 1.0, less: float = 0.0
@@ -228,42 +286,6 @@ class Loop:
         matrices = A, B[:, at], weight * C[at], own
         return named_system(matrices, self.dt, names, names, closed.state_labels)
 
-    def peak(self, at: Sequence[int], weight: float = 1.0, less: float = 0.0) -> HinfNorm:
-        """Return the norm of :meth:`around`, proven if that is affordable, and remember it.
-
-        Parameters
-        ----------
-        at : sequence of int
-        weight, less : float, optional
-
-        Returns
-        -------
-        HinfNorm
-        """
-        key = (*at, weight, less)
-        if key not in self._peaks:
-            around = self.response_around(at, weight, less)
-            delayed = isinstance(around, DelayedResponse)
-            self._peaks[key] = around.peak() if delayed else norm_of(around.system)
-        return self._peaks[key]
-
-    def balanced_peak(self, at: Sequence[int]) -> HinfNorm:
-        """Return the norm of S - T, whose inverse is half the disk margin of one loop.
-
-        Parameters
-        ----------
-        at : sequence of int
-
-        Returns
-        -------
-        HinfNorm
-        """
-        return self.peak(at, 2.0, 1.0)
-
-    @cached_property
-    def _peaks(self) -> dict[tuple[float, ...], HinfNorm]:
-        return {}
-
     @property
     def side_by_side(self) -> control.StateSpace:
         """Everything opened: from (u, y) to (-K y, -G u)."""
@@ -277,8 +299,7 @@ class Loop:
             ),
             np.block([[np.zeros((nu, nu)), -Dk], [-D, np.zeros((ny, ny))]]),
         )
-        names = [*self.names("input"), *self.names("output")]
-        return named_system(matrices, self.dt, names, names, self._states())
+        return named_system(matrices, self.dt, self.signals, self.signals, self._states())
 
     def opened(self, place: Place, signals: Sequence[int] | None = None) -> control.StateSpace:
         """Return the loop transfer function where it is broken, the rest being closed.
@@ -365,9 +386,18 @@ class Loop:
         return bool(np.linalg.cond(np.eye(D.shape[1]) - Dk @ D) < 1 / np.finfo(float).eps)
 
 
-def norm_of(system: control.StateSpace) -> HinfNorm:
-    """Return the H-infinity norm, proven in exact arithmetic if that is affordable."""
-    return hinf_norm(system, exact=(system.nstates or 0) <= PROVEN_STATES)
+def from_to(
+    system: control.StateSpace, inputs: Sequence[int], outputs: Sequence[int]
+) -> control.StateSpace:
+    """Return a system between some of its inputs and outputs."""
+    A, B, C, D = matrices_of(system)
+    return named_system(
+        (A, B[:, inputs], C[outputs], D[np.ix_(outputs, inputs)]),
+        0 if system.dt is None else system.dt,
+        [system.input_labels[i] for i in inputs],
+        [system.output_labels[i] for i in outputs],
+        system.state_labels,
+    )
 
 
 def _reached(edges: Any, start: Any) -> Any:

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any, Literal
 
 import control
 import numpy as np
 from matplotlib.axes import Axes
 
-from robustpolish.base.arrays import AnyMatrix, Vector
+from robustpolish.base.arrays import AnyArray, AnyMatrix, Vector
 from robustpolish.base.results import Card, Displayed, Table, quantities
 from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
-from robustpolish.linear.eigen import eigensystem
 from robustpolish.linear.norms.peak import cayley
 from robustpolish.loops.disk_margins import DelayedIntervals, DiskMargin, decibel, disk_of
 from robustpolish.loops.loop import Loop, Place
-from robustpolish.loops.pictures import plot_loop_nyquist
-from robustpolish.loops.response import SystemResponse, roots
+from robustpolish.loops.measured import MeasuredLoop
+from robustpolish.loops.pictures import plot_loops
+from robustpolish.loops.response import lag
 from robustpolish.loops.scaled_peak import MOST_INTERVALS, best_scales, interval, scaled_peak
 
 # The margins of several loops at once: every signal of a place changed in any combination.
@@ -72,16 +71,23 @@ class MarginsAtOnce:
     any_delay_s: float
 
 
-def simultaneous_margins(loop: Loop, where: Where) -> MarginsAtOnce:
+def simultaneous_margins(loop: Loop | MeasuredLoop, where: Where) -> MarginsAtOnce:
     """Return what a stable loop bears at all inputs, all outputs, or all of both."""
     place: Place | None = {"inputs": "input", "outputs": "output"}.get(where)  # type: ignore
     if place is None:
-        at, opened = [*loop.at("input"), *loop.at("output")], loop.side_by_side
-        common = math.nan
+        at, common = [*loop.at("input"), *loop.at("output")], math.nan
     else:
-        at, opened = loop.at(place), loop.opened(place)
-        common = common_delay(loop.response(place))
-    names = tuple(loop.closed.input_labels[i] for i in at)
+        at, common = loop.at(place), loop.response(place).common_delay()
+    names = tuple(loop.signals[i] for i in at)
+    if isinstance(loop, MeasuredLoop):
+        disk, delay = _bounds_of_lines(loop, at, place, common)
+    else:
+        disk, delay = _bounds(loop, at, place)
+    return MarginsAtOnce(where, names, disk, common, delay)
+
+
+def _bounds(loop: Loop, at: list[int], place: Place | None) -> tuple[DiskMargin, float]:
+    """Return the disk of several signals, and a delay in any combination, both proven."""
     balanced = _axis(loop.around(at, 2.0, 1.0), _closed_delays(loop, at))
     if len(at) == 1:  # no scales to choose
         disk = disk_of(loop.balanced_peak(at))
@@ -92,8 +98,30 @@ def simultaneous_margins(loop: Loop, where: Where) -> MarginsAtOnce:
         alpha = 2 / peak.upper if peak.upper else math.inf
         hertz = float(balanced.omega(peak.frequency) / (2 * math.pi))
         disk = DiskMargin(alpha, hertz, peak.covered)
-    delay = any_delay(balanced, _axis(opened, _opened_delays(loop, place)), disk.alpha)
-    return MarginsAtOnce(where, names, disk, common, delay)
+    opened = loop.side_by_side if place is None else loop.opened(place)
+    return disk, any_delay(balanced, _axis(opened, _opened_delays(loop, place)), disk.alpha)
+
+
+def _bounds_of_lines(
+    loop: MeasuredLoop, at: list[int], place: Place | None, common: float
+) -> tuple[DiskMargin, float]:
+    """Return the same as far as the lines of a measured loop tell."""
+
+    def scaled_sizes(values: AnyArray) -> Vector:
+        return np.array([best_scales(value)[0] for value in values])
+
+    omega = loop.omega
+    sizes = scaled_sizes(loop.response_around(at, 2.0, 1.0).values)
+    worst = int(np.argmax(sizes))
+    alpha = 2 / float(sizes[worst]) if sizes[worst] else math.inf
+    disk = DiskMargin(alpha, float(omega[worst] / (2 * math.pi)), False)
+    opened = loop.side_by_side if place is None else loop.response(place).values
+    large = np.flatnonzero(scaled_sizes(opened) >= 1)
+    last = int(large[-1]) + 1 if large.size else 0
+    # Each line speaks for the stretch up to the next, where the same delay turns further.
+    ends = np.append(omega[1:], omega[-1])[:last]
+    delays = 2 * np.arctan2(1.0, sizes[:last]) / ends
+    return disk, float(np.nanmin([*delays, common, math.inf]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,36 +231,6 @@ def _opened_delays(loop: Loop, place: Place | None) -> DelayedIntervals | None:
     )
 
 
-def common_delay(response: SystemResponse) -> float:
-    """Return the smallest delay in s at all signals of a loop that makes it unstable.
-
-    A pole is on the boundary if an eigenvalue of L, turned by the delay, is -1: the frequencies
-    at which one has size 1 are found by bracketing among points that are dense at resonances.
-    """
-    points = [response.grid, response.level_hints(1.0)]
-
-    def eigenvalues(omega: Vector | float) -> Any:
-        values = response.at(omega)
-        values[~np.isfinite(values).all(axis=(1, 2))] = 1e300
-        found = np.linalg.eigvals(values)
-        return np.take_along_axis(found, np.argsort(-np.abs(found), axis=1), axis=1)
-
-    def excess(omega: Vector | float, rank: int) -> Vector:
-        with np.errstate(divide="ignore"):
-            return np.log(np.abs(eigenvalues(omega)[:, rank]))
-
-    if not response.model.discrete and np.abs(eigenvalues(math.inf)).max() >= 1 - 1e-12:
-        return 0.0
-    least = math.inf
-    for rank in range(response.system.ninputs or 0):
-        for omega in roots(partial(excess, rank=rank), points, response.highest):
-            found = eigenvalues(omega)[0]
-            crossing = found[np.abs(np.abs(found) - 1) < 1e-6]
-            lags = (np.angle(crossing) + math.pi) % (2 * math.pi)
-            least = min(least, float(lags.min(initial=math.inf)) / omega)
-    return least
-
-
 def any_delay(balanced: _Axis, opened: _Axis, alpha: float) -> float:
     """Return a delay in s up to which delays in any combination leave the loop stable.
 
@@ -280,9 +278,6 @@ def _highest_large_gain_frequency(opened: _Axis) -> float:
 
 
 # The margins of one loop, broken at one signal while all others stay closed.
-
-# A crossing of the negative axis below 160 dB or above them is rounding of the response.
-_SMALLEST_GAIN = 1e-8
 
 
 @dataclass(frozen=True)
@@ -400,7 +395,8 @@ class LoopMargins(Displayed):
         -------
         matplotlib.axes.Axes
         """
-        return plot_loop_nyquist({self.name: self.loop}, {self.name: self.disk.alpha}, ax)
+        loops, disks = {self.name: self.loop}, {self.name: self.disk.alpha}
+        return plot_loops(loops, disks, "nyquist", ax, None)
 
     def _card(self) -> Card:
         rows = (
@@ -423,66 +419,36 @@ class LoopMargins(Displayed):
         return Card(f"Loop broken at {self.place} {self.name}", tuple(tables), notes)
 
 
-def margins_of(loop: Loop, place: Place, signal: int) -> LoopMargins:
+def margins_of(loop: Loop | MeasuredLoop, place: Place, signal: int) -> LoopMargins:
     """Return the margins of a stable loop at one signal of a place."""
-    response = loop.response(place, [signal])
-    at_gain = tuple(_gain_crossover(response, omega) for omega in response.level_crossings(1.0))
-    at_phase = tuple(_phase_crossovers(response))
+    response, at = loop.response(place, [signal]), loop.at(place, [signal])
+    at_gain = tuple(_gain_crossover(*found) for found in response.gain_crossovers())
+    at_phase = tuple(
+        Crossing(omega / (2 * math.pi), gain, 0.0, 0.0)
+        for omega, gain in response.phase_crossovers()
+    )
+    # Any delay will do if the gain stays at or above 1 for ever.
+    delays = [0.0] if response.stays_large else [c.delay_s for c in at_gain]
+    largest = loop.peak(at).value
     return LoopMargins(
         name=loop.names(place)[signal],
         place=place,
         gain_up=min((c.gain for c in at_phase if c.gain > 1), default=math.inf),
         gain_down=max((c.gain for c in at_phase if c.gain < 1), default=0.0),
         phase_deg=min((min(c.phase_deg, 360 - c.phase_deg) for c in at_gain), default=math.inf),
-        delay_s=_delay(response, at_gain),
-        modulus=_modulus(loop, place, signal),
-        disk=disk_of(loop.balanced_peak(loop.at(place, [signal]))),
+        delay_s=min(delays, default=math.inf),
+        modulus=1 / largest if largest > 0 else math.inf,
+        disk=disk_of(loop.balanced_peak(at)),
         gain_crossovers=at_gain,
         phase_crossovers=at_phase,
-        loop=response.system,
-        unstable_poles=_unstable(response),
+        loop=response.system,  # type: ignore[arg-type]
+        unstable_poles=response.unstable_poles,
     )
 
 
-def _gain_crossover(response: SystemResponse, omega: float) -> Crossing:
-    lag = (float(np.angle(response.scalar(omega)[0])) + math.pi) % (2 * math.pi)
-    return Crossing(omega / (2 * math.pi), 1.0, math.degrees(lag), lag / omega)
-
-
-def _phase_crossovers(response: SystemResponse) -> list[Crossing]:
-    """Return where L is real and negative, at both ends of the axis too."""
-    found = [0.0, *response.phase_crossings()]
-    if response.highest not in found:
-        found.append(response.highest)
-    crossings = []
-    for omega in found:
-        value: Any = response.scalar(omega)[0]
-        real = float(value.real)
-        beyond = not np.isfinite(value) or not _SMALLEST_GAIN < -real < 1 / _SMALLEST_GAIN
-        if not beyond and abs(value.imag) <= 1e-6 * abs(real):
-            crossings.append(Crossing(omega / (2 * math.pi), -1 / real, 0.0, 0.0))
-    return crossings
-
-
-def _delay(response: SystemResponse, crossovers: tuple[Crossing, ...]) -> float:
-    """Return the smallest delay; any will do if the gain stays at or above 1 for ever."""
-    if not response.model.discrete and abs(response.scalar(math.inf)[0]) >= 1 - 1e-12:
-        return 0.0
-    return min((c.delay_s for c in crossovers), default=math.inf)
-
-
-def _modulus(loop: Loop, place: Place, signal: int) -> float:
-    largest = loop.peak(loop.at(place, [signal])).value
-    return 1 / largest if largest > 0 else math.inf
-
-
-def _unstable(response: SystemResponse) -> int:
-    """Count poles beyond the boundary of stability, those that rounding leaves on it aside."""
-    model = response.model
-    spectrum = eigensystem(model.A)
-    poles = spectrum.values
-    beyond = np.abs(poles) - 1 if model.discrete else poles.real
-    return int((beyond > spectrum.errors).sum())
+def _gain_crossover(omega: float, angle: float) -> Crossing:
+    turn = lag(angle)
+    return Crossing(omega / (2 * math.pi), 1.0, math.degrees(turn), turn / omega)
 
 
 def _disk_words(disk: DiskMargin) -> str:

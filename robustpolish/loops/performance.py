@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,18 +14,17 @@ import xarray as xr
 
 from robustpolish.base.arrays import AnyVector, Array, Vector
 from robustpolish.base.checks import described, instance_of, invalid
+from robustpolish.implementation.certify_sampled import last_stable
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import HinfNorm
 from robustpolish.linear.response import first_order_hold, linear_response
-from robustpolish.loops.loop import PLACES, Loop, Place, norm_of
+from robustpolish.loops.loop import PLACES, Loop, Place, from_to
 from robustpolish.loops.margins import LoopMargins
+from robustpolish.loops.measured import MeasuredLoop
 from robustpolish.loops.requirements import LoopRequirements
-from robustpolish.loops.response import SystemResponse
-from robustpolish.plants.blocks import named_system
+from robustpolish.loops.response import MeasuredResponse, norm_of
 
 # Where in frequency a loop works: bandwidths of S and T, gain crossovers, peaks.
-
-_HALF_POWER = 1 / math.sqrt(2)
 
 
 @dataclass(frozen=True)
@@ -78,12 +76,14 @@ class LoopBandwidth:
     peak_t_hz: float
 
 
-def bandwidths(loop: Loop, margins: Sequence[LoopMargins]) -> tuple[LoopBandwidth, ...]:
+def bandwidths(
+    loop: Loop | MeasuredLoop, margins: Sequence[LoopMargins]
+) -> tuple[LoopBandwidth, ...]:
     """Return the bandwidths of a stable loop's single loops, and of all signals of a place.
 
     Parameters
     ----------
-    loop : Loop
+    loop : Loop or MeasuredLoop
     margins : sequence of LoopMargins
         Of its single loops, whose gain crossovers are known.
 
@@ -105,17 +105,20 @@ def bandwidths(loop: Loop, margins: Sequence[LoopMargins]) -> tuple[LoopBandwidt
 
 
 def _bandwidth(
-    loop: Loop, place: Place, name: str, signals: list[int], crossovers: list[float]
+    loop: Loop | MeasuredLoop,
+    place: Place,
+    name: str,
+    signals: list[int],
+    crossovers: list[float],
 ) -> LoopBandwidth:
     at = loop.at(place, signals)
-    S, T = loop.response_around(at), loop.response_around(at, -1.0, -1.0)
     peak_s, peak_t = loop.peak(at), loop.peak(at, -1.0, -1.0)
     return LoopBandwidth(
         name,
         place,
         max(crossovers, default=math.nan),
-        _rising(S) / (2 * math.pi),
-        _falling(T) / (2 * math.pi),
+        loop.response_around(at).half_power()[0] / (2 * math.pi),
+        loop.response_around(at, -1.0, -1.0).half_power()[1] / (2 * math.pi),
         peak_s.value,
         peak_t.value,
         peak_s.frequency / (2 * math.pi),
@@ -123,35 +126,10 @@ def _bandwidth(
     )
 
 
-def _sides(response: SystemResponse) -> tuple[list[float], list[bool]]:
-    """Return the half-power frequencies, and whether the gain is above in each stretch between."""
-    found = response.level_crossings(_HALF_POWER)
-    last = max(found, default=1.0)
-    ends = [0.0, *found, response.highest if math.isfinite(response.highest) else 3 * last]
-    middles = np.array([(low + high) / 2 for low, high in itertools.pairwise(ends)])
-    return found, [bool(size > _HALF_POWER) for size in response.sizes(middles)[:, 0]]
-
-
-def _rising(response: SystemResponse) -> float:
-    found, above = _sides(response)
-    upwards = [w for w, low, high in zip(found, above[:-1], above[1:], strict=True) if high > low]
-    return min(upwards, default=math.nan)
-
-
-def _falling(response: SystemResponse) -> float:
-    found, above = _sides(response)
-    if above[-1]:
-        return math.inf
-    return max(found, default=math.nan)
-
-
 # How fast a loop has to be sampled, and how slowly it may be.
 
-# The search goes from this many samples per time constant of the fastest pole down by this ratio.
+# The search goes down from this many samples per time constant of the fastest pole.
 _MOST_SAMPLES = 300.0
-_RATIO = 1.08
-_MOST_STEPS = 600
-_BISECTIONS = 30
 # An eigenvalue this far outside the unit circle is rounding.
 _ROUNDING = 1e-9
 
@@ -248,25 +226,15 @@ def lowest_stable_rate(loop: Loop, computation_samples: int) -> float:
     rates = rates[rates > 0]
     if not rates.size:
         return 0.0
-    period = 1 / (_MOST_SAMPLES * float(rates.max()))
-    if not _stable(loop, period, computation_samples):
+
+    def stable(period: float) -> bool:
+        poles = sampled_poles(loop, period, computation_samples)
+        return bool(np.abs(poles).max() < 1 + _ROUNDING)
+
+    shortest = 1 / (_MOST_SAMPLES * float(rates.max()))
+    if not stable(shortest):
         return math.inf
-    slowest = 30 / float(rates.min())
-    for _ in range(_MOST_STEPS):
-        if period > slowest:
-            return 0.0
-        if not _stable(loop, period * _RATIO, computation_samples):
-            break
-        period *= _RATIO
-    good, bad = period, period * _RATIO
-    for _ in range(_BISECTIONS):
-        middle = math.sqrt(good * bad)
-        good, bad = (middle, bad) if _stable(loop, middle, computation_samples) else (good, middle)
-    return 1 / good
-
-
-def _stable(loop: Loop, period: float, computation_samples: int) -> bool:
-    return bool(np.abs(sampled_poles(loop, period, computation_samples)).max() < 1 + _ROUNDING)
+    return 1 / last_stable(stable, shortest, 30 / float(rates.min()))
 
 
 def sampled_poles(loop: Loop, period: float, computation_samples: int) -> AnyVector:
@@ -323,6 +291,10 @@ def sampled_poles(loop: Loop, period: float, computation_samples: int) -> AnyVec
 # S, T, KS and GS where a loop is broken, with their peaks.
 
 
+SHOWN = ("S", "T", "KS", "GS")
+"""The closed-loop transfer functions, in the order in which they are drawn."""
+
+
 @dataclass(frozen=True, eq=False)
 class Sensitivities:
     """The transfer functions of a loop at one break point, as named systems.
@@ -367,34 +339,36 @@ class Sensitivities:
     @cached_property
     def peaks(self) -> dict[str, HinfNorm]:
         """Largest singular values over all frequencies of S, T, KS and GS, proven if affordable."""
-        return {name: norm_of(getattr(self, name)) for name in ("S", "T", "KS", "GS")}
+        return {name: norm_of(getattr(self, name)) for name in SHOWN}
 
 
-def sensitivities(loop: Loop, place: Place) -> Sensitivities:
+@dataclass(frozen=True, eq=False)
+class MeasuredSensitivities(Sensitivities):
+    """L, S, T, KS and GS at the measured frequencies, each a `control.FrequencyResponseData`.
+
+    Attributes
+    ----------
+    place : {"input", "output"}
+    L, S, T, KS, GS : control.FrequencyResponseData
+    """
+
+    @cached_property
+    def peaks(self) -> dict[str, HinfNorm]:
+        """Largest singular values of the lines; what lies between them is not known."""
+        return {name: MeasuredResponse(getattr(self, name)).peak() for name in SHOWN}  # type: ignore
+
+
+def sensitivities(loop: Loop | MeasuredLoop, place: Place) -> Sensitivities:
     """Return the transfer functions of a loop at a place."""
     at, u, y = loop.at(place), loop.at("input"), loop.at("output")
-    return Sensitivities(
+    kind: Any = MeasuredSensitivities if isinstance(loop, MeasuredLoop) else Sensitivities
+    return kind(
         place=place,
         L=loop.opened(place),
         S=loop.around(at),
         T=loop.around(at, -1.0, -1.0),
-        KS=from_to(loop.closed, y, u),
-        GS=from_to(loop.closed, u, y),
-    )
-
-
-def from_to(
-    system: control.StateSpace, inputs: Sequence[int], outputs: Sequence[int]
-) -> control.StateSpace:
-    """Return a system between some of its inputs and outputs."""
-    A, B, C, D = (np.asarray(getattr(system, name)) for name in "ABCD")
-    matrices = A, B[:, inputs], C[outputs], D[np.ix_(outputs, inputs)]
-    return named_system(
-        matrices,
-        0 if system.dt is None else system.dt,
-        [system.input_labels[i] for i in inputs],
-        [system.output_labels[i] for i in outputs],
-        system.state_labels,
+        KS=loop.between(y, u),
+        GS=loop.between(u, y),
     )
 
 
@@ -452,6 +426,11 @@ class Effort:
     unit: str = ""
     source_unit: str = ""
 
+    @property
+    def _unit_per_source(self) -> str:
+        """Unit of the control for a unit of its source, where both are known."""
+        return f"{self.unit}/{self.source_unit}" if self.unit and self.source_unit else ""
+
 
 @dataclass(frozen=True)
 class GivenEffort:
@@ -483,7 +462,7 @@ class GivenEffort:
 
 def noise_effort(loop: Loop) -> tuple[Effort, ...]:
     """Return what noise on every measurement makes every control do."""
-    return _efforts(loop, from_to(loop.closed, loop.at("output"), loop.at("input")))
+    return _efforts(loop, loop.between(loop.at("output"), loop.at("input")))
 
 
 def disturbance_effort(loop: Loop) -> tuple[Effort, ...]:

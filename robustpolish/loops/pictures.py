@@ -14,84 +14,77 @@ from matplotlib.axes import Axes
 from robustpolish.base.arrays import AnyVector, Vector
 from robustpolish.linear.norms.singular_values import frequency_grid
 from robustpolish.linear.response import linear_response
-from robustpolish.loops.response import SystemResponse
+from robustpolish.loops.response import MeasuredResponse, SystemResponse
 from robustpolish.plots.frequency import plot_bode, plot_gains, plot_nichols, plot_nyquist_disks
 from robustpolish.plots.time import plot_time_series
 
 _STEPS = 2000
 
 
-def grid_of(systems: Mapping[str, control.StateSpace], rates: AnyVector) -> Vector:
-    """Return frequencies in rad/s that show all of several systems."""
-    every: Any = [SystemResponse(system).rates for system in systems.values()]
-    own: Any = np.concatenate([rates, *every])
+System = control.StateSpace | control.FrequencyResponseData
+
+
+def _response(system: System) -> SystemResponse | MeasuredResponse:
+    measured = isinstance(system, control.FrequencyResponseData)
+    return MeasuredResponse(system) if measured else SystemResponse(system)
+
+
+def grid_of(systems: Mapping[str, System], rates: AnyVector | None = None) -> Vector:
+    """Return frequencies in rad/s that show all of several systems; measured ones have theirs."""
+    found: Any = [_response(system) for system in systems.values()]
+    if isinstance(found[0], MeasuredResponse):
+        return found[0].omega
+    rates = np.zeros(0, complex) if rates is None else rates
+    own: Any = np.concatenate([rates, *(response.rates for response in found)])
     slowest = float(np.abs(rates).min(initial=math.inf))
-    if math.isfinite(
-        slowest
-    ):  # what is far slower than the loop is an integrator, but for rounding
+    if math.isfinite(slowest):
+        # What is far slower than the loop is an integrator, but for rounding.
         own = own[np.abs(own) > slowest / 100]
-    highest = min(SystemResponse(system).highest for system in systems.values())
-    return frequency_grid(own, highest)
+    return frequency_grid(own, min(response.highest for response in found))
 
 
 def responses(
-    systems: Mapping[str, control.StateSpace], rates: AnyVector | None = None
+    systems: Mapping[str, System], rates: AnyVector | None = None
 ) -> dict[str, xr.DataArray]:
     """Return scalar responses over frequency in Hz, those of several signals row by row."""
-    rates = np.zeros(0, complex) if rates is None else rates
     omega = grid_of(systems, rates)
     found = {}
     for name, system in systems.items():
-        values = SystemResponse(system).at(omega)
+        values = _response(system).at(omega)
         several = values.shape[1:] != (1, 1)
         for i, output in enumerate(system.output_labels):
             for j, entry in enumerate(system.input_labels):
                 label = f"{name} {entry} to {output}" if several else name
-                found[label] = over_frequency(omega, values[:, i, j])
+                found[label] = _over_frequency(omega, values[:, i, j])
     return found
 
 
-def plot_loop_nyquist(
-    loops: Mapping[str, control.StateSpace],
-    disks: Mapping[str, float],
-    ax: Axes | None = None,
-    rates: AnyVector | None = None,
-) -> Axes:
-    """Draw scalar loops around -1 with their disks."""
-    return plot_nyquist_disks(responses(loops, rates), disks, ax)
-
-
-def plot_loop_nichols(
-    loops: Mapping[str, control.StateSpace],
-    disks: Mapping[str, float],
-    ax: Axes | None = None,
-    rates: AnyVector | None = None,
-) -> Axes:
-    """Draw scalar loops in Nichols's plane with their disks."""
-    return plot_nichols(responses(loops, rates), disks, ax)
-
-
-def plot_loop_bode(
-    loops: Mapping[str, control.StateSpace], ax: Axes | None = None, rates: AnyVector | None = None
-) -> Axes:
-    """Draw gain and phase of scalar loops."""
-    return plot_bode(responses(loops, rates), ax, name="gain of L")
-
-
 def plot_sigma(
-    systems: Mapping[str, control.StateSpace],
-    ax: Axes | None = None,
-    rates: AnyVector | None = None,
+    systems: Mapping[str, System], ax: Axes | None = None, rates: AnyVector | None = None
 ) -> Axes:
     """Draw the largest singular values of systems of any size."""
-    rates = np.zeros(0, complex) if rates is None else rates
     omega = grid_of(systems, rates)
     gains = {
-        name: over_frequency(omega, SystemResponse(system).sizes(omega)[:, 0])
+        name: _over_frequency(omega, _response(system).sizes(omega)[:, 0])
         for name, system in systems.items()
     }
     several = any(system.ninputs != 1 or system.noutputs != 1 for system in systems.values())
     return plot_gains(gains, None, ax, name="largest singular value" if several else "gain")
+
+
+def plot_loops(
+    loops: Mapping[str, System],
+    disks: Mapping[str, float],
+    kind: str,
+    ax: Axes | None,
+    rates: AnyVector | None,
+) -> Axes:
+    """Draw scalar loops: gain and phase, or the curve around -1 with its disk."""
+    curves = responses(loops, rates)
+    if kind == "bode":
+        return plot_bode(curves, ax, name="gain of L")
+    draw = plot_nyquist_disks if kind == "nyquist" else plot_nichols
+    return draw(curves, disks, ax)
 
 
 def plot_steps(
@@ -117,7 +110,7 @@ def plot_steps(
     return plot_time_series(traces, ax)
 
 
-def over_frequency(omega: Vector, values: AnyVector) -> xr.DataArray:
+def _over_frequency(omega: Vector, values: AnyVector) -> xr.DataArray:
     """Return values over frequencies in rad/s with the latter in Hz."""
     hertz = ("frequency", omega / (2 * math.pi), {"units": "Hz"})
     return xr.DataArray(values, dims="frequency", coords={"frequency": hertz})

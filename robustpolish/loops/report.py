@@ -4,25 +4,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
+from operator import attrgetter
 from typing import Any
 
 import control
 import numpy as np
+from matplotlib.axes import Axes
 
-from robustpolish.base.checks import invalid
-from robustpolish.base.results import Table, bears_prefix, prefix_power, prefixed
+from robustpolish.base.arrays import AnyVector
+from robustpolish.base.checks import invalid, one_of
+from robustpolish.base.results import Displayed, Table, bears_prefix, prefix_power, prefixed
 from robustpolish.linear.stability import Stability
 from robustpolish.loops.disk_margins import DiskMargin, decibel
 from robustpolish.loops.loop import PLACES, Loop, Place
 from robustpolish.loops.margins import LoopMargins, MarginsAtOnce, Where
 from robustpolish.loops.performance import (
+    SHOWN,
     Effort,
     GivenEffort,
     LoopBandwidth,
     SampleRate,
     Sensitivities,
 )
+from robustpolish.loops.pictures import plot_loops, plot_sigma
 from robustpolish.loops.requirements import LoopRequirements
 
 # What was found out about a loop, and what follows from it, without words and pictures.
@@ -32,7 +37,7 @@ _MOST_SHOWN = 5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LoopFigures:
+class LoopFigures(Displayed):
     """The fields of :class:`robustpolish.results.LoopAnalysis`, whose docstring explains them."""
 
     loop: Loop
@@ -52,6 +57,16 @@ class LoopFigures:
     def stable(self) -> bool:
         """Whether the closed loop is strictly stable; there are no margins otherwise."""
         return bool(self.stability)
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """What speaks against building the loop, the worst first, as far as is known."""
+        return tuple(problems(self))
+
+    @property
+    def buildable(self) -> bool:
+        """Whether the loop meets its requirements."""
+        return not self.problems
 
     @property
     def S(self) -> control.StateSpace:
@@ -112,8 +127,25 @@ class LoopFigures:
             names[row.control] = max(names[row.control], row.step_rate)
         return names
 
+    def _drawn(
+        self,
+        ax: Axes | None,
+        kind: str,
+        signal: str | None,
+        place: Place,
+        rates: AnyVector | None,
+    ) -> Axes:
+        """Draw the loops at chosen signals, or the singular values of S, T, KS and GS."""
+        chosen = self._chosen(place, signal)
+        if kind == "sigma":
+            at = getattr(self, chosen[0][0])
+            return plot_sigma({name: getattr(at, name) for name in SHOWN}, ax, rates)
+        loops = {self.loop.names(where)[i]: self.loop.opened(where, [i]) for where, i in chosen}
+        return plot_loops(loops, {m.name: m.disk.alpha for m in self.margins}, kind, ax, rates)
+
     def _chosen(self, place: Place, signal: str | None) -> list[tuple[Place, int]]:
         """Return where loops are broken to be shown: at one signal, or at those of a place."""
+        one_of("place", place, PLACES)
         if signal is None:
             return [(place, i) for i in range(min(len(self.loop.names(place)), _MOST_SHOWN))]
         for where in PLACES:
@@ -133,7 +165,7 @@ class LoopFigures:
         dict
             Its keys are the names of the attributes.
         """
-        disk = self.disk_margin
+        rows = ("margins", "at_once", "bandwidths", "noise", "effort", "given")
         return {
             "stable": self.stable,
             "stability": self.stability.reason,
@@ -141,50 +173,30 @@ class LoopFigures:
             "phase_margin_deg": self.phase_margin,
             "delay_margin_s": self.delay_margin,
             "modulus_margin": self.modulus_margin,
-            "disk_margin": _disk_figure(disk),
-            "margins": [
-                {
-                    "name": m.name,
-                    "place": m.place,
-                    "gain_down": m.gain_down,
-                    "gain_up": m.gain_up,
-                    "phase_deg": m.phase_deg,
-                    "delay_s": m.delay_s,
-                    "modulus": m.modulus,
-                    "disk": _disk_figure(m.disk),
-                    "unstable_poles": m.unstable_poles,
-                    "gain_crossovers": [dict(vars(c)) for c in m.gain_crossovers],
-                    "phase_crossovers": [dict(vars(c)) for c in m.phase_crossovers],
-                }
-                for m in self.margins
-            ],
-            "at_once": {
-                where: {
-                    "signals": list(m.signals),
-                    "disk": _disk_figure(m.disk),
-                    "common_delay_s": m.common_delay_s,
-                    "any_delay_s": m.any_delay_s,
-                }
-                for where, m in self.at_once.items()
-            },
-            "bandwidths": [dict(vars(row)) for row in self.bandwidths],
-            "noise": [dict(vars(row)) for row in self.noise],
-            "effort": [dict(vars(row)) for row in self.effort],
-            "given": [dict(vars(row)) for row in self.given],
+            "disk_margin": _numbers(self.disk_margin),
+            **{name: _numbers(getattr(self, name)) for name in rows},
             "largest_rate": self.largest_rate,
-            "sample_rate": None if self.sample_rate is None else dict(vars(self.sample_rate)),
-            "requirements": dict(vars(self.requirements)),
+            "sample_rate": _numbers(self.sample_rate),
+            "requirements": _numbers(self.requirements),
         }
 
 
-def _disk_figure(disk: DiskMargin) -> dict[str, Any]:
-    return {
-        "alpha": disk.alpha,
-        "gain_db": disk.gain_db,
-        "phase_deg": disk.phase_deg,
-        "frequency_hz": disk.frequency_hz,
-        "proven": disk.proven,
-    }
+def _numbers(found: Any) -> Any:
+    """Return dataclasses as dictionaries and tuples as lists, without systems."""
+    if isinstance(found, DiskMargin):
+        names = ("alpha", "gain_db", "phase_deg", "frequency_hz", "proven")
+        return {name: getattr(found, name) for name in names}
+    if isinstance(found, tuple):
+        return [_numbers(item) for item in found]
+    if isinstance(found, Mapping):
+        return {name: _numbers(item) for name, item in found.items()}
+    if is_dataclass(found):
+        return {
+            item.name: _numbers(getattr(found, item.name))
+            for item in fields(found)
+            if item.name not in ("loop", "where")
+        }
+    return found
 
 
 # The figures of a loop as tables.
@@ -197,101 +209,87 @@ def tables_of(found: LoopFigures) -> tuple[Table, ...]:
     """Return what is known of a loop as tables; none for an unstable one."""
     if not found.stable:
         return ()
-    tables = [_margins(found), _at_once(found), _bandwidths(found)]
-    tables += [
-        _efforts("Noise on the measurements: what the controls do", found.noise),
-        _efforts("Disturbances: what the controls do", found.effort),
+    rate, rules = found.sample_rate, []
+    if rate is not None:
+        rules = [*rate.rules.items(), ("needed", rate.needed_hz)]
+        rules.append(("lowest stable", rate.lowest_stable_hz))
+    noise, effort = _strongest(found.noise), _strongest(found.effort)
+    tables = [
+        _table("Margins, one loop at a time", _MARGINS, found.margins),
+        _table("Margins, all at once", _AT_ONCE, tuple(found.at_once.values())),
+        _table("Bandwidths", _BANDWIDTHS, found.bandwidths),
+        _table(f"Noise on the measurements: what the controls do{noise[0]}", _EFFORT, noise[1]),
+        _table(f"Disturbances: what the controls do{effort[0]}", _EFFORT, effort[1]),
     ]
     if found.given:
-        rows = tuple(
-            (row.control, row.peak, row.rms, row.peak_rate, row.unit) for row in found.given
-        )
-        head = ("control", "peak", "RMS", "rate [1/s]", "unit")
-        tables.append(Table("Under the given disturbance", head, rows))
-    if found.sample_rate is not None:
-        rate = found.sample_rate
-        rules: list[tuple[Any, ...]] = list(rate.rules.items())
-        rules += [("needed", rate.needed_hz), ("lowest stable", rate.lowest_stable_hz)]
+        tables.append(_table("Under the given disturbance", _GIVEN, found.given))
+    if rules:
         tables.append(Table("Sampling", ("rule", "rate [Hz]"), tuple(rules)))
     return tuple(tables)
 
 
-def _margins(found: LoopFigures) -> Table:
-    head = (
-        "broken at", "signal", "gain down [dB]", "gain up [dB]", "phase [deg]", "delay [s]",
-        "disk", "disk [dB]", "disk [deg]", "modulus",
-    )  # fmt: skip
-    rows = tuple(
-        (
-            m.place, m.name, m.gain_down_db, m.gain_up_db, m.phase_deg, m.delay_s,
-            m.disk.alpha, m.disk.gain_db, m.disk.phase_deg, m.modulus,
-        )
-        for m in found.margins
-    )  # fmt: skip
-    return Table("Margins, one loop at a time", head, rows)
+def _table(caption: str, columns: Mapping[str, str], rows: Sequence[Any]) -> Table:
+    """Return a table of attributes, by the heads of their columns."""
+    cells = attrgetter(*columns.values())
+    return Table(caption, tuple(columns), tuple(cells(row) for row in rows))
 
 
-def _at_once(found: LoopFigures) -> Table:
-    head = (
-        "changed at", "disk", "disk [dB]", "disk [deg]", "worst at [Hz]",
-        "common delay [s]", "any delays [s]",
-    )  # fmt: skip
-    rows = tuple(
-        (
-            where, m.disk.alpha, m.disk.gain_db, m.disk.phase_deg, m.disk.frequency_hz,
-            m.common_delay_s, m.any_delay_s,
-        )
-        for where, m in found.at_once.items()
-    )  # fmt: skip
-    return Table("Margins, all at once", head, rows)
+_DISK = {"disk": "disk.alpha", "disk [dB]": "disk.gain_db", "disk [deg]": "disk.phase_deg"}
+_MARGINS = {
+    "broken at": "place",
+    "signal": "name",
+    "gain down [dB]": "gain_down_db",
+    "gain up [dB]": "gain_up_db",
+    "phase [deg]": "phase_deg",
+    "delay [s]": "delay_s",
+    **_DISK,
+    "modulus": "modulus",
+}
+_AT_ONCE = {
+    "changed at": "where",
+    **_DISK,
+    "worst at [Hz]": "disk.frequency_hz",
+    "common delay [s]": "common_delay_s",
+    "any delays [s]": "any_delay_s",
+}
+_BANDWIDTHS = {
+    "broken at": "place",
+    "signal": "name",
+    "crossover [Hz]": "crossover_hz",
+    "S -3 dB [Hz]": "sensitivity_hz",
+    "T -3 dB [Hz]": "complementary_hz",
+    "peak S": "peak_s",
+    "peak T": "peak_t",
+}
+_EFFORT = {
+    "source": "source",
+    "control": "control",
+    "RMS": "rms",
+    "peak gain": "peak_gain",
+    "at [Hz]": "peak_gain_hz",
+    "step peak": "step_peak",
+    "step rate [1/s]": "step_rate",
+    "unit": "_unit_per_source",
+}
+_GIVEN = {
+    "control": "control",
+    "peak": "peak",
+    "RMS": "rms",
+    "rate [1/s]": "peak_rate",
+    "unit": "unit",
+}
 
 
-def _bandwidths(found: LoopFigures) -> Table:
-    head = (
-        "broken at", "signal", "crossover [Hz]", "S -3 dB [Hz]", "T -3 dB [Hz]", "peak S", "peak T",
-    )  # fmt: skip
-    rows = tuple(
-        (
-            row.place, row.name, row.crossover_hz, row.sensitivity_hz, row.complementary_hz,
-            row.peak_s, row.peak_t,
-        )
-        for row in found.bandwidths
-    )  # fmt: skip
-    return Table("Bandwidths", head, rows)
-
-
-def _efforts(caption: str, rows: Sequence[Effort]) -> Table:
-    head = (
-        "source",
-        "control",
-        "RMS",
-        "peak gain",
-        "at [Hz]",
-        "step peak",
-        "step rate [1/s]",
-        "unit",
-    )
+def _strongest(rows: Sequence[Effort]) -> tuple[str, list[Effort]]:
+    """Return the rows with an effect; of many the worst source of each control, which is told."""
     kept = [row for row in rows if row.peak_gain > 0]
-    if len(kept) > _MOST_ROWS:
-        controls = dict.fromkeys(row.control for row in kept)
-        kept = [
-            max((row for row in kept if row.control == name), key=lambda row: row.peak_gain)
-            for name in controls
-        ]
-        caption += ", the strongest source of each"
-    cells = tuple(
-        (
-            row.source, row.control, row.rms, row.peak_gain, row.peak_gain_hz,
-            row.step_peak, row.step_rate, _per(row),
-        )
-        for row in kept
-    )  # fmt: skip
-    return Table(caption, head, cells)
-
-
-def _per(row: Effort) -> str:
-    """Return the unit of the control for a unit of its source."""
-    return f"{row.unit}/{row.source_unit}" if row.unit and row.source_unit else ""
+    if len(kept) <= _MOST_ROWS:
+        return "", kept
+    by_control: dict[str, list[Effort]] = {}
+    for row in kept:
+        by_control.setdefault(row.control, []).append(row)
+    worst = [max(group, key=lambda row: row.peak_gain) for group in by_control.values()]
+    return ", the strongest source of each", worst
 
 
 def problems(found: LoopFigures) -> list[str]:
@@ -345,16 +343,41 @@ def problems(found: LoopFigures) -> list[str]:
     return told
 
 
-def explain(found: LoopFigures) -> str:
-    """Say in a paragraph whether the loop can be built, and what limits it."""
+def explain(found: LoopFigures, more: Sequence[str]) -> str:
+    """Say in a paragraph whether a loop can be built, and what limits it; `more` ends it."""
     against = problems(found)
     if not found.stable:
         return f"This loop cannot be built: {against[0]}. There are no margins."
-    sentences = [verdict(against), margins_in_words(found), at_once_in_words(found), _where(found)]
-    sentences += [_sampling(found), _sensors(found), _noise(found), _effort(found)]
-    sentences += _conditional(found)
-    sentences += [_outside(found), _approximated(found)]
-    return " ".join(filter(None, sentences))
+    can = "This loop can be built."
+    if against:
+        can = f"This loop cannot be built as it is: {'; '.join(against)}."
+    return " ".join(filter(None, [can, _margins(found), _at_once(found), *more]))
+
+
+def details(found: LoopFigures) -> list[str]:
+    """Return the sentences that need a model."""
+    if not found.stable:
+        return []
+    told = (_where, _sampling, _sensors, _noise, _effort, _conditional, _outside, _approximated)
+    return [say(found) for say in told]
+
+
+def lines_in_words(found: LoopFigures) -> str:
+    """Say on what the figures of a measured loop rest."""
+    loop: Any = found.loop
+    low, high = (float(loop.omega[i] / (2 * np.pi)) for i in (0, -1))
+    text = (
+        f"All this rests on {len(loop.omega)} measured lines from {quantity(low, 'Hz')} to "
+        f"{quantity(high, 'Hz')}: between and beyond them nothing is proven. "
+        f"{found.stability.reason[0].upper()}{found.stability.reason[1:]}."
+    )
+    last = float(loop.response("output").sizes()[-1, 0])
+    if last > 0.5:
+        text += (
+            f" At the last line the loop still has a gain of {last:.3g}: crossings beyond it "
+            "are not seen, so measure further."
+        )
+    return text + " Efforts, noise and sampling rates need a model."
 
 
 def _unstable(found: LoopFigures) -> str:
@@ -363,13 +386,6 @@ def _unstable(found: LoopFigures) -> str:
     if loop.opposite_stability:
         text += "; with the opposite sign it would be, so pass -K: here u = K y"
     return text
-
-
-def verdict(against: list[str]) -> str:
-    """Say whether the loop can be built."""
-    if not against:
-        return "This loop can be built."
-    return f"This loop cannot be built as it is: {'; '.join(against)}."
 
 
 def _delays(found: LoopFigures) -> list[str]:
@@ -397,7 +413,7 @@ def _delays(found: LoopFigures) -> list[str]:
     return []
 
 
-def margins_in_words(found: LoopFigures) -> str:
+def _margins(found: LoopFigures) -> str:
     """Say what one loop at a time bears."""
     down, up = found.gain_margin
     gains = f"the gain may {_gain_words(down, up)}"
@@ -425,7 +441,7 @@ def _gain_words(down: float, up: float) -> str:
     return f"{falls} and {rises}"
 
 
-def at_once_in_words(found: LoopFigures) -> str:
+def _at_once(found: LoopFigures) -> str:
     """Say what all loops bear at once; nothing of a single one."""
     several = {where: m for where, m in found.at_once.items() if len(m.signals) > 1}
     single = [m for where, m in several.items() if where != "inputs and outputs"]
@@ -544,11 +560,11 @@ def _effort(found: LoopFigures) -> str:
     )
 
 
-def _conditional(found: LoopFigures) -> list[str]:
+def _conditional(found: LoopFigures) -> str:
     names = [f"{m.place} {m.name}" for m in found.margins if m.conditionally_stable]
     if not names:
-        return []
-    return [f"It is only conditionally stable at {_listed(names)}: less gain makes it unstable."]
+        return ""
+    return f"It is only conditionally stable at {_listed(names)}: less gain makes it unstable."
 
 
 def _outside(found: LoopFigures) -> str:

@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import control
@@ -17,7 +17,8 @@ from scipy.optimize import brentq, minimize_scalar
 from robustpolish.base.arrays import AnyArray, AnyVector, Array, Matrix, Vector
 from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
 from robustpolish.linear.delays.systems import DelayedSystem, resolvent_response
-from robustpolish.linear.norms.hinf import HinfNorm
+from robustpolish.linear.eigen import eigensystem
+from robustpolish.linear.norms.hinf import HinfNorm, hinf_norm
 from robustpolish.linear.norms.peak import cayley, hamiltonian
 from robustpolish.linear.norms.singular_values import frequency_grid
 
@@ -26,6 +27,11 @@ _BATCH = 1024
 _ELIMINATED_STATES = 24
 # A logarithm of a gain, or a sine of a phase, that is rounding.
 _NOTHING = 1e-12
+# A crossing of the negative axis below 160 dB or above them is rounding of the response.
+_SMALLEST_GAIN = 1e-8
+_HALF_POWER = 1 / math.sqrt(2)
+_PROVEN_STATES = 16
+"""Largest number of states of a loop for which peaks are proven in exact arithmetic."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,6 +168,87 @@ class SystemResponse:
 
         return roots(excess, [self.grid, self.level_hints(level)], self.highest)
 
+    def gain_crossovers(self) -> list[tuple[float, float]]:
+        """Return where the gain of a scalar response is 1, and its phase in rad there."""
+        return [(w, float(np.angle(self.scalar(w)[0]))) for w in self.level_crossings(1.0)]
+
+    def phase_crossovers(self) -> list[tuple[float, float]]:
+        """Return where a scalar response is negative, both ends included, and -1 over its value."""
+        found = [0.0, *self.phase_crossings()]
+        if self.highest not in found:
+            found.append(self.highest)
+        crossings = []
+        for omega in found:
+            value: Any = self.scalar(omega)[0]
+            real = float(value.real)
+            beyond = not np.isfinite(value) or not _SMALLEST_GAIN < -real < 1 / _SMALLEST_GAIN
+            if not beyond and abs(value.imag) <= 1e-6 * abs(real):
+                crossings.append((omega, -1 / real))
+        return crossings
+
+    @property
+    def stays_large(self) -> bool:
+        """Whether the gain of a response stays at or above 1 for ever: no delay is bearable."""
+        return not self.model.discrete and bool(
+            np.abs(self._eigenvalues(math.inf)).max() >= 1 - 1e-12
+        )
+
+    def half_power(self) -> tuple[float, float]:
+        """Return the frequency where the gain first rises through -3 dB, and where it falls last.
+
+        Not a number if there is none; infinite if it stays above.
+        """
+        found = self.level_crossings(_HALF_POWER)
+        last = max(found, default=1.0)
+        ends = [0.0, *found, self.highest if math.isfinite(self.highest) else 3 * last]
+        middles = np.array([(low + high) / 2 for low, high in itertools.pairwise(ends)])
+        above = self.sizes(middles)[:, 0] > _HALF_POWER
+        rising = [
+            w for w, low, high in zip(found, above[:-1], above[1:], strict=True) if high > low
+        ]
+        falling = math.inf if above[-1] else max(found, default=math.nan)
+        return min(rising, default=math.nan), falling
+
+    @property
+    def unstable_poles(self) -> int:
+        """Number of poles beyond the boundary of stability, but for rounding."""
+        spectrum = eigensystem(self.model.A)
+        poles = spectrum.values
+        beyond = np.abs(poles) - 1 if self.model.discrete else poles.real
+        return int((beyond > spectrum.errors).sum())
+
+    def peak(self) -> HinfNorm:
+        """Return the H-infinity norm, proven in exact arithmetic if that is affordable."""
+        return norm_of(self.system)
+
+    def _eigenvalues(self, omega: Vector | float) -> AnyArray:
+        """Return the eigenvalues of a square response, largest first."""
+        values = self.at(omega)
+        values[~np.isfinite(values).all(axis=(1, 2))] = 1e300
+        return _eigenvalues(values)
+
+    def common_delay(self) -> float:
+        """Return the smallest delay in s at all signals of a loop that makes it unstable.
+
+        A pole is on the boundary if an eigenvalue of L, turned by the delay, is -1: the frequencies
+        at which one has size 1 are found by bracketing among points that are dense at resonances.
+        """
+        if self.stays_large:
+            return 0.0
+        points = [self.grid, self.level_hints(1.0)]
+
+        def excess(omega: Vector | float, rank: int) -> Vector:
+            with np.errstate(divide="ignore"):
+                return np.log(np.abs(self._eigenvalues(omega)[:, rank]))
+
+        least = math.inf
+        for rank in range(self.system.ninputs or 0):
+            for omega in roots(partial(excess, rank=rank), points, self.highest):
+                found = self._eigenvalues(omega)[0]
+                crossing = found[np.abs(np.abs(found) - 1) < 1e-6]
+                least = min(least, float(lag(np.angle(crossing)).min(initial=math.inf)) / omega)
+        return least
+
     def phase_crossings(self) -> list[float]:
         """Return all frequencies above 0 at which a scalar response is real and negative."""
 
@@ -216,6 +303,22 @@ class SystemResponse:
         A: Any = sla.block_diag(model.A, -model.A)
         B, C = np.vstack([model.B, model.B]), np.hstack([model.C, model.C])
         return self._back(_zeros(A, B, C, np.zeros((1, 1))))
+
+
+def norm_of(system: control.StateSpace) -> HinfNorm:
+    """Return the H-infinity norm, proven in exact arithmetic if that is affordable."""
+    return hinf_norm(system, exact=(system.nstates or 0) <= _PROVEN_STATES)
+
+
+def lag(angle: Any) -> Any:
+    """Return the turn in rad, from 0 to 2 pi, that brings a phase to -180 degrees."""
+    return (angle + math.pi) % (2 * math.pi)
+
+
+def _eigenvalues(values: AnyArray) -> AnyArray:
+    """Return the eigenvalues of square matrices, largest first."""
+    found = np.linalg.eigvals(values)
+    return np.take_along_axis(found, np.argsort(-np.abs(found), axis=1), axis=1)
 
 
 def roots(
@@ -422,3 +525,115 @@ class DelayedResponse(SystemResponse):
                 top, where = float(-found.fun), float(found.x)
         reason = "with exact delays, over frequency: no proof"
         return HinfNorm(top, where, top, math.inf, True, reason)
+
+
+# A measured response: known at lines, with straight strokes between them.
+
+_NEAR_AXIS = math.radians(10)
+"""At the first and last line a phase this near to -180 degrees counts as a crossing: to be safe."""
+_FAR = 1e3
+"""Unless that lies 60 dB from any margin."""
+_ONLY_LINES = "the largest of the measured lines: no proof between them"
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredResponse:
+    """A frequency response at measured lines, asked as :class:`SystemResponse` is.
+
+    Attributes
+    ----------
+    system : control.FrequencyResponseData
+    unstable_poles : int
+        As they were told.
+    """
+
+    system: control.FrequencyResponseData
+    unstable_poles: int = 0
+    stays_large = False
+
+    @property
+    def omega(self) -> Vector:
+        """The lines in rad/s."""
+        return np.asarray(self.system.omega)
+
+    @property
+    def values(self) -> AnyArray:
+        """The response, line by line."""
+        return np.moveaxis(np.asarray(self.system.frdata), 2, 0)
+
+    def at(self, _: Vector) -> AnyArray:
+        """Return the response at its lines: elsewhere it is not known."""
+        return self.values
+
+    def sizes(self, _: Vector | None = None) -> Array:
+        """Return the singular values at the lines, largest first."""
+        return np.linalg.svd(self.values, compute_uv=False)
+
+    def peak(self) -> HinfNorm:
+        """Return the largest singular value of all lines."""
+        sizes = self.sizes()[:, 0]
+        i = int(np.argmax(sizes))
+        value = float(sizes[i])
+        return HinfNorm(value, float(self.omega[i]), value, math.inf, True, _ONLY_LINES)
+
+    def level_crossings(self, level: float) -> list[float]:
+        """Return where the largest singular value passes a level."""
+        return [
+            self._between(*change) for change in _sign_changes(np.log(self.sizes()[:, 0] / level))
+        ]
+
+    def half_power(self) -> tuple[float, float]:
+        """Return where the gain first rises through -3 dB, and where it falls last; or nan."""
+        sizes = self.sizes()[:, 0]
+        found = _sign_changes(np.log(sizes / _HALF_POWER))
+        rising = [self._between(share, i) for share, i in found if sizes[i] < _HALF_POWER]
+        falling = [self._between(share, i) for share, i in found if sizes[i] >= _HALF_POWER]
+        if sizes[-1] > _HALF_POWER:
+            falling = []
+        return min(rising, default=math.nan), max(falling, default=math.nan)
+
+    def gain_crossovers(self, values: AnyVector | None = None) -> list[tuple[float, float]]:
+        """Return where a scalar response has size 1, and its phase in rad there."""
+        L: Any = self.values[:, 0, 0] if values is None else values
+        return [
+            (
+                self._between(share, i),
+                float(np.angle(L[i])) + share * float(np.angle(L[i + 1] / L[i])),
+            )
+            for share, i in _sign_changes(np.log(np.abs(L)))
+        ]
+
+    def phase_crossovers(self) -> list[tuple[float, float]]:
+        """Return where the phase passes -180 degrees by the shorter way, and one over the size."""
+        L: Any = self.values[:, 0, 0]
+        away = np.angle(-L)
+        near = np.abs(np.diff(away)) < math.pi
+        found = [
+            (self._between(share, i), 1 / float(np.abs(L[i]) * np.abs(L[i + 1] / L[i]) ** share))
+            for share, i in _sign_changes(away)
+            if near[i]
+        ]
+        # At rest, or for ever above, L may be on the axis, where no line can lie.
+        found += [
+            (float(self.omega[i]), float(1 / abs(L[i])))
+            for i in (0, -1)
+            if abs(away[i]) < _NEAR_AXIS and 1 / _FAR < abs(L[i]) < _FAR
+        ]
+        return sorted(found)
+
+    def common_delay(self) -> float:
+        """Return the smallest delay at all signals that turns an eigenvalue of L to -1."""
+        found = [c for one in _eigenvalues(self.values).T for c in self.gain_crossovers(one)]
+        return min((lag(angle) / omega for omega, angle in found), default=math.inf)
+
+    def _between(self, share: float, i: int) -> float:
+        """Return the frequency at a share of the way, in octaves, from a line to the next."""
+        return float(self.omega[i] * (self.omega[i + 1] / self.omega[i]) ** share)
+
+
+def _sign_changes(values: Vector) -> list[tuple[float, int]]:
+    """Return where a value changes its sign: the share of the step, and the line before."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = values[:-1] / (values[:-1] - values[1:])
+    changes = (values[:-1] > 0) != (values[1:] > 0)
+    return [(float(shares[i]), int(i)) for i in np.flatnonzero(changes & np.isfinite(shares))]

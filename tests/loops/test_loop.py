@@ -1,12 +1,82 @@
-"""Plant and controller as a loop: opened, closed, and what lies outside."""
+"""Plant and controller as a loop: what users may give, opened, closed, over frequency."""
+
+from typing import Any
 
 import control
 import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.loops.loop import loop_of
-from tests.loops.loops_for_tests import TEXTBOOK, random_loop
+from robustpolish.loops.loop import Loop, loop_of, measured_plant
+from robustpolish.loops.performance import sensitivities
+from robustpolish.loops.response import SystemResponse, roots
+from tests.loops.loops_for_tests import SATELLITE, TEXTBOOK, random_loop, s
+
+
+def test_everything_that_is_a_plant_and_a_controller():
+    design = rp.given_controller(
+        rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]]), [[-3.0]]
+    )
+    for plant, controller in [
+        (design, None),
+        (design.plant, design.controller),
+        (design.plant, design),
+        (control.ss([[1.0]], [[1.0]], [[1.0]], 0), -3),
+        (control.tf([1], [1, -1]), control.tf([-3], [1])),
+        (control.tf([1], [1, -1]), [[-3.0]]),
+        (control.ss([[1.0]], [[1.0]], [[1.0]], 0, None), np.array(-3.0)),
+    ]:
+        loop = loop_of(plant, controller)
+        assert isinstance(loop, Loop)
+        np.testing.assert_allclose(loop.rates, [-2.0])
+
+
+@pytest.mark.parametrize(
+    ("plant", "controller", "message"),
+    [
+        (TEXTBOOK, None, "controller: got None"),
+        (3.0, -1, "plant: got float"),
+        (TEXTBOOK, control.frd(TEXTBOOK, np.logspace(-1, 1, 9)), "FrequencyResponseData"),
+        (s, -1, "improper"),
+        (TEXTBOOK, -s, "improper"),
+        (TEXTBOOK, [[1.0, 2.0]], r"shape \(1, 2\)"),
+        (TEXTBOOK, np.nan, "finite"),
+        (TEXTBOOK, "K", "real matrix"),
+        (SATELLITE, -1, r"\(2, 2\)"),
+        (SATELLITE, control.ss([[-1.0]], [[1.0]], [[1.0]], 0), "1 inputs and 1 outputs"),
+        (TEXTBOOK, control.tf([1], [1, -0.5], 0.1), "discrete time with a step of 0.1 s"),
+        (control.tf([1], [1, -0.5], 0.1), control.tf([1], [1, 1]), "continuous time"),
+        (control.tf([1], [1, -0.5], 0.1), control.ss([[0.5]], [[1.0]], [[1.0]], 0, 0.2), "0.2 s"),
+        (control.ss([], [], [], [[1.0]]), 1, "singular"),
+        (rp.GeneralizedPlant(SATELLITE, measurements=0, controls=1), -1, "at least one"),
+    ],
+)
+def test_bad_input_is_told(plant, controller, message):
+    with pytest.raises(rp.InvalidInputError, match=message):
+        loop_of(plant, controller)
+
+
+def test_a_design_brings_its_controller_and_a_gain_of_states_is_known():
+    plant = rp.GeneralizedPlant.from_matrices(
+        [[0, 1.0], [-4, -0.4]], [[0], [1.0]], [[0], [1.0]], [[1.0, 0]], [[1.0, 0]]
+    )
+    design = rp.given_controller(plant, [[-1.0]])
+    with pytest.raises(rp.InvalidInputError, match="design alone"):
+        loop_of(design, -1)
+    with pytest.raises(rp.InvalidInputError, match="with_full_state"):
+        loop_of(plant, [[-1.0, -2.0]])
+
+
+def test_a_measured_plant_is_told_from_a_model():
+    response: Any = control.frd([1.0, 0.5 - 0.5j], [0.1, 1.0])
+    whole = rp.GeneralizedPlant(response, measurements=1, controls=1)
+    assert measured_plant(whole) is whole
+    found = measured_plant(response)
+    assert found is not None
+    assert (found.nu, found.ny) == (1, 1)
+    assert measured_plant(TEXTBOOK) is None
+    with pytest.raises(rp.InvalidInputError, match="at least one"):
+        measured_plant(rp.GeneralizedPlant(response, measurements=1, controls=0))
 
 
 def value(system, omega):
@@ -74,3 +144,66 @@ def test_the_other_sign_is_known():
     loop = loop_of(TEXTBOOK, 1)
     assert not loop.stability
     assert loop.opposite_stability
+
+
+def test_they_fit_together():
+    plant, controller = random_loop(1)
+    loop = loop_of(plant, controller)
+    G, K = (np.asarray(system(2j)) for system in (plant, controller))
+    for place, L in (("input", -K @ G), ("output", -G @ K)):
+        at = sensitivities(loop, place)
+        S = np.linalg.inv(np.eye(2) + L)
+        np.testing.assert_allclose(at.L(2j), L, rtol=1e-9)
+        np.testing.assert_allclose(at.S(2j), S, rtol=1e-8)
+        np.testing.assert_allclose(at.T(2j), L @ S, rtol=1e-8)
+        np.testing.assert_allclose(at.KS(2j), K @ np.linalg.inv(np.eye(2) - G @ K), rtol=1e-8)
+        np.testing.assert_allclose(at.GS(2j), G @ np.linalg.inv(np.eye(2) - K @ G), rtol=1e-8)
+        assert at.KS.input_labels == list(loop.names("output"))
+        assert at.KS.output_labels == list(loop.names("input"))
+        peak = at.peaks["S"]
+        gains = [np.linalg.norm(at.S(1j * w), 2) for w in np.geomspace(0.01, 100, 200)]
+        assert max(gains) <= peak.upper
+        assert peak.value == pytest.approx(max(gains), rel=0.01)
+
+
+def test_many_states_give_the_same_values():
+    rng = np.random.default_rng(0)
+    blocks = [
+        control.ss([[0, w], [-w, -0.02 * w]], rng.random((2, 2)), rng.random((2, 2)), 0)
+        for w in np.geomspace(0.1, 100, 15)
+    ]
+    whole = sum(blocks[1:], blocks[0])
+    omega = np.geomspace(0.01, 1e3, 37)
+    expected = np.moveaxis(control.frequency_response(whole, omega).complex, 2, 0)
+    np.testing.assert_allclose(SystemResponse(whole).at(omega), expected, rtol=1e-9, atol=1e-13)
+
+
+def test_levels():
+    assert SystemResponse(control.ss(TEXTBOOK)).level_crossings(1.0) == pytest.approx(
+        [0.74936827582]
+    )
+    oscillator = SystemResponse(control.ss(1 / (s**2 + 1e-6 * s + 1)))
+    low, high = oscillator.level_crossings(1e5)
+    assert (high - low) == pytest.approx(np.sqrt(1e-10 - 1e-12), rel=1e-4)
+    assert SystemResponse(control.ss([], [], [], [[3.0]])).level_crossings(1.0) == []
+
+
+def test_a_level_that_is_that_of_the_feedthrough():
+    allpass = SystemResponse(control.ss((s - 1) / (s + 1)))
+    assert len(allpass.level_crossings(1.0)) == 2  # the ends of a gain that is 1 everywhere
+    lead = SystemResponse(control.ss((s + 2) / (s + 1)))
+    assert lead.level_crossings(1.5) == pytest.approx([np.sqrt(1.75 / 1.25)])
+
+
+def test_phases():
+    assert SystemResponse(control.ss(TEXTBOOK)).phase_crossings() == pytest.approx([np.sqrt(2)])
+    # An undamped mode turns the phase at its pole, where nothing crosses the negative axis.
+    assert SystemResponse(control.ss(s / (s**2 + 1))).phase_crossings() == []
+
+
+def test_roots_cross_touch_and_stay():
+    points = [np.array([0.5, 1.0, 2.0, 4.0])]
+    assert roots(lambda w: np.atleast_1d(w) - 1.7, points) == pytest.approx([1.7])
+    assert roots(lambda w: (np.atleast_1d(w) - 2.0) ** 2, points) == [2.0]
+    assert roots(lambda w: np.atleast_1d(w) + 1, points) == []
+    assert roots(lambda w: np.atleast_1d(w) - 0.5, points) == pytest.approx([0.5])

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import os
 import re
+import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
 
 import control
 import numpy as np
@@ -15,7 +19,7 @@ from robustpolish.base.arrays import Array, Matrix, Vector
 from robustpolish.base.atomic_writes import new_file, write_file
 from robustpolish.base.checks import invalid, is_whole, one_of
 from robustpolish.base.versions import __version__
-from robustpolish.implementation.realization import SAMPLES, RoundoffBound, controller_outputs
+from robustpolish.implementation.realization import SAMPLES, SinglePrecision, controller_outputs
 
 # What any export writes of a controller: matrices, names, units, limits, and words about it.
 
@@ -101,135 +105,24 @@ def target(path: str | os.PathLike[str], name: str, suffix: str) -> Path:
     return place if place.suffix == suffix else place / f"{name}{suffix}"
 
 
-# A controller as one C99 file without allocation.
+# A controller as one C99 file without allocation, from a template.
 
-_HEAD = """\
-/*
- * {name}: a discrete-time controller, u[k] = K y[k] with positive sign.
- * Written by robustpolish {version}; C99, no allocation, no global state.
- *
-{facts}
- *
- * Measurements y[], in this order and in these units:
-{measurements}
- * Controls u[], in this order and in these units:
-{controls}
- *
- * Use:  {name}_state s;
- *       {name}_init(&s);
- *       every {period!r} s:  {name}_step(&s, y, u);
- * Call _step right after y was sampled and put u out {late}. A y that is not a number
- * would stay in the states: check the sensors before.
- *
- * Compiled with -D{upper}_MAIN it is a program that reads lines of measurements from
- * standard input and writes lines of controls.
- */
-"""
 
-_BODY = """\
-#ifdef {upper}_MAIN
-#include <stdio.h>
-#endif
+def rendered(template: str, **values: Any) -> str:
+    """Return a template of this folder, filled in."""
+    import jinja2  # needed by exports only
 
-#define {upper}_STATES {n}
-#define {upper}_MEASUREMENTS {ny}
-#define {upper}_CONTROLS {nu}
-
-typedef struct {{
-    {real} x[{n1}];
-}} {name}_state;
-
-void {name}_init({name}_state *s);
-void {name}_step({name}_state *s, const {real} y[{ny}], {real} u[{nu}]);
-
-{tables}
-/* Bring the controller to rest. */
-void {name}_init({name}_state *s)
-{{
-    int i;
-    for (i = 0; i < {n1}; i++) {{
-        s->x[i] = {zero};
-    }}
-}}
-
-/* Take a sample: y in, u out. */
-void {name}_step({name}_state *s, const {real} y[{ny}], {real} u[{nu}])
-{{
-{step}}}
-{main}"""
-
-_DIRECT = """\
-    for (i = 0; i < {nu}; i++) {{
-        {real} sum = {zero};
-{on_x}        for (j = 0; j < {ny}; j++) {{
-            sum += {name}_D[i][j] * y[j];
-        }}
-{limit}    }}
-"""
-
-_ON_X = """\
-        for (j = 0; j < {n}; j++) {{
-            sum += {name}_C[i][j] * s->x[j];
-        }}
-"""
-
-_LIMIT = """\
-        u[i] = sum;
-        if (u[i] < {name}_low[i]) {{
-            u[i] = {name}_low[i];
-        }}
-        if (u[i] > {name}_high[i]) {{
-            u[i] = {name}_high[i];
-        }}
-"""
-
-_UPDATE = """\
-    for (i = 0; i < {n}; i++) {{
-        {real} sum = {zero};
-        for (j = 0; j < {n}; j++) {{
-            sum += {name}_A[i][j] * s->x[j];
-        }}
-        for (j = 0; j < {ny}; j++) {{
-            sum += {name}_B[i][j] * y[j];
-        }}
-{windup}        next[i] = sum;
-    }}
-    for (i = 0; i < {n}; i++) {{
-        s->x[i] = next[i];
-    }}
-"""
-
-_WINDUP = """\
-        for (j = 0; j < {nu}; j++) {{
-            sum += {name}_L[i][j] * excess[j];
-        }}
-"""
-
-_MAIN = """
-#ifdef {upper}_MAIN
-int main(void)
-{{
-    {name}_state s;
-    {real} y[{ny}];
-    {real} u[{nu}];
-    double value;
-    int i;
-    {name}_init(&s);
-    for (;;) {{
-        for (i = 0; i < {ny}; i++) {{
-            if (scanf("%lf%*[ ,]", &value) != 1) {{
-                return 0;
-            }}
-            y[i] = ({real})value;
-        }}
-        {name}_step(&s, y, u);
-        for (i = 0; i < {nu}; i++) {{
-            printf("%.17g%c", (double)u[i], i + 1 < {nu} ? ' ' : '\\n');
-        }}
-    }}
-}}
-#endif
-"""
+    environment = jinja2.Environment(
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    environment.filters |= {
+        "comment": _comment, "numbers": _numbers, "plain": _plain, "quoteattr": quoteattr
+    }  # fmt: skip
+    text = resources.files(__package__).joinpath("templates", template).read_text("utf-8")
+    return environment.from_string(text).render(values)
 
 
 def c_text(spec: CodeSpec, name: str, precision: str, facts: tuple[str, ...] = ()) -> str:
@@ -249,66 +142,46 @@ def c_text(spec: CodeSpec, name: str, precision: str, facts: tuple[str, ...] = (
     str
     """
     M = spec.matrices
-    n, nu, ny = len(M["A"]), len(spec.controls), len(spec.measurements)
-    single = precision == "float"
+    n = len(M["A"])
     winds = bool(M["L"].any()) and spec.limits is not None
-    fill = {
-        "name": name,
-        "upper": name.upper(),
-        "version": __version__,
-        "real": precision,
-        "zero": "0.0f" if single else "0.0",
-        "n": n,
-        "n1": max(n, 1),
-        "nu": nu,
-        "ny": ny,
-        "period": spec.period,
-        "late": f"{spec.delay:.6g} s later" if spec.delay else "at once",
-    }
-    limit = _LIMIT.format(**fill) if spec.limits is not None else "        u[i] = sum;\n"
-    if winds:
-        limit += "        excess[i] = u[i] - sum;\n"
-    declared = "    int i, j;\n"
-    declared += f"    {precision} next[{n}];\n" if n else ""
-    declared += f"    {precision} excess[{nu}];\n" if winds else ""
-    step = declared + _DIRECT.format(**fill, on_x=_ON_X.format(**fill) if n else "", limit=limit)
-    if n:
-        step += _UPDATE.format(**fill, windup=_WINDUP.format(**fill) if winds else "")
-    else:
-        step += "    (void)s;\n"
-    wanted = (["A", "B", "C"] if n else []) + ["D"] + (["L"] if winds else [])
-    tables = "".join(_table(f"{name}_{key}", M[key], precision) for key in wanted)
-    if spec.limits is not None:
-        for word, values in zip(("low", "high"), spec.limits, strict=True):
-            tables += _row(f"{name}_{word}", values, precision)
-    head = _HEAD.format(
-        **fill,
-        facts="\n".join(_commented(line) for line in (*spec.about, *facts)),
-        measurements=_listed(spec, spec.measurements),
-        controls=_listed(spec, spec.controls),
+    wanted = ("A", "B", "C") * bool(n) + ("D",) + ("L",) * winds
+    return rendered(
+        "controller.c.jinja",
+        spec=spec,
+        name=name,
+        version=__version__,
+        real=precision,
+        zero="0.0f" if precision == "float" else "0.0",
+        n=n,
+        stored=max(n, 1),  # C has no empty arrays
+        nu=len(spec.controls),
+        ny=len(spec.measurements),
+        period=repr(spec.period),
+        late=f"{spec.delay:.6g} s later" if spec.delay else "at once",
+        facts=(*spec.about, *facts),
+        matrices={key: M[key] for key in wanted},
+        limits=dict(zip(("low", "high"), spec.limits or (), strict=False)),
+        winds=winds,
     )
-    return head + _BODY.format(**fill, tables=tables, step=step, main=_MAIN.format(**fill))
 
 
-def _listed(spec: CodeSpec, names: tuple[str, ...]) -> str:
-    return "\n".join(f" *   {i}: {_safe(spec.with_unit(name))}" for i, name in enumerate(names))
-
-
-def _commented(sentence: str) -> str:
+def _comment(sentence: str) -> str:
     """Wrap a sentence as lines of a comment."""
-    lines, line = [], " *"
-    for word in _safe(sentence).split():
-        if len(line) + len(word) > 92:
-            lines.append(line)
-            line = " *  "
-        line += " " + word
-    return "\n".join([*lines, line])
+    words = " ".join(_plain(sentence).split())
+    return textwrap.fill(
+        words, 93, initial_indent=" * ", subsequent_indent=" *   ",
+        break_long_words=False, break_on_hyphens=False,
+    )  # fmt: skip
 
 
-def _safe(text: str) -> str:
+def _plain(text: str) -> str:
     """Return a text that neither ends a comment nor leaves the character set of C."""
     plain = text.replace("*/", "* /").replace("/*", "/ *").replace("\\", "/").replace("??", "? ?")
     return "".join(c if " " <= c <= "~" else " " if c.isspace() else "_" for c in plain)
+
+
+def _numbers(values: Vector, precision: str) -> str:
+    return ", ".join(number(value, precision) for value in values)
 
 
 def number(value: float, precision: str) -> str:
@@ -320,18 +193,6 @@ def number(value: float, precision: str) -> str:
     return text + ("f" if precision == "float" else "")
 
 
-def _table(name: str, M: Matrix, precision: str) -> str:
-    rows = ",\n".join(
-        "    {" + ", ".join(number(v, precision) for v in row) + "}" for row in np.atleast_2d(M)
-    )
-    return f"static const {precision} {name}[{M.shape[0]}][{M.shape[1]}] = {{\n{rows}\n}};\n\n"
-
-
-def _row(name: str, values: Matrix, precision: str) -> str:
-    inside = ", ".join(number(v, precision) for v in values)
-    return f"static const {precision} {name}[{len(values)}] = {{{inside}}};\n\n"
-
-
 SEED = 20_240_229
 """Of the random measurements, so that every export of a controller has the same ones."""
 
@@ -341,7 +202,7 @@ def write_c(
     path: str | os.PathLike[str],
     name: str,
     precision: str,
-    bound: RoundoffBound | None,
+    loss: SinglePrecision | None,
     *,
     test_vectors: int = 0,
     force: bool = False,
@@ -355,7 +216,7 @@ def write_c(
         A folder, or a file that ends in ``.c``.
     name : str
     precision : {"double", "float"}
-    bound : RoundoffBound or None
+    loss : SinglePrecision or None
         For "float".
     test_vectors : int, optional
         So many random samples are written to ``<file>_vectors.csv``.
@@ -371,7 +232,7 @@ def write_c(
     if not is_whole(test_vectors) or test_vectors < 0:
         raise invalid("test_vectors", test_vectors, "a number of samples", "Pass 10000, or 0.")
     place = target(path, name, ".c")
-    write_file(place, c_text(spec, name, precision, _facts(spec, bound)), force)
+    write_file(place, c_text(spec, name, precision, _facts(spec, loss)), force)
     if test_vectors:
         y, u = vectors(spec, test_vectors)
         with new_file(place.with_name(f"{place.stem}_vectors.csv"), force) as draft:
@@ -396,13 +257,13 @@ def vectors(spec: CodeSpec, samples: int) -> tuple[Array, Array]:
     return y, controller_outputs(spec.controller, y, spec.limits, spec.feedback)
 
 
-def _facts(spec: CodeSpec, bound: RoundoffBound | None) -> tuple[str, ...]:
-    if bound is None:
+def _facts(spec: CodeSpec, loss: SinglePrecision | None) -> tuple[str, ...]:
+    if loss is None:
         return ()
     each = "; ".join(
         f"{name}: {sample:.3g} per sample, {total:.3g} in all, of at most {size:.3g}"
         for name, sample, total, size in zip(
-            spec.controls, bound.per_sample, bound.outputs, bound.size, strict=True
+            spec.controls, loss.per_sample, loss.outputs, loss.size, strict=True
         )
     )
     limited = " It holds while no limit is reached." if spec.limits is not None else ""

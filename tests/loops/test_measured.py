@@ -1,14 +1,21 @@
-"""A measured plant's loop against the same plant as a model, and what is said of the lines."""
+"""A measured plant against the same plant as a model, and the count by Nyquist against poles."""
+
+import math
 
 import control
 import numpy as np
 import pytest
 
 import robustpolish as rp
+from robustpolish.loops.margins import margins_of, simultaneous_margins
+from robustpolish.loops.measured import MeasuredLoop
 
 s = control.tf("s")
+
 LINES = np.logspace(-2, 3, 400)
+
 TEXTBOOK = 1 / (s * (s + 1) * (0.5 * s + 1))
+
 SATELLITE = control.ss([[0, 10], [-10, 0]], np.eye(2), [[1, 10], [-10, 1]], 0)
 
 
@@ -121,7 +128,7 @@ def test_pictures_show_the_lines(kind):
         np.testing.assert_allclose(drawn[0].get_xdata(), LINES / (2 * np.pi))
         assert drawn[0].get_ydata().max() == pytest.approx(analysis.output.peaks["S"].value)
     if kind == "nyquist":
-        values = analysis.loop.opened("output", [0])[:, 0, 0]
+        values = analysis.loop.response("output", [0]).values[:, 0, 0]
         np.testing.assert_allclose(drawn[0].get_xdata(), values.real)
 
 
@@ -144,3 +151,85 @@ def test_what_cannot_be_drawn_is_told(wrong, said):
     analysis = rp.loop_analysis(measured(TEXTBOOK), -1)
     with pytest.raises(rp.InvalidInputError, match=said):
         analysis.plot(**wrong)
+
+
+def lines_of(system, lines):
+    response = control.frd(system, lines)
+    return rp.GeneralizedPlant(response, system.noutputs, system.ninputs)
+
+
+def test_the_count_is_right_on_random_loops():
+    rng = np.random.default_rng(0)
+    verdicts = []
+    for _ in range(40):
+        n = int(rng.integers(2, 6))
+        A, B, C = (rng.standard_normal(shape) for shape in ((n, n), (n, 2), (2, n)))
+        K = rng.standard_normal((2, 2)) * 10 ** rng.uniform(-1, 1)
+        plant = lines_of(control.ss(A, B, C, 0), np.logspace(-3, 4, 3000))
+        unstable = int((np.linalg.eigvals(A).real > 0).sum())
+        found = MeasuredLoop.of(plant, K, unstable).stability
+        truth = int((np.linalg.eigvals(A + B @ K @ C).real > 0).sum())
+        assert f"{truth} of the closed one" in found.reason
+        assert bool(found) == (truth == 0)
+        verdicts.append(bool(found))
+    assert 2 <= sum(verdicts) <= 38
+
+
+@pytest.mark.parametrize("gain", [-0.1, -30.0])
+def test_a_discrete_controller_is_taken_up_to_half_its_rate(gain):
+    dt = 0.05
+    model = control.c2d(control.ss([[0, 1], [0, -1]], [[0], [1]], [[1, 0]], 0), dt)
+    omega = np.logspace(-2, 2, 2000)
+    values = np.array([model(np.exp(1j * w * dt)) for w in omega])
+    response = control.FrequencyResponseData(values[None, None], omega)
+    K = control.ss([[1.0]], [[0.001]], [[gain]], [[gain]], dt)
+    found = MeasuredLoop.of(rp.GeneralizedPlant(response, 1, 1), K, 0)
+    assert found.omega.max() < np.pi / dt
+    truth = rp.loop_analysis(model, K).stable
+    assert bool(found.stability) == truth
+
+
+def test_a_count_below_zero_and_jumps_between_lines_are_told():
+    plant = lines_of(control.ss([[1.0]], [[1.0]], [[1.0]], 0), np.logspace(-2, 3, 400))
+    wrong = MeasuredLoop.of(plant, [[-3.0]], 0).stability
+    assert not wrong
+    assert "that cannot be" in wrong.reason
+    coarse = lines_of(control.ss([[0, 1], [-1, -1e-3]], [[0], [1]], [[1, 0]], 0), [0.5, 2.0, 9.0])
+    assert "jumps by" in MeasuredLoop.of(coarse, [[-5.0]], 0).stability.reason
+
+
+def test_too_few_lines_are_refused():
+    plant = lines_of(control.ss([[-1.0]], [[1.0]], [[1.0]], 0), [0.0, 1.0])
+    with pytest.raises(rp.InvalidInputError, match="two or more"):
+        MeasuredLoop.of(plant, [[-1.0]], 0)
+
+
+def loop_of_lines(system, gain, unstable=0, lines=None):
+    lines = np.logspace(-2, 3, 400) if lines is None else lines
+    plant = rp.GeneralizedPlant(control.frd(control.ss(system), lines), 1, 1)
+    return MeasuredLoop.of(plant, [[gain]], unstable)
+
+
+def test_crossings_lie_between_the_lines():
+    found = margins_of(loop_of_lines(10 / (s * (s + 1) * (0.1 * s + 1)), -1.0), "input", 0)
+    assert found.phase_crossovers[0].frequency_hz == pytest.approx(
+        np.sqrt(10) / 2 / np.pi, rel=1e-4
+    )
+    assert found.phase_crossovers[0].gain == pytest.approx(1.1, rel=1e-3)
+    assert len(found.gain_crossovers) == 1
+
+
+def test_a_crossing_at_rest_is_seen_at_the_first_line():
+    # L = 3 / (s - 1) is -3 at rest: a third of the gain is not enough.
+    found = margins_of(loop_of_lines(1 / (s - 1), -3.0, 1), "output", 0)
+    assert found.gain_down == pytest.approx(1 / 3, rel=1e-3)
+    assert found.gain_up == math.inf
+
+
+def test_delays_in_any_combination_are_no_more_than_one_that_is_known():
+    found = loop_of_lines(1 / (s - 1), -3.0, 1)
+    at_once = simultaneous_margins(found, "inputs")
+    assert at_once.any_delay_s <= at_once.common_delay_s
+    assert (
+        simultaneous_margins(loop_of_lines(0.1 / (s + 1), -1.0), "inputs").any_delay_s == math.inf
+    )

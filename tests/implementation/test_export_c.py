@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
+from robustpolish.implementation.export.c import number
 from robustpolish.implementation.realization import anti_windup, control_limits, controller_outputs
 from tests.implementation.designs import sampled_servo, static_gain, two_by_two
 
@@ -60,7 +61,7 @@ def test_single_precision_keeps_its_bound(name, form, tmp_path):
     table = np.loadtxt(tmp_path / "loop_vectors.csv", delimiter=",", skiprows=1)
     ny = sampled.controller.ninputs
     printed = ran(compiled(source), table[:, :ny])
-    bound, _ = sampled._single()
+    bound = sampled._single()
     error = np.abs(printed - table[:, ny:]).max(axis=0)
     assert (error <= bound.outputs).all()
     assert (error > 0).any() or sampled.controller.nstates == 0
@@ -82,10 +83,9 @@ def test_the_head_tells_what_a_reader_needs(tmp_path):
 
 def test_what_does_not_fit_is_refused(tmp_path):
     sampled = sampled_servo()
-    with pytest.raises(rp.InvalidInputError, match="name"):
-        sampled.export_c(tmp_path, name="for")
-    with pytest.raises(rp.InvalidInputError, match="name"):
-        sampled.export_c(tmp_path, name="a b")
+    for bad in ("", "2loop", "a b", "for", "a-b", "_x", "x" * 60, None):
+        with pytest.raises(rp.InvalidInputError, match="name"):
+            sampled.export_c(tmp_path, name=bad)
     with pytest.raises(rp.InvalidInputError, match="precision"):
         sampled.export_c(tmp_path, precision="half")
     with pytest.raises(rp.InvalidInputError, match="limits"):
@@ -115,3 +115,16 @@ def test_vectors_reach_limits_in_their_second_half_only(tmp_path):
     u = np.abs(table[:, sampled.controller.ninputs :])
     assert u[:100].max() == pytest.approx(0.5e-3)
     assert (u[100:] == 1e-3).mean() > 0.5
+
+
+@pytest.mark.parametrize("value", [0.0, -0.0, 1.0, 1 / 3, 1e-300, -2.5e22, 5e-324, 123456789.0])
+def test_numbers_come_back_exactly(value):
+    assert float(number(value, "double")) == value
+    short = number(value, "float")
+    assert short.endswith("f")
+    assert any(c in short for c in ".e")
+
+
+def test_infinite_limits_become_the_largest_number():
+    assert float(number(float("inf"), "double")) == 1.7976931348623157e308
+    assert number(float("-inf"), "float") == "-3.40282347e+38f"
