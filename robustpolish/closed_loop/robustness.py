@@ -16,7 +16,7 @@ from robustpolish.base.checks import described, invalid
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.base.sampling import share_at_least
 from robustpolish.base.sweep import sweep
-from robustpolish.closed_loop.monte_carlo import PlantOf, Trial, column, draw, linearized
+from robustpolish.closed_loop.sampled_loops import PlantOf, SampledModel, Trial, column, draw
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plots.charts import plot_distribution
 from robustpolish.synthesis.design import Design, checked_design
@@ -265,9 +265,8 @@ def check_robustness(
         plant=design.plant,
         controller=design.controller,
         norm=design.norm,
-        machine=drawn.model,
-        plant_of=plant_of or linearized,
         names=drawn.keys,
+        machine=SampledModel(drawn.model, plant_of),
     )
     points = [{column(i): value for i, value in enumerate(row)} for row in drawn.values.tolist()]
     found = sweep(trial, points, executor=executor)

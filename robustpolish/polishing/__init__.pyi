@@ -7,6 +7,9 @@ from .air_bearing import (
 from .air_bearing import (
     air_bearing as air_bearing,
 )
+from .air_bearing import (
+    air_bearing_model as air_bearing_model,
+)
 from .buildable import (
     BuildableBrushDesign as BuildableBrushDesign,
 )
@@ -69,6 +72,9 @@ from .hardware import (
 )
 from .ideal import (
     BrushDesign as BrushDesign,
+)
+from .monte_carlo import (
+    monte_carlo as monte_carlo,
 )
 from .parameters import (
     RUN_STIFFNESS as RUN_STIFFNESS,
@@ -213,6 +219,7 @@ __all__ = [
     "ToolPath",
     "admittance_control",
     "air_bearing",
+    "air_bearing_model",
     "check_brush_fit",
     "compare_contact_laws",
     "compare_coupled",
@@ -226,6 +233,7 @@ __all__ = [
     "land",
     "linearize_with_brush",
     "listing_response",
+    "monte_carlo",
     "passive_stiffness",
     "plot_polishing",
     "polishing_plant",

@@ -13,7 +13,7 @@ from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import instance_of, invalid, one_of, positive
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.machines.effects.equivalent_damping import share_damping
-from robustpolish.machines.mechanical.data import MechanicalData
+from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 from robustpolish.plants.plant import GeneralizedPlant
 
@@ -435,8 +435,32 @@ def _load_matrix(p: AirBearingParameters, load: str) -> Matrix:
 # The air bearing as masses joined by springs and dampers.
 
 
-def air_bearing_data(parameters: AirBearingParameters | None, dissipation: float) -> MechanicalData:
-    """Return equations (8.46) as a mechanical model, in the signs of (8.47)."""
+def air_bearing_model(
+    parameters: AirBearingParameters | None = None, dissipation: float = 0.001
+) -> MechanicalModel:
+    """Return the air bearing of :func:`robustpolish.air_bearing` as masses and springs.
+
+    Equations (8.46) in the signs of (8.47): inputs are the brush forces F_x, F_y, F_z and F_p,
+    outputs the six displacements. With dissipation 0 the dampers are there, with damping 0, so
+    that a refit can find them.
+
+    Parameters
+    ----------
+    parameters : AirBearingParameters, optional
+        :meth:`AirBearingParameters.as_published` by default.
+    dissipation : float, optional
+        Share of the energy lost per cycle, (8.23).
+
+    Returns
+    -------
+    MechanicalModel
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> rp.polishing.air_bearing_model().free
+    ('x_m', 'x', 'y_m', 'y', 'z_m', 'z')
+    """
     p = AirBearingParameters() if parameters is None else parameters
     c = p.damping(dissipation)
     dofs, springs, dampers = [], [], []
@@ -453,7 +477,7 @@ def air_bearing_data(parameters: AirBearingParameters | None, dissipation: float
             Damper((bearing, axis), c.c_R if vertical else c.c_D),
         ]
     loads = [("F_x", "x", -1.0), ("F_y", "y", -1.0), ("F_z", "z", 1.0), ("F_p", "z_m", -1.0)]
-    return MechanicalData(
+    return MechanicalModel(
         dofs=tuple(dofs),
         springs=tuple(springs),
         dampers=tuple(dampers),

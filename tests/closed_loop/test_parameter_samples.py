@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.closed_loop.monte_carlo import draw
+from robustpolish.closed_loop.sampled_loops import draw
 from robustpolish.errors import InvalidInputError
 
 AT = ("x", "ground")

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.closed_loop.monte_carlo import loop_norm, with_added_signals
+from robustpolish.closed_loop.sampled_loops import loop_norm, with_added_signals
 from robustpolish.errors import InvalidInputError
 
 AT = ("x", "ground")

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.closed_loop.monte_carlo import loop_norm
+from robustpolish.closed_loop.sampled_loops import loop_norm
 from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 from tests.closed_loop.studies.functions import roughness, with_state
 

@@ -1,14 +1,13 @@
-"""``monte_carlo``: a design's loop around machines, surfaces and brushes that are drawn."""
+"""Monte Carlo: a design's loop around machines and loads whose numbers are drawn."""
 
 from __future__ import annotations
 
-import functools
 import os
 import warnings
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, fields, replace
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal, Protocol
 
 import control
 import numpy as np
@@ -17,30 +16,23 @@ from matplotlib.axes import Axes
 
 from robustpolish.base.arrays import Array, Vector
 from robustpolish.base.checks import (
-    closest_name_remedy,
     described,
-    instance_of,
     invalid,
     is_whole,
     one_of,
-    positive,
 )
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.base.sampling import draws, percentile, percentile_limits, share_limits
 from robustpolish.base.sweep import sweep
 from robustpolish.closed_loop.simulate import simulate
-from robustpolish.errors import RobustPolishWarning, SolverError
+from robustpolish.errors import RobustPolishWarning
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.linear.stability import stability
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plots.charts import plot_distribution
-from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
-from robustpolish.polishing.parameters import BrushParameters
-from robustpolish.polishing.simulate import simulate_brush
-from robustpolish.polishing.surfaces.surface import Surface
-from robustpolish.synthesis.design import Design, checked_design
+from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.proofs.achieved_norm import estimate_norm
 
 # Machines that differ from a model by as much as its fit leaves open.
@@ -197,14 +189,51 @@ def loop_norm(loop: control.StateSpace, norm: str) -> float:
     return float(hinf_norm(loop))
 
 
-# One loop of a study: a machine, a surface and a brush with given numbers, and its figures.
+# One loop of a study: a machine and a load with given numbers, and its figures.
 
-Machine = MechanicalModel | AirBearingParameters
 PlantOf = Callable[[Any], GeneralizedPlant]
 Figures = Callable[[xr.Dataset], Mapping[str, float]]
 
 PEAK = "peak_"
 """Begins the names of largest absolute values."""
+
+
+class SampledMachine(Protocol):
+    """A machine some of whose numbers are drawn; the values may hold those of the load as well."""
+
+    def plant(self, values: Mapping[str, Any]) -> GeneralizedPlant:
+        """Return the plant with these numbers."""
+        ...
+
+
+class SampledLoad(Protocol):
+    """A disturbance some of whose numbers are drawn."""
+
+    def dataset(self, values: Mapping[str, Any]) -> xr.Dataset:
+        """Return the disturbance over time with these numbers."""
+        ...
+
+
+@dataclass(frozen=True)
+class SampledModel:
+    """A mechanical model as a machine whose numbers are drawn.
+
+    Attributes
+    ----------
+    model : MechanicalModel
+    plant_of : callable, optional
+        Makes a plant of a model; its linear plant with the defaults otherwise.
+    """
+
+    model: MechanicalModel
+    plant_of: PlantOf | None = None
+
+    def plant(self, values: Mapping[str, Any]) -> GeneralizedPlant:
+        """Return the plant with these numbers."""
+        own = self.model.parameters
+        changes = {name: value for name, value in values.items() if name in own}
+        changed = self.model.with_parameters(changes)
+        return changed.linearize() if self.plant_of is None else self.plant_of(changed)
 
 
 @dataclass(frozen=True)
@@ -217,17 +246,12 @@ class Trial:
         The one that the controller was designed for.
     controller : control.StateSpace
     norm : {"hinf", "h2"}
-    machine : MechanicalModel, AirBearingParameters or None
-        What numbers of the machine belong to; None if they stay.
-    plant_of : callable
-        Makes a plant of a machine.
     names : tuple of str
         The numbers that are drawn, in the order in which they come.
-    brush : BrushParameters
-    duration : float or None
-        Of the brush's run in s; None for none.
-    load : xarray.Dataset or None
-        Disturbances that are the same for all loops.
+    machine : SampledMachine or None
+        None if the plant stays.
+    load : SampledLoad, xarray.Dataset or None
+        Disturbances; a Dataset if they are the same for all loops.
     figures : callable or None
         What else is to be told of a response.
     told : tuple of str
@@ -237,12 +261,9 @@ class Trial:
     plant: GeneralizedPlant
     controller: control.StateSpace
     norm: str
-    machine: Machine | None
-    plant_of: PlantOf
     names: tuple[str, ...]
-    brush: BrushParameters = field(default_factory=BrushParameters)
-    duration: float | None = None
-    load: xr.Dataset | None = None
+    machine: SampledMachine | None = None
+    load: SampledLoad | xr.Dataset | None = None
     figures: Figures | None = None
     told: tuple[str, ...] = ()
 
@@ -268,34 +289,18 @@ class Trial:
 
     def plant_with(self, values: Mapping[str, Any]) -> GeneralizedPlant:
         """Return the plant with numbers of the machine in place of its own."""
-        own = {name: value for name, value in values.items() if _room(name) == "machine"}
-        if self.machine is None or all(map(needs_brush, self.names)):
+        if self.machine is None:
             return self.plant
-        changed = (
-            replace(self.machine, **own)
-            if isinstance(self.machine, AirBearingParameters)
-            else self.machine.with_parameters(own)
-        )
         with warnings.catch_warnings():
             # an effect without a linear part has been warned of when the plant was made
             warnings.simplefilter("ignore", RobustPolishWarning)
-            return with_added_signals(self.plant, self.plant_of(changed))
+            return with_added_signals(self.plant, self.machine.plant(values))
 
     def load_with(self, values: Mapping[str, Any]) -> xr.Dataset | None:
-        """Return the disturbance; the brush is run if it is not the same for all."""
-        if self.load is not None or self.duration is None:
+        """Return the disturbance, made anew if it is not the same for all loops."""
+        if self.load is None or isinstance(self.load, xr.Dataset):
             return self.load
-        brush = self.brush.with_run(int(values["run"])) if "run" in values else self.brush
-        changes = {_field(name): v for name, v in values.items() if _room(name) == "brush"}
-        bends = {_field(name): v for name, v in values.items() if _room(name) == "surface"}
-        if bends:
-            changes["surface"] = replace(self.brush.surface, **bends)  # type: ignore[type-var]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RobustPolishWarning)  # of passes that do not agree
-            found = simulate_brush(duration=self.duration, parameters=replace(brush, **changes))
-        if not found.attrs["converged"]:
-            raise SolverError("the passes of the brush's run do not agree")
-        return found
+        return self.load.dataset(values)
 
     def response(self, plant: GeneralizedPlant, load: xr.Dataset) -> xr.Dataset:
         """Return all performance outputs and controls over time."""
@@ -309,63 +314,6 @@ class Trial:
 def column(i: int) -> str:
     """Return the name by which a sweep hands over a number; keys of models are no identifiers."""
     return f"value_{i}"
-
-
-def check_names(names: Mapping[str, Any], machine: Machine | None, brush: BrushParameters) -> None:
-    """Refuse names that mean nothing to the machine, the brush or its surface."""
-    known = [
-        *_numbers(machine),
-        *(f"brush.{item.name}" for item in fields(brush) if item.name not in ("surface", "path")),
-        *(
-            f"surface.{item.name}"
-            for item in (fields(brush.surface) if isinstance(brush.surface, Surface) else ())
-        ),
-        "run",
-    ]
-    for name in names:
-        if name not in known:
-            expected = "a number of the machine, brush.NAME, surface.NAME or run"
-            raise invalid(("distributions", name), name, expected, closest_name_remedy(name, known))
-
-
-def needs_brush(name: str) -> bool:
-    """Tell whether a name belongs to the brush's run rather than to the machine."""
-    return _room(name) != "machine"
-
-
-def default_plant_of(machine: Machine | None, plant: GeneralizedPlant) -> PlantOf:
-    """Return how plants are made of a machine if nobody says it."""
-    if not isinstance(machine, AirBearingParameters):
-        return linearized
-    actuation = "force" if plant.units.get("u_x") == "N" else "displacement"
-    measured = "state" if plant.ny == plant.nx else "displacement"
-    return functools.partial(_air_bearing, actuation, measured)
-
-
-def linearized(model: MechanicalModel) -> GeneralizedPlant:
-    """Return a model's linear plant with its defaults."""
-    return model.linearize()
-
-
-def _air_bearing(
-    actuation: Any, measured: Any, parameters: AirBearingParameters
-) -> GeneralizedPlant:
-    return air_bearing(parameters, actuation=actuation, measured=measured)
-
-
-def _numbers(machine: Machine | None) -> list[str]:
-    if isinstance(machine, AirBearingParameters):
-        return [item.name for item in fields(machine) if item.name != "inertia_reading"]
-    return list(machine.parameters) if machine is not None else []
-
-
-def _room(name: str) -> str:
-    head = name.partition(".")[0]
-    return head if head in ("brush", "surface", "run") else "machine"
-
-
-def _field(name: str) -> str:
-    return name.partition(".")[2]
 
 
 # What many sampled loops have in common: percentiles, shares, limits, and the worst of them.
@@ -618,15 +566,13 @@ def _share(name: str, value: float, whole: float) -> float:
     return value / whole
 
 
-def monte_carlo(
+def sample_loops(
     design: Design,
     distributions: Mapping[str, Any],
+    machine: SampledMachine | None,
+    load: SampledLoad | xr.Dataset | None,
     *,
-    machine: Machine | None = None,
-    plant_of: PlantOf | None = None,
-    duration: float | None = None,
-    brush: BrushParameters | None = None,
-    disturbance: xr.Dataset | None = None,
+    load_is_drawn: bool,
     figures: Figures | None = None,
     samples: int = 200,
     seed: int = 0,
@@ -634,84 +580,28 @@ def monte_carlo(
     file: str | os.PathLike[str] | None = None,
     progress: bool = True,
 ) -> SampledLoops:
-    """Close a design's loop around machines and brushes whose numbers are drawn.
+    """Close a design's loop around machines and loads whose numbers are drawn.
 
-    Every sample is a machine, linearised anew, with the controller as it is: its norm, and its
-    largest deviations and controls under the brush or a given disturbance.
+    What :func:`robustpolish.monte_carlo` does, for any machine and any load.
 
     Parameters
     ----------
     design : Design
     distributions : mapping of str to distribution
-        Of numbers of the machine, by the keys of ``machine.parameters`` or the fields of
-        :class:`AirBearingParameters`; of the brush, ``brush.friction`` and other fields of
-        :class:`BrushParameters`; of its trough, ``surface.along`` and ``surface.across``; and of
-        `run`, 1 to 4. A frozen distribution of ``scipy.stats``; ``(low, high)``;
-        ``("normal", mean, deviation)``, ``("uniform", low, high)``, ``("triangular", low, mode,
-        high)`` or ``("lognormal", median, deviation of the logarithm)``; a list, of whose values
-        each is as likely. All are independent, in the units of their numbers.
-    machine : MechanicalModel or AirBearingParameters, optional
-        What is drawn around. By default the air bearing, if the design's plant has its states.
-    plant_of : callable, optional
-        Makes a plant of a machine in the way in which the design's plant was made. By default the
-        air bearing with the same actuation and measurement, or ``model.linearize()``.
-    duration : float, optional
-        Runs the physical brush for this time in s, for each sample if `distributions` asks for it,
-        else once.
-    brush : BrushParameters, optional
-        Of the brush's run.
-    disturbance : xarray.Dataset, optional
-        In place of the brush: what drives all loops, as for :func:`simulate`.
-    figures : callable, optional
-        Takes the response of a loop, a Dataset over `time`, and returns further figures of merit,
-        a mapping of names to numbers of which large ones are bad.
-    samples, seed : int, optional
-        The same seed draws the same numbers, on any number of workers. More samples begin with
-        the same ones, and a further distribution leaves the draws of the others as they are.
-    executor, file, progress : optional
-        As for :func:`sweep`: local processes by default; `file` keeps what is finished.
+        Of numbers that `machine` or `load` knows.
+    machine : SampledMachine or None
+        None if the plant stays.
+    load : SampledLoad, xarray.Dataset or None
+        Disturbances.
+    load_is_drawn : bool
+        Whether the load has numbers among those that are drawn; else it is made once.
+    figures, samples, seed, executor, file, progress : optional
+        As for :func:`robustpolish.monte_carlo`.
 
     Returns
     -------
     SampledLoops
-        Samples and figures as a Dataset, percentiles and shares with confidence limits, and the
-        worst sample to be run once more by ``replay()``.
-
-    Raises
-    ------
-    InvalidInputError
-        If a name or a distribution means nothing, if the design does not belong to plants of this
-        machine, or if workers cannot import `plant_of` or `figures`.
-
-    Notes
-    -----
-    A draw of which no machine can be made, or whose brush cannot be simulated, is a failure with
-    its reason; it counts as worse than every figure. No sample proves all machines:
-    :func:`robust_stability` and :func:`worst_case_gain` do.
-
-    Examples
-    --------
-    >>> import robustpolish as rp
-    >>> plant = rp.air_bearing(actuation="force")
-    >>> design = rp.state_feedback(plant, method="riccati", control_weight=1e-7)
-    >>> study = rp.monte_carlo(
-    ...     design, {"brush_mass": (0.18, 0.22), "brush.friction": ("normal", 0.35, 0.03)},
-    ...     duration=0.01, samples=20, executor="serial")
-    >>> study.failures, study.dataset["peak_y"].attrs["units"]
-    ({}, 'm')
-    >>> bool(study.percentile("peak_y", 95) >= study.percentile("peak_y", 50))
-    True
     """
-    checked_design("design", design)
-    brush = BrushParameters() if brush is None else brush
-    remedy = "Build them with BrushParameters(...)."
-    instance_of("brush", brush, BrushParameters, "BrushParameters", remedy)
-    machine = _machine(design, machine)
-    if not isinstance(distributions, Mapping) or not distributions:
-        remedy = 'Write {"brush.friction": ("normal", 0.35, 0.05)}, for example.'
-        raise invalid("distributions", distributions, "a distribution by name", remedy)
-    check_names(distributions, machine, brush)
-    _check_load(distributions, duration, disturbance)
     for name, value, least in (("samples", samples, 1), ("seed", seed, 0)):
         if not is_whole(value) or value < least:
             raise invalid(name, value, f"a whole number, at least {least}", "Write 200.")
@@ -719,45 +609,19 @@ def monte_carlo(
         plant=design.plant,
         controller=design.controller,
         norm=design.norm,
-        machine=machine,
-        plant_of=plant_of or default_plant_of(machine, design.plant),
-        brush=brush,
-        duration=duration,
-        load=disturbance,
-        figures=figures,
         names=tuple(sorted(distributions)),
+        machine=machine,
+        load=load,
+        figures=figures,
     )
-    trial, nominal = _with_nominal(trial, any(map(needs_brush, distributions)))
+    trial, nominal = _with_nominal(trial, load_is_drawn)
     drawn = draws(distributions, int(samples), int(seed))
     points = [{column(i): one[name] for i, name in enumerate(trial.names)} for one in drawn]
     found = sweep(trial, points, executor=executor, file=file, progress=progress)
     return SampledLoops(_named(found, trial), nominal, seed, trial)
 
 
-def _machine(design: Design, machine: Any) -> Machine | None:
-    if machine is None:
-        # Any other plant has numbers that only its maker knows: brush and surface may be drawn.
-        same = design.plant.states == air_bearing().states
-        return AirBearingParameters() if same else None
-    kinds, expected = (MechanicalModel, AirBearingParameters), "a model or AirBearingParameters"
-    return instance_of("machine", machine, kinds, expected, "Pass what the plant was made of.")
-
-
-def _check_load(
-    distributions: Mapping[str, Any], duration: float | None, disturbance: xr.Dataset | None
-) -> None:
-    asked = [name for name in distributions if needs_brush(name)]
-    if duration is not None:
-        positive("duration", duration, "s")
-        if disturbance is not None:
-            remedy = "Leave out duration, or the disturbance."
-            raise invalid("disturbance", described("a Dataset and a duration"), "one", remedy)
-    elif asked:
-        expected = f"a time in s for which the brush runs, for {asked[0]} is drawn"
-        raise invalid("duration", None, expected, "Write duration=1.0.")
-
-
-def _with_nominal(trial: Trial, brush_is_drawn: bool) -> tuple[Trial, dict[str, float]]:
+def _with_nominal(trial: Trial, load_is_drawn: bool) -> tuple[Trial, dict[str, float]]:
     """Run the nominal loop, and keep its load if it is that of all loops."""
     load = trial.load_with({})
     nominal = replace(trial, load=load).figures_of({})
@@ -765,9 +629,9 @@ def _with_nominal(trial: Trial, brush_is_drawn: bool) -> tuple[Trial, dict[str, 
         expected = "a design whose loop is stable with the nominal numbers"
         raise invalid("design", described("an unstable loop"), expected, "Check the machine.")
     told = tuple(nominal)
-    if brush_is_drawn or load is None:
+    if load_is_drawn or load is None:
         return replace(trial, told=told), nominal
-    # Workers get what drives the loop, not all that the brush tells.
+    # Workers get what drives the loop, not all that the load tells.
     driving = [name for name in trial.plant.disturbance_names if name in load]
     return replace(trial, load=load[driving], told=told), nominal
 
