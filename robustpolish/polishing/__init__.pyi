@@ -113,7 +113,16 @@ from .surfaces.surface import (
     Surface as Surface,
 )
 from .thesis.comparison import (
+    PUBLISHED_CONTROLLERS as PUBLISHED_CONTROLLERS,
+)
+from .thesis.comparison import (
     PUBLISHED_DEVIATIONS as PUBLISHED_DEVIATIONS,
+)
+from .thesis.comparison import (
+    PUBLISHED_NORMS as PUBLISHED_NORMS,
+)
+from .thesis.comparison import (
+    published_gain as published_gain,
 )
 from .thesis.comparison import (
     thesis_comparison as thesis_comparison,
@@ -174,15 +183,6 @@ from .thesis.listing import (
 )
 from .thesis.listing import (
     listing_response as listing_response,
-)
-from .thesis.published_controllers import (
-    PUBLISHED_CONTROLLERS as PUBLISHED_CONTROLLERS,
-)
-from .thesis.published_controllers import (
-    PUBLISHED_NORMS as PUBLISHED_NORMS,
-)
-from .thesis.published_controllers import (
-    published_gain as published_gain,
 )
 from .tool_path import (
     ToolPath as ToolPath,

@@ -402,11 +402,11 @@ def joint_motion(time, motion, place, velocity):  # pragma: no cover - compiled
     if motion.size > COURSE:
         evaluate_path(time, motion[COURSE:], place, velocity)
         return
-    disc_derivative = motion[RATE] * time
-    place[0] = motion[CIRCLE] * cos(disc_derivative) + motion[FEED] * time + motion[START]
-    place[1] = motion[CIRCLE] * sin(disc_derivative)
-    velocity[0] = motion[FEED] - motion[CIRCLE] * motion[RATE] * sin(disc_derivative)
-    velocity[1] = motion[CIRCLE] * motion[RATE] * cos(disc_derivative)
+    turn = motion[RATE] * time
+    place[0] = motion[CIRCLE] * cos(turn) + motion[FEED] * time + motion[START]
+    place[1] = motion[CIRCLE] * sin(turn)
+    velocity[0] = motion[FEED] - motion[CIRCLE] * motion[RATE] * sin(turn)
+    velocity[1] = motion[CIRCLE] * motion[RATE] * cos(turn)
 
 
 @njit(cache=True, error_model="numpy")

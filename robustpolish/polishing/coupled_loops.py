@@ -134,34 +134,25 @@ def carrier(design: Loop, polishing_force: float) -> BrushCarrier:
         raise invalid("design", shown, expected, "Pass the design that was sampled.")
     system, units = loop_with_units(design)
     if not system.isctime(strict=False):
-        raise invalid(
-            "design",
-            described("a loop in discrete time"),
-            "one in continuous time",
-            "Pass the design that was sampled.",
-        )
+        shown = described("a loop in discrete time")
+        expected = "one in continuous time"
+        raise invalid("design", shown, expected, "Pass the design that was sampled.")
     for kind, wanted, labels in (
         ("input", FORCES, system.input_labels),
         ("output", PLACES, system.output_labels),
     ):
         missing = [name for name in wanted if name not in labels]
         if missing:
-            raise invalid(
-                "design",
-                described(f"{kind}s {', '.join(labels)}"),
-                f"{', '.join(wanted)} among them",
-                f"Name the {kind}s; {', '.join(missing)} is missing.",
-            )
+            shown = described(f"{kind}s {', '.join(labels)}")
+            remedy = f"Name the {kind}s; {', '.join(missing)} is missing."
+            raise invalid("design", shown, f"{', '.join(wanted)} among them", remedy)
     rows = [system.output_labels.index(name) for name in PLACES]
     columns = [system.input_labels.index(name) for name in FORCES]
     A, B, C, D = (np.asarray(part) for part in (system.A, system.B, system.C, system.D))
     if np.any(D[np.ix_(rows, columns)]):
-        raise invalid(
-            "design",
-            described("a brush that a force displaces at once"),
-            "a brush with a mass",
-            "Give the place where the brush hangs a mass.",
-        )
+        shown = described("a brush that a force displaces at once")
+        expected = "a brush with a mass"
+        raise invalid("design", shown, expected, "Give the place where the brush hangs a mass.")
     steady = np.zeros(system.nstates)
     if "F_p" in system.input_labels:
         steady = B[:, system.input_labels.index("F_p")] * polishing_force

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import csv
-import io
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import contourpy
 import numpy as np
@@ -17,9 +16,9 @@ from scipy.interpolate import BSpline, CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from robustpolish.base.checks import described, invalid, positive
-from robustpolish.base.input_files import FileSpec, text
+from robustpolish.base.input_files import FileSpec
 from robustpolish.base.jit import njit
-from robustpolish.polishing.surfaces.importers import FILE, scale_of
+from robustpolish.polishing.surfaces.importers import FILE, Unit, csv_rows, scale_of
 from robustpolish.polishing.surfaces.spline import cell, coefficients, slope_weights, weights
 from robustpolish.polishing.surfaces.surface import Floats, PolishedSurface
 
@@ -209,7 +208,6 @@ def spiral(centre: tuple[float, float], radius: float, pitch: float) -> Floats:
 
 # Places of a path as they come: checked, read from files, and brought to even times.
 
-Unit = Literal["m", "mm", "um"]
 _FINER = 4  # times per shortest interval of a file
 _MOST_POINTS = 400_000
 
@@ -228,12 +226,7 @@ def checked_places(places: ArrayLike) -> Floats:
 
 def read_csv(path: str | Path, unit: str, file: FileSpec = FILE) -> tuple[Floats, Floats | None]:
     """Return x and y [m], shape (n, 2), and the times [s] if the file has a column t."""
-    lines, path = io.StringIO(text(path, file, "utf-8-sig"), newline=""), Path(path)
-    try:
-        rows = list(csv.DictReader(lines, skipinitialspace=True))
-    except csv.Error as error:
-        shown = described(f"{path} ({error})")
-        raise invalid("path", shown, "a CSV file that can be read", "Check it.") from None
+    path, rows = Path(path), csv_rows(path, file, csv.DictReader, skipinitialspace=True)
     names = {(name or "").strip().lower(): name for name in (rows[0] if rows else {})}
     if not {"x", "y"} <= set(names):
         shown = described(f"columns {', '.join(names) or 'none'} in {path.name}")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,10 +14,9 @@ from scipy.ndimage import distance_transform_edt
 
 from robustpolish.base.checks import described, invalid, positive
 from robustpolish.polishing.surfaces import importers
+from robustpolish.polishing.surfaces.importers import Unit
 from robustpolish.polishing.surfaces.spline import coefficients, expansions, pack
 from robustpolish.polishing.surfaces.surface import Floats, PolishedSurface
-
-Unit = Literal["m", "mm", "um"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -367,12 +367,9 @@ def listing_motion(
     velocity = tool_velocity(0.0, parameters)
     speed = float(np.hypot(*velocity))
     if speed == 0.0:
-        raise invalid(
-            "parameters",
-            described("a tool at rest"),
-            "a feed or a circling, whose direction places C1 to C4",
-            "Raise feed, or rotation_radius and rotation_rate.",
-        )
+        expected = "a feed or a circling, whose direction places C1 to C4"
+        remedy = "Raise feed, or rotation_radius and rotation_rate."
+        raise invalid("parameters", described("a tool at rest"), expected, remedy)
     slope = velocity[0] * parameters.trough.curvatures[0] / speed
     place = parameters.rim_distance + parameters.rotation_radius
     start = np.array([atan(slope * place), 0.0, UPRIGHT, 0.0])
@@ -615,12 +612,9 @@ def listing_response(
     relative = positive("tolerance", tolerance)
     rate = positive("sample_rate", sample_rate, "Hz")
     if brush.attrs.get("simulator") != "listing":
-        raise invalid(
-            "brush",
-            described(f"simulator {brush.attrs.get('simulator')!r}"),
-            "a dataset of the listing simulator",
-            'Make it with simulate_brush("listing", ...).',
-        )
+        shown = described(f"simulator {brush.attrs.get('simulator')!r}")
+        expected = "a dataset of the listing simulator"
+        raise invalid("brush", shown, expected, 'Make it with simulate_brush("listing", ...).')
     mass = 0.0 if bearing_mass is None else positive("bearing_mass", bearing_mass, "kg")
     parameters = parameters_from_attributes(brush.attrs)
     defects = ListingDefects.none(but=tuple(brush.attrs["defects"].split()))
