@@ -1,4 +1,4 @@
-"""Does a design survive what is not known about the machine? Monte Carlo over its parameters."""
+"""Robustness of a design over parameter errors of a fit: Monte Carlo with a normal distribution."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plots.charts import plot_distribution
 from robustpolish.synthesis.design import Design, checked_design
 
-# How a design fares over the machines that a fit leaves possible.
+# Result: norms and stability of the sampled loops.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -179,9 +179,9 @@ class RobustnessCheck(Displayed):
         return Card("Robustness over the fit's errors", (table,), (left,) if self.left_out else ())
 
 
-# Machines that differ from a model by as much as its fit leaves open.
+# Parameter samples from the covariance of a fit.
 
-# Beyond this share of draws without sense, what is left says little about the machine.
+# Beyond this share of draws of the wrong sign the truncated distribution is not that of the fit.
 _MOST_REDRAWN = 0.5
 
 

@@ -1,4 +1,4 @@
-"""Monte Carlo: a design's loop around machines and loads whose numbers are drawn."""
+"""Monte Carlo over machines and loads: norms and peaks of a design's loop."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from robustpolish.plots.charts import plot_distribution
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.proofs.achieved_norm import estimate_norm
 
-# A plant with other numbers in the place of the one that a design was made for.
+# Plant with other parameters, and the signals that the synthesis added.
 
 
 def with_added_signals(nominal: GeneralizedPlant, other: GeneralizedPlant) -> GeneralizedPlant:
@@ -99,7 +99,7 @@ def loop_norm(loop: control.StateSpace, norm: str) -> float:
     return float(hinf_norm(loop))
 
 
-# One loop of a study: a machine and a load with given numbers, and its figures.
+# One sampled loop: machine and load with given parameters, and its figures of merit.
 
 PlantOf = Callable[[Any], GeneralizedPlant]
 Figures = Callable[[xr.Dataset], Mapping[str, float]]
@@ -226,7 +226,7 @@ def column(i: int) -> str:
     return f"value_{i}"
 
 
-# What many sampled loops have in common: percentiles, shares, limits, and the worst of them.
+# Result: percentiles, shares and their confidence limits, and the worst loop.
 
 
 @dataclass(frozen=True, eq=False)

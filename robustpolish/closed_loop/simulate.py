@@ -1,4 +1,4 @@
-"""Several controllers under one disturbance, as in tables 11.1 to 11.8 of the thesis."""
+"""Simulation of loops under a disturbance, exact for first-order hold, and their comparison."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plots.time import plot_time_series
 from robustpolish.synthesis.design import Design, checked_design
 
-# A loop meets a disturbance.
+# Simulation of one loop.
 
 
 def simulate(

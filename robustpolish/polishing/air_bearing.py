@@ -1,4 +1,7 @@
-"""The air bearing with its brush as twelve states in three decoupled axes."""
+"""Air bearing with its brush: parameters, plant of twelve states, and mechanical model.
+
+The lumped model of chapter 8 of the thesis: two masses in series in each of three decoupled axes.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, S
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.polishing.quantities import check_quantities, quantity, quantity_table
 
-# What the polishing tool in its air bearing is made of.
+# Parameters: dimensions, masses and stiffnesses.
 
 Reading = Literal["listing", "physical"]
 
@@ -419,7 +422,7 @@ def _load_matrix(p: AirBearingParameters, load: str) -> Matrix:
     return B1
 
 
-# The air bearing as masses joined by springs and dampers.
+# Mechanical model: masses, springs and dampers.
 
 
 def air_bearing_model(

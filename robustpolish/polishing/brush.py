@@ -1,4 +1,4 @@
-"""The well-posed contact model of the brush."""
+"""Physical simulator of the brush: integration with error control, refined until impulses agree."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from robustpolish.polishing.dataset import (
 from robustpolish.polishing.parameters import BrushParameters
 from robustpolish.polishing.surfaces.surface import Surface
 
-# The well-posed brush: constants, start, integration, and the check that refines.
+# Constants, initial state, integration, and refinement of steps and nodes.
 
 _FIRST_TOLERANCE = 1e-3  # error per step of the coarsest pass, in units of the static contact
 _WINDOW = 0.01  # impulses are compared over windows of this length [s]
@@ -333,7 +333,7 @@ def impulse_difference(coarse: PhysicalRun, fine: PhysicalRun, force: float) -> 
     return float(np.max(np.abs(window))) / (force * samples * interval)
 
 
-# A run of the physical simulator as labelled signals.
+# Labelled dataset of a run.
 
 
 def physical_dataset(

@@ -1,4 +1,8 @@
-"""A controller for the brush that an engineer would put on the machine, and what it is like."""
+"""Sampled output feedback for the air bearing with sensors, actuators, delay and sampling.
+
+For each axis an H-infinity design is repeated with falling bandwidth until the sampled loop keeps
+its disk margins and stays stable with slower actuators and other stiffnesses.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +40,7 @@ from robustpolish.synthesis.given import given_controller
 from robustpolish.synthesis.largest_period import largest_period
 from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
 
-# The controller of one axis that can be built: the fastest that keeps its margins.
+# Controller of one axis: the largest bandwidth that keeps the margins.
 
 
 # Bandwidths that are tried: times the lag of the hardware 1.3 rad first, where no loop keeps its
@@ -247,7 +251,7 @@ def survives(problem: AxisProblem, controller: control.StateSpace) -> bool:
     )
 
 
-# What each limit of the hardware costs: each relaxed alone, and the controller designed anew.
+# Sensitivity to hardware limits: each is relaxed alone, and the controller is designed anew.
 
 BUILDABLE = "as it can be built"
 IDEAL_HARDWARE = "the thesis's ideal"

@@ -1,4 +1,4 @@
-"""The brush on a machine that yields: contact and machine feel each other."""
+"""Coupled simulation of brush and machine by exponential Runge-Kutta steps, and equilibrium."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ from robustpolish.polishing.contact import (
 from robustpolish.polishing.dataset import parameters_from_attributes, tool_velocity
 from robustpolish.polishing.parameters import BrushParameters
 
-# The machine that carries the brush, as its contact sees it: a linear system.
+# Linear machine from contact forces to the displacement of the joint.
 
 _INSTANT = 1e-9  # share of a force's effect within a step that counts as none
 
@@ -179,7 +179,7 @@ def _phi_functions(A: Matrix, step: float) -> tuple[Matrix, Matrix, Matrix, Matr
     return first, one, two, three
 
 
-# The disc on a machine that yields, in steps of the exponential Runge-Kutta method.
+# Integration of disc and machine by the exponential Runge-Kutta method.
 #
 # The joint is where the robot leads it, plus what the machine yields,
 #
@@ -347,7 +347,7 @@ def advance_coupled(
     return RUNNING, count
 
 
-# The spinning brush at rest on the surface, and what its contact answers to small changes.
+# Equilibrium of the spinning disc, and linearisation of its contact forces.
 
 # What the contact depends on near rest, in this order.
 PLACE, VELOCITY, REST_AXIS, REST_TURNING = slice(0, 3), slice(3, 6), slice(6, 8), slice(8, 10)
@@ -544,7 +544,7 @@ def _pressed_height(parameters: BrushParameters, x: float, y: float, axis: Vecto
     return float(_brentq(excess, ground - size, ground + 4.0 * size, xtol=1e-18))
 
 
-# A coupled run: where the brush begins, integration, and the check that refines.
+# Coupled runs: initial state, integration, and refinement of steps.
 
 _FIRST_STEPS = 2  # per sample in the coarsest pass
 

@@ -1,4 +1,4 @@
-"""Loops that the brush feels: its contact follows where the machine yields."""
+"""Loops coupled with the brush: simulation, comparison with replayed forces, linearisation."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from robustpolish.polishing.coupled import (
 from robustpolish.polishing.parameters import BrushParameters
 from robustpolish.synthesis.design import Design
 
-# A loop as the brush sees it: forces in, place of the joint out.
+# Loop as a machine that carries the brush: forces to displacements of the joint.
 
 PLACES = ("x", "y", "z")
 FORCES = ("F_x", "F_y", "F_z")
@@ -160,7 +160,7 @@ def carrier(design: Loop, polishing_force: float) -> BrushCarrier:
     return BrushCarrier(system, machine, units)
 
 
-# A loop and the brush that feels it: contact where the tool is, not where it should be.
+# Coupled simulation: contact at the actual place of the tool, not at the commanded one.
 
 
 def simulate_coupled(
@@ -249,7 +249,7 @@ def simulate_coupled(
     return signals.merge(loop).assign_attrs({**signals.attrs, "simulator": "coupled"})
 
 
-# Replayed against coupled: what it matters that the brush feels the machine.
+# Comparison of replayed forces with coupled simulation.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -456,7 +456,7 @@ def _table(replayed: xr.Dataset, coupled: xr.Dataset) -> xr.Dataset:
     return xr.Dataset(columns, {"signal": names})
 
 
-# The whole brush on its machine, linearised about rest: (10.1) to (10.5).
+# Linearisation of brush and machine about equilibrium: (10.1) to (10.5).
 
 DISC = ("tilt_x", "tilt_y", "turning_x", "turning_y")
 """Deviation of the disc's axis along x and y [rad], and its angular velocity [rad/s]."""

@@ -1,4 +1,4 @@
-"""Control of the polishing force: the classical schemes of chapter 3, and H-infinity."""
+"""Force control of polishing: passive stiffness, impedance, admittance, and H-infinity control."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from robustpolish.polishing.tool_path import ToolPath
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
 
-# The axis across the mould along which a tool is pressed on: a mass, an actuator, a contact.
+# Plant: a tool of one mass with an actuator and a linear contact.
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ class PolishingAxis:
         )  # fmt: skip
 
 
-# Ready-made controllers of the polishing force (thesis, section 3.4.1).
+# Controllers of the polishing force (thesis, section 3.4.1).
 
 
 @dataclass(frozen=True, eq=False)
@@ -384,7 +384,7 @@ def _closed(
     return ForceControl(name, axis, controller, loop, design)
 
 
-# What each way to control the force takes off along a path.
+# Comparison of force and removal along a path.
 
 _OUTPUTS = ("force_error", "tool", "gap", "push")
 

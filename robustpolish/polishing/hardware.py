@@ -1,4 +1,4 @@
-"""The air bearing as an engineer can wire it: a force pair and a gap sensor in x and in y."""
+"""Hardware of the polishing controller, and the air bearing with actuators and gap sensors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
 from robustpolish.polishing.quantities import check_quantities, quantity, quantity_table
 
-# What a polishing controller is built of: sensors, actuators and a computer, with their limits.
+# Sensors, actuators and computer, with their limits.
 
 
 @dataclass(frozen=True, repr=False)

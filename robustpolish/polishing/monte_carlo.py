@@ -1,4 +1,4 @@
-"""``monte_carlo``: a design's loop around machines, surfaces and brushes that are drawn."""
+"""Monte Carlo over machines, surfaces and brushes, with the air bearing as the usual machine."""
 
 from __future__ import annotations
 

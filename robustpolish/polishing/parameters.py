@@ -1,4 +1,4 @@
-"""What the brush, its tool path and its contact are made of: table 9.1 and the open choices."""
+"""Parameters of the brush, its tool path and its contact: table 9.1 and chosen values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one way in: simulate the brush, get its motion and the forces it makes."""
+"""Simulation of the polishing brush: motion and forces by the physical or the listed equations."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from robustpolish.polishing.surfaces.surface import Floats, PolishedSurface
 from robustpolish.polishing.thesis.listing import ListingDefects, Workaround, run_listing
 from robustpolish.polishing.tool_path import ToolPath
 
-# Where a brush does not go into a mould: curvature against the brush's radius.
+# Fit of a brush in a mould: curvature against the radius of the brush.
 
 _PLACES = 200  # along each side, at least
 
@@ -170,7 +170,7 @@ def _near(x: Floats, y: Floats, path: ToolPath, reach: float) -> np.ndarray:
     return near
 
 
-# Whether the physical simulator may be believed on a surface, along the path of the tool.
+# Validity of the physical simulator on a surface, along the path of the tool.
 
 _PER_RADIUS = 8  # places along the path per radius of the brush
 _BULGE = 1e-6  # m, and

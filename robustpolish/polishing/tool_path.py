@@ -1,4 +1,4 @@
-"""A path of the tool's centre in time, twice continuously differentiable."""
+"""Tool paths: rasters, spirals, contour-parallel loops and files, as cubic splines in time."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from robustpolish.polishing.surfaces.mould import Mould
 
 
-# Loops parallel to an edge: lines of equal distance from it.
+# Contour-parallel loops: lines of equal distance from an edge.
 
 _GRID = 240  # places along the longer side
 _SHORTEST = 3.0  # loops shorter than so many steps are left out
@@ -89,7 +89,7 @@ def _from_nearest(line: Floats, part: Floats) -> Floats:
     return np.concatenate([turned, turned[:1]])
 
 
-# Corners made round, and gone along with one speed.
+# Rounding of corners, and parametrisation by constant speed.
 
 _PER_ROUNDING = 4  # places of the spline per length of a rounding
 _FINE = 4  # finer than that before rounding
@@ -157,7 +157,7 @@ def _evenly(places: Floats, far: Floats, count: int) -> Floats:
     return np.stack([np.interp(wanted, far, column) for column in places.T], axis=1)
 
 
-# A packed path in compiled code: intervals per second, then the coefficients of x and of y.
+# Evaluation in compiled code: intervals per second, then the coefficients of x and of y.
 
 
 @njit(cache=True)
@@ -176,7 +176,7 @@ def evaluate_path(time, packed, place, velocity):  # pragma: no cover - compiled
         velocity[axis] = moving * packed[0]
 
 
-# Lines and spirals as corners.
+# Rasters and spirals.
 
 
 def raster(x: tuple[float, float], y: tuple[float, float], step: float) -> Floats:
@@ -206,7 +206,7 @@ def spiral(centre: tuple[float, float], radius: float, pitch: float) -> Floats:
     return middle + np.stack([far * np.cos(angle), far * np.sin(angle)], axis=1)
 
 
-# Places of a path as they come: checked, read from files, and brought to even times.
+# Input of paths: checks, CSV files, and resampling at even times.
 
 _FINER = 4  # times per shortest interval of a file
 _MOST_POINTS = 400_000

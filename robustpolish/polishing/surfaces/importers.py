@@ -1,9 +1,10 @@
-"""The spline of least bending through the vertices of a mesh.
+"""Import of moulds: formulas, maps of heights, and meshes.
 
-Least squares with a penalty on second differences (P. H. C. Eilers and B. D. Marx, "Flexible
-smoothing with B-splines and penalties", Statistical Science 11 (1996), here along two axes).
-The penalty is so small that it decides only what the vertices leave open: between distant
-vertices, where the flat faces guide it with a little more weight, and outside the mesh.
+A mesh becomes the spline of least bending through its vertices: least squares with a penalty on
+second differences (P. H. C. Eilers and B. D. Marx, "Flexible smoothing with B-splines and
+penalties", Statistical Science 11 (1996), here along two axes). The penalty is so small that it
+decides only what the vertices leave open: between distant vertices, where the flat faces guide it
+with a little more weight, and outside the mesh.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from robustpolish.machines.effects.formula_language import FUNCTIONS, PostfixPro
 from robustpolish.polishing.surfaces.spline import FEWEST, coefficients, expansions, pack, weights
 from robustpolish.polishing.surfaces.surface import Floats
 
-# Heights from a formula: read, never executed, and sampled until a spline keeps to it.
+# Formulas: read, never executed, and sampled until a spline keeps to them.
 
 _CLOSE = 1e-9  # m: about the roughness that polishing reaches
 _CELLS = (32, 1024)  # along the longer side, first and last
@@ -121,12 +122,12 @@ def _between(heights: Floats) -> float:
     return worst
 
 
-# Maps of heights as they come: checked, and read from CSV files.
+# Maps of heights: checks and CSV files.
 
 Unit = Literal["m", "mm", "um"]
 _METRES = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 FILE = FileSpec("path", "a file that can be read", "Check the path.", 100_000_000)
-"""What the files of this room are."""
+"""Files of surfaces and paths."""
 
 _ATOM, _TOWN = 1e-10, 1e4  # m; squares and their ratios stay far from the ends of doubles
 _EVEN = 1e-4  # steps may differ by this share: files round their numbers
@@ -220,7 +221,7 @@ def _number(path: Path, text: str, row: int, column: int) -> float:
         raise invalid("path", shown, "a number", "Correct the file.") from None
 
 
-# A mesh that is fit to be polished: one sheet without holes, steep faces or folds.
+# Meshes: one connected sheet without holes, steep faces or folds.
 
 _STEEPEST = 0.05  # upward part of a face's normal: 87 degrees
 _MOST_CELLS = 200  # along the longer side, unless a spacing is given

@@ -1,4 +1,4 @@
-"""The thesis's surface: a trough of the form (9.1), its height, slope and curvature."""
+"""Polished surfaces: height, slopes and curvatures, and the trough (9.1) of the thesis."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from robustpolish.base.checks import invalid
 from robustpolish.polishing.quantities import check_quantities, quantity
 
-# What every surface that is polished can be asked.
+# Common interface of surfaces.
 
 Floats = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""The controllers that the thesis asked for, beside the one that it found."""
+"""Chapters 10 and 11 of the thesis recomputed: printed controllers, tables, and structures."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from scipy.linalg import block_diag
 from robustpolish.base.checks import one_of
 from robustpolish.closed_loop.simulate import ControllerComparison, tabulate
 from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
+from robustpolish.polishing.ideal import DEFAULT_CONTROL_WEIGHT
 from robustpolish.polishing.simulate import simulate_brush
 from robustpolish.polishing.thesis.listing import Workaround, listing_response
 from robustpolish.synthesis.design import Design
@@ -22,7 +23,7 @@ from robustpolish.synthesis.output_feedback.output_feedback import output_feedba
 from robustpolish.synthesis.state_feedback.state_feedback import state_feedback
 from robustpolish.synthesis.structured.methods import observer_feedback, static_output_feedback
 
-# The controllers that the thesis prints in appendix C, in physical units.
+# Controllers of appendix C, in physical units.
 #
 # The numbers are those of M.L. Postma, Polishing robot: vibrations due to impact. C.1 and C.2
 # minimise the H2 norm, the others the H-infinity norm; C.1 to C.4 belong to the actuation
@@ -121,7 +122,7 @@ def published_gain(name: str) -> NDArray[np.float64]:
     return gain
 
 
-# Chapter 11 of the thesis as it was computed, unequal loads and all.
+# Tables of chapter 11, with the unequal loads of the thesis.
 
 UNEQUAL_LOAD = (
     "not the same load: as in the thesis, F_y drives y without control and x with it, and the "
@@ -217,7 +218,7 @@ def _labelled(response: xr.Dataset) -> xr.Dataset:
     )
 
 
-# The largest deviations that the thesis prints in chapter 11.
+# Largest deviations printed in chapter 11.
 #
 # The numbers are those of M.L. Postma, Polishing robot: vibrations due to impact, tables 11.1,
 # 11.3, 11.5 and 11.7. What they are worth is told by
@@ -248,10 +249,6 @@ PUBLISHED_DEVIATIONS: Mapping[int, Deviations] = MappingProxyType(
     }
 )
 """Largest deviation [m] in x, y and z by run and row, as printed."""
-
-
-# Per unit of u, so that runs 1 and 4 ask for a few N, or a few m/s.
-_PRICE = {"force": 1e-7, "displacement": 1e-8}
 
 
 def thesis_structures(
@@ -299,8 +296,8 @@ def thesis_structures(
     >>> [design.certificate.valid for design in designs.values()]
     [True, True, True, True, True]
     """
-    one_of("actuation", actuation, _PRICE)
-    price = _PRICE[actuation] if control_weight is None else control_weight
+    one_of("actuation", actuation, DEFAULT_CONTROL_WEIGHT)
+    price = DEFAULT_CONTROL_WEIGHT[actuation] if control_weight is None else control_weight
     full = air_bearing(actuation=actuation)
     measured = air_bearing(actuation=actuation, measured="displacement")
     printed = "second_scaled" if actuation == "force" else "first_scaled"

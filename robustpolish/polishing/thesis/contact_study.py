@@ -1,4 +1,4 @@
-"""Contact laws side by side: what the thesis derives, what its listings do, what is well posed."""
+"""Contact laws of the thesis, its listings, and Hunt and Crossley: restitution and landing."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from robustpolish.polishing.simulate import simulate_brush
 from robustpolish.polishing.surfaces.surface import Surface
 from robustpolish.polishing.thesis.listing import ListingDefects, listing_forces
 
-# Coulomb's cone of friction (section 7.1).
+# Coulomb friction cone (section 7.1).
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def _parts(vector: ArrayLike, normal: ArrayLike) -> tuple[float, Vector]:
     return along, given - along * axis / length
 
 
-# What the thesis estimates of one blow: its mass, duration and depth (section 7.5).
+# Mass, duration and depth of an impact (section 7.5).
 
 
 def rim_mass(parameters: BrushParameters) -> float:
@@ -202,7 +202,7 @@ def impact_depth(mass: float, stiffness: float, speed: float) -> float:
     return sqrt(mass / stiffness) * abs(speed)
 
 
-# Laws of the force with which a surface stops a mass.
+# Contact laws: force over depth and rate, and coefficient of restitution.
 
 # Untyped on purpose: checkers would read all of scipy's solvers for what it returns.
 _brentq: Any = optimize.brentq
@@ -470,7 +470,7 @@ def _left_over(strength: float) -> float:
     return -expm1(-float(found)) / strength
 
 
-# A pressed mass lands on a surface that obeys a contact law.
+# Landing of a pressed mass.
 
 
 def land(
@@ -591,7 +591,7 @@ def _events(law: EventImpulse, mass: float, speed: float, press: float, time: Ve
     return impulse
 
 
-# One landing under every law of contact.
+# Comparison of one landing under every contact law.
 
 _FIGURES = ("peak", "restitution", "window_impulse", "impulse")
 _WINDOW = 0.01  # seconds over which impulses are compared, as of the brush
@@ -736,7 +736,7 @@ def most_impulse(impulse: Vector, interval: float) -> float:
     return float(np.max(np.abs(impulse[samples:] - impulse[:-samples])))
 
 
-# The thesis's static contact: resultant forces on the edge of the friction cone (section 7.2).
+# Static contact: resultant forces on the edge of the friction cone (section 7.2).
 
 _PARALLEL = 1e-12  # sine of the angle between two forces below which they cannot balance a third
 
@@ -912,7 +912,7 @@ def _ratio(upper: float, lower: float, name: str) -> float:
     return found
 
 
-# Why the thesis's forces were unrealistically large: one thing changed at a time.
+# Sensitivity of the listing's forces: one cause is changed at a time.
 
 _OF_MOTION = ("tilt_cosine", "inertia_radius", "impact_mass", "pulling_surface", "feed_friction")
 """Mistakes of D.1 that change the brush's own motion and its forces."""
