@@ -26,12 +26,6 @@ def test_the_plant_is_the_equation_of_motion():
     assert found[0, 2] == pytest.approx(-contact * tool["push"])
 
 
-def test_numbers_are_checked():
-    for values in ({"mass": 0.0}, {"damping": -1.0}, {"contact_stiffness": np.nan}):
-        with pytest.raises(rp.InvalidInputError, match="PolishingAxis"):
-            rp.polishing.PolishingAxis(**values)
-
-
 AXIS = rp.polishing.PolishingAxis()
 
 

@@ -51,12 +51,6 @@ def test_direction_without_length_is_refused() -> None:
         Surface().elevation(0.0, 0.0, (0.0, 0.0))
 
 
-@pytest.mark.parametrize("values", [{"along": -0.1}, {"across": np.nan}, {"across": "steep"}])
-def test_bad_coefficients_are_named(values: dict) -> None:
-    with pytest.raises(InvalidInputError, match=next(iter(values))):
-        Surface(**values)
-
-
 # Curvatures and elevation of moulds.
 
 BOWL = "0.05 - sqrt(0.05**2 - x**2 - y**2)"
