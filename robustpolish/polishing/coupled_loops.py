@@ -527,7 +527,9 @@ def linearize_with_brush(
     slopes = rest.jacobian @ change
     order = len(A)
     top = np.hstack([A, np.zeros((order, 4))]) + B_contact @ slopes[:3]
-    whole = np.vstack([top, _disc_rows(p, order) + _moments(p, slopes[3:], order)])
+    turning = _disc_rows(p, order)
+    turning[2:] += slopes[3:] / p.tilt_inertia
+    whole = np.vstack([top, turning])
     inputs = np.vstack([loop.B, np.zeros((4, loop.ninputs))])
     outputs = np.vstack(
         [
@@ -572,10 +574,4 @@ def _disc_rows(p: BrushParameters, order: int) -> Matrix:
     rows = np.zeros((4, order + 4))
     rows[0, order + 3], rows[1, order + 2] = 1.0, -1.0
     rows[2, order + 3], rows[3, order + 2] = -gyro, gyro
-    return rows
-
-
-def _moments(p: BrushParameters, slopes: Matrix, order: int) -> Matrix:
-    rows = np.zeros((4, order + 4))
-    rows[2:] = slopes / p.tilt_inertia
     return rows

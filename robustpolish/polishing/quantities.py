@@ -35,7 +35,8 @@ def check_quantities(
     """
     for item in fields(owner):
         value = getattr(owner, item.name)
-        if item.name in skip or (item.name in infinite and value == math.inf):
+        endless = item.name in infinite and isinstance(value, float) and value == math.inf
+        if item.name in skip or endless:
             continue
         unit = item.metadata.get("unit", "")
         value = positive(f"{prefix}{item.name}", value, unit, zero=item.name in zero)
