@@ -19,14 +19,12 @@ import validation_rotors
 import robustpolish as rp
 from robustpolish.linear.modes import modes
 from robustpolish.polishing.thesis.comparison import (
-    PUBLISHED_DEVIATIONS,
-    thesis_comparison,
-    thesis_structures,
-)
-from robustpolish.polishing.thesis.published_controllers import (
     PUBLISHED_CONTROLLERS,
+    PUBLISHED_DEVIATIONS,
     PUBLISHED_NORMS,
     published_gain,
+    thesis_comparison,
+    thesis_structures,
 )
 
 PAGE = Path(__file__).with_name("validation.md")

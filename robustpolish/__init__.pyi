@@ -49,9 +49,6 @@ from .base.sweep import (
 from .base.versions import (
     show_versions as show_versions,
 )
-from .closed_loop.monte_carlo import (
-    monte_carlo as monte_carlo,
-)
 from .closed_loop.simulate import (
     compare_controllers as compare_controllers,
 )
@@ -159,6 +156,9 @@ from .polishing.air_bearing import (
 )
 from .polishing.design import (
     design_against_brush as design_against_brush,
+)
+from .polishing.monte_carlo import (
+    monte_carlo as monte_carlo,
 )
 from .polishing.simulate import (
     simulate_brush as simulate_brush,

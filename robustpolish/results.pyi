@@ -7,11 +7,11 @@ from .app.machine_design import (
 from .app.machine_design import (
     MachineDesign as MachineDesign,
 )
-from .closed_loop.monte_carlo import (
-    SampledLoops as SampledLoops,
-)
 from .closed_loop.robustness import (
     RobustnessCheck as RobustnessCheck,
+)
+from .closed_loop.sampled_loops import (
+    SampledLoops as SampledLoops,
 )
 from .closed_loop.simulate import (
     ControllerComparison as ControllerComparison,

@@ -1,14 +1,11 @@
-from .closed_loop.monte_carlo import (
-    SampledLoops as SampledLoops,
-)
-from .closed_loop.monte_carlo import (
-    monte_carlo as monte_carlo,
-)
 from .closed_loop.robustness import (
     RobustnessCheck as RobustnessCheck,
 )
 from .closed_loop.robustness import (
     check_robustness as check_robustness,
+)
+from .closed_loop.sampled_loops import (
+    SampledLoops as SampledLoops,
 )
 from .closed_loop.simulate import (
     simulate as simulate,
@@ -33,6 +30,9 @@ from .machines.simulation.run import (
 )
 from .machines.simulation.run import (
     simulate_model as simulate_model,
+)
+from .polishing.monte_carlo import (
+    monte_carlo as monte_carlo,
 )
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""Controllers meet disturbances.
+"""Simulation of closed loops under disturbances, and Monte Carlo over machines and loads.
 
 The names stand in `__init__.pyi`, and each is imported when it is first asked for: a worker that
 simulates loops waits for neither the brush nor the control of force.

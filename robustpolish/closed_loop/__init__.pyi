@@ -1,14 +1,11 @@
-from .monte_carlo import (
-    SampledLoops as SampledLoops,
-)
-from .monte_carlo import (
-    monte_carlo as monte_carlo,
-)
 from .robustness import (
     RobustnessCheck as RobustnessCheck,
 )
 from .robustness import (
     check_robustness as check_robustness,
+)
+from .sampled_loops import (
+    SampledLoops as SampledLoops,
 )
 from .simulate import (
     ControllerComparison as ControllerComparison,
@@ -26,6 +23,5 @@ __all__ = [
     "SampledLoops",
     "check_robustness",
     "compare_controllers",
-    "monte_carlo",
     "simulate",
 ]

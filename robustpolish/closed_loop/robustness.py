@@ -1,4 +1,4 @@
-"""Does a design survive what is not known about the machine? Monte Carlo over its parameters."""
+"""Robustness of a design over parameter errors of a fit: Monte Carlo with a normal distribution."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ import xarray as xr
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from robustpolish.base.checks import described, invalid
+from robustpolish.base.arrays import Matrix, Vector
+from robustpolish.base.checks import described, invalid, is_whole
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.base.sampling import share_at_least
 from robustpolish.base.sweep import sweep
-from robustpolish.closed_loop.monte_carlo import PlantOf, Trial, column, draw, linearized
+from robustpolish.closed_loop.sampled_loops import PlantOf, SampledModel, Trial, column
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plots.charts import plot_distribution
 from robustpolish.synthesis.design import Design, checked_design
 
-# How a design fares over the machines that a fit leaves possible.
+# Result: norms and stability of the sampled loops.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -178,6 +179,77 @@ class RobustnessCheck(Displayed):
         return Card("Robustness over the fit's errors", (table,), (left,) if self.left_out else ())
 
 
+# Parameter samples from the covariance of a fit.
+
+# Beyond this share of draws of the wrong sign the truncated distribution is not that of the fit.
+_MOST_REDRAWN = 0.5
+
+
+def draw(
+    model: MechanicalModel, keys: tuple[str, ...], covariance: Matrix, samples: int, seed: int
+) -> tuple[tuple[str, ...], Matrix, Vector, tuple[str, ...]]:
+    """Draw numbers of a model.
+
+    A draw in which a mass, a stiffness or a damping changes its sign is no machine of this kind and
+    is drawn again.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    keys : tuple of str
+        Of the uncertain numbers.
+    covariance : ndarray, shape (keys, keys)
+        Infinite or NaN on the diagonal where nothing is known.
+    samples, seed : int
+
+    Returns
+    -------
+    keys : tuple of str
+    values : ndarray, shape (samples, keys)
+    nominal : ndarray, shape (keys,)
+    left_out : tuple of str
+        Keys whose error is not known; they keep their value.
+    """
+    if not is_whole(samples) or samples < 1:
+        raise invalid("samples", samples, "a positive number of machines", "Ask for 200.")
+    if np.any(np.diag(covariance) < 0):
+        raise invalid(
+            "standard_errors", described("a negative variance"), "errors of at least 0", "Check it."
+        )
+    known = np.isfinite(np.diag(covariance))
+    used = tuple(key for key, here in zip(keys, known, strict=True) if here)
+    left_out = tuple(key for key, here in zip(keys, known, strict=True) if not here)
+    if not used:
+        raise invalid(
+            "learned", described("no number with a known error"), "a fit with standard errors",
+            "Pass standard_errors, or fit to data that determines the numbers.",
+        )  # fmt: skip
+    nominal = np.array([model.parameters[key] for key in used])
+    root = _root(covariance[known][:, known])
+    sign = np.array([0.0 if key.startswith(("effect", "input")) else 1.0 for key in used])
+    sign *= np.sign(nominal)
+    rng = np.random.default_rng(seed)
+    values = nominal + rng.standard_normal((samples, len(used))) @ root.T
+    again = np.flatnonzero(np.any(values * sign < 0, axis=1))
+    if again.size <= _MOST_REDRAWN * samples:
+        while again.size:
+            values[again] = nominal + rng.standard_normal((again.size, len(used))) @ root.T
+            again = again[np.any(values[again] * sign < 0, axis=1)]
+        return used, values, nominal, left_out
+    worst = used[int(np.argmax(np.linalg.norm(root, axis=1) / np.maximum(abs(nominal), 1e-300)))]
+    shown = described(f"an error of {worst} as large as its value")
+    remedy = "Hold the number fixed, or measure it better."
+    raise invalid("standard_errors", shown, "smaller errors", remedy)
+
+
+def _root(covariance: Matrix) -> Matrix:
+    """Return a square root of a covariance, of numbers of very different size."""
+    size = np.sqrt(np.diag(covariance))
+    safe = np.where(size > 0, size, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(safe, safe))
+    return safe[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+
+
 class FittedModel(Protocol):
     """A model that was fitted to data, such as a diagnosis or a refit."""
 
@@ -260,16 +332,16 @@ def check_robustness(
     (1.0, True)
     """
     checked_design("design", design)
-    drawn = draw(*_source(learned, standard_errors), samples, seed)
+    model, uncertain, covariance = _source(learned, standard_errors)
+    keys, values, nominal, left_out = draw(model, uncertain, covariance, samples, seed)
     trial = Trial(
         plant=design.plant,
         controller=design.controller,
         norm=design.norm,
-        machine=drawn.model,
-        plant_of=plant_of or linearized,
-        names=drawn.keys,
+        names=keys,
+        machine=SampledModel(model, plant_of),
     )
-    points = [{column(i): value for i, value in enumerate(row)} for row in drawn.values.tolist()]
+    points = [{column(i): value for i, value in enumerate(row)} for row in values.tolist()]
     found = sweep(trial, points, executor=executor)
     for i in np.flatnonzero(found["failure"].values != "")[:1]:
         trial(**points[i])  # raises here what it raised there
@@ -278,10 +350,10 @@ def check_robustness(
         norm=design.norm,
         nominal=design.certificate.achieved,
         norms=norms,
-        keys=drawn.keys,
-        parameters=drawn.values,
-        nominal_parameters=drawn.nominal,
-        left_out=drawn.left_out,
+        keys=keys,
+        parameters=values,
+        nominal_parameters=nominal,
+        left_out=left_out,
         unit=design.gain_unit if design.norm == "hinf" else "",
     )
 

@@ -1,4 +1,4 @@
-"""Several controllers under one disturbance, as in tables 11.1 to 11.8 of the thesis."""
+"""Simulation of loops under a disturbance, exact for first-order hold, and their comparison."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plots.time import plot_time_series
 from robustpolish.synthesis.design import Design, checked_design
 
-# A loop meets a disturbance.
+# Simulation of one loop.
 
 
 def simulate(
@@ -81,19 +81,14 @@ def _simulated(
     system: control.StateSpace, units: Mapping[str, str], disturbance: xr.Dataset
 ) -> xr.Dataset:
     if "time" not in disturbance.coords:
-        raise invalid(
-            "disturbance",
-            described("no coordinate 'time'"),
-            "samples over 'time', in s",
-            "Add the coordinate with .assign_coords(time=...).",
-        )
+        shown = described("no coordinate 'time'")
+        remedy = "Add the coordinate with .assign_coords(time=...)."
+        raise invalid("disturbance", shown, "samples over 'time', in s", remedy)
     if system.input_labels and not any(name in disturbance for name in system.input_labels):
-        raise invalid(
-            "disturbance",
-            described(f"variables {', '.join(map(str, disturbance.data_vars)) or 'none'}"),
-            f"one of {', '.join(map(repr, system.input_labels))} or several",
-            "Rename the variables; those that are left out are zero.",
-        )
+        shown = described(f"variables {', '.join(map(str, disturbance.data_vars)) or 'none'}")
+        expected = f"one of {', '.join(map(repr, system.input_labels))} or several"
+        remedy = "Rename the variables; those that are left out are zero."
+        raise invalid("disturbance", shown, expected, remedy)
     inputs = [_column(disturbance, name, units.get(name)) for name in system.input_labels]
     time = disturbance["time"].to_numpy()
     outputs, _ = linear_response(
@@ -186,20 +181,13 @@ def _column(disturbance: xr.Dataset, name: str, unit: str | None) -> np.ndarray:
         return np.zeros(disturbance.sizes["time"])
     variable = disturbance[name]
     if variable.dims != ("time",):
-        raise invalid(
-            f"disturbance[{name!r}]",
-            described(f"dimensions {variable.dims}"),
-            "('time',)",
-            "Select one trajectory.",
-        )
+        shown = described(f"dimensions {variable.dims}")
+        raise invalid(f"disturbance[{name!r}]", shown, "('time',)", "Select one trajectory.")
     found = variable.attrs.get("units")
     if unit is not None and found is not None and found != unit:
-        raise invalid(
-            f"disturbance[{name!r}]",
-            described(f"unit {found}"),
-            f"{unit}, as in the plant",
-            "Convert the variable and its units attribute.",
-        )
+        shown = described(f"unit {found}")
+        remedy = "Convert the variable and its units attribute."
+        raise invalid(f"disturbance[{name!r}]", shown, f"{unit}, as in the plant", remedy)
     return variable.to_numpy()
 
 

@@ -1,4 +1,4 @@
-"""The polishing brush on its surface: makes the disturbance that the machine has to stand."""
+"""Polishing robot: simulation of the brush, air bearing, designs against the brush's forces."""
 
 import lazy_loader
 

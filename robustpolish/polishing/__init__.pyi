@@ -7,6 +7,9 @@ from .air_bearing import (
 from .air_bearing import (
     air_bearing as air_bearing,
 )
+from .air_bearing import (
+    air_bearing_model as air_bearing_model,
+)
 from .buildable import (
     BuildableBrushDesign as BuildableBrushDesign,
 )
@@ -70,6 +73,9 @@ from .hardware import (
 from .ideal import (
     BrushDesign as BrushDesign,
 )
+from .monte_carlo import (
+    monte_carlo as monte_carlo,
+)
 from .parameters import (
     RUN_STIFFNESS as RUN_STIFFNESS,
 )
@@ -107,7 +113,16 @@ from .surfaces.surface import (
     Surface as Surface,
 )
 from .thesis.comparison import (
+    PUBLISHED_CONTROLLERS as PUBLISHED_CONTROLLERS,
+)
+from .thesis.comparison import (
     PUBLISHED_DEVIATIONS as PUBLISHED_DEVIATIONS,
+)
+from .thesis.comparison import (
+    PUBLISHED_NORMS as PUBLISHED_NORMS,
+)
+from .thesis.comparison import (
+    published_gain as published_gain,
 )
 from .thesis.comparison import (
     thesis_comparison as thesis_comparison,
@@ -169,15 +184,6 @@ from .thesis.listing import (
 from .thesis.listing import (
     listing_response as listing_response,
 )
-from .thesis.published_controllers import (
-    PUBLISHED_CONTROLLERS as PUBLISHED_CONTROLLERS,
-)
-from .thesis.published_controllers import (
-    PUBLISHED_NORMS as PUBLISHED_NORMS,
-)
-from .thesis.published_controllers import (
-    published_gain as published_gain,
-)
 from .tool_path import (
     ToolPath as ToolPath,
 )
@@ -213,6 +219,7 @@ __all__ = [
     "ToolPath",
     "admittance_control",
     "air_bearing",
+    "air_bearing_model",
     "check_brush_fit",
     "compare_contact_laws",
     "compare_coupled",
@@ -226,6 +233,7 @@ __all__ = [
     "land",
     "linearize_with_brush",
     "listing_response",
+    "monte_carlo",
     "passive_stiffness",
     "plot_polishing",
     "polishing_plant",

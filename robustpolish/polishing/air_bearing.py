@@ -1,10 +1,13 @@
-"""The air bearing with its brush as twelve states in three decoupled axes."""
+"""Air bearing with its brush: parameters, plant of twelve states, and mechanical model.
+
+The lumped model of chapter 8 of the thesis: two masses in series in each of three decoupled axes.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
-from typing import Any, Literal
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -13,18 +16,14 @@ from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import instance_of, invalid, one_of, positive
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.machines.effects.equivalent_damping import share_damping
-from robustpolish.machines.mechanical.data import MechanicalData
+from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.polishing.quantities import check_quantities, quantity, quantity_table
 
-# What the polishing tool in its air bearing is made of.
+# Parameters: dimensions, masses and stiffnesses.
 
 Reading = Literal["listing", "physical"]
-
-
-def _quantity(default: float, unit: str, symbol: str, source: str) -> Any:
-    """Declare a field whose metadata carry unit, symbol and source."""
-    return field(default=default, metadata={"unit": unit, "symbol": symbol, "source": source})
 
 
 @dataclass(frozen=True)
@@ -107,24 +106,27 @@ class AirBearingParameters(Displayed):
     0.242
     """
 
-    brush_radius: float = _quantity(0.010, "m", "r_d", "table 9.1")
-    brush_height: float = _quantity(0.010, "m", "h", "table 9.1")
-    brush_mass: float = _quantity(0.2, "kg", "m_t", "table 9.1")
-    rod_radius: float = _quantity(0.0015, "m", "r_b", "table 9.1")
-    rod_length: float = _quantity(0.020, "m", "l", "table 9.1")
-    rod_mass: float = _quantity(0.0, "kg", "m_rod", "listing D.2 line 31: neglected")
-    young_modulus: float = _quantity(2e11, "N/m^2", "E", "table 9.1, steel")
-    bearing_mass: float = _quantity(
-        1.337, "kg", "m_bearing", "the value that gives the published modes; table 9.1 has 0.337"
+    brush_radius: float = quantity(0.010, "m", "table 9.1", symbol="r_d")
+    brush_height: float = quantity(0.010, "m", "table 9.1", symbol="h")
+    brush_mass: float = quantity(0.2, "kg", "table 9.1", symbol="m_t")
+    rod_radius: float = quantity(0.0015, "m", "table 9.1", symbol="r_b")
+    rod_length: float = quantity(0.020, "m", "table 9.1", symbol="l")
+    rod_mass: float = quantity(0.0, "kg", "listing D.2 line 31: neglected", symbol="m_rod")
+    young_modulus: float = quantity(2e11, "N/m^2", "table 9.1, steel", symbol="E")
+    bearing_mass: float = quantity(
+        1.337,
+        "kg",
+        "the value that gives the published modes; table 9.1 has 0.337",
+        symbol="m_bearing",
     )
-    bearing_height: float = _quantity(0.089, "m", "h_b", "table 9.1")
-    bearing_width: float = _quantity(0.05, "m", "b", "listing D.2 line 21")
-    bearing_stiffness: float = _quantity(110e6, "N/m", "k_tr", "table 9.1, transverse")
-    bearing_torsional_stiffness: float = _quantity(23e6, "N m/rad", "k_r", "table 9.1")
-    holder_stiffness: float = _quantity(
-        1e9, "N/m", "k_A", "section 9.4.1 and the published modes; table 9.1 has 1e10"
+    bearing_height: float = quantity(0.089, "m", "table 9.1", symbol="h_b")
+    bearing_width: float = quantity(0.05, "m", "listing D.2 line 21", symbol="b")
+    bearing_stiffness: float = quantity(110e6, "N/m", "table 9.1, transverse", symbol="k_tr")
+    bearing_torsional_stiffness: float = quantity(23e6, "N m/rad", "table 9.1", symbol="k_r")
+    holder_stiffness: float = quantity(
+        1e9, "N/m", "section 9.4.1 and the published modes; table 9.1 has 1e10", symbol="k_A"
     )
-    mould_damping: float = _quantity(1e-8, "N s/m", "c_Z", "table 9.1")
+    mould_damping: float = quantity(1e-8, "N s/m", "table 9.1", symbol="c_Z")
     inertia_reading: Reading = field(
         default="listing",
         metadata={
@@ -137,21 +139,12 @@ class AirBearingParameters(Displayed):
     def __post_init__(self) -> None:
         """Check every field."""
         one_of("inertia_reading", self.inertia_reading, ("listing", "physical"))
-        for item in fields(self):
-            if item.name == "inertia_reading":
-                continue
-            may_vanish = item.name in ("rod_mass", "mould_damping")
-            value = positive(
-                item.name, getattr(self, item.name), item.metadata["unit"], zero=may_vanish
-            )
-            object.__setattr__(self, item.name, value)
+        zero = ("rod_mass", "mould_damping")
+        check_quantities(self, zero=zero, skip=("inertia_reading",))
         if self.m_x <= 0:
-            raise invalid(
-                "bearing_mass",
-                self.bearing_mass,
-                f"enough inertia for a positive reduced mass (8.9), not {self.m_x:.4g} kg",
-                "Increase the mass or the size of the bearing.",
-            )
+            expected = f"enough inertia for a positive reduced mass (8.9), not {self.m_x:.4g} kg"
+            remedy = "Increase the mass or the size of the bearing."
+            raise invalid("bearing_mass", self.bearing_mass, expected, remedy)
 
     @classmethod
     def as_published(cls) -> AirBearingParameters:
@@ -289,10 +282,7 @@ class AirBearingParameters(Displayed):
 
     def table(self) -> list[tuple[str, float | str, str, str]]:
         """List every field as (name, value, unit, source)."""
-        return [
-            (item.name, getattr(self, item.name), item.metadata["unit"], item.metadata["source"])
-            for item in fields(self)
-        ]
+        return quantity_table(self)
 
     def _card(self) -> Card:
         columns = ("parameter", "value", "unit", "source")
@@ -432,11 +422,35 @@ def _load_matrix(p: AirBearingParameters, load: str) -> Matrix:
     return B1
 
 
-# The air bearing as masses joined by springs and dampers.
+# Mechanical model: masses, springs and dampers.
 
 
-def air_bearing_data(parameters: AirBearingParameters | None, dissipation: float) -> MechanicalData:
-    """Return equations (8.46) as a mechanical model, in the signs of (8.47)."""
+def air_bearing_model(
+    parameters: AirBearingParameters | None = None, dissipation: float = 0.001
+) -> MechanicalModel:
+    """Return the air bearing of :func:`robustpolish.air_bearing` as masses and springs.
+
+    Equations (8.46) in the signs of (8.47): inputs are the brush forces F_x, F_y, F_z and F_p,
+    outputs the six displacements. With dissipation 0 the dampers are there, with damping 0, so
+    that a refit can find them.
+
+    Parameters
+    ----------
+    parameters : AirBearingParameters, optional
+        :meth:`AirBearingParameters.as_published` by default.
+    dissipation : float, optional
+        Share of the energy lost per cycle, (8.23).
+
+    Returns
+    -------
+    MechanicalModel
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> rp.polishing.air_bearing_model().free
+    ('x_m', 'x', 'y_m', 'y', 'z_m', 'z')
+    """
     p = AirBearingParameters() if parameters is None else parameters
     c = p.damping(dissipation)
     dofs, springs, dampers = [], [], []
@@ -453,7 +467,7 @@ def air_bearing_data(parameters: AirBearingParameters | None, dissipation: float
             Damper((bearing, axis), c.c_R if vertical else c.c_D),
         ]
     loads = [("F_x", "x", -1.0), ("F_y", "y", -1.0), ("F_z", "z", 1.0), ("F_p", "z_m", -1.0)]
-    return MechanicalData(
+    return MechanicalModel(
         dofs=tuple(dofs),
         springs=tuple(springs),
         dampers=tuple(dampers),

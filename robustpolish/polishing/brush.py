@@ -1,10 +1,12 @@
-"""The well-posed contact model of the brush."""
+"""Physical simulator of the brush: integration with error control, refined until impulses agree."""
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil, pi, sqrt
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -12,8 +14,6 @@ from numpy.typing import NDArray
 
 from robustpolish.errors import RobustPolishWarning, SolverError
 from robustpolish.polishing import contact
-from robustpolish.polishing import contact as disc
-from robustpolish.polishing import contact as rim
 from robustpolish.polishing.contact import euler_angles, tilt_angles
 from robustpolish.polishing.dataset import (
     POINTS,
@@ -28,7 +28,7 @@ from robustpolish.polishing.dataset import (
 from robustpolish.polishing.parameters import BrushParameters
 from robustpolish.polishing.surfaces.surface import Surface
 
-# The well-posed brush: constants, start, integration, and the check that refines.
+# Constants, initial state, integration, and refinement of steps and nodes.
 
 _FIRST_TOLERANCE = 1e-3  # error per step of the coarsest pass, in units of the static contact
 _WINDOW = 0.01  # impulses are compared over windows of this length [s]
@@ -99,23 +99,62 @@ def run_refined(
     Each pass halves the largest step, doubles the nodes along the rim and divides the
     tolerance of the error control by ten. Warns if the last two passes still differ.
     """
-    run = integrate(parameters, time, 0, three_angles=three_angles, landing=landing)
+    advice = (
+        "With little contact damping the brush rattles chaotically and no step is small enough for "
+        "more than its statistics: raise contact_damping, shorten the run, or raise tolerance."
+    )
+
+    def attempt(level: int) -> tuple[PhysicalRun, None]:
+        found = integrate(parameters, time, level, three_angles=three_angles, landing=landing)
+        return found, None
+
+    force = parameters.polishing_force
+    run, _, check = refined(attempt, force, tolerance, max_passes, advice)
+    return run, check
+
+
+def refined(
+    attempt: Callable[[int], tuple[PhysicalRun | None, Any]],
+    force: float,
+    tolerance: float,
+    max_passes: int,
+    advice: str,
+) -> tuple[PhysicalRun, Any, Refinement]:
+    """Integrate at levels 0, 1, 2, ... until the contact impulses of two passes agree.
+
+    Parameters
+    ----------
+    attempt : callable
+        Returns the run of a level, None where the disc was lost, and what else belongs to it.
+    force : float
+        Polishing force in N, whose impulse is the measure.
+    tolerance : float
+        Of the difference of impulses.
+    max_passes : int
+    advice : str
+        What to do where they do not agree, for the warning.
+    """
+    run, more = attempt(0)
     error = np.inf
     for level in range(1, max_passes):
-        finer = integrate(parameters, time, level, three_angles=three_angles, landing=landing)
-        error = impulse_difference(run, finer, parameters.polishing_force)
+        finer, more = attempt(level)
+        lost = run is None or finer is None
+        error = np.inf if lost else impulse_difference(run, finer, force)
         run = finer
         if error <= tolerance:
-            return run, Refinement(level + 1, error, True)
+            return run, more, Refinement(level + 1, error, True)
+    if run is None:
+        raise SolverError(
+            "Brush and machine swing up against each other until the disc tips over or leaves "
+            "all bounds. Add damping to the loop or to the contact, or lower the friction."
+        )
     warnings.warn(
         f"The contact impulses of the last two of {max_passes} passes differ by {error:.2g} of "
-        f"the polishing force's, more than {tolerance:.2g}. With little contact damping the brush "
-        "rattles chaotically and no step is small enough for more than its statistics: raise "
-        "contact_damping, shorten the run, or raise tolerance.",
+        f"the polishing force's, more than {tolerance:.2g}. {advice}",
         RobustPolishWarning,
-        stacklevel=3,
+        stacklevel=4,
     )
-    return run, Refinement(max_passes, error, False)
+    return run, more, Refinement(max_passes, error, False)
 
 
 def integrate(
@@ -135,31 +174,31 @@ def integrate(
     """
     interval = float(time[1] - time[0])
     largest_step = interval / 2**level
-    nodes = rim.rim_nodes(rim_points(parameters) * 2**level)
-    contact, motion = contact_constants(parameters), motion_constants(parameters, three_angles)
-    state = _start(parameters, contact, motion, nodes, landing)
-    track = np.empty((time.size, disc.STATES))
+    nodes = contact.rim_nodes(rim_points(parameters) * 2**level)
+    constants, motion = contact_constants(parameters), motion_constants(parameters, three_angles)
+    state = _start(parameters, constants, motion, nodes, landing)
+    track = np.empty((time.size, contact.STATES))
     midway = np.empty((time.size - 1, 3))
-    outcome, steps, refused, done = disc.advance(
+    outcome, steps, refused, done = contact.advance(
         state,
         interval,
         largest_step,
         _FIRST_TOLERANCE / 10.0**level,
         _error_scale(parameters, interval),
         motion,
-        contact,
+        constants,
         nodes,
         track,
         midway,
     )
-    if outcome != disc.RUNNING:
-        what = "tipped over" if outcome == disc.TIPPED_OVER else "moves too fast to be followed"
+    if outcome != contact.RUNNING:
+        what = "tipped over" if outcome == contact.TIPPED_OVER else "moves too fast to be followed"
         raise SolverError(
             f"The disc {what} after {done * interval:.4g} s. Lower the friction, use a "
             "flatter surface or a smaller spin, or raise the contact damping."
         )
-    loads = np.empty((time.size, rim.LOADS))
-    disc.loads_along(time, track, motion, contact, nodes, loads)
+    loads = np.empty((time.size, contact.LOADS))
+    contact.loads_along(time, track, motion, constants, nodes, loads)
     forces = average_forces(track, midway, interval)
     return PhysicalRun(time, track, forces, loads, nodes.shape[1], steps, refused, largest_step)
 
@@ -221,7 +260,7 @@ def rim_points(parameters: BrushParameters) -> int:
     """Nodes of the coarsest pass: about six from the middle of a patch to its edge."""
     _, half_angle = static_depth(parameters)
     wanted = min(max(6.0 * 2.0 * pi / half_angle, _RIM_POINTS[0]), _RIM_POINTS[1])
-    return rim.BLOCK * ceil(wanted / rim.BLOCK)
+    return contact.BLOCK * ceil(wanted / contact.BLOCK)
 
 
 def _error_scale(parameters: BrushParameters, interval: float) -> NDArray[np.float64]:
@@ -229,29 +268,29 @@ def _error_scale(parameters: BrushParameters, interval: float) -> NDArray[np.flo
     depth, _ = static_depth(parameters)
     rim_mass = parameters.tilt_inertia / parameters.rim_distance**2
     speed = depth * sqrt(1.5 * parameters.polishing_force / depth / rim_mass)
-    scale = np.full(disc.STATES, np.inf)
-    scale[disc.HEIGHT] = depth
-    scale[disc.CLIMB] = speed
-    scale[disc.AXES] = depth / parameters.radius
-    scale[disc.TURNINGS] = speed / parameters.radius
-    scale[disc.SPIN] = speed / parameters.radius
-    scale[disc.IMPULSES] = 10.0 * parameters.polishing_force * interval
+    scale = np.full(contact.STATES, np.inf)
+    scale[contact.HEIGHT] = depth
+    scale[contact.CLIMB] = speed
+    scale[contact.AXES] = depth / parameters.radius
+    scale[contact.TURNINGS] = speed / parameters.radius
+    scale[contact.SPIN] = speed / parameters.radius
+    scale[contact.IMPULSES] = 10.0 * parameters.polishing_force * interval
     return scale
 
 
 def _start(
     parameters: BrushParameters,
-    contact: NDArray[np.float64],
+    constants: NDArray[np.float64],
     motion: NDArray[np.float64],
     nodes: NDArray[np.float64],
     landing: bool,
 ) -> NDArray[np.float64]:
     """State at time zero: parallel to the surface, just touching it or pressed against it."""
     place, velocity, still = np.zeros(3), np.zeros(3), np.zeros(3)
-    disc.joint_motion(0.0, motion, place, velocity)
+    contact.joint_motion(0.0, motion, place, velocity)
     slope_x, slope_y = (float(part) for part in parameters.surface.gradient(place[0], place[1]))
     axis = np.array([-slope_x, -slope_y, 1.0]) / sqrt(1.0 + slope_x**2 + slope_y**2)
-    load, found = np.zeros(rim.LOADS), rim.work_array(nodes.shape[1])
+    load, found = np.zeros(contact.LOADS), contact.work_array(nodes.shape[1])
     ground = float(parameters.surface.height(place[0], place[1]))
     size = parameters.radius + parameters.height
     rise = 0.5 * parameters.surface.sharpest_bend * size**2
@@ -259,14 +298,14 @@ def _start(
     high = ground + size * (1.0 + abs(slope_x) + abs(slope_y)) + 4.0 * rise
     for _ in range(200):
         place[2] = 0.5 * (low + high)
-        touching = rim.rim_load(place, still, axis, still, 0.0, contact, nodes, found, load)
-        too_low = touching > 0 if landing else load[rim.FORCE + 2] > parameters.polishing_force
+        touching = contact.rim_load(place, still, axis, still, 0.0, constants, nodes, found, load)
+        too_low = touching > 0 if landing else load[contact.FORCE + 2] > parameters.polishing_force
         low, high = (place[2], high) if too_low else (low, place[2])
-    state = np.zeros(disc.STATES)
-    state[disc.HEIGHT] = high
-    state[disc.CLIMB] = slope_x * velocity[0] + slope_y * velocity[1]
-    state[disc.AXES] = axis
-    state[disc.SPIN] = parameters.spin
+    state = np.zeros(contact.STATES)
+    state[contact.HEIGHT] = high
+    state[contact.CLIMB] = slope_x * velocity[0] + slope_y * velocity[1]
+    state[contact.AXES] = axis
+    state[contact.SPIN] = parameters.spin
     return state
 
 
@@ -277,7 +316,7 @@ def average_forces(
 
     Joined by straight lines they have exactly the impulse of the contact.
     """
-    impulse = track[:, disc.IMPULSES]
+    impulse = track[:, contact.IMPULSES]
     bounds = np.vstack([impulse[:1], midway, impulse[-1:]])
     length = np.full((len(track), 1), interval)
     length[0] = length[-1] = 0.5 * interval
@@ -288,13 +327,13 @@ def impulse_difference(coarse: PhysicalRun, fine: PhysicalRun, force: float) -> 
     """Largest difference of window impulses over the polishing force's impulse."""
     interval = float(fine.time[1] - fine.time[0])
     samples = max(1, min(round(_WINDOW / interval), fine.time.size - 1))
-    columns = slice(disc.IMPULSE, disc.IMPULSE + 3)
+    columns = slice(contact.IMPULSE, contact.IMPULSE + 3)
     difference = fine.track[:, columns] - coarse.track[:, columns]
     window = difference[samples:] - difference[:-samples]
     return float(np.max(np.abs(window))) / (force * samples * interval)
 
 
-# A run of the physical simulator as labelled signals.
+# Labelled dataset of a run.
 
 
 def physical_dataset(

@@ -1,4 +1,8 @@
-"""A controller for the brush that an engineer would put on the machine, and what it is like."""
+"""Sampled output feedback for the air bearing with sensors, actuators, delay and sampling.
+
+For each axis an H-infinity design is repeated with falling bandwidth until the sampled loop keeps
+its disk margins and stays stable with slower actuators and other stiffnesses.
+"""
 
 from __future__ import annotations
 
@@ -36,55 +40,30 @@ from robustpolish.synthesis.given import given_controller
 from robustpolish.synthesis.largest_period import largest_period
 from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
 
-# The controller of one axis that can be built: the fastest that keeps its margins.
+# Controller of one axis: the largest bandwidth that keeps the margins.
 
 
-@dataclass(frozen=True)
-class BuildPolicy:
-    """Weights, trials and what a trial has to survive.
-
-    Attributes
-    ----------
-    fastest, ratio, trials : float, float, int
-        Bandwidths that are tried: times the lag of the hardware 1.3 rad first, where no loop keeps
-        its margins any more, then 7 % slower each time, down to a tenth.
-    noise : float
-        Error of the measurement that the loop has to bear, in units of the deflection by the
-        force that it has to bear. 12 gives margins of 6 to 7 dB at every bandwidth; with 1 they
-        are 4 to 5 dB.
-    bearing : float
-        Weight of the bearing's motion over that of the brush. 1.4 turns the bearing's own mode, at
-        2 kHz with hardly any damping, where it would only be ridden out with a notch, into one
-        that is damped: the loop then bears errors of its frequency.
-    integral_share, integral_leak : float
-        Integral action begins at a fiftieth of the bandwidth and ends at a hundredth of that: it
-        takes the slow part of the load and costs a degree of phase.
-    actuator_loss : float
-        Part of the actuator's bandwidth that may be missing: 30 %.
-    stiffness_error : float
-        Error of the bearing's stiffness that the loop has to survive: 5 %, 2.5 % of a frequency, as
-        good as a model of a modal test is.
-    delay_order : int
-        Order of the Pade model of the delay in synthesis: right to a phase of 3 rad.
-    deviation_window : float
-        Seconds over which limits of hardware are compared: the landing is over after 0.1 s, and it
-        makes the largest deviations.
-    """
-
-    fastest: float = 1.3
-    ratio: float = 0.93
-    trials: int = 33
-    noise: float = 12.0
-    bearing: float = 1.4
-    integral_share: float = 0.02
-    integral_leak: float = 0.01
-    actuator_loss: float = 0.3
-    stiffness_error: float = 0.05
-    delay_order: int = 3
-    deviation_window: float = 0.1
-
-
-POLICY = BuildPolicy()
+# Bandwidths that are tried: times the lag of the hardware 1.3 rad first, where no loop keeps its
+# margins any more, then 7 % slower each time, down to a tenth.
+FASTEST, RATIO, TRIALS = 1.3, 0.93, 33
+# Error of the measurement that the loop has to bear, in units of the deflection by the force that
+# it has to bear: 12 gives margins of 6 to 7 dB at every bandwidth; with 1 they are 4 to 5 dB.
+NOISE = 12.0
+# Weight of the bearing's motion over that of the brush: 1.4 turns the bearing's own mode, at 2 kHz
+# with hardly any damping, where it would only be ridden out with a notch, into one that is damped:
+# the loop then bears errors of its frequency.
+BEARING = 1.4
+# Integral action begins at a fiftieth of the bandwidth and ends at a hundredth of that: it takes
+# the slow part of the load and costs a degree of phase.
+INTEGRAL_SHARE, INTEGRAL_LEAK = 0.02, 0.01
+ACTUATOR_LOSS = 0.3  # part of the actuator's bandwidth that may be missing
+# Error of the bearing's stiffness that the loop has to survive: 2.5 % of a frequency, as good as a
+# model of a modal test is.
+STIFFNESS_ERROR = 0.05
+DELAY_ORDER = 3  # of the Pade model of the delay in synthesis: right to a phase of 3 rad
+# Seconds over which limits of hardware are compared: the landing is over then, and it makes the
+# largest deviations.
+DEVIATION_WINDOW = 0.1
 
 
 @dataclass(frozen=True)
@@ -108,15 +87,10 @@ class AxisProblem:
         """Return the axis with actuator and sensor, without the computer's delay."""
         return polishing_plant(self.hardware, self.parameters, self.dissipation, self.axis)
 
-    def frequencies(self) -> tuple[float, float]:
-        """Return the axis's own frequencies in Hz, upper and lower."""
-        upper, lower = self.parameters.natural_frequencies()["x"]
-        return upper / (2 * math.pi), lower / (2 * math.pi)
-
     @property
     def prewarp_hz(self) -> float | None:
         """Where the sampled controller is right exactly: at the upper mode, if samples show it."""
-        upper = self.frequencies()[0]
+        upper = self.parameters.natural_frequencies()["x"][0] / (2 * math.pi)
         return upper if upper < 0.4 * self.hardware.sample_rate_hz else None
 
 
@@ -158,8 +132,8 @@ def weighted_plant(
     """
     hardware, gap = problem.hardware, f"gap_{problem.axis}"
     bare = replace(hardware, sensor_noise=0.0, actuator_limit=math.inf)
-    plant = AxisProblem(problem.axis, bare, problem.parameters, problem.dissipation).plant()
-    command, (name,) = f"u_{problem.axis}", plant.control_names
+    plant = replace(problem, hardware=bare).plant()
+    (command,) = plant.control_names
     bearing = np.zeros((1, plant.nx))
     bearing[0, plant.states.index(f"{problem.axis}_m")] = 1.0
     push = np.zeros((plant.nx, 1))
@@ -170,16 +144,21 @@ def weighted_plant(
     bearing = np.hstack([bearing, np.zeros((1, grown))])
     plant = plant.replace(
         B1=np.hstack([plant.B2, push, np.zeros((plant.nx, 1))]),
-        C1=stiffness * np.vstack([plant.C1, POLICY.bearing * bearing, np.zeros((1, plant.nx))]),
+        C1=stiffness * np.vstack([plant.C1, BEARING * bearing, np.zeros((1, plant.nx))]),
         D11=np.zeros((3, 3)),
         D12=np.array([[0.0], [0.0], [1.0]]),
-        D21=np.array([[0.0, 0.0, POLICY.noise / stiffness]]),
+        D21=np.array([[0.0, 0.0, NOISE / stiffness]]),
         disturbances=["at_command", "at_bearing", f"error_{gap}"],
         performance=["brush", "bearing", "command"],
     )
+    return _with_loop_delay(plant, hardware)
+
+
+def _with_loop_delay(plant: GeneralizedPlant, hardware: PolishingHardware) -> GeneralizedPlant:
+    """Return the plant with the delays of computation and hold at its controls."""
     if not hardware.loop_delay:
         return plant
-    return plant.with_delay(name, hardware.loop_delay, order=POLICY.delay_order)
+    return plant.with_delay(plant.control_names, hardware.loop_delay, order=DELAY_ORDER)
 
 
 def design_axis(problem: AxisProblem, requirements: LoopRequirements) -> AxisDesign:
@@ -191,21 +170,16 @@ def design_axis(problem: AxisProblem, requirements: LoopRequirements) -> AxisDes
         If no bandwidth that was tried keeps the margins.
     """
     lag = problem.hardware.lag
-    for wanted in _bandwidths(lag):
-        found = _trial(problem, wanted, requirements)
+    for k in range(TRIALS):
+        found = _trial(problem, FASTEST * RATIO**k / lag, requirements)
         if found is not None:
             return found
     raise InfeasibleError(
-        f"hardware: of {POLICY.trials} controllers with bandwidths from "
-        f"{POLICY.fastest / lag / (2 * math.pi):.3g} Hz downwards none keeps "
+        f"hardware: of {TRIALS} controllers with bandwidths from "
+        f"{FASTEST / lag / (2 * math.pi):.3g} Hz downwards none keeps "
         f"{requirements.disk_gain_db:g} dB and {requirements.disk_phase_deg:g} deg of disk margin "
         f"with delays and lags of {lag:.3g} s. Choose faster parts."
     )
-
-
-def _bandwidths(lag: float) -> Iterator[float]:
-    for k in range(POLICY.trials):
-        yield POLICY.fastest * POLICY.ratio**k / lag
 
 
 def _trial(
@@ -213,20 +187,18 @@ def _trial(
 ) -> AxisDesign | None:
     """Design for a bandwidth in rad/s, and return the design if it keeps what is asked."""
     stiffness = problem.parameters.m_t * bandwidth**2
-    corner = POLICY.integral_share * bandwidth
-    integral: Any = control.ss(control.tf([1.0, corner], [1.0, POLICY.integral_leak * corner]))
+    corner = INTEGRAL_SHARE * bandwidth
+    integral: Any = control.ss(control.tf([1.0, corner], [1.0, INTEGRAL_LEAK * corner]))
     weighted = output_feedback(weighted_plant(problem, stiffness, integral))
     controller: Any = control.series(weighted.controller, integral)
     plant, hardware = problem.plant(), problem.hardware
-    delayed = plant
-    if hardware.loop_delay:
-        order = POLICY.delay_order
-        delayed = plant.with_delay(plant.control_names, hardware.loop_delay, order=order)
-    if not _keeps(delayed, controller, requirements):
+    delayed = _with_loop_delay(plant, hardware)
+    rough = _disk(loop_of(delayed, controller))
+    if rough is None or rough.alpha < requirements.disk:
         return None
     # Proofs take longest: they come when all else is known.
     code = emulated(controller, hardware.period, prewarp_hz=problem.prewarp_hz)
-    disk = disk_at_samples(plant, code, hardware)
+    disk = _disk(_loop_at_samples(plant, code, hardware))
     if disk is None or disk.alpha < requirements.disk or not survives(problem, code):
         return None
     try:
@@ -237,13 +209,6 @@ def _trial(
     except RobustPolishError:
         return None
     return AxisDesign(problem, stiffness, weighted, continuous, sampled, disk)
-
-
-def _keeps(
-    plant: GeneralizedPlant, controller: control.StateSpace, asked: LoopRequirements
-) -> bool:
-    disk = _disk(loop_of(plant, controller))
-    return disk is not None and disk.alpha >= asked.disk
 
 
 def _disk(loop: Loop) -> DiskMargin | None:
@@ -257,30 +222,23 @@ def _loop_at_samples(
     return loop_of(plant_at_samples(plant, hardware.period, hardware.computation_delay), controller)
 
 
-def disk_at_samples(
-    plant: GeneralizedPlant, controller: control.StateSpace, hardware: PolishingHardware
-) -> DiskMargin | None:
-    """Return the disk margin at the control of the sampled loop; None if that is unstable."""
-    return _disk(_loop_at_samples(plant, controller, hardware))
-
-
 def changed(problem: AxisProblem) -> dict[str, AxisProblem]:
     """Return the machines, by what is different, on which the loop has to stay stable."""
-    slow = (1 - POLICY.actuator_loss) * problem.hardware.actuator_bandwidth_hz
+    slow = (1 - ACTUATOR_LOSS) * problem.hardware.actuator_bandwidth_hz
     machines = {}
     if math.isfinite(slow):
         hardware = replace(problem.hardware, actuator_bandwidth_hz=slow)
-        what = f"actuator bandwidth {100 * POLICY.actuator_loss:g} % lower"
+        what = f"actuator bandwidth {100 * ACTUATOR_LOSS:g} % lower"
         machines[what] = replace(problem, hardware=hardware)
     p = problem.parameters
     for sign, word in ((-1, "lower"), (1, "higher")):
-        factor = 1 + sign * POLICY.stiffness_error
+        factor = 1 + sign * STIFFNESS_ERROR
         stiff = replace(
             p,
             bearing_stiffness=p.bearing_stiffness * factor,
             bearing_torsional_stiffness=p.bearing_torsional_stiffness * factor,
         )
-        what = f"bearing's stiffness {100 * POLICY.stiffness_error:g} % {word}"
+        what = f"bearing's stiffness {100 * STIFFNESS_ERROR:g} % {word}"
         machines[what] = replace(problem, parameters=stiff)
     return machines
 
@@ -293,7 +251,7 @@ def survives(problem: AxisProblem, controller: control.StateSpace) -> bool:
     )
 
 
-# What each limit of the hardware costs: each relaxed alone, and the controller designed anew.
+# Sensitivity to hardware limits: each is relaxed alone, and the controller is designed anew.
 
 BUILDABLE = "as it can be built"
 IDEAL_HARDWARE = "the thesis's ideal"
@@ -348,7 +306,7 @@ def limits_of_hardware(
     """Return the rows: without control, as built, one limit relaxed at a time, the ideal."""
     problem, axis = design.problem, design.problem.axis
     start = load["time"].values[0]
-    landing = load.sel(time=slice(start, start + POLICY.deviation_window))
+    landing = load.sel(time=slice(start, start + DEVIATION_WINDOW))
     plant = ideal.plant
     force, shown = f"F_{axis}", plant.performance_names.index(axis)
     column = plant.disturbance_names.index(force)
@@ -364,9 +322,7 @@ def limits_of_hardware(
     ]
     for what, hardware in relaxed_hardware(problem.hardware):
         try:
-            found = design_axis(
-                AxisProblem(axis, hardware, problem.parameters, problem.dissipation), requirements
-            )
+            found = design_axis(replace(problem, hardware=hardware), requirements)
         except RobustPolishError:
             rows.append(HardwareLimit(what, math.nan, math.nan, math.nan, math.nan))
             continue
@@ -526,7 +482,7 @@ class BuildableBrushDesign(BrushDesign):
             for axis in AXES
             if np.isfinite(improvement.sel(signal=axis))
         )
-        most = max(float(np.abs(self.run[name]).max()) for name in self.plant.control_names)
+        most = max(_largest(self.run, name) for name in self.plant.control_names)
         stays = "stable" if c.stable else "unstable"
         return (
             f"The controller {can}: sampled at {h.sample_rate_hz / 1e3:g} kHz with "
@@ -602,10 +558,7 @@ def build_against_brush(
     axis = design_axis(AxisProblem("y", hardware, parameters, dissipation), asked)
     plant = polishing_plant(hardware, parameters, dissipation)
     controller = _for_both_axes(axis.continuous.controller, plant)
-    delayed = plant
-    if hardware.loop_delay:
-        order = POLICY.delay_order
-        delayed = plant.with_delay(plant.control_names, hardware.loop_delay, order=order)
+    delayed = _with_loop_delay(plant, hardware)
     design = _with_synthesis_message(given_controller(delayed, controller), axis)
     tell("Certifying the sampled loop ...")
     sampled = given_controller(plant, controller).discretize(
@@ -683,7 +636,6 @@ def _compared(ideal: BrushDesign, run: xr.Dataset, load: xr.Dataset) -> Controll
     thin = max(1, round((run.sizes["time"] - 1) / (load.sizes["time"] - 1)))
     responses = {row: found.isel(time=slice(None, None, thin)) for row, found in fine.items()}
     largest = {
-        row: np.array([float(np.abs(found[name]).max()) for name in signals])
-        for row, found in fine.items()
+        row: np.array([_largest(found, name) for name in signals]) for row, found in fine.items()
     }
     return tabulate(responses, signals, ideal.plant.control_names, SAME_LOAD, largest)

@@ -1,4 +1,6 @@
-"""The disc that hangs in a ball joint, pressed on the surface and led along the tool path.
+"""Rigid-body motion and rim contact of the disc: equations of motion in compiled code.
+
+The disc hangs in a ball joint, is pressed on the surface and led along the tool path.
 
 The joint's horizontal motion is prescribed (9.2, 9.3); free are its height, the direction k of
 the disc's axis, the angular velocity w across the axis and, for the three-angle disc, the spin.
@@ -22,7 +24,7 @@ from robustpolish.polishing.integrator import NODES, STAGES, inside_step, stage_
 from robustpolish.polishing.surfaces.spline import BEND, expansion
 from robustpolish.polishing.tool_path import evaluate_path
 
-# The angles by which a disc's attitude is reported, from its axis and angular velocity.
+# Attitude angles of the disc, from its axis and angular velocity.
 
 _LEVEL = 1e-12  # tilt [rad] below which precession has no direction and is reported as at rest
 
@@ -402,11 +404,11 @@ def joint_motion(time, motion, place, velocity):  # pragma: no cover - compiled
     if motion.size > COURSE:
         evaluate_path(time, motion[COURSE:], place, velocity)
         return
-    disc_derivative = motion[RATE] * time
-    place[0] = motion[CIRCLE] * cos(disc_derivative) + motion[FEED] * time + motion[START]
-    place[1] = motion[CIRCLE] * sin(disc_derivative)
-    velocity[0] = motion[FEED] - motion[CIRCLE] * motion[RATE] * sin(disc_derivative)
-    velocity[1] = motion[CIRCLE] * motion[RATE] * cos(disc_derivative)
+    turn = motion[RATE] * time
+    place[0] = motion[CIRCLE] * cos(turn) + motion[FEED] * time + motion[START]
+    place[1] = motion[CIRCLE] * sin(turn)
+    velocity[0] = motion[FEED] - motion[CIRCLE] * motion[RATE] * sin(turn)
+    velocity[1] = motion[CIRCLE] * motion[RATE] * cos(turn)
 
 
 @njit(cache=True, error_model="numpy")

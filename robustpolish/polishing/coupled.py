@@ -1,8 +1,7 @@
-"""The brush on a machine that yields: contact and machine feel each other."""
+"""Coupled simulation of brush and machine by exponential Runge-Kutta steps, and equilibrium."""
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -15,15 +14,15 @@ from scipy.linalg import expm, matrix_balance
 from robustpolish.base.arrays import Matrix, Vector
 from robustpolish.base.checks import described, invalid
 from robustpolish.base.jit import njit
-from robustpolish.errors import RobustPolishWarning, SolverError
+from robustpolish.errors import SolverError
 from robustpolish.polishing import contact
 from robustpolish.polishing.brush import (
     PhysicalRun,
     Refinement,
     average_forces,
     contact_constants,
-    impulse_difference,
     motion_constants,
+    refined,
     rim_points,
     static_depth,
 )
@@ -49,7 +48,7 @@ from robustpolish.polishing.contact import (
 from robustpolish.polishing.dataset import parameters_from_attributes, tool_velocity
 from robustpolish.polishing.parameters import BrushParameters
 
-# The machine that carries the brush, as its contact sees it: a linear system.
+# Linear machine from contact forces to the displacement of the joint.
 
 _INSTANT = 1e-9  # share of a force's effect within a step that counts as none
 
@@ -95,12 +94,9 @@ class LinearMachine:
         at_once = np.abs(self.C @ self.B)
         usual = np.abs(self.C) @ np.abs(self.B)
         if np.any(at_once > _INSTANT * usual):
-            raise invalid(
-                "design",
-                described("a loop in which a force sets the brush in motion without delay"),
-                "a brush with a mass, so that force changes its acceleration",
-                "Give the place where the brush hangs a mass.",
-            )
+            shown = described("a loop in which a force sets the brush in motion without delay")
+            expected = "a brush with a mass, so that force changes its acceleration"
+            raise invalid("design", shown, expected, "Give the place where the brush hangs a mass.")
 
     def rest(self, force: Vector) -> Vector:
         """State of rest under a steady contact force on the brush.
@@ -122,12 +118,9 @@ class LinearMachine:
         # Balanced, for springs of 1e8 N/m and dampers of 1e-2 N s/m stand side by side.
         balanced, (scaling, _) = matrix_balance(self.A, permute=False, separate=True)
         if np.linalg.cond(balanced) > 1.0 / np.finfo(float).eps:
-            raise invalid(
-                "design",
-                described("a loop that does not come to rest under a steady force"),
-                "one without a pole at zero",
-                "Add a stiffness to what can drift away.",
-            )
+            shown = described("a loop that does not come to rest under a steady force")
+            expected = "one without a pole at zero"
+            raise invalid("design", shown, expected, "Add a stiffness to what can drift away.")
         pushed = (self.B @ force + self.g) / scaling
         return np.asarray(-scaling * np.linalg.solve(balanced, pushed), dtype=float)
 
@@ -186,7 +179,7 @@ def _phi_functions(A: Matrix, step: float) -> tuple[Matrix, Matrix, Matrix, Matr
     return first, one, two, three
 
 
-# The disc on a machine that yields, in steps of the exponential Runge-Kutta method.
+# Integration of disc and machine by the exponential Runge-Kutta method.
 #
 # The joint is where the robot leads it, plus what the machine yields,
 #
@@ -354,7 +347,7 @@ def advance_coupled(
     return RUNNING, count
 
 
-# The spinning brush at rest on the surface, and what its contact answers to small changes.
+# Equilibrium of the spinning disc, and linearisation of its contact forces.
 
 # What the contact depends on near rest, in this order.
 PLACE, VELOCITY, REST_AXIS, REST_TURNING = slice(0, 3), slice(3, 6), slice(6, 8), slice(8, 10)
@@ -551,7 +544,7 @@ def _pressed_height(parameters: BrushParameters, x: float, y: float, axis: Vecto
     return float(_brentq(excess, ground - size, ground + 4.0 * size, xtol=1e-18))
 
 
-# A coupled run: where the brush begins, integration, and the check that refines.
+# Coupled runs: initial state, integration, and refinement of steps.
 
 _FIRST_STEPS = 2  # per sample in the coarsest pass
 
@@ -604,12 +597,9 @@ def guided_brush(brush: xr.Dataset) -> GuidedBrush:
         If it is a run of the listing, or not one of the brush.
     """
     if brush.attrs.get("simulator") != "physical" or "tool_z" not in brush:
-        raise invalid(
-            "brush",
-            described(f"a dataset of simulator {brush.attrs.get('simulator')!r}"),
-            "a run of the physical brush",
-            "Make it with simulate_brush(run=..., duration=...).",
-        )
+        shown = described(f"a dataset of simulator {brush.attrs.get('simulator')!r}")
+        remedy = "Make it with simulate_brush(run=..., duration=...)."
+        raise invalid("brush", shown, "a run of the physical brush", remedy)
     parameters = parameters_from_attributes(brush.attrs)
     three_angles = brush.attrs["disc"] == "three-angle"
     time = brush["time"].to_numpy()
@@ -663,29 +653,13 @@ def run_coupled(
     SolverError
         If the disc tips over, or disc and machine move apart without bounds.
     """
-    run, states = integrate_coupled(guided, machine, _FIRST_STEPS)
-    error = np.inf
-    for level in range(1, max_passes):
-        finer, states = integrate_coupled(guided, machine, _FIRST_STEPS * 2**level)
-        error = np.inf
-        if run is not None and finer is not None:
-            error = impulse_difference(run, finer, guided.parameters.polishing_force)
-        run = finer
-        if run is not None and error <= tolerance:
-            return run, states, Refinement(level + 1, error, True)
-    if run is None:
-        raise SolverError(
-            "Brush and machine swing up against each other until the disc tips over or leaves "
-            "all bounds. Add damping to the loop or to the contact, or lower the friction."
-        )
-    warnings.warn(
-        f"The contact impulses of the last two of {max_passes} passes differ by {error:.2g} of "
-        f"the polishing force's, more than {tolerance:.2g}. Raise contact_damping or max_passes, "
-        "shorten the run, or raise tolerance.",
-        RobustPolishWarning,
-        stacklevel=4,
+    return refined(
+        lambda level: integrate_coupled(guided, machine, _FIRST_STEPS * 2**level),
+        guided.parameters.polishing_force,
+        tolerance,
+        max_passes,
+        "Raise contact_damping or max_passes, shorten the run, or raise tolerance.",
     )
-    return run, states, Refinement(max_passes, error, False)
 
 
 def integrate_coupled(

@@ -1,4 +1,4 @@
-"""Loops that the brush feels: its contact follows where the machine yields."""
+"""Loops coupled with the brush: simulation, comparison with replayed forces, linearisation."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from robustpolish.polishing.coupled import (
 from robustpolish.polishing.parameters import BrushParameters
 from robustpolish.synthesis.design import Design
 
-# A loop as the brush sees it: forces in, place of the joint out.
+# Loop as a machine that carries the brush: forces to displacements of the joint.
 
 PLACES = ("x", "y", "z")
 FORCES = ("F_x", "F_y", "F_z")
@@ -134,34 +134,25 @@ def carrier(design: Loop, polishing_force: float) -> BrushCarrier:
         raise invalid("design", shown, expected, "Pass the design that was sampled.")
     system, units = loop_with_units(design)
     if not system.isctime(strict=False):
-        raise invalid(
-            "design",
-            described("a loop in discrete time"),
-            "one in continuous time",
-            "Pass the design that was sampled.",
-        )
+        shown = described("a loop in discrete time")
+        expected = "one in continuous time"
+        raise invalid("design", shown, expected, "Pass the design that was sampled.")
     for kind, wanted, labels in (
         ("input", FORCES, system.input_labels),
         ("output", PLACES, system.output_labels),
     ):
         missing = [name for name in wanted if name not in labels]
         if missing:
-            raise invalid(
-                "design",
-                described(f"{kind}s {', '.join(labels)}"),
-                f"{', '.join(wanted)} among them",
-                f"Name the {kind}s; {', '.join(missing)} is missing.",
-            )
+            shown = described(f"{kind}s {', '.join(labels)}")
+            remedy = f"Name the {kind}s; {', '.join(missing)} is missing."
+            raise invalid("design", shown, f"{', '.join(wanted)} among them", remedy)
     rows = [system.output_labels.index(name) for name in PLACES]
     columns = [system.input_labels.index(name) for name in FORCES]
     A, B, C, D = (np.asarray(part) for part in (system.A, system.B, system.C, system.D))
     if np.any(D[np.ix_(rows, columns)]):
-        raise invalid(
-            "design",
-            described("a brush that a force displaces at once"),
-            "a brush with a mass",
-            "Give the place where the brush hangs a mass.",
-        )
+        shown = described("a brush that a force displaces at once")
+        expected = "a brush with a mass"
+        raise invalid("design", shown, expected, "Give the place where the brush hangs a mass.")
     steady = np.zeros(system.nstates)
     if "F_p" in system.input_labels:
         steady = B[:, system.input_labels.index("F_p")] * polishing_force
@@ -169,7 +160,7 @@ def carrier(design: Loop, polishing_force: float) -> BrushCarrier:
     return BrushCarrier(system, machine, units)
 
 
-# A loop and the brush that feels it: contact where the tool is, not where it should be.
+# Coupled simulation: contact at the actual place of the tool, not at the commanded one.
 
 
 def simulate_coupled(
@@ -258,7 +249,7 @@ def simulate_coupled(
     return signals.merge(loop).assign_attrs({**signals.attrs, "simulator": "coupled"})
 
 
-# Replayed against coupled: what it matters that the brush feels the machine.
+# Comparison of replayed forces with coupled simulation.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -465,7 +456,7 @@ def _table(replayed: xr.Dataset, coupled: xr.Dataset) -> xr.Dataset:
     return xr.Dataset(columns, {"signal": names})
 
 
-# The whole brush on its machine, linearised about rest: (10.1) to (10.5).
+# Linearisation of brush and machine about equilibrium: (10.1) to (10.5).
 
 DISC = ("tilt_x", "tilt_y", "turning_x", "turning_y")
 """Deviation of the disc's axis along x and y [rad], and its angular velocity [rad/s]."""
@@ -536,7 +527,9 @@ def linearize_with_brush(
     slopes = rest.jacobian @ change
     order = len(A)
     top = np.hstack([A, np.zeros((order, 4))]) + B_contact @ slopes[:3]
-    whole = np.vstack([top, _disc_rows(p, order) + _moments(p, slopes[3:], order)])
+    turning = _disc_rows(p, order)
+    turning[2:] += slopes[3:] / p.tilt_inertia
+    whole = np.vstack([top, turning])
     inputs = np.vstack([loop.B, np.zeros((4, loop.ninputs))])
     outputs = np.vstack(
         [
@@ -581,10 +574,4 @@ def _disc_rows(p: BrushParameters, order: int) -> Matrix:
     rows = np.zeros((4, order + 4))
     rows[0, order + 3], rows[1, order + 2] = 1.0, -1.0
     rows[2, order + 3], rows[3, order + 2] = -gyro, gyro
-    return rows
-
-
-def _moments(p: BrushParameters, slopes: Matrix, order: int) -> Matrix:
-    rows = np.zeros((4, order + 4))
-    rows[2:] = slopes / p.tilt_inertia
     return rows

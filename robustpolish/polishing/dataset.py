@@ -1,4 +1,4 @@
-"""What the datasets of both simulators share: names, units, signs, and attributes."""
+"""Datasets of both brush simulators: tool path, names, units, signs, and attributes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robustpolish.base.arrays import AnyArray as Array
 from robustpolish.polishing.parameters import NOT_NUMBERS, BrushParameters
 from robustpolish.polishing.surfaces.surface import Surface
 
-# Where the tool's centre is: on a circling feed (eqs. 9.2 and 9.3), or on a path given for it.
+# Position of the tool's centre: circling feed (eqs. 9.2 and 9.3), or a given path.
 
 
 def tool_position(time: ArrayLike, parameters: BrushParameters) -> NDArray[np.float64]:

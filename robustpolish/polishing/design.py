@@ -1,4 +1,4 @@
-"""The main job: design a controller for the air bearing and try it on the brush's disturbance."""
+"""Controller design for the air bearing, and its simulation under the forces of the brush."""
 
 from __future__ import annotations
 

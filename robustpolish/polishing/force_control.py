@@ -1,11 +1,10 @@
-"""Control of the polishing force: the classical schemes of chapter 3, and H-infinity."""
+"""Force control of polishing: passive stiffness, impedance, admittance, and H-infinity control."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from math import pi, sqrt
-from typing import Any
 
 import control
 import numpy as np
@@ -21,20 +20,14 @@ from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plots.charts import plot_over_plane
 from robustpolish.plots.time import plot_time_series
 from robustpolish.polishing.parameters import BrushParameters
+from robustpolish.polishing.quantities import check_quantities, quantity
 from robustpolish.polishing.removal import removal_of_force
 from robustpolish.polishing.surfaces.surface import PolishedSurface
 from robustpolish.polishing.tool_path import ToolPath
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
 
-# The axis across the mould along which a tool is pressed on: a mass, an actuator, a contact.
-
-
-def _quantity(value: float, unit: str) -> Any:
-    return field(default=value, metadata={"unit": unit})
-
-
-_MAY_BE_ZERO = frozenset({"contact_damping", "stiffness", "damping"})
+# Plant: a tool of one mass with an actuator and a linear contact.
 
 
 @dataclass(frozen=True)
@@ -79,24 +72,18 @@ class PolishingAxis:
     (('surface', 'force_noise'), ('force', 'height', 'climb'))
     """
 
-    mass: float = _quantity(1.537, "kg")
-    contact_stiffness: float = _quantity(1e4, "N/m")
-    contact_damping: float = _quantity(500.0, "N s/m")
-    polishing_force: float = _quantity(10.0, "N")
-    stiffness: float = _quantity(0.0, "N/m")
-    damping: float = _quantity(5.0, "N s/m")
-    actuator_bandwidth: float = _quantity(100.0, "Hz")
-    surface_bandwidth: float = _quantity(100.0, "Hz")
+    mass: float = quantity(1.537, "kg")
+    contact_stiffness: float = quantity(1e4, "N/m")
+    contact_damping: float = quantity(500.0, "N s/m")
+    polishing_force: float = quantity(10.0, "N")
+    stiffness: float = quantity(0.0, "N/m")
+    damping: float = quantity(5.0, "N s/m")
+    actuator_bandwidth: float = quantity(100.0, "Hz")
+    surface_bandwidth: float = quantity(100.0, "Hz")
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            number = positive(
-                f"PolishingAxis.{item.name}",
-                getattr(self, item.name),
-                item.metadata["unit"],
-                zero=item.name in _MAY_BE_ZERO,
-            )
-            object.__setattr__(self, item.name, number)
+        zero = ("contact_damping", "stiffness", "damping")
+        check_quantities(self, "PolishingAxis.", zero=zero)
 
     def plant(self) -> GeneralizedPlant:
         """Return the axis as a plant around its working point.
@@ -139,7 +126,7 @@ class PolishingAxis:
         )  # fmt: skip
 
 
-# Ready-made controllers of the polishing force (thesis, section 3.4.1).
+# Controllers of the polishing force (thesis, section 3.4.1).
 
 
 @dataclass(frozen=True, eq=False)
@@ -391,16 +378,13 @@ def _closed(
     loop = axis.plant().with_control_outputs().closed_loop(controller)
     found = stability(loop)
     if found.verdict != "stable":
-        raise invalid(
-            "controller",
-            described(f"{name}, whose loop has a pole at {found.pole:.3g} rad/s"),
-            "a stable loop",
-            "Ask for less: more damping, a larger mass or a smaller bandwidth.",
-        )
+        shown = described(f"{name}, whose loop has a pole at {found.pole:.3g} rad/s")
+        remedy = "Ask for less: more damping, a larger mass or a smaller bandwidth."
+        raise invalid("controller", shown, "a stable loop", remedy)
     return ForceControl(name, axis, controller, loop, design)
 
 
-# What each way to control the force takes off along a path.
+# Comparison of force and removal along a path.
 
 _OUTPUTS = ("force_error", "tool", "gap", "push")
 

@@ -1,25 +1,20 @@
-"""The air bearing as an engineer can wire it: a force pair and a gap sensor in x and in y."""
+"""Hardware of the polishing controller, and the air bearing with actuators and gap sensors."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
-from robustpolish.base.checks import instance_of, invalid, positive
+from robustpolish.base.checks import instance_of, invalid
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
+from robustpolish.polishing.quantities import check_quantities, quantity, quantity_table
 
-# What a polishing controller is built of: sensors, actuators and a computer, with their limits.
-
-
-def _quantity(default: float, unit: str, source: str) -> Any:
-    """Declare a field whose metadata carry unit and source."""
-    return field(default=default, metadata={"unit": unit, "source": source})
+# Sensors, actuators and computer, with their limits.
 
 
 @dataclass(frozen=True, repr=False)
@@ -70,31 +65,31 @@ class PolishingHardware(Displayed):
     ('actuator_limit', 20.0, 'N')
     """
 
-    sensor_bandwidth_hz: float = _quantity(
+    sensor_bandwidth_hz: float = quantity(
         10e3,
         "Hz",
         "typical of eddy-current displacement sensors: 10 to 100 kHz; set to half the sample rate",
     )
-    sensor_noise: float = _quantity(
+    sensor_noise: float = quantity(
         20e-9,
         "m",
         "typical of eddy-current sensors of 0.5 mm range: some tens of nm RMS at 10 kHz "
         "(capacitive ones: a few nm, but they dislike slurry)",
     )
-    actuator_bandwidth_hz: float = _quantity(
+    actuator_bandwidth_hz: float = quantity(
         2e3,
         "Hz",
         "typical of magnetic-bearing actuators with current amplifiers: 1 to 3 kHz for small ones",
     )
-    actuator_limit: float = _quantity(
+    actuator_limit: float = quantity(
         20.0,
         "N",
         "typical of electromagnets around a hub of 20 mm: some tens of N; twice the brush's peak",
     )
-    sample_rate_hz: float = _quantity(
+    sample_rate_hz: float = quantity(
         20e3, "Hz", "typical of real-time controller boards with a processor: 10 to 50 kHz"
     )
-    computation_delay: float = _quantity(
+    computation_delay: float = quantity(
         25e-6,
         "s",
         "typical of such boards: conversion, some hundred multiplications, conversion back",
@@ -102,13 +97,9 @@ class PolishingHardware(Displayed):
 
     def __post_init__(self) -> None:
         """Check every field."""
-        for item in fields(self):
-            name, value = item.name, getattr(self, item.name)
-            endless = name.endswith("bandwidth_hz") or name == "actuator_limit"
-            zero = name in ("sensor_noise", "computation_delay")
-            if not (endless and isinstance(value, float) and value == math.inf):
-                value = positive(name, value, item.metadata["unit"], zero=zero)
-            object.__setattr__(self, name, value)
+        endless = ("sensor_bandwidth_hz", "actuator_bandwidth_hz", "actuator_limit")
+        zero = ("sensor_noise", "computation_delay")
+        check_quantities(self, zero=zero, infinite=endless)
         if self.computation_delay > 10 * self.period:
             remedy = "Check its unit, or sample more slowly."
             want = f"at most ten periods of {self.period:.4g} s"
@@ -147,10 +138,7 @@ class PolishingHardware(Displayed):
         -------
         list of tuple
         """
-        return [
-            (item.name, getattr(self, item.name), item.metadata["unit"], item.metadata["source"])
-            for item in fields(self)
-        ]
+        return quantity_table(self)
 
     def _card(self) -> Card:
         columns = ("part", "value", "unit", "source")

@@ -1,4 +1,4 @@
-"""The thesis's ideal: a state feedback for the air bearing, tried on the brush's disturbance."""
+"""State feedback for the air bearing with ideal sensors and actuators, as in the thesis."""
 
 from __future__ import annotations
 

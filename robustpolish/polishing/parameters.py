@@ -1,23 +1,20 @@
-"""What the brush, its tool path and its contact are made of: table 9.1 and the open choices."""
+"""Parameters of the brush, its tool path and its contact: table 9.1 and chosen values."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from math import hypot, pi, sqrt
 from types import MappingProxyType
 from typing import Any
 
-from robustpolish.base.checks import instance_of, invalid, one_of, positive
+from robustpolish.base.checks import instance_of, invalid, one_of
+from robustpolish.polishing.quantities import check_quantities, quantity
 from robustpolish.polishing.surfaces.surface import PolishedSurface, Surface
 from robustpolish.polishing.tool_path import ToolPath
 
 RUN_STIFFNESS: Mapping[int, float] = MappingProxyType({1: 1e4, 2: 1e6, 3: 1e8, 4: 1e10})
 """Contact stiffness k_p [N/m] of the thesis's runs (table 9.2)."""
-
-
-def _quantity(value: float, unit: str, source: str) -> Any:
-    return field(default=value, metadata={"unit": unit, "source": source})
 
 
 _MAY_BE_ZERO = frozenset(
@@ -83,19 +80,19 @@ class BrushParameters:
     (6.667, 10.0)
     """
 
-    radius: float = _quantity(0.010, "m", "table 9.1, r_d")
-    height: float = _quantity(0.010, "m", "table 9.1, h")
-    mass: float = _quantity(0.2, "kg", "table 9.1, m")
-    spin: float = _quantity(100.0 * pi, "rad/s", "table 9.1, p")
-    rotation_radius: float = _quantity(0.003, "m", "table 9.1, r_rot")
-    rotation_rate: float = _quantity(4.0 * pi, "rad/s", "table 9.1, lambda")
-    feed: float = _quantity(0.001, "m/s", "table 9.1, v")
-    polishing_force: float = _quantity(10.0, "N", "table 9.1, F_p")
-    friction: float = _quantity(0.25 * sqrt(2.0), "-", "table 9.1, mu")
-    contact_stiffness: float = _quantity(RUN_STIFFNESS[1], "N/m", "table 9.2, run 1")
-    contact_damping: float = _quantity(50.0, "s/m", "chosen; not in the thesis")
-    slip_scale: float = _quantity(0.01, "m/s", "chosen; regularises Coulomb's law")
-    spindle_damping: float = _quantity(0.01, "N m s/rad", "chosen; drops the spin by 1 %")
+    radius: float = quantity(0.010, "m", "table 9.1, r_d")
+    height: float = quantity(0.010, "m", "table 9.1, h")
+    mass: float = quantity(0.2, "kg", "table 9.1, m")
+    spin: float = quantity(100.0 * pi, "rad/s", "table 9.1, p")
+    rotation_radius: float = quantity(0.003, "m", "table 9.1, r_rot")
+    rotation_rate: float = quantity(4.0 * pi, "rad/s", "table 9.1, lambda")
+    feed: float = quantity(0.001, "m/s", "table 9.1, v")
+    polishing_force: float = quantity(10.0, "N", "table 9.1, F_p")
+    friction: float = quantity(0.25 * sqrt(2.0), "-", "table 9.1, mu")
+    contact_stiffness: float = quantity(RUN_STIFFNESS[1], "N/m", "table 9.2, run 1")
+    contact_damping: float = quantity(50.0, "s/m", "chosen; not in the thesis")
+    slip_scale: float = quantity(0.01, "m/s", "chosen; regularises Coulomb's law")
+    spindle_damping: float = quantity(0.01, "N m s/rad", "chosen; drops the spin by 1 %")
     surface: PolishedSurface = field(
         default_factory=Surface, metadata={"unit": "", "source": "eq. 9.1, made to fit the disc"}
     )
@@ -108,15 +105,7 @@ class BrushParameters:
         if self.path is not None:
             remedy = "Make one with ToolPath.spiral(...) or the like, or leave it out."
             instance_of("BrushParameters.path", self.path, ToolPath, "a ToolPath", remedy)
-        for item in fields(self):
-            if item.name not in NOT_NUMBERS:
-                value = positive(
-                    f"BrushParameters.{item.name}",
-                    getattr(self, item.name),
-                    item.metadata["unit"],
-                    zero=item.name in _MAY_BE_ZERO,
-                )
-                object.__setattr__(self, item.name, value)
+        check_quantities(self, "BrushParameters.", zero=_MAY_BE_ZERO, skip=NOT_NUMBERS)
 
     @classmethod
     def for_run(cls, run: int, **changes: Any) -> BrushParameters:

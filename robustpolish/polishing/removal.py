@@ -1,4 +1,4 @@
-"""What polishing takes off, by Preston's law: depth per time is pressure times speed."""
+"""Material removal by Preston's law: depth per time is pressure times speed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robustpolish.polishing.surfaces.mould import Mould
 from robustpolish.polishing.surfaces.surface import Floats, PolishedSurface
 from robustpolish.polishing.tool_path import ToolPath
 
-# A run of the brush on its mould in three dimensions.
+# Picture of a run in three dimensions.
 
 _PLACES = 80
 

@@ -1,4 +1,4 @@
-"""The one way in: simulate the brush, get its motion and the forces it makes."""
+"""Simulation of the polishing brush: motion and forces by the physical or the listed equations."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from robustpolish.polishing.surfaces.surface import Floats, PolishedSurface
 from robustpolish.polishing.thesis.listing import ListingDefects, Workaround, run_listing
 from robustpolish.polishing.tool_path import ToolPath
 
-# Where a brush does not go into a mould: curvature against the brush's radius.
+# Fit of a brush in a mould: curvature against the radius of the brush.
 
 _PLACES = 200  # along each side, at least
 
@@ -170,7 +170,7 @@ def _near(x: Floats, y: Floats, path: ToolPath, reach: float) -> np.ndarray:
     return near
 
 
-# Whether the physical simulator may be believed on a surface, along the path of the tool.
+# Validity of the physical simulator on a surface, along the path of the tool.
 
 _PER_RADIUS = 8  # places along the path per radius of the brush
 _BULGE = 1e-6  # m, and
@@ -242,12 +242,10 @@ def _check_bulges(mould: Mould, places: Floats, parameters: BrushParameters) -> 
     if bulge > max(_BULGE, _SHARE_OF_DEPTH * depth):
         where = _told(places[:, int(np.argmin(least))])
         much = f"{1e6 * bulge:.3g} µm"
-        raise invalid(
-            "surface",
-            described(f"{mould.name}, which bulges by {much} under the disc around {where}"),
-            "a surface that is hollow in some direction, where the disc touches with its rim",
-            "Lead the path round the bulge; the simulator knows no contact of the disc's face.",
-        )
+        shown = described(f"{mould.name}, which bulges by {much} under the disc around {where}")
+        expected = "a surface that is hollow in some direction, where the disc touches with its rim"
+        remedy = "Lead the path round the bulge; the simulator knows no contact of the disc's face."
+        raise invalid("surface", shown, expected, remedy)
 
 
 _PHYSICAL = {"disc": "two-angle", "start": "pressed", "max_passes": 4}
@@ -403,12 +401,9 @@ def _options(simulator: str, given: dict[str, Any]) -> dict[str, Any]:
     defaults, foreign = (_PHYSICAL, _LISTING) if simulator == "physical" else (_LISTING, _PHYSICAL)
     for name in foreign:
         if given[name] is not None:
-            raise invalid(
-                name,
-                given[name],
-                f"nothing, because the {simulator} simulator has no such option",
-                "Leave it out, or choose the other simulator.",
-            )
+            shown = given[name]
+            expected = f"nothing, because the {simulator} simulator has no such option"
+            raise invalid(name, shown, expected, "Leave it out, or choose the other simulator.")
     options = {
         name: default if given[name] is None else given[name] for name, default in defaults.items()
     }
@@ -432,12 +427,8 @@ def _sample_times(duration: float, sample_rate: float) -> NDArray[np.float64]:
     rate = positive("sample_rate", sample_rate, "Hz")
     samples = round(seconds * rate)
     if samples < 1:
-        raise invalid(
-            "duration",
-            duration,
-            f"at least one sample of {1.0 / rate:g} s",
-            "Raise the duration or the sample rate.",
-        )
+        expected = f"at least one sample of {1.0 / rate:g} s"
+        raise invalid("duration", duration, expected, "Raise the duration or the sample rate.")
     return np.arange(samples + 1) / rate
 
 

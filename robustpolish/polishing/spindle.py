@@ -1,4 +1,4 @@
-"""The polishing spindle as a rotating beam: the rotor, and a plant like the lumped one."""
+"""Polishing spindle as a rotor of finite beam elements, and its plant."""
 
 from __future__ import annotations
 

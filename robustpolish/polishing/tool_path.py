@@ -1,14 +1,13 @@
-"""A path of the tool's centre in time, twice continuously differentiable."""
+"""Tool paths: rasters, spirals, contour-parallel loops and files, as cubic splines in time."""
 
 from __future__ import annotations
 
 import csv
-import io
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import contourpy
 import numpy as np
@@ -17,9 +16,9 @@ from scipy.interpolate import BSpline, CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from robustpolish.base.checks import described, invalid, positive
-from robustpolish.base.input_files import FileSpec, text
+from robustpolish.base.input_files import FileSpec
 from robustpolish.base.jit import njit
-from robustpolish.polishing.surfaces.importers import FILE, scale_of
+from robustpolish.polishing.surfaces.importers import FILE, Unit, csv_rows, scale_of
 from robustpolish.polishing.surfaces.spline import cell, coefficients, slope_weights, weights
 from robustpolish.polishing.surfaces.surface import Floats, PolishedSurface
 
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     from robustpolish.polishing.surfaces.mould import Mould
 
 
-# Loops parallel to an edge: lines of equal distance from it.
+# Contour-parallel loops: lines of equal distance from an edge.
 
 _GRID = 240  # places along the longer side
 _SHORTEST = 3.0  # loops shorter than so many steps are left out
@@ -90,7 +89,7 @@ def _from_nearest(line: Floats, part: Floats) -> Floats:
     return np.concatenate([turned, turned[:1]])
 
 
-# Corners made round, and gone along with one speed.
+# Rounding of corners, and parametrisation by constant speed.
 
 _PER_ROUNDING = 4  # places of the spline per length of a rounding
 _FINE = 4  # finer than that before rounding
@@ -158,7 +157,7 @@ def _evenly(places: Floats, far: Floats, count: int) -> Floats:
     return np.stack([np.interp(wanted, far, column) for column in places.T], axis=1)
 
 
-# A packed path in compiled code: intervals per second, then the coefficients of x and of y.
+# Evaluation in compiled code: intervals per second, then the coefficients of x and of y.
 
 
 @njit(cache=True)
@@ -177,7 +176,7 @@ def evaluate_path(time, packed, place, velocity):  # pragma: no cover - compiled
         velocity[axis] = moving * packed[0]
 
 
-# Lines and spirals as corners.
+# Rasters and spirals.
 
 
 def raster(x: tuple[float, float], y: tuple[float, float], step: float) -> Floats:
@@ -207,9 +206,8 @@ def spiral(centre: tuple[float, float], radius: float, pitch: float) -> Floats:
     return middle + np.stack([far * np.cos(angle), far * np.sin(angle)], axis=1)
 
 
-# Places of a path as they come: checked, read from files, and brought to even times.
+# Input of paths: checks, CSV files, and resampling at even times.
 
-Unit = Literal["m", "mm", "um"]
 _FINER = 4  # times per shortest interval of a file
 _MOST_POINTS = 400_000
 
@@ -228,12 +226,7 @@ def checked_places(places: ArrayLike) -> Floats:
 
 def read_csv(path: str | Path, unit: str, file: FileSpec = FILE) -> tuple[Floats, Floats | None]:
     """Return x and y [m], shape (n, 2), and the times [s] if the file has a column t."""
-    lines, path = io.StringIO(text(path, file, "utf-8-sig"), newline=""), Path(path)
-    try:
-        rows = list(csv.DictReader(lines, skipinitialspace=True))
-    except csv.Error as error:
-        shown = described(f"{path} ({error})")
-        raise invalid("path", shown, "a CSV file that can be read", "Check it.") from None
+    path, rows = Path(path), csv_rows(path, file, csv.DictReader, skipinitialspace=True)
     names = {(name or "").strip().lower(): name for name in (rows[0] if rows else {})}
     if not {"x", "y"} <= set(names):
         shown = described(f"columns {', '.join(names) or 'none'} in {path.name}")

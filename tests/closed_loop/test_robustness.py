@@ -1,15 +1,19 @@
-"""Designs held against the errors of a fit."""
+"""Robustness of a design over the errors of a fit."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
+import control
 import numpy as np
 import pytest
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.closed_loop.monte_carlo import loop_norm
+from robustpolish.closed_loop.sampled_loops import loop_norm, with_added_signals
+from robustpolish.errors import InvalidInputError
 from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
+
+# Designs held against the errors of a fit.
 
 AT = ("x", "ground")
 MASS, STIFFNESS = "dof.x.mass", "spring[0].stiffness"
@@ -172,3 +176,145 @@ def test_bad_input_is_refused(design):
             design, machine(), standard_errors={MASS: 1e6, STIFFNESS: 1e9},
             plant_of=with_state, samples=2000,
         )  # fmt: skip
+
+
+def test_a_mass_stays_positive(design):
+    check = rp.simulation.check_robustness(
+        design, machine(), standard_errors={MASS: 1.0}, plant_of=with_state, samples=60
+    )
+    assert 0 < check.parameters.min() < 1.0
+    assert check.nominal_parameters.tolist() == [2.0]
+
+
+@pytest.mark.parametrize(
+    ("variance", "samples", "told"),
+    [
+        (-1.0, 5, "standard_errors: got a negative variance"),
+        (np.inf, 5, "learned: got no number with a known error"),
+        (1.0, True, "samples: got True"),
+        (1.0, 2.5, "samples: got 2.5"),
+        (1e6, 1000, "standard_errors: got an error of dof.x.mass as large as its value"),
+    ],
+)
+def test_bad_draws_are_named(design, variance, samples, told):
+    learned = Fitted(machine(), covariance([MASS], [[variance]]))
+    with pytest.raises(InvalidInputError, match=told):
+        rp.simulation.check_robustness(design, learned, plant_of=with_state, samples=samples)
+
+
+# What a check over many machines says.
+
+
+def check(norms, left_out=()):
+    norms = np.array(norms)
+    masses = np.arange(1.0, norms.size + 1)[:, None]
+    return rp.results.RobustnessCheck(
+        "hinf", 1.0, norms, ("dof.x.mass",), masses, np.array([1.0]), left_out
+    )
+
+
+def test_the_least_share_is_the_exact_bound_of_clopper_and_pearson():
+    """With all of n stable, the share p at which p^n is 5 %; with none of them, nothing."""
+    assert check([1.0] * 59).least_share_stable == pytest.approx(0.05 ** (1 / 59))
+    assert check([1.0, np.inf]).least_share_stable == pytest.approx(1 - 0.95**0.5)
+    assert check([np.inf, np.inf]).least_share_stable == 0.0
+
+
+def test_the_worst_machine_is_named():
+    found = check([0.9, 3.0, 1.2])
+    assert (found.samples, found.share_stable) == (3, 1.0)
+    assert (found.median, found.worst) == (1.2, 3.0)
+    assert found.worst_parameters == {"dof.x.mass": 2.0}
+
+
+def test_the_picture_leaves_unstable_loops_out_and_says_so():
+    ax = check([0.9, 1.1, np.inf, 1.2]).plot()
+    assert sum(bar.get_height() for bar in ax.patches) == 3
+    assert ax.get_title() == "1 of 4 unstable"
+    assert check([0.9]).plot().get_title() == ""
+
+
+def test_the_card_tells_what_was_not_drawn():
+    text = str(check([0.9, np.inf], ("spring[0].stiffness",)))
+    assert "50 %" in text
+    assert "Not drawn, because not determined: spring[0].stiffness." in text
+    assert "Not drawn" not in str(check([0.9]))
+
+
+def test_limits_hold_as_often_as_they_say():
+    # Norms evenly between 0 and 1 stand for any distribution: the share within r is r.
+    random, held, worst = np.random.default_rng(0), 0, 0
+    for _ in range(2000):
+        one = check(random.uniform(size=30))
+        held += one.least_share_within(0.8, 0.9) <= 0.8
+        worst += one.least_share_within(one.worst) <= one.worst
+    assert held / 2000 > 0.9 - 0.02
+    assert worst / 2000 == pytest.approx(0.95, abs=0.015)
+
+
+def test_upper_limit_of_the_share():
+    assert check([1.0] * 3).most_share_stable == 1.0
+    assert check([1.0, np.inf]).most_share_stable == pytest.approx(0.95**0.5)
+    with pytest.raises(rp.InvalidInputError, match="between 0 and 1"):
+        check([1.0]).least_share_within(1.0, 95)
+
+
+# Another machine in the place of the one that a design was made for.
+
+
+def plant(stiffness):
+    return machine(stiffness).linearize()
+
+
+def priced(machine):
+    """With a price on u behind the displacement and noise on y behind the force."""
+    return machine.replace(
+        B1=np.hstack([machine.B1, [[0.0], [0.0]]]),
+        C1=np.vstack([machine.C1, [[0.0, 0.0]]]),
+        D12=[[0.0], [1e-3]], D11=np.zeros((2, 2)), D21=[[0.0, 1e-4]],
+        disturbances=[*machine.disturbance_names, "noise"],
+        performance=[*machine.performance_names, "price"],
+    )  # fmt: skip
+
+
+def test_the_machine_is_new_and_price_and_noise_stay():
+    nominal, other = priced(plant(800.0)), plant(900.0)
+    found = with_added_signals(nominal, other)
+    np.testing.assert_array_equal(found.A, other.A)
+    np.testing.assert_array_equal(found.B1[:, :1], other.B1)
+    for name in ("D12", "D21", "C2", "B2"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(nominal, name))
+    assert found.system.input_labels == nominal.system.input_labels
+    assert found.system.output_labels == nominal.system.output_labels
+    assert found.A[1, 0] == pytest.approx(-450.0)
+
+
+def test_a_measured_state_is_made_up_for():
+    nominal = plant(800.0).with_full_state()
+    assert with_added_signals(nominal, plant(900.0)).measurement_names == nominal.measurement_names
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"states": ["q", "dq"]}, "plant_of: got states q, dq, expected those of the design's"),
+        ({"controls": ["push"]}, "plant_of: got controls push"),
+        ({"disturbances": ["gust"]}, "plant_of: got disturbances gust"),
+        ({"performance": ["tip"]}, "plant_of: got performance outputs tip"),
+        ({"measurements": ["tip"]}, "plant_of: got measurements tip"),
+    ],
+)
+def test_a_plant_with_other_signals_is_refused(change, told):
+    with pytest.raises(InvalidInputError, match=told):
+        with_added_signals(plant(800.0), plant(900.0).replace(**change))
+
+
+def test_norms_of_loops():
+    lag = control.ss(-2.0, 1.0, 1.0, 0.0)
+    assert loop_norm(lag, "hinf") == pytest.approx(0.5)
+    assert loop_norm(lag, "h2") == pytest.approx(0.5)
+    sampled = control.ss(0.5, 1.0, 1.0, 0.0, 0.1)
+    assert loop_norm(sampled, "hinf") == pytest.approx(2.0)
+    assert loop_norm(control.ss(2.0, 1.0, 1.0, 0.0), "hinf") == np.inf
+    constant = control.StateSpace([], [], [], [[3.0]])
+    assert loop_norm(constant, "hinf") == pytest.approx(3.0)

@@ -26,7 +26,13 @@ from robustpolish.identification.residuals.tests import MAPS
 from robustpolish.identification.steps import StepRun
 from robustpolish.plots.time import plot_panels
 from robustpolish.polishing.air_bearing import FORCES
-from robustpolish.polishing.buildable import BUILDABLE, POLICY, BuildableBrushDesign
+from robustpolish.polishing.buildable import (
+    ACTUATOR_LOSS,
+    BUILDABLE,
+    RATIO,
+    STIFFNESS_ERROR,
+    BuildableBrushDesign,
+)
 from robustpolish.polishing.ideal import BrushDesign
 
 # What a report tells of a controller that is to be built: margins, limits, what could go wrong.
@@ -98,7 +104,7 @@ def assumptions_section(job: BuildableBrushDesign) -> Section:
         f"{h.sample_rate_hz / 2e3:g} kHz it appears at another frequency. Measure the gap's "
         "response to the actuator before closing the loop.",
         f"The bearing's own mode at {upper:.0f} Hz: the loop was certified with its stiffness "
-        f"{100 * POLICY.stiffness_error:g} % lower and higher.",
+        f"{100 * STIFFNESS_ERROR:g} % lower and higher.",
         f"Noise: {h.sensor_noise * 1e9:g} nm RMS in every reading moves the actuators by "
         f"{max(noise.values()):.2g} N RMS.",
         f"A hub that is not round, or whose material is uneven, looks like a motion at the "
@@ -239,7 +245,7 @@ def _costliest_limit(job: BuildableBrushDesign) -> str:
         f"ideal. Of the limits the one that costs most is relaxed by {best.what}: the norm "
         f"would be {best.norm:.3g} instead of {built.norm:.3g} m/N, the largest deviation "
         f"{best.deviation * 1e6:.3g} instead of {built.deviation * 1e6:.3g} µm. Bandwidths were "
-        f"tried in steps of {100 * (1 - POLICY.ratio):.0f} %, so that a difference of 15 % in the "
+        f"tried in steps of {100 * (1 - RATIO):.0f} %, so that a difference of 15 % in the "
         "norm says little."
     )
 
@@ -250,7 +256,7 @@ def _slower(job: BuildableBrushDesign) -> str:
         return "no bandwidth was found that makes the loop unstable."
     return (
         f"below {slowest:.0f} Hz the loop is unstable; they have {nominal:g} Hz, and with "
-        f"{100 * POLICY.actuator_loss:g} % less it is certified in the table below."
+        f"{100 * ACTUATOR_LOSS:g} % less it is certified in the table below."
     )
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import control
 import xarray as xr
@@ -25,7 +26,6 @@ from robustpolish.machines.mechanical.parts import DISPLACEMENT, Dof, Input
 from robustpolish.machines.mechanical.toml import read_model, write_model
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.system import UncertainSystem
-from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing_data
 
 
 @dataclass(frozen=True, repr=False)
@@ -366,31 +366,29 @@ class MechanicalModel(MechanicalData, Displayed):
 
     @classmethod
     def from_air_bearing(
-        cls, parameters: AirBearingParameters | None = None, dissipation: float = 0.001
+        cls, parameters: Any = None, dissipation: float = 0.001
     ) -> MechanicalModel:
-        """Return the air bearing of :func:`robustpolish.air_bearing` as masses and springs.
-
-        Inputs are the brush forces F_x, F_y, F_z and F_p, outputs the six displacements. With
-        dissipation 0 the dampers are there, with damping 0, so that a refit can find them.
+        """Return :func:`robustpolish.polishing.air_bearing_model`, whose old name this is.
 
         Parameters
         ----------
         parameters : AirBearingParameters, optional
-            :meth:`AirBearingParameters.as_published` by default.
         dissipation : float, optional
-            Share of the energy lost per cycle, (8.23).
 
         Returns
         -------
         MechanicalModel
 
-        Examples
-        --------
-        >>> import robustpolish as rp
-        >>> rp.MechanicalModel.from_air_bearing().free
-        ('x_m', 'x', 'y_m', 'y', 'z_m', 'z')
+        Warns
+        -----
+        DeprecationWarning
+            The name goes with version 0.3.
         """
-        return cls._of(air_bearing_data(parameters, dissipation))
+        import robustpolish
+
+        text = "MechanicalModel.from_air_bearing is now robustpolish.polishing.air_bearing_model"
+        warnings.warn(f"{text}; it goes with version 0.3", DeprecationWarning, stacklevel=2)
+        return robustpolish.polishing.air_bearing_model(parameters, dissipation)
 
     @classmethod
     def from_toml(cls, source: str | Path, *, max_bytes: float | None = None) -> MechanicalModel:

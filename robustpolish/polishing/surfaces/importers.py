@@ -1,9 +1,10 @@
-"""The spline of least bending through the vertices of a mesh.
+"""Import of moulds: formulas, maps of heights, and meshes.
 
-Least squares with a penalty on second differences (P. H. C. Eilers and B. D. Marx, "Flexible
-smoothing with B-splines and penalties", Statistical Science 11 (1996), here along two axes).
-The penalty is so small that it decides only what the vertices leave open: between distant
-vertices, where the flat faces guide it with a little more weight, and outside the mesh.
+A mesh becomes the spline of least bending through its vertices: least squares with a penalty on
+second differences (P. H. C. Eilers and B. D. Marx, "Flexible smoothing with B-splines and
+penalties", Statistical Science 11 (1996), here along two axes). The penalty is so small that it
+decides only what the vertices leave open: between distant vertices, where the flat faces guide it
+with a little more weight, and outside the mesh.
 """
 
 from __future__ import annotations
@@ -13,15 +14,13 @@ import io
 import logging
 import math
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from robustpolish.base.arrays import AnyArray as Array
@@ -32,7 +31,7 @@ from robustpolish.machines.effects.formula_language import FUNCTIONS, PostfixPro
 from robustpolish.polishing.surfaces.spline import FEWEST, coefficients, expansions, pack, weights
 from robustpolish.polishing.surfaces.surface import Floats
 
-# Heights from a formula: read, never executed, and sampled until a spline keeps to it.
+# Formulas: read, never executed, and sampled until a spline keeps to them.
 
 _CLOSE = 1e-9  # m: about the roughness that polishing reaches
 _CELLS = (32, 1024)  # along the longer side, first and last
@@ -123,11 +122,12 @@ def _between(heights: Floats) -> float:
     return worst
 
 
-# Maps of heights as they come: checked, and read from CSV files.
+# Maps of heights: checks and CSV files.
 
+Unit = Literal["m", "mm", "um"]
 _METRES = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 FILE = FileSpec("path", "a file that can be read", "Check the path.", 100_000_000)
-"""What the files of this room are."""
+"""Files of surfaces and paths."""
 
 _ATOM, _TOWN = 1e-10, 1e4  # m; squares and their ratios stay far from the ends of doubles
 _EVEN = 1e-4  # steps may differ by this share: files round their numbers
@@ -159,12 +159,9 @@ def checked(heights: ArrayLike, x: ArrayLike, y: ArrayLike) -> tuple[Floats, Flo
     missing = np.argwhere(~np.isfinite(found))
     if missing.size:
         i, j = missing[0]
-        raise invalid(
-            "heights",
-            described(f"{len(missing)} that are no number, the first at x[{i}], y[{j}]"),
-            "finite heights everywhere",
-            "Fill the holes, or cut the map down to where it was measured.",
-        )
+        shown = described(f"{len(missing)} that are no number, the first at x[{i}], y[{j}]")
+        remedy = "Fill the holes, or cut the map down to where it was measured."
+        raise invalid("heights", shown, "finite heights everywhere", remedy)
     return along, across, found
 
 
@@ -182,17 +179,24 @@ def _places(name: str, values: ArrayLike) -> Floats:
     return np.linspace(places[0], places[-1], places.size)
 
 
+def csv_rows(
+    path: str | Path, wanted: FileSpec, reader: Callable[..., Iterable[Any]], **options: Any
+) -> list[Any]:
+    """Return the rows of a CSV file."""
+    lines = io.StringIO(text(path, wanted, "utf-8-sig"), newline="")
+    try:
+        return list(reader(lines, **options))
+    except csv.Error as error:
+        shown = described(f"{path} ({error})")
+        raise invalid("path", shown, "a CSV file that can be read", "Check it.") from None
+
+
 def read_csv(
     path: str | Path, spacing: float | None, wanted: FileSpec = FILE
 ) -> tuple[Floats, Floats, Floats]:
     """Return heights, x and y of a file; with a spacing, the file holds heights alone."""
-    lines = io.StringIO(text(path, wanted, "utf-8-sig"), newline="")
-    path = Path(path)
-    try:
-        rows = [row for row in csv.reader(lines) if any(cell.strip() for cell in row)]
-    except csv.Error as error:
-        shown = described(f"{path} ({error})")
-        raise invalid("path", shown, "a CSV file that can be read", "Check it.") from None
+    path, lines = Path(path), csv_rows(path, wanted, csv.reader)
+    rows = [row for row in lines if any(cell.strip() for cell in row)]
     if len({len(row) for row in rows}) != 1:
         shown = described(f"{path.name} with {len(rows)} rows of unequal lengths or none")
         raise invalid("path", shown, "rows of the same length", "Check the file.")
@@ -217,7 +221,7 @@ def _number(path: Path, text: str, row: int, column: int) -> float:
         raise invalid("path", shown, "a number", "Correct the file.") from None
 
 
-# A mesh that is fit to be polished: one sheet without holes, steep faces or folds.
+# Meshes: one connected sheet without holes, steep faces or folds.
 
 _STEEPEST = 0.05  # upward part of a face's normal: 87 degrees
 _MOST_CELLS = 200  # along the longer side, unless a spacing is given
@@ -226,23 +230,7 @@ _FORMATS = (".stl", ".obj", ".off", ".ply")
 _REMEDY = "Cut the polished side out of the model as one open sheet, z up."
 
 
-@dataclass(frozen=True)
-class TriangleMesh:
-    """A checked mesh.
-
-    Attributes
-    ----------
-    vertices : ndarray, shape (n, 3)
-        [m].
-    faces : ndarray of int, shape (m, 3)
-        Corners of the triangles, counter-clockwise as seen from above.
-    """
-
-    vertices: Floats
-    faces: Array
-
-
-def read_mesh(path: str | Path, scale: float, wanted: FileSpec = FILE) -> TriangleMesh:
+def read_mesh(path: str | Path, scale: float, wanted: FileSpec = FILE) -> Any:
     """Read a mesh in metres, or say what is wrong with it."""
     whole = content(path, wanted)
     kind = one_of("path", Path(path).suffix.casefold(), _FORMATS, "Convert the file.")
@@ -270,8 +258,10 @@ def read_mesh(path: str | Path, scale: float, wanted: FileSpec = FILE) -> Triang
     return checked_mesh(scale * vertices, faces)
 
 
-def checked_mesh(vertices: Floats, faces: Array) -> TriangleMesh:
+def checked_mesh(vertices: Floats, faces: Array) -> Any:
     """Join equal corners and refuse what is no sheet that can be polished from above."""
+    import trimesh
+
     size = float(np.max(np.ptp(vertices, axis=0))) if len(vertices) else 0.0
     if len(faces) < 2 or not size > 0:
         raise _refused(f"{len(faces)} faces", "a mesh of triangles", "Check the file.")
@@ -298,32 +288,28 @@ def checked_mesh(vertices: Floats, faces: Array) -> TriangleMesh:
         what = f"{steep.size} faces that are vertical or hang over, {where}"
         raise _refused(what, "a surface that is seen from above everywhere", _REMEDY)
     used, renumbered = np.unique(faces, return_inverse=True)
-    sheet = TriangleMesh(vertices[used], renumbered.reshape(faces.shape))
-    _check_edges(sheet)
-    return sheet
+    mesh = trimesh.Trimesh(vertices[used], renumbered.reshape(faces.shape), process=False)
+    _check_edges(mesh)
+    return mesh
 
 
-def _check_edges(sheet: TriangleMesh) -> None:
+def _check_edges(mesh: Any) -> None:
     """Refuse several pieces, holes, and edges at which more than two faces meet."""
-    edges = np.concatenate([sheet.faces[:, [0, 1]], sheet.faces[:, [1, 2]], sheet.faces[:, [2, 0]]])
-    count = len(sheet.vertices)
-    pieces, _ = _connected(edges, count)
-    if pieces > 1:
-        raise _refused(f"{pieces} pieces", "one connected surface", _REMEDY)
-    _, first, times = np.unique(
-        np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True
-    )
+    from trimesh.graph import connected_component_labels
+
+    if mesh.body_count > 1:
+        raise _refused(f"{mesh.body_count} pieces", "one connected surface", _REMEDY)
+    times = np.bincount(mesh.edges_unique_inverse)
     if times.max() > 2:
-        raise _refused(
-            "an edge at which more than two faces meet", "a sheet", "Repair the mesh first."
-        )
-    rim = edges[first[times == 1]]
-    _, label = _connected(rim, count)
-    loops = [rim[label[rim[:, 0]] == k] for k in np.unique(label[rim[:, 0]])]
-    enclosed = [_enclosed(*(sheet.vertices[loop[:, k], :2] for k in (0, 1))) for loop in loops]
+        what = "an edge at which more than two faces meet"
+        raise _refused(what, "a sheet", "Repair the mesh first.")
+    rim = mesh.edges[times[mesh.edges_unique_inverse] == 1]
+    label = connected_component_labels(rim, node_count=len(mesh.vertices))[rim[:, 0]]
+    loops = [rim[label == k] for k in np.unique(label)]
+    enclosed = [_enclosed(*(mesh.vertices[loop[:, k], :2] for k in (0, 1))) for loop in loops]
     holes = [k for k in range(len(loops)) if k != int(np.argmax(enclosed))]
     if holes:
-        x, y = 1e3 * sheet.vertices[loops[holes[0]][:, 0], :2].mean(axis=0)
+        x, y = 1e3 * mesh.vertices[loops[holes[0]][:, 0], :2].mean(axis=0)
         what = f"{len(holes)} holes, one near x = {x:.4g} mm, y = {y:.4g} mm"
         raise _refused(what, "a surface without holes", "Close them, or cut the mould smaller.")
 
@@ -333,23 +319,17 @@ def _enclosed(start: Floats, end: Floats) -> float:
     return 0.5 * float(np.sum(start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0]))
 
 
-def _connected(edges: Array, count: int) -> tuple[int, Array]:
-    ones = np.ones(len(edges))
-    graph = sparse.coo_array((ones, (edges[:, 0], edges[:, 1])), (count, count))
-    return connected_components(graph, directed=False)
-
-
 def _refused(what: str, wanted: str, remedy: str) -> Exception:
     return invalid("path", described(f"a mesh with {what}"), wanted, remedy)
 
 
-def covered(sheet: TriangleMesh, spacing: float | None) -> tuple[Floats, Floats, Floats]:
+def covered(sheet: Any, spacing: float | None) -> tuple[Floats, Floats, Floats]:
     """Return a grid over a sheet and the heights of its faces there; nan where there is none.
 
     Without a spacing [m] it is 1.2 times the median length of an edge, so that there are about as
     many vertices as unknowns. Faces above each other are refused.
     """
-    corners = sheet.vertices[sheet.faces]
+    corners = np.array(sheet.triangles)
     plan = corners[:, :, :2]
     lengths = np.linalg.norm(plan - np.roll(plan, 1, axis=1), axis=2)
     low, high = plan.min(axis=(0, 1)), plan.max(axis=(0, 1))
@@ -400,13 +380,14 @@ _BENDING = 1e-6  # weight of a squared second difference, where a vertex has wei
 _FACES = 1e-4  # weight of the faces at a place of the grid
 
 
-def fitted(sheet: TriangleMesh, x: Floats, y: Floats, faces: Floats) -> tuple[Floats, float]:
+def fitted(sheet: Any, x: Floats, y: Floats, faces: Floats) -> tuple[Floats, float]:
     """Return the coefficients of the spline on a grid, and its largest error at a vertex [m].
 
     `faces` are the heights of the faces on the grid, nan where there is none.
     """
     rows, columns = x.size + 2, y.size + 2
-    at_vertices = _design(sheet.vertices[:, :2], x, y)
+    vertices = np.array(sheet.vertices)
+    at_vertices = _design(vertices[:, :2], x, y)
     i, j = np.nonzero(np.isfinite(faces))
     at_faces = _design(np.stack([x[i], y[j]], axis=1), x, y)
     one, other = sparse.eye_array(rows), sparse.eye_array(columns)
@@ -418,8 +399,8 @@ def fitted(sheet: TriangleMesh, x: Floats, y: Floats, faces: Floats) -> tuple[Fl
     system = at_vertices.T @ at_vertices + _FACES * (at_faces.T @ at_faces)
     for part, share in parts:
         system = system + _BENDING * share * (part.T @ part)
-    middle = float(np.mean(sheet.vertices[:, 2]))
-    known = at_vertices.T @ (sheet.vertices[:, 2] - middle)
+    middle = float(np.mean(vertices[:, 2]))
+    known = at_vertices.T @ (vertices[:, 2] - middle)
     known = known + _FACES * (at_faces.T @ (faces[i, j] - middle))
     solver = splu(
         sparse.csc_array(system),
@@ -428,7 +409,7 @@ def fitted(sheet: TriangleMesh, x: Floats, y: Floats, faces: Floats) -> tuple[Fl
         options={"SymmetricMode": True},
     )
     found = solver.solve(known).reshape(rows, columns) + middle
-    here = sheet.vertices.T
+    here = vertices.T
     error = expansions(here[0].copy(), here[1].copy(), pack(x, y, found))[0] - here[2]
     return found, float(np.max(np.abs(error)))
 

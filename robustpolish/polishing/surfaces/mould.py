@@ -1,4 +1,4 @@
-"""A mould of any shape: a smooth height over a grid, and where it ends."""
+"""Mould of any shape as a tensor-product cubic spline over a grid."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,10 +14,9 @@ from scipy.ndimage import distance_transform_edt
 
 from robustpolish.base.checks import described, invalid, positive
 from robustpolish.polishing.surfaces import importers
+from robustpolish.polishing.surfaces.importers import Unit
 from robustpolish.polishing.surfaces.spline import coefficients, expansions, pack
 from robustpolish.polishing.surfaces.surface import Floats, PolishedSurface
-
-Unit = Literal["m", "mm", "um"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,22 +245,14 @@ class Mould(PolishedSurface):
         found = coefficients(coefficients(heights).T).T
         return cls(x, y, found, np.ones(heights.shape, dtype=bool), name, error)
 
-    @property
+    @cached_property
     def packed(self) -> Floats:
         """The mould as the one array that compiled code reads."""
-        return self._packed
-
-    @cached_property
-    def _packed(self) -> Floats:
         return pack(self.x, self.y, self.coefficients)
 
-    @property
+    @cached_property
     def sharpest_bend(self) -> float:
         """Largest second derivative of the height in any direction on the mould [1/m]."""
-        return self._sharpest
-
-    @cached_property
-    def _sharpest(self) -> float:
         r, s, t = self.bends(self.x[:, None], self.y[None, :])
         return max(0.0, float(np.nanmax(0.5 * (r + t) + np.hypot(0.5 * (r - t), s))))
 

@@ -1,16 +1,17 @@
-"""The thesis's surface: a trough of the form (9.1), its height, slope and curvature."""
+"""Polished surfaces: height, slopes and curvatures, and the trough (9.1) of the thesis."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustpolish.base.checks import invalid, positive
+from robustpolish.base.checks import invalid
+from robustpolish.polishing.quantities import check_quantities, quantity
 
-# What every surface that is polished can be asked.
+# Common interface of surfaces.
 
 Floats = NDArray[np.float64]
 
@@ -147,16 +148,11 @@ class Surface(PolishedSurface):
     True
     """
 
-    along: float = field(default=0.1, metadata={"unit": "1/m", "source": "eq. 9.1"})
-    across: float = field(
-        default=2.5, metadata={"unit": "1/m", "source": "chosen so that the disc fits"}
-    )
+    along: float = quantity(0.1, "1/m", "eq. 9.1")
+    across: float = quantity(2.5, "1/m", "chosen so that the disc fits")
 
     def __post_init__(self) -> None:
-        for name in ("along", "across"):
-            object.__setattr__(
-                self, name, positive(f"Surface.{name}", getattr(self, name), "1/m", zero=True)
-            )
+        check_quantities(self, "Surface.", zero=("along", "across"))
 
     @classmethod
     def as_published(cls) -> Surface:

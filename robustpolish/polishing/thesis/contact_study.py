@@ -1,9 +1,9 @@
-"""Contact laws side by side: what the thesis derives, what its listings do, what is well posed."""
+"""Contact laws of the thesis, its listings, and Hunt and Crossley: restitution and landing."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, replace
 from math import asin, atan, cos, expm1, inf, log1p, pi, sin, sqrt
 from typing import Any
 
@@ -21,11 +21,12 @@ from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.plots.charts import plot_bars
 from robustpolish.plots.time import plot_time_series
 from robustpolish.polishing.parameters import BrushParameters
+from robustpolish.polishing.quantities import check_quantities
 from robustpolish.polishing.simulate import simulate_brush
 from robustpolish.polishing.surfaces.surface import Surface
 from robustpolish.polishing.thesis.listing import ListingDefects, listing_forces
 
-# Coulomb's cone of friction (section 7.1).
+# Coulomb friction cone (section 7.1).
 
 
 @dataclass(frozen=True)
@@ -56,11 +57,10 @@ class FrictionCone:
     [-5.0, 0.0, 10.0]
     """
 
-    friction: float
+    friction: float = field(metadata={"unit": "-"})
 
     def __post_init__(self) -> None:
-        value = positive("FrictionCone.friction", self.friction, "-", zero=True)
-        object.__setattr__(self, "friction", value)
+        check_quantities(self, "FrictionCone.", zero=("friction",))
 
     @property
     def angle(self) -> float:
@@ -126,7 +126,7 @@ def _parts(vector: ArrayLike, normal: ArrayLike) -> tuple[float, Vector]:
     return along, given - along * axis / length
 
 
-# What the thesis estimates of one blow: its mass, duration and depth (section 7.5).
+# Mass, duration and depth of an impact (section 7.5).
 
 
 def rim_mass(parameters: BrushParameters) -> float:
@@ -202,14 +202,21 @@ def impact_depth(mass: float, stiffness: float, speed: float) -> float:
     return sqrt(mass / stiffness) * abs(speed)
 
 
-# Laws of the force with which a surface stops a mass.
+# Contact laws: force over depth and rate, and coefficient of restitution.
 
 # Untyped on purpose: checkers would read all of scipy's solvers for what it returns.
 _brentq: Any = optimize.brentq
 
 
+class _Law:
+    """Numbers of a law: stiffness and mass above zero, the rest not below."""
+
+    def __post_init__(self) -> None:
+        check_quantities(self, f"{type(self).__name__}.", zero=("damping", "returned"))
+
+
 @dataclass(frozen=True)
-class LinearSpring:
+class LinearSpring(_Law):
     """A spring that pushes only: force k_p times depth, nothing lost.
 
     Parameters
@@ -225,9 +232,6 @@ class LinearSpring:
     """
 
     stiffness: float
-
-    def __post_init__(self) -> None:
-        _check(self)
 
     def force(self, depth: float, rate: float) -> float:
         """Return the push; the rate does not matter.
@@ -262,7 +266,7 @@ class LinearSpring:
 
 
 @dataclass(frozen=True)
-class HuntCrossley:
+class HuntCrossley(_Law):
     """A spring whose damping grows with depth: k_p depth (1 + chi rate), never below zero.
 
     Unlike a damper beside the spring it neither begins with a jump nor ends by pulling.
@@ -289,9 +293,6 @@ class HuntCrossley:
 
     stiffness: float
     damping: float
-
-    def __post_init__(self) -> None:
-        _check(self)
 
     @classmethod
     def of_restitution(cls, stiffness: float, restitution: float, speed: float) -> HuntCrossley:
@@ -356,7 +357,7 @@ class HuntCrossley:
 
 
 @dataclass(frozen=True)
-class EventImpulse:
+class EventImpulse(_Law):
     """Impulse and duration, (7.37) to (7.40), as one event per blow.
 
     When the mass arrives with speed v its velocity is reversed to e v, once; the impulse
@@ -380,7 +381,7 @@ class EventImpulse:
     returned: float = 0.0
 
     def __post_init__(self) -> None:
-        _check(self)
+        super().__post_init__()
         if self.returned >= 1.0:
             expected = "a share below 1, or bounces never end"
             raise invalid("EventImpulse.returned", self.returned, expected, "Lower it.")
@@ -401,7 +402,7 @@ class EventImpulse:
 
 
 @dataclass(frozen=True)
-class ListingImpulse:
+class ListingImpulse(_Law):
     """The same impulse as listing D.1 has it: force m v / t_m for as long as contact lasts.
 
     That is a damper of m / t_m: it never lets go, and its force is as large as the speed that
@@ -423,9 +424,6 @@ class ListingImpulse:
 
     stiffness: float
     mass: float
-
-    def __post_init__(self) -> None:
-        _check(self)
 
     def force(self, depth: float, rate: float) -> float:
         """Return the push; a mass that leaves is held back.
@@ -472,15 +470,7 @@ def _left_over(strength: float) -> float:
     return -expm1(-float(found)) / strength
 
 
-def _check(law: ContactLaw) -> None:
-    """Check every number of a law: stiffness and mass above zero, the rest not below."""
-    for item in fields(law):
-        name, value = f"{type(law).__name__}.{item.name}", getattr(law, item.name)
-        zero = item.name not in ("stiffness", "mass")
-        object.__setattr__(law, item.name, positive(name, value, zero=zero))
-
-
-# A pressed mass lands on a surface that obeys a contact law.
+# Landing of a pressed mass.
 
 
 def land(
@@ -560,7 +550,11 @@ def _integrated(
         push = law.force(float(state[0]), float(state[1]))
         return [state[1], (press - push) / mass, push]
 
-    leaves = _leaving()
+    def leaves(_: float, state: Vector) -> float:
+        return float(state[0])
+
+    # The mass comes back to the surface from below.
+    leaves.terminal, leaves.direction = True, -1.0  # type: ignore[attr-defined]
     impulse = np.zeros_like(time)
     moment, total = 0.0, 0.0
     while moment < time[-1]:
@@ -582,16 +576,6 @@ def _integrated(
     return impulse
 
 
-def _leaving() -> Any:
-    """Event at which the mass comes back to the surface from below."""
-
-    def leaves(_: float, state: Vector) -> float:
-        return float(state[0])
-
-    leaves.terminal, leaves.direction = True, -1.0  # type: ignore[attr-defined]
-    return leaves
-
-
 def _events(law: EventImpulse, mass: float, speed: float, press: float, time: Vector) -> Vector:
     """Impulse of one event per blow at the times, each spread over t_m."""
     lasting = quarter_period(mass, law.stiffness)
@@ -607,8 +591,9 @@ def _events(law: EventImpulse, mass: float, speed: float, press: float, time: Ve
     return impulse
 
 
-# One landing under every law of contact.
+# Comparison of one landing under every contact law.
 
+_FIGURES = ("peak", "restitution", "window_impulse", "impulse")
 _WINDOW = 0.01  # seconds over which impulses are compared, as of the brush
 
 
@@ -657,9 +642,8 @@ class ContactComparison(Displayed):
         return plot_time_series({name: run[signal] for name, run in self.runs.items()}, ax=ax)
 
     def _card(self) -> Card:
-        keys = ("peak", "restitution", "window_impulse", "impulse")
         rows = tuple(
-            (str(name), *(float(self.table[key].sel(law=name)) for key in keys))
+            (str(name), *(float(self.table[key].sel(law=name)) for key in _FIGURES))
             for name in self.table["law"].values
         )
         head = ("law", "peak [N]", "restitution", "most in 10 ms [N s]", "impulse [N s]")
@@ -728,15 +712,9 @@ def compare_contact_laws(
         ]
     ).T
     units = ("N", "1", "N s", "N s")
-    keys = ("peak", "restitution", "window_impulse", "impulse")
-    table = xr.Dataset(
-        {
-            key: ("law", row, {"units": unit})
-            for key, row, unit in zip(keys, figures, units, strict=True)
-        },
-        {"law": list(laws)},
-    )
-    return ContactComparison(table, runs)
+    columns = zip(_FIGURES, figures, units, strict=True)
+    variables = {key: ("law", row, {"units": unit}) for key, row, unit in columns}
+    return ContactComparison(xr.Dataset(variables, {"law": list(laws)}), runs)
 
 
 def most_impulse(impulse: Vector, interval: float) -> float:
@@ -758,7 +736,7 @@ def most_impulse(impulse: Vector, interval: float) -> float:
     return float(np.max(np.abs(impulse[samples:] - impulse[:-samples])))
 
 
-# The thesis's static contact: resultant forces on the edge of the friction cone (section 7.2).
+# Static contact: resultant forces on the edge of the friction cone (section 7.2).
 
 _PARALLEL = 1e-12  # sine of the angle between two forces below which they cannot balance a third
 
@@ -927,16 +905,14 @@ def _ratio(upper: float, lower: float, name: str) -> float:
     """Divide, or say which elevation makes the balance impossible."""
     found = upper / lower if abs(lower) > _PARALLEL else inf
     if abs(found) == inf:
-        raise invalid(
-            name,
-            described("forces that are parallel to each other, as on a level surface"),
-            "an elevation at which they can balance the polishing force",
-            "Use the physical brush, whose contact is well posed on every surface.",
-        )
+        shown = described("forces that are parallel to each other, as on a level surface")
+        expected = "an elevation at which they can balance the polishing force"
+        remedy = "Use the physical brush, whose contact is well posed on every surface."
+        raise invalid(name, shown, expected, remedy)
     return found
 
 
-# Why the thesis's forces were unrealistically large: one thing changed at a time.
+# Sensitivity of the listing's forces: one cause is changed at a time.
 
 _OF_MOTION = ("tilt_cosine", "inertia_radius", "impact_mass", "pulling_surface", "feed_friction")
 """Mistakes of D.1 that change the brush's own motion and its forces."""

@@ -1,4 +1,4 @@
-"""The thesis's listing of the brush, equation by equation, with its defects."""
+"""Brush simulator of the thesis's listings D.1 to D.3, with their defects, integrated by ode45."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from robustpolish.polishing.dataset import (
 from robustpolish.polishing.integrator import NODES, STAGES, inside_step, stage_state, step_error
 from robustpolish.polishing.parameters import BrushParameters
 
-# The mistakes of the thesis's appendix D, one switch each.
+# Defects of appendix D, one switch each.
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ class ListingDefects:
         return np.array(astuple(self), dtype=np.bool_)
 
 
-# Listings D.1 to D.3 of the thesis, right-hand side and forces, mistakes included.
+# Equations of listings D.1 to D.3: right-hand side and forces.
 #
 # Variable names follow the listings where that helps to compare line by line.
 
@@ -287,7 +287,7 @@ def brush_slope(t, w, c, flags, result):  # pragma: no cover - compiled
     result[3] = moment_j / inertia + gyro * theta_rate
 
 
-# Step control of MATLAB's ode45, which integrated everything in the thesis.
+# Step control of MATLAB's ode45.
 #
 # Facts from L. F. Shampine and M. W. Reichelt, "The MATLAB ODE suite", SIAM J. Sci. Comput. 18
 # (1997): the error of a step is the largest of its components, each divided by the larger of the
@@ -336,7 +336,7 @@ def smallest_step(time):  # pragma: no cover - compiled
     return 16.0 * np.spacing(time)
 
 
-# Listing D.1 integrated as the thesis did, and its forces at the stored states.
+# Integration of listing D.1, and the forces at the stored states.
 
 STATES = 4  # theta, theta', psi, psi'
 
@@ -367,12 +367,9 @@ def listing_motion(
     velocity = tool_velocity(0.0, parameters)
     speed = float(np.hypot(*velocity))
     if speed == 0.0:
-        raise invalid(
-            "parameters",
-            described("a tool at rest"),
-            "a feed or a circling, whose direction places C1 to C4",
-            "Raise feed, or rotation_radius and rotation_rate.",
-        )
+        expected = "a feed or a circling, whose direction places C1 to C4"
+        remedy = "Raise feed, or rotation_radius and rotation_rate."
+        raise invalid("parameters", described("a tool at rest"), expected, remedy)
     slope = velocity[0] * parameters.trough.curvatures[0] / speed
     place = parameters.rim_distance + parameters.rotation_radius
     start = np.array([atan(slope * place), 0.0, UPRIGHT, 0.0])
@@ -490,7 +487,7 @@ def _forces_along(
         touching[i, 2], touching[i, 3] = contact[6], contact[7]
 
 
-# The thesis's brush simulator, mistakes included, as a labelled dataset.
+# Labelled dataset of a run.
 
 Workaround = Literal["none", "divide", "impulse"]
 
@@ -538,7 +535,7 @@ def force_divisor(parameters: BrushParameters, workaround: str) -> float:
     return 1.0 / parameters.impact_duration if workaround == "impulse" else 1.0
 
 
-# A linear system under the listing's forces, integrated the way the thesis did it.
+# Response of a linear system to the listing's forces (D.2 and D.3).
 
 _GRAVITY = 9.81
 _REFINE = 4  # ode45 shows four values per step; the largest deviation is read from them
@@ -615,12 +612,9 @@ def listing_response(
     relative = positive("tolerance", tolerance)
     rate = positive("sample_rate", sample_rate, "Hz")
     if brush.attrs.get("simulator") != "listing":
-        raise invalid(
-            "brush",
-            described(f"simulator {brush.attrs.get('simulator')!r}"),
-            "a dataset of the listing simulator",
-            'Make it with simulate_brush("listing", ...).',
-        )
+        shown = described(f"simulator {brush.attrs.get('simulator')!r}")
+        expected = "a dataset of the listing simulator"
+        raise invalid("brush", shown, expected, 'Make it with simulate_brush("listing", ...).')
     mass = 0.0 if bearing_mass is None else positive("bearing_mass", bearing_mass, "kg")
     parameters = parameters_from_attributes(brush.attrs)
     defects = ListingDefects.none(but=tuple(brush.attrs["defects"].split()))

@@ -51,8 +51,8 @@ def within(diagnosis, key, truth, share):
 
 def test_the_damped_machine_against_the_undamped_model():
     """Data of (8.46) against (8.45): the coefficients of table 9.1 are found."""
-    truth = rp.MechanicalModel.from_air_bearing(dissipation=0.001).parameters
-    model = rp.MechanicalModel.from_air_bearing(dissipation=0.0)
+    truth = rp.polishing.air_bearing_model(dissipation=0.001).parameters
+    model = rp.polishing.air_bearing_model(dissipation=0.0)
     diagnosis = rp.diagnose(model, record(rp.air_bearing()))
     check_learnt(diagnosis, 5)
     within(diagnosis, "damper[0].damping", truth["damper[0].damping"], 0.1)  # c_A
@@ -61,7 +61,7 @@ def test_the_damped_machine_against_the_undamped_model():
 
 
 def test_the_missing_holder_spring():
-    model = rp.MechanicalModel.from_air_bearing().with_parameters({K_A: 0.0})
+    model = rp.polishing.air_bearing_model().with_parameters({K_A: 0.0})
     diagnosis = rp.diagnose(model, record(rp.air_bearing()))
     check_learnt(diagnosis, 20)
     within(diagnosis, K_A, 1e9, 0.02)
@@ -69,7 +69,7 @@ def test_the_missing_holder_spring():
 
 def test_the_missing_damping_of_the_work():
     """c_Z, absent from (10.38); of a size that data can show, unlike that of table 9.1."""
-    without = rp.MechanicalModel.from_air_bearing().with_parameters({C_Z: 0.0})
+    without = rp.polishing.air_bearing_model().with_parameters({C_Z: 0.0})
     working = without.with_parameters({C_Z: 2.0})
     diagnosis = rp.diagnose(without, record(working.linearize()))
     check_learnt(diagnosis, 2)
@@ -86,7 +86,7 @@ def test_the_missing_damping_of_the_work():
 
 def test_output_feedback_takes_the_learnt_plant():
     """From the model to a plant with price and noise, and back to Monte Carlo."""
-    model = rp.MechanicalModel.from_air_bearing()
+    model = rp.polishing.air_bearing_model()
     design = rp.output_feedback(
         model.linearize(), control_weight=1e-7, measurement_noise=1e-9, time_limit=20.0
     )

@@ -7,7 +7,7 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
-from robustpolish.polishing.thesis.published_controllers import (
+from robustpolish.polishing.thesis.comparison import (
     PUBLISHED_CONTROLLERS,
     published_gain,
 )
