@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import click
 import numpy as np
@@ -12,8 +12,6 @@ import xarray as xr
 
 from robustpolish.app.cli.options import (
     brush_options,
-    check_json,
-    print_result,
     result_options,
     stages,
 )
@@ -57,11 +55,9 @@ def brush(
     unit: Literal["m", "mm", "um"],
     speed: float | None,
     out: str | None,
-    json_out: str | None,
     force: bool,
-) -> None:
+) -> tuple[Any, ...]:
     """Simulate the brush on its mould and show the forces with which it disturbs the tool."""
-    check_json(json_out, force)
     with ExitStack() as places:
         # The place is claimed first: nothing is simulated that could not be saved.
         draft = places.enter_context(new_file(out, force, (".csv", ".nc"))) if out else None
@@ -84,9 +80,7 @@ def brush(
     for name, found in forces.items():
         lines += [f"{name:6}{found['largest']:14.5g}{found['mean']:14.5g}{found['impulse']:16.5g}"]
     content = {"forces": forces, "run": run, "simulator": simulator}
-    print_result(content, "\n".join(lines), json_out, force)
-    if out:
-        click.echo(f"Saved {out}", err=True)
+    return content, "\n".join(lines), out
 
 
 def _mould(path: Path, unit: Literal["m", "mm", "um"]) -> Mould:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
-from robustpolish.app.cli.options import check_json, choice, print_result, result_options
+from robustpolish.app.cli.options import choice, result_options
 from robustpolish.base.atomic_writes import check_new_file
 from robustpolish.base.budget import progress_bar
 from robustpolish.base.checks import invalid
@@ -73,15 +74,13 @@ def export(
     kinds: tuple[str, ...],
     test_vectors: int,
     out: str,
-    json_out: str | None,
     force: bool,
-) -> None:
+) -> tuple[Any, ...]:
     """Turn a saved design into code: sampled, certified, and written for other programs.
 
     The loop is certified with sampler, hold, delay and filter before anything is written. The exit
     code is 1 if it is unstable, with the longest period that keeps it stable.
     """
-    check_json(json_out, force)
     for kind in kinds:
         check_new_file(target(out, name, f".{kind}"), force)
     if test_vectors and "c" in kinds:
@@ -114,7 +113,7 @@ def export(
         "messages": [*said, sampled.message, *c.notes],
     }
     lines = [*said, repr(sampled), *(f"wrote {path}" for path in written)]
-    print_result(content, "\n".join(lines), json_out, force)
+    return content, "\n".join(lines)
 
 
 def _write(
