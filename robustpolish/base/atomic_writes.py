@@ -144,11 +144,6 @@ def stage(target: Path) -> Iterator[Path]:
                 os.close(lock)
 
 
-def move_new(draft: Path, target: Path) -> None:
-    """Put a draft where nothing is; `FileExistsError` if something is there after all."""
-    rename_noreplace(draft, target)
-
-
 def replace_folder(draft: Path, target: Path) -> None:
     """Put a folder in place of another one, which is then in the stage.
 
@@ -295,7 +290,7 @@ def _put(draft: Path, target: Path, force: bool) -> None:
             if target.exists():
                 replace_folder(draft, target)
             else:
-                move_new(draft, target)
+                rename_noreplace(draft, target)
         except (FileExistsError, FileNotFoundError):
             continue  # another writer was quicker
         return
@@ -377,7 +372,7 @@ def new_file(
             draft.replace(target)
             return
         try:
-            move_new(draft, target)
+            rename_noreplace(draft, target)
         except FileExistsError:
             raise _file_exists(target) from None
 

@@ -36,7 +36,6 @@ from robustpolish.machines.effects.effect import lookup
 from robustpolish.machines.simulation.run import simulate_model as simulate
 from tests import made_up
 from tests.app.machines import DESIGN, SPINDLE
-from tests.identification.findings.learned_diagnosis import unknown_law
 
 
 @pytest.fixture
@@ -275,7 +274,7 @@ def test_numbers_that_were_not_found_are_left_blank(told):
 
 
 def test_a_learned_law_is_drawn_and_told():
-    report = diagnosis_report(unknown_law())
+    report = diagnosis_report(made_up.unknown_law())
     which = section(report, "Which effects were added")
     (shown,) = which.pictures
     assert shown.caption == "The force over displacement at x, ground as learned."

@@ -110,7 +110,7 @@ def test_powers_and_units_with_a_prefix_bear_none():
     assert [unit for unit in none if bears_prefix(unit)] == []
 
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_package_and_project_agree():

@@ -38,9 +38,14 @@ def test_samples_become_one_dimension():
     assert rp.sweep(functions.product, table, executor="serial").identical(found)
 
 
-def test_processes_threads_and_this_process_give_the_same_bits():
+@pytest.mark.slow
+def test_processes_give_the_same_bits_as_this_process():
     here = rp.sweep(functions.drawn, NUMBERS, executor="serial", seed=4)
     assert rp.sweep(functions.drawn, NUMBERS, seed=4).identical(here)
+
+
+def test_threads_give_the_same_bits_as_this_process():
+    here = rp.sweep(functions.drawn, NUMBERS, executor="serial", seed=4)
     with ThreadPoolExecutor(2) as threads:
         assert rp.sweep(functions.drawn, NUMBERS, executor=threads, seed=4).identical(here)
     spawned = np.random.SeedSequence(4).spawn(8)[6]

@@ -60,9 +60,7 @@ def test_no_worker_outlives_a_killed_process(monkeypatch):
     assert seen(job, Fault("time", 1000)) == []
     monkeypatch.setattr(kills, "GRACE", 0.1)
     # The worker's own watch is taken away.
-    monkeypatch.setattr(
-        "robustpolish.synthesis.lmi.program.exit_with_parent", lambda *_: None
-    )
+    monkeypatch.setattr("robustpolish.synthesis.lmi.program.exit_with_parent", lambda *_: None)
     job = Job(lambda at, force: run_with_time_limit(lambda: time.sleep(2), 9.0), "a.txt", False)
     assert "live on" in seen(job, Fault("time", 1000))[0]
 
