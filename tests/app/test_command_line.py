@@ -53,8 +53,8 @@ def test_help_imports_no_subcommand():
     """Help stays quick because nothing else is imported for it."""
     program = (
         "import sys, robustpolish.app.cli.main\n"
-        "robustpolish.app.cli.main(['--help'], standalone_mode=False)\n"
-        "names = {name for name in sys.modules if name.startswith('robustpolish.app.cli.main.')}\n"
+        "robustpolish.app.cli.main.main(['--help'], standalone_mode=False)\n"
+        "names = {name for name in sys.modules if name.startswith('robustpolish.app.cli.')}\n"
         "assert names == {'robustpolish.app.cli.main'}, names\n"
     )
     done = subprocess.run(
@@ -184,8 +184,8 @@ def test_commands_say_that_there_is_a_sibling():
 
 DRIVER = """
 import time
-from robustpolish import long_calls
-from robustpolish.cli.options import stages
+from robustpolish.base import budget
+from robustpolish.app.cli.options import stages
 budget.PROGRESS_DELAY = 0.05
 with stages("Designing") as tell:
     tell("Certifying the loop ...")
@@ -273,7 +273,7 @@ COMMANDS = {
 }
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def nothing_is_computed(monkeypatch, tmp_path):
     def computed(*_, **__):
         raise AssertionError("it was computed first")
@@ -293,6 +293,7 @@ def refused(*arguments):
     assert "missing" not in told
 
 
+@pytest.mark.usefixtures("nothing_is_computed")
 @pytest.mark.parametrize("name", COMMANDS)
 def test_json(name, tmp_path):
     # Not .json, which commands on measurements replace without being told to.
@@ -301,12 +302,14 @@ def test_json(name, tmp_path):
     assert (tmp_path / "taken.txt").read_text() == "mine"
 
 
+@pytest.mark.usefixtures("nothing_is_computed")
 @pytest.mark.parametrize("name", ["compare", "margins", "tell-apart"])
 def test_pictures(name, tmp_path):
     (tmp_path / "taken.png").write_text("mine")
     refused(*COMMANDS[name], "--plot", "taken.png")
 
 
+@pytest.mark.usefixtures("nothing_is_computed")
 @pytest.mark.parametrize("taken", ["controller.c", "controller_vectors.csv"])
 def test_code(taken, tmp_path):
     (tmp_path / taken).write_text("mine")

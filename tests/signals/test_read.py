@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.signals.raw import RawTable, unreadable_file
+from robustpolish.signals.raw import RawTable, library_errors
 from robustpolish.signals.read import read_measurement
 from robustpolish.signals.sources import UNIVERSAL, raw_table
 from tests.signals.records import FORCE, MOTION, TIME, check, csv
@@ -92,8 +92,10 @@ def test_columns_can_change_places():
 
 
 def test_a_library_s_complaint_is_told_in_one_line():
-    assert "a.wav (first)" in str(unreadable_file("a.wav", "WAV", ValueError("first\nsecond")))
-    assert "a.wav (KeyError)" in str(unreadable_file("a.wav", "WAV", KeyError()))
+    for error, reason in ((ValueError("first\nsecond"), "first"), (KeyError(), "KeyError")):
+        told = rf"a\.wav \({reason}\)"
+        with pytest.raises(InvalidInputError, match=told), library_errors("a.wav", "WAV"):
+            raise error
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".TXT", ".tsv", ".dat", ".asc", ".lvm"])

@@ -61,7 +61,10 @@ def brush(
     with ExitStack() as places:
         # The place is claimed first: nothing is simulated that could not be saved.
         draft = places.enter_context(new_file(out, force, (".csv", ".nc"))) if out else None
-        surface = _mould(Path(mould), unit) if mould else None
+        surface = None
+        if mould is not None:
+            read = Mould.from_csv if mould.lower().endswith(".csv") else Mould.from_stl
+            surface = read(mould, unit=unit)
         course = ToolPath.from_csv(path, unit=unit, speed=speed, over=surface) if path else None
         tell = places.enter_context(stages("Polishing"))
         tell(f"Simulating {duration:g} s of run {run} ({simulator}) ...")
@@ -81,12 +84,6 @@ def brush(
         lines += [f"{name:6}{found['largest']:14.5g}{found['mean']:14.5g}{found['impulse']:16.5g}"]
     content = {"forces": forces, "run": run, "simulator": simulator}
     return content, "\n".join(lines), out
-
-
-def _mould(path: Path, unit: Literal["m", "mm", "um"]) -> Mould:
-    if path.suffix.lower() == ".csv":
-        return Mould.from_csv(path, unit=unit)
-    return Mould.from_stl(path, unit=unit)
 
 
 def _save(signals: xr.Dataset, path: Path) -> None:

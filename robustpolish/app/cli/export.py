@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,6 @@ from robustpolish.base.checks import invalid
 from robustpolish.implementation.emulation import METHODS
 from robustpolish.implementation.export.c import target
 from robustpolish.implementation.realization import FORMS
-from robustpolish.implementation.sampled_design import SampledDesign
 from robustpolish.synthesis.design import Design
 
 _KINDS = ("c", "mat", "json", "fmu")
@@ -98,9 +98,14 @@ def export(
     if form is not None:
         sampled = sampled.realization(form)
     bounds = dict(_limit(text) for text in limits) or None
+    writers = {
+        "c": partial(sampled.export_c, precision=precision, test_vectors=test_vectors),
+        "mat": sampled.export_mat,
+        "json": sampled.export_json,
+        "fmu": sampled.export_fmu,
+    }
     written = [
-        str(_write(sampled, kind, Path(out), name, precision, bounds, test_vectors, force))
-        for kind in dict.fromkeys(kinds)
+        str(writers[kind](out, name, limits=bounds, force=force)) for kind in dict.fromkeys(kinds)
     ]
     c = sampled.certificate
     content = {
@@ -114,28 +119,6 @@ def export(
     }
     lines = [*said, repr(sampled), *(f"wrote {path}" for path in written)]
     return content, "\n".join(lines)
-
-
-def _write(
-    sampled: SampledDesign,
-    kind: str,
-    folder: Path,
-    name: str,
-    precision: str,
-    limits: dict[str, tuple[float, float]] | None,
-    test_vectors: int,
-    force: bool,
-) -> Path:
-    if kind == "c":
-        return sampled.export_c(
-            folder, name, precision, limits, test_vectors=test_vectors, force=force
-        )
-    writers = {
-        "mat": sampled.export_mat,
-        "json": sampled.export_json,
-        "fmu": sampled.export_fmu,
-    }
-    return writers[kind](folder, name, limits, force=force)
 
 
 def _limit(text: str) -> tuple[str, tuple[float, float]]:

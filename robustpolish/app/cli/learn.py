@@ -34,7 +34,8 @@ from robustpolish.errors import RobustPolishError
 from robustpolish.identification.compare import compare as compare_model
 from robustpolish.identification.diagnose import diagnose as diagnose_model
 from robustpolish.identification.diagnosis.result import Diagnosis
-from robustpolish.identification.experiments.tell_apart import ToldApart, tell_apart
+from robustpolish.identification.experiments.tell_apart import ToldApart
+from robustpolish.identification.experiments.tell_apart import tell_apart as tell_machines_apart
 from robustpolish.identification.record import require_time_data
 from robustpolish.identification.refit import refit as refit_model
 from robustpolish.identification.residuals.analysis import residual_analysis
@@ -166,7 +167,7 @@ def _told_apart(
     found = []
     for pair in range(min(_PAIRS, len(result.indistinguishable))):
         try:
-            found.append(tell_apart(result, record, pair=pair, progress=tell))
+            found.append(tell_machines_apart(result, record, pair=pair, progress=tell))
         except (RobustPolishError, ArithmeticError):
             continue
     return found
@@ -238,7 +239,7 @@ _conditions = options(
 @measurement_options
 @click.option("--plot", type=click.Path(dir_okay=False), help="Save the picture (.png, .svg).")
 @result_options
-def tell_apart_command(
+def tell_apart(
     data: str,
     machines: tuple[str, ...],
     pair: int,
@@ -261,7 +262,7 @@ def tell_apart_command(
     require_time_data(data)
     record = load_data(data, model, reading)
     with stages("Trying experiments") as tell:
-        found = tell_apart(
+        found = tell_machines_apart(
             given,
             record,
             pair=pair - 1,
