@@ -12,27 +12,10 @@ from types import ModuleType
 from typing import Any
 
 NAMESPACES = (
-    "results",
-    "polishing",
-    "rotor",
-    "tunable",
-    "uncertain",
-    "effects",
-    "simulation",
-    "linear",
-    "signals",
-    "implementation",
-    "errors",
-    "plots",
-    "machines",
-    "plants",
-    "synthesis",
-    "robust",
-    "loops",
-    "identification",
-    "closed_loop",
-    "report",
-)
+    "results", "polishing", "rotor", "tunable", "uncertain", "effects", "simulation", "linear",
+    "signals", "implementation", "errors", "plots", "machines", "plants", "synthesis", "robust",
+    "loops", "identification", "closed_loop", "report",
+)  # fmt: skip
 """Modules whose names stood at the top, in this order of search."""
 OLD_PACKAGES = {
     "analysis": ("linear",),

@@ -1,5 +1,7 @@
 """Results that no computation made, for tests of what becomes of results."""
 
+from dataclasses import replace
+
 import numpy as np
 import xarray as xr
 
@@ -13,6 +15,7 @@ from robustpolish.identification.diagnosis.findings import (
 )
 from robustpolish.identification.diagnosis.result import Diagnosis
 from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.effects.spline_law import learned_name, spline_basis
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 from robustpolish.polishing.ideal import BrushDesign
@@ -84,5 +87,29 @@ def brush_design() -> BrushDesign:
         closed_loop_norm=rp.hinf_norm(plant.state_feedback_loop(controller.controller.D)),
         comparison=rp.compare_controllers(
             {"with control": controller}, load, plant=plant, signals=("x", "y", "z")
+        ),
+    )
+
+
+def unknown_law() -> Diagnosis:
+    """The diagnosis with friction and a hardening law, 4e9 q^5 in N, that nobody has named."""
+    told, knots, q = diagnosis(), 9, np.linspace(-0.01, 0.01, 800)
+    basis = spline_basis(q, -0.01, 0.01, knots)
+    c = np.linalg.lstsq(basis.T, 4e9 * q**5, rcond=None)[0]
+    error = 0.002 * 4e9 * 0.01**5
+    c = c + error * np.random.default_rng(0).standard_normal(knots)
+    values = {f"c{j + 1}": float(value) for j, value in enumerate(c)}
+    effect = Effect(learned_name("stiffness", knots), PLACE, {"low": -0.01, "high": 0.01, **values})
+    keys = [f"effect[1].{name}" for name in values]
+    found = FoundEffect(
+        effect.kind, effect.at, {name: Value(v, 0.1, "N") for name, v in effect.values.items()}
+    )
+    return replace(
+        told,
+        verdict="unknown_law",
+        model=replace(told.model, effects=(*told.model.effects, effect)),
+        effects=(*told.effects, found),
+        covariance=xr.DataArray(
+            error**2 * np.eye(knots), {"parameter": keys, "other": keys}, ("parameter", "other")
         ),
     )

@@ -209,12 +209,18 @@ class MachineDesign(Displayed):
         -------
         str
         """
-        norm = "H-infinity" if self.design.norm == "hinf" else "H2"
-        built = "can be built" if self.analysis.buildable else "cannot be built as it is"
         return (
-            f"The certified {norm} norm is {self.design.certificate.achieved:.4g}; "
-            f"judged by its margins and sampling the loop {built}."
+            f"The certified {self._norm} norm is {self.design.certificate.achieved:.4g}; "
+            f"judged by its margins and sampling the loop {self._built}."
         )
+
+    @property
+    def _norm(self) -> str:
+        return "H-infinity" if self.design.norm == "hinf" else "H2"
+
+    @property
+    def _built(self) -> str:
+        return "can be built" if self.analysis.buildable else "cannot be built as it is"
 
     def tables(self) -> tuple[Table, ...]:
         """Return the figures as tables: the channels, then the loop.
@@ -265,56 +271,42 @@ class MachineDesign(Displayed):
         -------
         dict
         """
-        d, s = self.design, self.sampled
-        return {
+        d, c, machine = self.design, self.design.certificate, self.machine
+        found = {
             "status": d.status,
             "message": d.message,
             "method": d.method,
-            "norm": {
-                "kind": d.norm,
-                "achieved": d.certificate.achieved,
-                "bound": d.certificate.bound,
-            },
+            "norm": {"kind": d.norm, "achieved": c.achieved, "bound": c.bound},
             "lower_bound": d.lower_bound,
-            "certificate": {
-                "valid": d.certificate.valid,
-                "reasons": list(d.certificate.reasons),
-                "stable": d.certificate.stable,
-            },
-            "controls": list(self.machine.control_names),
-            "measurements": list(self.machine.measurement_names),
-            "performance": list(self.machine.performance_names),
-            "disturbances": list(self.machine.disturbance_names),
+            "certificate": {"valid": c.valid, "reasons": list(c.reasons), "stable": c.stable},
+            "controls": list(machine.control_names),
+            "measurements": list(machine.measurement_names),
+            "performance": list(machine.performance_names),
+            "disturbances": list(machine.disturbance_names),
             "states": d.controller.nstates,
             "channels": [vars(channel) for channel in self.channels],
             "loop": self.analysis.to_dict(),
             "buildable": self.analysis.buildable,
             "problems": list(self.analysis.problems),
             "words": self.analysis.explain(),
-            "sampled": None
-            if s is None
-            else {
-                "period": s.period,
-                "delay": s.delay,
-                "norm": s.norm,
-                "lower": s.certificate.lower,
-                "upper": s.certificate.bound,
-            },
+            "sampled": None,
             "notes": list(self.notes),
         }
+        if (s := self.sampled) is not None:
+            limits = {"lower": s.certificate.lower, "upper": s.certificate.bound}
+            found["sampled"] = {"period": s.period, "delay": s.delay, "norm": s.norm, **limits}
+        return found
 
     def _card(self) -> Card:
         d, K = self.design, self.design.controller
-        kind = "H-infinity" if d.norm == "hinf" else "H2"
         size = f"{K.nstates} states" if K.nstates else "a static gain"
         rows = [
             ("controls", ", ".join(self.machine.control_names)),
             ("measurements", ", ".join(self.machine.measurement_names)),
             ("controller", f"{size}, {d.method}"),
-            (f"{kind} norm", f"{d.certificate.achieved:.6g}, proven"),
+            (f"{self._norm} norm", f"{d.certificate.achieved:.6g}, proven"),
         ]
-        verdict = "can be built" if self.analysis.buildable else "cannot be built as it is"
-        title = f"Design for a machine: {d.status}, {verdict}"
+        title = f"Design for a machine: {d.status}, {self._built}"
         notes = (*self.notes, self.analysis.explain())
         return Card(title, (quantities(*rows), *self.tables()), notes)
 
@@ -371,12 +363,8 @@ def design_machine(
     K, plant = design.controller, task.plant
     if K.ninputs != plant.ny or design.plant.measurement_names != plant.measurement_names:
         plant = plant.with_full_state()
-    asked = (
-        LoopRequirements()
-        if task.sample_rate_hz is None
-        else LoopRequirements(sample_rate_hz=task.sample_rate_hz)
-    )
-    analysis = model_analysis(plant, K, asked)
+    rate = {} if task.sample_rate_hz is None else {"sample_rate_hz": task.sample_rate_hz}
+    analysis = model_analysis(plant, K, LoopRequirements(**rate))
     sampled, sampling = _sampled(task, design)
     return MachineDesign(task, plant, design, analysis, _channels(plant, K), sampled, sampling)
 

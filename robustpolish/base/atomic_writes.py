@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from robustpolish.base.checks import invalid
-from robustpolish.base.input_files import reports_write_errors
+from robustpolish.base.input_files import write_errors_as_storage_errors
 from robustpolish.errors import InvalidInputError
 
 # Renames that replace nothing by accident, and that exchange two folders at once.
@@ -144,11 +144,6 @@ def stage(target: Path) -> Iterator[Path]:
                 os.close(lock)
 
 
-def move_new(draft: Path, target: Path) -> None:
-    """Put a draft where nothing is; `FileExistsError` if something is there after all."""
-    rename_noreplace(draft, target)
-
-
 def replace_folder(draft: Path, target: Path) -> None:
     """Put a folder in place of another one, which is then in the stage.
 
@@ -247,7 +242,6 @@ def _locked(home: Path, wait: bool) -> int | None:
 # Folders of results that appear whole or not at all.
 
 
-@reports_write_errors
 @contextmanager
 def new_folder(path: str | os.PathLike[str], force: bool = False) -> Iterator[Path]:
     """Fill a folder beside its final place and move it there at the end.
@@ -275,16 +269,16 @@ def new_folder(path: str | os.PathLike[str], force: bool = False) -> Iterator[Pa
         If the disk is full, or the place may not be written to.
     """
     target = Path(path)
-    remove_stale_stages(
-        target.parent
-    )  # what a run that was ended had begun may have to be finished first
-    _check(target, force)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with stage(target) as draft:
-        draft.mkdir()
-        (draft / _MARK).write_text("Made by robustpolish; replaced as a whole by --force.\n")
-        yield draft
-        _put(draft, target, force)
+    with write_errors_as_storage_errors(path):
+        # what a run that was ended had begun may have to be finished first
+        remove_stale_stages(target.parent)
+        _check(target, force)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with stage(target) as draft:
+            draft.mkdir()
+            (draft / _MARK).write_text("Made by robustpolish; replaced as a whole by --force.\n")
+            yield draft
+            _put(draft, target, force)
 
 
 def _put(draft: Path, target: Path, force: bool) -> None:
@@ -295,7 +289,7 @@ def _put(draft: Path, target: Path, force: bool) -> None:
             if target.exists():
                 replace_folder(draft, target)
             else:
-                move_new(draft, target)
+                rename_noreplace(draft, target)
         except (FileExistsError, FileNotFoundError):
             continue  # another writer was quicker
         return
@@ -339,7 +333,6 @@ def _refused(target: Path, expected: str, remedy: str) -> InvalidInputError:
     return invalid("out", str(target), expected, remedy)
 
 
-@reports_write_errors
 @contextmanager
 def new_file(
     path: str | os.PathLike[str], force: bool = False, suffixes: tuple[str, ...] = ()
@@ -370,16 +363,17 @@ def new_file(
         If the disk is full, or the place may not be written to.
     """
     target = Path(path)
-    check_new_file(target, force, suffixes)
-    with stage(target) as draft:
-        yield draft
-        if force:
-            draft.replace(target)
-            return
-        try:
-            move_new(draft, target)
-        except FileExistsError:
-            raise _file_exists(target) from None
+    with write_errors_as_storage_errors(path):
+        check_new_file(target, force, suffixes)
+        with stage(target) as draft:
+            yield draft
+            if force:
+                draft.replace(target)
+                return
+            try:
+                rename_noreplace(draft, target)
+            except FileExistsError:
+                raise _file_exists(target) from None
 
 
 def check_new_file(

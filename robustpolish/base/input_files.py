@@ -6,22 +6,19 @@ And what is said when a disk refuses to take a result.
 from __future__ import annotations
 
 import errno
-import functools
 import os
 import stat
 import zipfile
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO, ParamSpec
+from typing import Any, BinaryIO
 
 from robustpolish.base.checks import Key, described, instance_of, invalid, positive
 from robustpolish.errors import InvalidInputError, StorageError
 
 # What is said when the disk does not take a result: one line, as for any other error.
-
-P = ParamSpec("P")
 
 _REMEDIES = {
     **dict.fromkeys(
@@ -107,29 +104,6 @@ def is_write_error(error: OSError) -> bool:
     bool
     """
     return error.errno in _REMEDIES
-
-
-def reports_write_errors(
-    manager: Callable[P, AbstractContextManager[Path]],
-) -> Callable[P, AbstractContextManager[Path]]:
-    """Decorate a context manager whose first argument is what it writes.
-
-    Parameters
-    ----------
-    manager : callable
-
-    Returns
-    -------
-    callable
-    """
-
-    @contextmanager
-    def told(*args: P.args, **kwargs: P.kwargs) -> Iterator[Path]:
-        path = args[0] if args else kwargs["path"]
-        with write_errors_as_storage_errors(path), manager(*args, **kwargs) as draft:  # type: ignore[arg-type]
-            yield draft
-
-    return functools.wraps(manager)(told)
 
 
 # One way to open a file that somebody gave: regular, of bounded size, or refused at once.

@@ -24,12 +24,13 @@ _REBUILT_ATTRIBUTES = frozenset({"updfcn", "outfcn"})
 _MORE_THAN_RADIUS_BITS = 38
 
 
-def _read_only(content: dict[Any, Any]) -> Mapping[Any, Any]:
+def read_only_mapping(content: dict[Any, Any]) -> Mapping[Any, Any]:
+    """Return a mapping that cannot be changed; pickle asks for it by this name."""
     return MappingProxyType(content)
 
 
 def _reduced_mapping(mapping: Any) -> tuple[Any, ...]:
-    return _read_only, (dict(mapping),)
+    return read_only_mapping, (dict(mapping),)
 
 
 def _reduced_system(system: control.StateSpace) -> tuple[Any, ...]:

@@ -29,11 +29,11 @@ from concurrent.futures import (
     wait,
 )
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import nullcontext
+from contextlib import closing, nullcontext
 from dataclasses import dataclass, field
 from multiprocessing import connection, parent_process
 from pathlib import Path
-from types import MappingProxyType, TracebackType
+from types import MappingProxyType
 from typing import Any, BinaryIO, Literal
 
 import control
@@ -42,6 +42,7 @@ import xarray as xr
 
 from robustpolish.base.budget import progress_bar, single_threaded_blas
 from robustpolish.base.checks import described, invalid, is_whole
+from robustpolish.base.pickling import read_only_mapping
 from robustpolish.errors import InvalidInputError
 
 # What a function returned at one point, as named arrays that a file holds bit for bit.
@@ -228,14 +229,11 @@ def _loaded(function: bytes) -> Callable[..., Any]:
     return pickle.loads(function)
 
 
-def begin() -> None:
-    """Prepare this process to work for another one, its parent."""
-    _keep_memory()
-    _end_with_parent()
+def prepare_worker() -> None:
+    """Prepare this process to work for another one, its parent.
 
-
-def _keep_memory() -> None:
-    """Let this worker keep large arrays that it has freed, for the next point.
+    It ends when its parent is killed, for which it would wait for ever, and it keeps large arrays
+    that it has freed for the next point.
 
     The C library would give each back to the system and ask for a new one, page by page: half of
     the time of a loop of 100,000 samples, and a time in which processes wait for each other. A C
@@ -245,17 +243,12 @@ def _keep_memory() -> None:
     if mallopt is not None:
         for parameter in (_TRIM_THRESHOLD, _MMAP_THRESHOLD):
             mallopt(parameter, _KEPT)
-
-
-def _end_with_parent() -> None:
-    """End this worker when the process that started it is killed; it would wait for ever."""
     parent = parent_process()
-    if parent is None:
-        return
 
     def watch() -> None:
-        connection.wait([parent.sentinel])
-        os._exit(1)
+        if parent is not None:
+            connection.wait([parent.sentinel])
+            os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
 
@@ -308,7 +301,7 @@ def read_points(points: Any) -> Points:
 def _from_grid(grid: Mapping[str, Any]) -> Points:
     if not grid:
         raise invalid("points", grid, "at least one name", 'Write {"gain": [1, 2, 3]}.')
-    values = {name: _column(name, grid[name]) for name in grid}
+    values = {name: _column(name, given) for name, given in grid.items()}
     lists = [column.tolist() for column in values.values()]
     each = [dict(zip(values, point, strict=True)) for point in itertools.product(*lists)]
     coords = {name: ((name,), column) for name, column in values.items()}
@@ -335,7 +328,7 @@ def _from_dataset(samples: xr.Dataset) -> Points:
 
 
 def _of_columns(values: Mapping[str, Any]) -> Points:
-    columns = {name: _column(name, values[name], (SAMPLE,)) for name in values}
+    columns = {name: _column(name, given, (SAMPLE,)) for name, given in values.items()}
     lists = [column.tolist() for column in columns.values()]
     each = [dict(zip(columns, point, strict=True)) for point in zip(*lists, strict=True)]
     coords = {name: ((SAMPLE,), column) for name, column in columns.items()}
@@ -433,15 +426,8 @@ class SweepRecord:
         if not self.path.stat().st_size:
             self._write([self._head])
 
-    def __enter__(self) -> SweepRecord:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Close the file."""
         self._file.close()
 
     def add(self, finished: list[tuple[int, Outcome]]) -> None:
@@ -519,41 +505,22 @@ def as_bytes(value: Any) -> bytes:
 
 class _Pickler(pickle.Pickler):
     def reducer_override(self, obj: Any) -> Any:
-        if type(obj) is control.StateSpace:
-            return _state_space, _parts(obj)
-        if type(obj) is MappingProxyType:
-            return _read_only, (dict(obj),)
-        return NotImplemented
+        if type(obj) is MappingProxyType:  # which pickle does not find by its own name
+            return read_only_mapping, (dict(obj),)
+        if type(obj) is not control.StateSpace:
+            return NotImplemented
+        matrices = [np.ascontiguousarray(M) for M in (obj.A, obj.B, obj.C, obj.D)]
+        labels = {
+            "inputs": obj.input_labels,
+            "outputs": obj.output_labels,
+            "states": obj.state_labels,
+            **({} if _GENERATED.fullmatch(obj.name) else {"name": obj.name}),
+        }
+        return _state_space, (matrices, obj.dt, labels)
 
 
-def _read_only(mapping: dict[Any, Any]) -> Any:
-    return MappingProxyType(mapping)  # which pickle does not find by its own name
-
-
-def _parts(system: control.StateSpace) -> tuple[Any, ...]:
-    name = "" if _GENERATED.fullmatch(system.name) else system.name
-    matrices = tuple(np.ascontiguousarray(M) for M in (system.A, system.B, system.C, system.D))
-    labels = (system.input_labels, system.output_labels, system.state_labels)
-    return matrices, system.dt, *map(tuple, labels), name
-
-
-def _state_space(
-    matrices: tuple[np.ndarray, ...],
-    dt: Any,
-    inputs: tuple[str, ...],
-    outputs: tuple[str, ...],
-    states: tuple[str, ...],
-    name: str,
-) -> control.StateSpace:
-    return control.StateSpace(
-        *matrices,
-        dt,
-        remove_useless_states=False,
-        inputs=list(inputs),
-        outputs=list(outputs),
-        states=list(states),
-        **({"name": name} if name else {}),
-    )
+def _state_space(matrices: list[np.ndarray], dt: Any, labels: dict[str, Any]) -> Any:
+    return control.StateSpace(*matrices, dt, remove_useless_states=False, **labels)
 
 
 # Points handed to workers in tasks of a quarter of a second, and again if a worker dies.
@@ -571,19 +538,6 @@ _PRELOADED = ["robustpolish.base.sweep", "robustpolish.closed_loop.simulate"]
 """Modules of this package alone: those of users may change between two sweeps."""
 
 Chunk = list[tuple[int, dict[str, Any]]]
-
-
-def run_serially(job: Job, todo: Chunk) -> Iterator[ChunkResult]:
-    """Do the points in this process, one by one."""
-    for point in todo:
-        yield run_chunk(job, [point])
-
-
-def run_on_executor(job: Job, todo: Chunk, executor: Executor) -> Iterator[ChunkResult]:
-    """Do the points on an executor of the caller, which stays open."""
-    workers = getattr(executor, "_max_workers", None) or _UNKNOWN_WORKERS
-    queue = deque(todo)
-    yield from _flow(job, queue, executor, workers, {})
 
 
 def run_on_processes(job: Job, todo: Chunk) -> Iterator[ChunkResult]:
@@ -639,24 +593,15 @@ def _flow(
             except BrokenProcessPool:
                 queue.extendleft(reversed(chunk))
                 raise
-        ended = _first(list(under_way))
-        for future in ended:
+        ended = wait(under_way, return_when=FIRST_COMPLETED).done
+        # Those that were lost last, so that all that was finished is kept.
+        for future in sorted(ended, key=lambda future: future.exception() is not None):
             done = future.result()
             count = len(under_way.pop(future))
-            size = _size(count, done.seconds, len(queue), workers)
+            # Fewer points at the end make a task, so that workers end together.
+            fitting = math.floor(count * SECONDS / max(done.seconds, 1e-9))
+            size = max(1, min(fitting, 4 * count, len(queue) // (2 * _AHEAD * workers)))
             yield done
-
-
-def _first(futures: Sequence[Future[ChunkResult]]) -> list[Future[ChunkResult]]:
-    ended = wait(futures, return_when=FIRST_COMPLETED).done
-    # Those that were lost last, so that all that was finished is kept.
-    return sorted(ended, key=lambda future: future.exception() is not None)
-
-
-def _size(count: int, seconds: float, left: int, workers: int) -> int:
-    """Return how many points make a task, fewer at the end so that workers end together."""
-    fitting = count * SECONDS / max(seconds, 1e-9)
-    return max(1, min(math.floor(fitting), 4 * count, left // (2 * _AHEAD * workers)))
 
 
 def _pool(workers: int) -> ProcessPoolExecutor:
@@ -666,7 +611,7 @@ def _pool(workers: int) -> ProcessPoolExecutor:
     context = multiprocessing.get_context(kind)
     if kind == "forkserver":
         context.set_forkserver_preload(_PRELOADED)
-    return ProcessPoolExecutor(workers, context, begin)
+    return ProcessPoolExecutor(workers, context, prepare_worker)
 
 
 def _check_start(pool: ProcessPoolExecutor) -> None:
@@ -783,34 +728,30 @@ def sweep(
     job = Job(sent, seed, _takes_rng(function), (*asked.coords, *asked.dims, FAILURE))
     identity = _checksum(function, pickled, asked, seed) if pickled is not None else ""
     record = SweepRecord(file, identity, len(asked.each)) if file is not None else None
-    with record or nullcontext():
+    with closing(record) if record else nullcontext():
         outcomes = dict(record.found) if record else {}
         todo = [(i, point) for i, point in enumerate(asked.each) if i not in outcomes]
-        bar = progress_bar("Sweeping", len(todo)) if progress else nullcontext(_silent)
+        bar = progress_bar("Sweeping", len(todo)) if progress else nullcontext(lambda _: None)
         with bar as tell:
-            for done in _work(job, todo, executor):
+            for done in _results(job, todo, executor):
                 if done.unknown:
                     raise function_not_found_error(done.unknown)
                 if record:
                     record.add(done.finished)
-                _collect(done, outcomes, tell)
+                for i, outcome in done.finished:
+                    outcomes[i] = outcome
+                    tell("")
     return assemble_dataset(asked, outcomes)
 
 
-def _work(job: Job, todo: list, executor: Any) -> Any:
+def _results(job: Job, todo: Chunk, executor: Any) -> Iterator[ChunkResult]:
+    """Yield results in this process, in local processes, or of an executor, which stays open."""
     if executor == "serial":
-        return run_serially(job, todo)
-    return run_on_processes(job, todo) if executor is None else run_on_executor(job, todo, executor)
-
-
-def _collect(done: ChunkResult, outcomes: dict[int, Outcome], tell: Callable[[str], None]) -> None:
-    for i, outcome in done.finished:
-        outcomes[i] = outcome
-        tell("")
-
-
-def _silent(_: str) -> None:
-    """Show nothing."""
+        return (run_chunk(job, [point]) for point in todo)
+    if executor is None:
+        return run_on_processes(job, todo)
+    workers = getattr(executor, "_max_workers", None) or _UNKNOWN_WORKERS
+    return _flow(job, deque(todo), executor, workers, {})
 
 
 def _takes_rng(function: Callable[..., Any]) -> bool:

@@ -449,12 +449,8 @@ def estimate_frequency_response(
     H1 = np.linalg.solve(np.swapaxes(Suu, 1, 2), np.swapaxes(Syu, 1, 2)).swapaxes(1, 2)
     explained = np.real(np.sum(H1 * Syu.conj(), axis=2))
     coherence = np.clip(explained / Syy, 1e-12, 1.0)
-    if method == "H2":
-        H = H1 / coherence[..., None]
-    elif method == "Hv":
-        H = H1 / np.sqrt(coherence[..., None])
-    else:
-        H = H1
+    share = {"H1": np.ones_like(coherence), "H2": coherence, "Hv": np.sqrt(coherence)}[method]
+    H = H1 / share[..., None]
     # what is left of each output, over what each input has of its own
     left = Syy * (1 - coherence) / (averages - len(u))
     own = np.real(np.diagonal(np.linalg.inv(Suu), axis1=1, axis2=2))

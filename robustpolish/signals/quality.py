@@ -199,14 +199,13 @@ def _plateaus(values: Vector) -> list[int]:
         return []
     quantum = float(np.min(np.diff(distinct)))
     at_top = values >= top - 1e-9 * span
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], at_top, [False]]).astype(np.int8)))
     found = [
-        int(last - first)
-        for first, last in zip(edges[::2], edges[1::2], strict=True)
-        if last - first >= 3
+        last + 1 - first
+        for first, last in marked_runs(at_top)
+        if last - first >= 2
         and all(
-            _at_full_speed(top - beside, int(last - first), quantum)
-            for beside in (values[:first][::-1], values[last:])
+            _at_full_speed(top - beside, last + 1 - first, quantum)
+            for beside in (values[:first][::-1], values[last + 1 :])
             if beside.size >= 8
         )
     ]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -106,15 +107,21 @@ class RawTable:
         return f"sample {sample}" if self.lines is None else f"line {self.lines[sample]}"
 
 
-def unreadable_file(source: object, kind: str, error: BaseException) -> InvalidInputError:
-    """Build the error for a file that its library cannot read."""
-    reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-    return invalid(
-        "measurement",
-        described(f"{source} ({reason})"),
-        f"a readable {kind} file",
-        "Check that the file is whole and its suffix right.",
-    )
+@contextmanager
+def library_errors(source: object, kind: str) -> Iterator[None]:
+    """Turn whatever a file's library raises on damage into an error of the package."""
+    try:
+        yield
+    except InvalidInputError:
+        raise
+    except Exception as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise invalid(
+            "measurement",
+            described(f"{source} ({reason})"),
+            f"a readable {kind} file",
+            "Check that the file is whole and its suffix right.",
+        ) from None
 
 
 # What a reader gets out of a file of frequency responses, before any check.

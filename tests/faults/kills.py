@@ -1,52 +1,38 @@
-"""Kill whatever writes, everywhere, and look at what is left.
-
-`python -m tests.faults.kills --count 1000` kills a thousand times and tells what it saw.
-"""
+"""Kill a process that writes a folder or a file, everywhere, and look at what is left."""
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import random
 import shutil
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
+from robustpolish.base.atomic_writes import new_folder
 from tests.faults.injector import Fault, Outcome, living, suffer
-from tests.faults.jobs import Job, jobs, put_old
 
 GRACE = 2.0
 """Seconds after which no process of a killed job may live."""
 
+Tree = dict[str, Any]
+
 
 @dataclass(frozen=True)
-class Scene:
-    """A job with what was there before: an old result that is replaced or not, or nothing."""
+class Job:
+    """What writes a result: `write` takes the folder and whether to replace what is there.
 
-    name: str
-    there: bool
-    force: bool
+    `target` is what it writes there; a name without an ending is a folder. `ends` tells whether it
+    ends by itself.
+    """
 
-    @property
-    def job(self) -> Job:
-        """What is done."""
-        return jobs()[self.name]
-
-    def act(self, folder: Path, fault: Fault) -> Outcome:
-        """Do it with a fault."""
-        return suffer(lambda: self.job.write(folder, self.force), fault)
-
-    def prepared(self) -> Path:
-        """Return a new folder with what was there before."""
-        folder = Path(tempfile.mkdtemp(prefix="robustpolish-faults-"))
-        if self.there:
-            for name in self.job.targets:
-                put_old(folder / name)
-        return folder
+    write: Callable[[Path, bool], Any]
+    target: str
+    ends: bool = True
 
 
 @dataclass
@@ -58,16 +44,17 @@ class Tally:
     complaints: list[str] = field(default_factory=list)
 
 
-def scenes() -> list[Scene]:
-    """Return every job, with and without force, on an old result and on nothing."""
-    found = []
-    for name, job in jobs().items():
-        found += [Scene(name, False, False), Scene(name, True, True)]
-        found += [Scene(name, True, False)] if not job.asks else []
-    return found
+def put_old(place: Path) -> None:
+    """Put an earlier result at a place."""
+    if place.suffix:
+        place.write_bytes(b"old\n")
+        return
+    with new_folder(place, force=True) as folder:
+        for name in ("design.json", "old.txt"):
+            (folder / name).write_bytes(b"old\n")
 
 
-def content(folder: Path) -> dict[str, object]:
+def content(folder: Path) -> Tree:
     """Return what a folder holds, all levels, hidden files too."""
     return {
         path.name: content(path) if path.is_dir() else path.read_bytes()
@@ -75,45 +62,44 @@ def content(folder: Path) -> dict[str, object]:
     }
 
 
-def try_fault(scene: Scene, fault: Fault, whole: dict[str, object], tally: Tally) -> Outcome:
-    """Let a job suffer a fault, look at what is left, run it again and look once more."""
-    folder = scene.prepared()
-    before = content(folder)
-    tag = f"{scene} {fault}"
+def try_fault(job: Job, there: bool, fault: Fault, whole: Tree, tally: Tally) -> Outcome:
+    """Let a job suffer a fault, look at what is left, run it again and look once more.
+
+    With something there it is replaced by force. `whole` is what a run without a fault leaves.
+    """
+    folder = Path(tempfile.mkdtemp(prefix="robustpolish-faults-"))
+    if there:
+        put_old(folder / job.target)
+    before, name = content(folder), job.target
+
+    def act(fault: Fault) -> Outcome:
+        return suffer(lambda: job.write(folder, there), fault)
+
+    def complain(what: str) -> None:
+        tally.complaints.append(f"{name} {'on the old one ' * there}{fault}: {what}")
+
     try:
-        outcome = scene.act(folder, fault)
+        outcome = act(fault)
         if outcome.killed:
-            tally.kills[scene.name] += 1
+            tally.kills[name] += 1
             until = time.monotonic() + GRACE
             while living(outcome.session) and time.monotonic() < until:
                 time.sleep(0.01)
             if left := living(outcome.session):
-                tally.complaints.append(f"{tag}: {left} live on")
+                complain(f"{left} live on")
         tally.refusals += outcome.refused
         after = content(folder)
-        for name in scene.job.targets:
-            allowed = [whole.get(name), before.get(name)]
-            # Where folders cannot be exchanged, the next run finishes what was begun.
-            waiting = not fault.exchange and name not in after
-            if after.get(name) not in allowed and not waiting:
-                tally.complaints.append(f"{tag}: {name} is neither old nor new")
-        if not scene.job.ends:
-            for name in scene.job.targets:
-                put_old(folder / name)
-            if sorted(content(folder)) != sorted(scene.job.targets):
-                tally.complaints.append(f"{tag}: the next run leaves {sorted(content(folder))}")
+        # Where folders cannot be exchanged, the next run finishes what was begun.
+        waiting = not fault.exchange and name not in after
+        if after.get(name) not in [whole.get(name), before.get(name)] and not waiting:
+            complain("neither old nor new")
+        if not job.ends:
             return outcome
-        again = scene.act(folder, Fault(exchange=fault.exchange))
-        done = content(folder)
-        if again.refused and scene.force:
-            tally.complaints.append(f"{tag}: the next run was refused")
-        if sorted(done) != sorted(scene.job.targets) and not again.refused:
-            tally.complaints.append(f"{tag}: the next run leaves {sorted(done)}")
-        for name, found in done.items():
-            if name not in scene.job.targets:
-                tally.complaints.append(f"{tag}: {name} is left")
-            elif found != whole[name] and not (again.refused and found == before.get(name)):
-                tally.complaints.append(f"{tag}: {name} is not whole after the next run")
+        again, done = act(Fault(exchange=fault.exchange)), content(folder)
+        if again.refused and there:
+            complain("the next run was refused")
+        if not again.refused and done != whole:
+            complain(f"the next run leaves {sorted(done)}, or not whole")
         return outcome
     finally:
         shutil.rmtree(folder, ignore_errors=True)
@@ -129,64 +115,39 @@ def faults(operations: int, largest: int, exchange: bool, chance: random.Random)
     return found
 
 
-def plan(seed: int, only: str = "") -> Iterator[tuple[Scene, Fault, dict[str, object]]]:
-    """Yield scenes in turn with their faults in a random order, and the whole new result."""
+def plan(jobs: list[Job], seed: int) -> Iterator[tuple[Job, bool, Fault, Tree]]:
+    """Yield jobs in turn with their faults in a random order, and the whole new result."""
     chance = random.Random(seed)
-    every: list[list[tuple[Scene, Fault, dict[str, object]]]] = []
-    for scene, exchange in itertools.product(scenes(), (True, False)):
-        if only not in scene.name:
-            continue
-        if not scene.job.ends:
-            wait = [Fault("time", chance.randrange(100, 1000), exchange) for _ in range(4)]
-            every.append([(scene, fault, {}) for fault in wait])
-            continue
-        folder = scene.prepared()
+    every = []
+    for job, there, exchange in itertools.product(jobs, (False, True), (True, False)):
+        folder = Path(tempfile.mkdtemp(prefix="robustpolish-faults-"))
         try:
-            done = scene.act(folder, Fault(exchange=exchange))
-            assert not done.refused, f"{scene} is refused without a fault"
+            done = suffer(lambda j=job, f=folder: j.write(f, False), Fault(exchange=exchange))
+            assert not done.refused, f"{job} is refused without a fault"
             whole = content(folder)
         finally:
             shutil.rmtree(folder)
-        largest = max(_sizes(whole))
-        own = faults(done.operations, largest, exchange, chance)
-        every.append([(scene, fault, whole) for fault in own])
-    for own in every:
+        own = faults(done.operations, max(_sizes(whole)), exchange, chance)
         chance.shuffle(own)
+        every.append([(job, there, fault, whole) for fault in own])
     for turn in itertools.count():
         for own in every:
             yield own[turn % len(own)]
 
 
-def _sizes(tree: dict[str, object]) -> Iterator[int]:
+def _sizes(tree: Mapping[str, Any]) -> Iterator[int]:
     for each in tree.values():
         if isinstance(each, dict):
             yield from _sizes(each)
-        elif isinstance(each, bytes):
+        else:
             yield len(each)
 
 
-def kill(count: int, seed: int = 1, only: str = "") -> Tally:
-    """Try faults on the jobs with a word in their name until `count` processes were killed."""
+def kill(jobs: list[Job], count: int, seed: int = 1) -> Tally:
+    """Try faults on the jobs until `count` processes were killed."""
     tally = Tally()
-    for scene, fault, whole in plan(seed, only):
-        try_fault(scene, fault, whole, tally)
+    for job, there, fault, whole in plan(jobs, seed):
+        try_fault(job, there, fault, whole, tally)
         if tally.kills.total() >= count:
             break
     return tally
-
-
-def main() -> None:
-    """Kill as often as the command line says."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=1000)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", default="", help="a word in the names of the jobs")
-    given = parser.parse_args()
-    tally = kill(given.count, given.seed, given.only)
-    print(f"{tally.kills.total()} kills: {dict(tally.kills)}; {tally.refusals} other refusals")
-    print("\n".join(tally.complaints) or "every result whole, nothing left, nobody alive")
-    raise SystemExit(bool(tally.complaints))
-
-
-if __name__ == "__main__":
-    main()

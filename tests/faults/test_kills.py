@@ -11,8 +11,7 @@ from robustpolish.base.atomic_writes import new_file, new_folder
 from robustpolish.synthesis.lmi.program import run_with_time_limit
 from tests.faults import kills
 from tests.faults.injector import Fault
-from tests.faults.jobs import Job
-from tests.faults.kills import Scene, Tally, kill, try_fault
+from tests.faults.kills import Job, Tally, kill, try_fault
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="forks and reads /proc")
 
@@ -41,45 +40,34 @@ def leaving(at, force):
     shutil.rmtree(beside)
 
 
-def seen(monkeypatch, job, fault):
+def seen(job, fault, new=b"new"):
     """Return what is complained about after one fault."""
-    monkeypatch.setattr(kills, "jobs", lambda: {"job": job})
     tally = Tally()
-    new = b"one half and the other" if job.write is in_halves else b"new"
-    whole: dict[str, object] = {"a.txt": new}
-    assert try_fault(Scene("job", True, True), fault, whole, tally).killed
+    assert try_fault(job, True, fault, {"a.txt": new}, tally).killed
     return tally.complaints
 
 
-def test_the_injector_sees_halves_and_leftovers(monkeypatch):
-    (half,) = seen(monkeypatch, Job(in_halves, ("a.txt",)), Fault("kill", 2))
+def test_the_injector_sees_halves_and_leftovers():
+    (half,) = seen(Job(in_halves, "a.txt"), Fault("kill", 2), b"one half and the other")
     assert "neither old nor new" in half
-    left = seen(monkeypatch, Job(leaving, ("a.txt",)), Fault("kill", 5))
-    assert any("is left" in text for text in left)
-    assert seen(monkeypatch, Job(single_file, ("a.txt",)), Fault("kill", 5)) == []
+    left = seen(Job(leaving, "a.txt"), Fault("kill", 5))
+    assert any("the next run leaves" in text for text in left)
+    assert seen(Job(single_file, "a.txt"), Fault("kill", 5)) == []
 
 
-def test_the_injector_sees_who_lives_on(monkeypatch):
+def test_no_worker_outlives_a_killed_process(monkeypatch):
+    job = Job(lambda at, force: run_with_time_limit(lambda: time.sleep(9), 9.0), "a.txt", False)
+    assert seen(job, Fault("time", 1000)) == []
     monkeypatch.setattr(kills, "GRACE", 0.1)
     # The worker's own watch is taken away.
-    monkeypatch.setattr(
-        "robustpolish.synthesis.backends.parent_watch.exit_with_parent", lambda *_: None
-    )
-    job = Job(lambda at, force: run_with_time_limit(lambda: time.sleep(2), 9.0), ())
-    assert "live on" in seen(monkeypatch, job, Fault("time", 1000))[0]
+    monkeypatch.setattr("robustpolish.synthesis.lmi.program.exit_with_parent", lambda *_: None)
+    job = Job(lambda at, force: run_with_time_limit(lambda: time.sleep(2), 9.0), "a.txt", False)
+    assert "live on" in seen(job, Fault("time", 1000))[0]
 
 
-def test_thirty_kills_of_a_folder_and_a_file(monkeypatch):
-    jobs = {"folder": Job(folder_of_two, ("results",)), "file": Job(single_file, ("a.txt",))}
-    monkeypatch.setattr(kills, "jobs", lambda: jobs)
-    tally = kill(30, seed=1)
+@pytest.mark.parametrize("count", [30, pytest.param(300, marks=pytest.mark.slow)])
+def test_kills_of_a_folder_and_a_file(count):
+    tally = kill([Job(folder_of_two, "results"), Job(single_file, "a.txt")], count)
     assert tally.complaints == []
-    assert set(tally.kills) == {"folder", "file"}
+    assert set(tally.kills) == {"results", "a.txt"}
     assert tally.refusals > 0  # no permission, no space
-
-
-@pytest.mark.long
-def test_kills_of_everything_that_writes():
-    tally = kill(100, seed=2)
-    assert tally.complaints == []
-    assert len(tally.kills) == len(kills.jobs())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import click
 import numpy as np
@@ -12,8 +12,6 @@ import xarray as xr
 
 from robustpolish.app.cli.options import (
     brush_options,
-    check_json,
-    print_result,
     result_options,
     stages,
 )
@@ -57,15 +55,16 @@ def brush(
     unit: Literal["m", "mm", "um"],
     speed: float | None,
     out: str | None,
-    json_out: str | None,
     force: bool,
-) -> None:
+) -> tuple[Any, ...]:
     """Simulate the brush on its mould and show the forces with which it disturbs the tool."""
-    check_json(json_out, force)
     with ExitStack() as places:
         # The place is claimed first: nothing is simulated that could not be saved.
         draft = places.enter_context(new_file(out, force, (".csv", ".nc"))) if out else None
-        surface = _mould(Path(mould), unit) if mould else None
+        surface = None
+        if mould is not None:
+            read = Mould.from_csv if mould.lower().endswith(".csv") else Mould.from_stl
+            surface = read(mould, unit=unit)
         course = ToolPath.from_csv(path, unit=unit, speed=speed, over=surface) if path else None
         tell = places.enter_context(stages("Polishing"))
         tell(f"Simulating {duration:g} s of run {run} ({simulator}) ...")
@@ -84,15 +83,7 @@ def brush(
     for name, found in forces.items():
         lines += [f"{name:6}{found['largest']:14.5g}{found['mean']:14.5g}{found['impulse']:16.5g}"]
     content = {"forces": forces, "run": run, "simulator": simulator}
-    print_result(content, "\n".join(lines), json_out, force)
-    if out:
-        click.echo(f"Saved {out}", err=True)
-
-
-def _mould(path: Path, unit: Literal["m", "mm", "um"]) -> Mould:
-    if path.suffix.lower() == ".csv":
-        return Mould.from_csv(path, unit=unit)
-    return Mould.from_stl(path, unit=unit)
+    return content, "\n".join(lines), out
 
 
 def _save(signals: xr.Dataset, path: Path) -> None:

@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import click
 import control
-import matplotlib.pyplot as plt
 import numpy as np
 
 import robustpolish
 from robustpolish.app.cli.options import (
-    PICTURES,
     READINGS,
     brush_options,
-    check_json,
     choice,
+    claimed_places,
     machine_options,
     options,
-    print_result,
+    place_options,
     result_options,
+    save_picture,
     stages,
     to_json,
 )
@@ -37,7 +35,6 @@ from robustpolish.app.report.documents import (
     save_machine_design,
 )
 from robustpolish.app.report.html import render_html
-from robustpolish.base.atomic_writes import check_new_file, new_file, new_folder
 from robustpolish.base.budget import progress_bar
 from robustpolish.base.checks import described, invalid, positive
 from robustpolish.linear.modes import modes as modes_of
@@ -172,16 +169,7 @@ _controller_options = options(
     help="TOML file with the sections [design] and [weights], instead of those of the model.",
 )
 @_controller_options
-@click.option(
-    "--out", type=click.Path(file_okay=False), help="Folder for design, plant, table and figure."
-)
-@click.option(
-    "--report",
-    is_flag=False,
-    flag_value="",
-    metavar="[FILE]",
-    help="Write an HTML report to FILE, or to report.html in the folder.",
-)
+@place_options("Folder for design, plant, table and figure.")
 @result_options
 def machine_design(
     model: str | None,
@@ -189,46 +177,37 @@ def machine_design(
     weights: str | None,
     out: str | None,
     report: str | None,
-    json_out: str | None,
     force: bool,
     **given: Any,
-) -> None:
+) -> tuple[Any, ...]:
     """Design a controller for a machine, certify it and tell what its loop is like.
 
     The machine is a mechanical model (TOML), effects linearised about the state of rest, or a
     plant (JSON). What its sections [design] and [weights] say counts unless an option says
     otherwise. `robustpolish margins` and `export` read the design.json of the folder.
     """
-    check_json(json_out, force)
     if report == "" and out is None:
         out = DEFAULT_OUT
     machine = named_machine(model, plant)
     source = Path(model) if model is not None and weights is None else machine
     section = None if weights is None else Path(weights)
     task = read_design_task(source, section, **_changes(given))
-    with ExitStack() as places:
-        # The places are claimed first: no result is computed that could not be saved.
-        folder = places.enter_context(new_folder(out, force)) if out else None
-        page = places.enter_context(new_file(report, force, (".html",))) if report else None
+    with claimed_places(out, report, force) as (folder, page):
         for note in task.notes:
             click.echo(f"... {note}", err=True)
-        tell = places.enter_context(stages("Designing"))
-        found = design_machine(task)
-        content = found.to_dict()
-        to_json(content)  # nothing is written if anything fails
-        if report is not None:
-            tell("writing the report")
-            html = render_html(machine_design_report(found), robustpolish.__version__)
-            target = page if page is not None or folder is None else folder / "report.html"
-            assert target is not None, "a report without a file name goes to the folder"
-            target.write_text(html, encoding="utf-8")
-        if folder is not None:
-            save_machine_design(found, folder)
+        with stages("Designing") as tell:
+            found = design_machine(task)
+            content = found.to_dict()
+            to_json(content)  # nothing is written if anything fails
+            if page is not None:
+                tell("writing the report")
+                html = render_html(machine_design_report(found), robustpolish.__version__)
+                page.write_text(html, encoding="utf-8")
+            if folder is not None:
+                save_machine_design(found, folder)
     words = [click.wrap_text(text, 88) for text in (*found.notes, found.analysis.explain())]
     lines = repr(found).splitlines()[: -len(words)]
-    print_result(content, "\n".join([*lines, "", *words]), json_out, force)
-    for place in filter(None, (out, report)):
-        click.echo(f"Saved {place}", err=True)
+    return content, "\n".join([*lines, "", *words]), out, report
 
 
 def _changes(given: dict[str, Any]) -> dict[str, Any]:
@@ -269,16 +248,20 @@ def _sizes(option: str, items: tuple[str, ...]) -> float | dict[str, float] | No
 @click.command("modes")
 @given_machine_options
 @result_options
-def machine_modes(model: str | None, plant: str | None, json_out: str | None, force: bool) -> None:
+def machine_modes(model: str | None, plant: str | None, force: bool) -> tuple[Any, ...]:
     """Show natural frequencies, damping ratios and the state that carries each mode.
 
     Effects of a mechanical model are linearised about the state of rest.
     """
-    check_json(json_out, force)
     machine = named_machine(model, plant)
     given = machine.linearize() if isinstance(machine, MechanicalModel) else machine
-    found = modes_of(given.open_loop)
-    print_result({"modes": [asdict(mode) for mode in found]}, str(found), json_out, force)
+    return shown_modes(given.open_loop)
+
+
+def shown_modes(system: control.StateSpace) -> tuple[dict[str, Any], str]:
+    """Return the modes of a system as plain values and as text."""
+    found = modes_of(system)
+    return {"modes": [asdict(mode) for mode in found]}, str(found)
 
 
 # `robustpolish norms` for any machine, and how norms are shown.
@@ -293,15 +276,13 @@ def machine_norms(
     plant: str | None,
     performance: tuple[str, ...],
     disturbance: tuple[str, ...],
-    json_out: str | None,
     force: bool,
-) -> None:
+) -> tuple[Any, ...]:
     """Show the H-infinity and H2 norms from disturbances to performance outputs, uncontrolled.
 
     Of a mechanical model all inputs disturb and all free coordinates are outputs, unless some are
     named; effects are linearised about the state of rest.
     """
-    check_json(json_out, force)
     machine = named_machine(model, plant)
     pushed = machine.free if isinstance(machine, MechanicalModel) else ()
     given = machine_plant(machine, pushed, (), performance, disturbance)
@@ -313,7 +294,7 @@ def machine_norms(
     content, text = shown_norms(given.open_loop, units.pop() if len(units) == 1 else "")
     names = f"from {', '.join(given.disturbance_names)} to {', '.join(given.performance_names)}"
     content |= {"disturbances": given.disturbance_names, "performance": given.performance_names}
-    print_result(content, f"{names}\n{text}", json_out, force)
+    return content, f"{names}\n{text}"
 
 
 def shown_norms(system: control.StateSpace, unit: str) -> tuple[dict[str, Any], str]:
@@ -370,16 +351,7 @@ def shown_norms(system: control.StateSpace, unit: str) -> tuple[dict[str, Any], 
     "--gain-bound", type=float, help="Of the ideal: largest singular value that the gain may have."
 )
 @machine_options
-@click.option(
-    "--out", type=click.Path(file_okay=False), help="Folder for table, figure, code and signals."
-)
-@click.option(
-    "--report",
-    is_flag=False,
-    flag_value="",
-    metavar="[FILE]",
-    help="Write an HTML report to FILE, or to report.html in the folder.",
-)
+@place_options("Folder for table, figure, code and signals.")
 @result_options
 def design(
     ideal: bool,
@@ -387,23 +359,17 @@ def design(
     dissipation: float,
     out: str | None,
     report: str | None,
-    json_out: str | None,
     force: bool,
     **options: Any,
-) -> None:
+) -> tuple[Any, ...]:
     """Design a controller for the polishing robot, certify it and try it on the brush.
 
     By default one that can be built: two gap sensors, two actuators, a computer at 20 kHz. The
     same forces drive the machine with and without control; the table shows the largest deviations.
     """
-    check_json(json_out, force)
     if report == "" and out is None:
         out = DEFAULT_OUT
-    with ExitStack() as places:
-        # The places are claimed first: no result is computed that could not be saved.
-        folder = places.enter_context(new_folder(out, force)) if out else None
-        page = places.enter_context(new_file(report, force, (".html",))) if report else None
-        tell = places.enter_context(stages("Designing"))
+    with claimed_places(out, report, force) as (folder, page), stages("Designing") as tell:
         job = design_against_brush(
             realisation="ideal" if ideal else None,
             parameters=READINGS[reading](),
@@ -412,21 +378,14 @@ def design(
             **options,
         )
         summary = brush_design_summary(job)
-        if report is not None:
+        if page is not None:
             tell("Writing the report ...")
             html = render_html(brush_design_report(job), robustpolish.__version__)
-            (page or _in(folder) / "report.html").write_text(html, encoding="utf-8")
+            page.write_text(html, encoding="utf-8")
         if folder is not None:
             save_brush_design(job, folder)
             (folder / "design.json").write_text(to_json(summary) + "\n", encoding="utf-8")
-    print_result(summary, brush_design_text(job), json_out, force)
-    for place in filter(None, (out, report)):
-        click.echo(f"Saved {place}", err=True)
-
-
-def _in(folder: Path | None) -> Path:
-    assert folder is not None, "a report without a file name goes to the folder"
-    return folder
+    return summary, brush_design_text(job), out, report
 
 
 # `robustpolish margins`.
@@ -469,9 +428,8 @@ def margins(
     delay: float,
     kind: Any,
     plot: str | None,
-    json_out: str | None,
     force: bool,
-) -> None:
+) -> tuple[Any, ...]:
     """Show margins, bandwidths, noise, effort and sampling of a design, and what limits it.
 
     The controller is that of the design; the plant too, unless another one is given. The exit code
@@ -480,9 +438,6 @@ def margins(
     if plant is not None and model is not None:
         shown = described("--plant and --model")
         raise invalid("--model", shown, "one of the two", "Leave one out.")
-    check_json(json_out, force)
-    if plot is not None:
-        check_new_file(plot, force, PICTURES)
     asked = LoopRequirements(sample_rate_hz=sample_rate, delay_s=delay)
     design = Design.load(design_file)
     machine = _machine(design, plant, model)
@@ -495,14 +450,9 @@ def margins(
         "words": analysis.explain(),
     }
     to_json(content)  # nothing is written if anything fails
-    if plot is not None:
-        with new_file(plot, force, PICTURES) as draft:
-            figure: Any = analysis.plot(kind=kind).figure
-            figure.savefig(draft, dpi=150)
-            plt.close(figure)
+    save_picture(plot, force, lambda: analysis.plot(kind=kind).figure)
     lines = str(analysis).splitlines()
-    text = "\n".join([*lines[:-1], "", click.wrap_text(analysis.explain(), 88)])
-    print_result(content, text, json_out, force)
+    return content, "\n".join([*lines[:-1], "", click.wrap_text(analysis.explain(), 88)])
 
 
 def _machine(design: Design, plant: str | None, model: str | None) -> GeneralizedPlant:
@@ -542,11 +492,9 @@ def _as_wired(model: Path, wanted: GeneralizedPlant) -> GeneralizedPlant:
 @click.command(cls=command_with_any_machine(machine_modes))
 @machine_options
 @result_options
-def modes(reading: str, dissipation: float, json_out: str | None, force: bool) -> None:
+def modes(reading: str, dissipation: float, force: bool) -> tuple[Any, ...]:
     """Show natural frequencies, damping ratios and the state that carries each mode."""
-    check_json(json_out, force)
-    found = modes_of(air_bearing(READINGS[reading](), dissipation).open_loop)
-    print_result({"modes": [asdict(mode) for mode in found]}, str(found), json_out, force)
+    return shown_modes(air_bearing(READINGS[reading](), dissipation).open_loop)
 
 
 # `robustpolish norms`.
@@ -555,12 +503,9 @@ def modes(reading: str, dissipation: float, json_out: str | None, force: bool) -
 @click.command(cls=command_with_any_machine(machine_norms))
 @machine_options
 @result_options
-def norms(reading: str, dissipation: float, json_out: str | None, force: bool) -> None:
+def norms(reading: str, dissipation: float, force: bool) -> tuple[Any, ...]:
     """Show the H-infinity and H2 norms from the brush forces to the six displacements.
 
     Nothing is controlled; the norms are what a controller has to reduce.
     """
-    check_json(json_out, force)
-    system = air_bearing(READINGS[reading](), dissipation).open_loop
-    content, text = shown_norms(system, "m/N")
-    print_result(content, text, json_out, force)
+    return shown_norms(air_bearing(READINGS[reading](), dissipation).open_loop, "m/N")

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import click
 
-from robustpolish.app.cli.options import check_json, choice, print_result, result_options
+from robustpolish.app.cli.options import choice, result_options
 from robustpolish.base.atomic_writes import check_new_file
 from robustpolish.base.budget import progress_bar
 from robustpolish.base.checks import invalid
 from robustpolish.implementation.emulation import METHODS
 from robustpolish.implementation.export.c import target
 from robustpolish.implementation.realization import FORMS
-from robustpolish.implementation.sampled_design import SampledDesign
 from robustpolish.synthesis.design import Design
 
 _KINDS = ("c", "mat", "json", "fmu")
@@ -73,15 +74,13 @@ def export(
     kinds: tuple[str, ...],
     test_vectors: int,
     out: str,
-    json_out: str | None,
     force: bool,
-) -> None:
+) -> tuple[Any, ...]:
     """Turn a saved design into code: sampled, certified, and written for other programs.
 
     The loop is certified with sampler, hold, delay and filter before anything is written. The exit
     code is 1 if it is unstable, with the longest period that keeps it stable.
     """
-    check_json(json_out, force)
     for kind in kinds:
         check_new_file(target(out, name, f".{kind}"), force)
     if test_vectors and "c" in kinds:
@@ -99,9 +98,14 @@ def export(
     if form is not None:
         sampled = sampled.realization(form)
     bounds = dict(_limit(text) for text in limits) or None
+    writers = {
+        "c": partial(sampled.export_c, precision=precision, test_vectors=test_vectors),
+        "mat": sampled.export_mat,
+        "json": sampled.export_json,
+        "fmu": sampled.export_fmu,
+    }
     written = [
-        str(_write(sampled, kind, Path(out), name, precision, bounds, test_vectors, force))
-        for kind in dict.fromkeys(kinds)
+        str(writers[kind](out, name, limits=bounds, force=force)) for kind in dict.fromkeys(kinds)
     ]
     c = sampled.certificate
     content = {
@@ -114,29 +118,7 @@ def export(
         "messages": [*said, sampled.message, *c.notes],
     }
     lines = [*said, repr(sampled), *(f"wrote {path}" for path in written)]
-    print_result(content, "\n".join(lines), json_out, force)
-
-
-def _write(
-    sampled: SampledDesign,
-    kind: str,
-    folder: Path,
-    name: str,
-    precision: str,
-    limits: dict[str, tuple[float, float]] | None,
-    test_vectors: int,
-    force: bool,
-) -> Path:
-    if kind == "c":
-        return sampled.export_c(
-            folder, name, precision, limits, test_vectors=test_vectors, force=force
-        )
-    writers = {
-        "mat": sampled.export_mat,
-        "json": sampled.export_json,
-        "fmu": sampled.export_fmu,
-    }
-    return writers[kind](folder, name, limits, force=force)
+    return content, "\n".join(lines)
 
 
 def _limit(text: str) -> tuple[str, tuple[float, float]]:

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import click
 import xarray as xr
 
 import robustpolish
 from robustpolish.app.cli.options import (
-    PICTURES,
     Reading,
-    check_json,
     data_argument,
     load_data,
     load_records,
@@ -21,21 +20,21 @@ from robustpolish.app.cli.options import (
     measurement_options,
     options,
     pairs,
-    print_result,
     replaceable,
     result_options,
+    save_picture,
     stages,
     to_json,
 )
 from robustpolish.app.report.documents import diagnosis_report
 from robustpolish.app.report.html import render_html
-from robustpolish.base.atomic_writes import check_new_file, new_file
+from robustpolish.base.atomic_writes import new_file
 from robustpolish.base.checks import described, invalid, positive
 from robustpolish.errors import RobustPolishError
 from robustpolish.identification.compare import compare as compare_model
 from robustpolish.identification.diagnose import diagnose as diagnose_model
 from robustpolish.identification.diagnosis.result import Diagnosis
-from robustpolish.identification.experiments.tell_apart import ToldApart, tell_apart
+from robustpolish.identification.experiments.tell_apart import ToldApart
 from robustpolish.identification.experiments.tell_apart import tell_apart as tell_machines_apart
 from robustpolish.identification.record import require_time_data
 from robustpolish.identification.refit import refit as refit_model
@@ -64,9 +63,8 @@ def compare(
     reading: Reading,
     residuals: bool,
     plot: str | None,
-    json_out: str | None,
     force: bool,
-) -> None:
+) -> tuple[Any, ...]:
     """Simulate a model on measured inputs and compare it with the measured outputs.
 
     DATA is a measurement (CSV, MAT, HDF5, NPZ, WAV; TDMS and UFF with the extra [io]) with the
@@ -75,10 +73,6 @@ def compare(
     responses (CSV with a column "frequency [Hz]", UFF 58), which are compared with those of the
     model. The exit code is 0 however well the model fits, and 2 for bad input.
     """
-    replace = force or replaceable(json_out, *data, model)
-    check_json(json_out, replace)
-    if plot is not None:
-        check_new_file(plot, force, PICTURES)
     loaded = MechanicalModel.from_toml(Path(model))
     if any(holds_frequency_response(path) for path in data):
         given = {"--window": window, "--horizon": horizon, "--residuals": residuals or None}
@@ -94,10 +88,8 @@ def compare(
             content["residuals"] = analysis.to_dict()
             lines.append(analysis.explain())
     to_json(content)  # nothing is written if anything fails
-    if plot is not None:
-        with new_file(plot, force, PICTURES) as draft:
-            result.plot_panels().savefig(draft, dpi=150)
-    print_result(content, "\n".join(lines), json_out, replace)
+    save_picture(plot, force, result.plot_panels)
+    return content, "\n".join(lines)
 
 
 # `robustpolish diagnose`.
@@ -123,9 +115,8 @@ def diagnose(
     save: str | None,
     report: str | None,
     reading: Reading,
-    json_out: str | None,
     force: bool,
-) -> None:
+) -> tuple[Any, ...]:
     """Learn which physical effect a model lacks, and add it.
 
     DATA is a measurement (CSV, MAT, HDF5, NPZ, WAV; TDMS and UFF with the extra [io]) with the
@@ -133,8 +124,6 @@ def diagnose(
     to all of which the options apply: the numbers of the machine are common. The exit code is 0
     whatever the verdict, and 2 for bad input.
     """
-    replace = force or replaceable(json_out, *data, model)
-    check_json(json_out, replace)
     loaded = MechanicalModel.from_toml(Path(model))
     for path in data:
         require_time_data(path)
@@ -163,7 +152,7 @@ def diagnose(
                 diagnosis_report(result, runs=runs, told=told), robustpolish.__version__
             )
             drafts[report].write_text(page, encoding="utf-8")
-    print_result(content, result.explain(), json_out, replace)
+    return content, result.explain()
 
 
 def _told_apart(
@@ -178,7 +167,7 @@ def _told_apart(
     found = []
     for pair in range(min(_PAIRS, len(result.indistinguishable))):
         try:
-            found.append(tell_apart(result, record, pair=pair, progress=tell))
+            found.append(tell_machines_apart(result, record, pair=pair, progress=tell))
         except (RobustPolishError, ArithmeticError):
             continue
     return found
@@ -198,9 +187,8 @@ def refit(
     model: str,
     save: str | None,
     reading: Reading,
-    json_out: str | None,
     force: bool,
-) -> None:
+) -> tuple[Any, ...]:
     """Fit the numbers of a model, those of its effects included.
 
     DATA is a measurement (CSV, MAT, HDF5, NPZ, WAV; TDMS and UFF with the extra [io]) with the
@@ -208,8 +196,6 @@ def refit(
     the numbers of the machine are common. Or it holds frequency responses (CSV with a column
     "frequency [Hz]", UFF 58). The exit code is 0 however well the model fits, and 2 for bad input.
     """
-    replace = force or replaceable(json_out, *data, model)
-    check_json(json_out, replace)
     loaded = MechanicalModel.from_toml(Path(model))
     if any(holds_frequency_response(path) for path in data):
         given = load_response(data, reading, {})
@@ -223,7 +209,7 @@ def refit(
         to_json(content)  # nothing is written if anything fails
         if draft is not None:
             draft.write_text(result.model.to_toml(), encoding="utf-8")
-    print_result(content, repr(result), json_out, replace)
+    return content, repr(result)
 
 
 _conditions = options(
@@ -253,7 +239,7 @@ _conditions = options(
 @measurement_options
 @click.option("--plot", type=click.Path(dir_okay=False), help="Save the picture (.png, .svg).")
 @result_options
-def tell_apart_command(
+def tell_apart(
     data: str,
     machines: tuple[str, ...],
     pair: int,
@@ -262,9 +248,8 @@ def tell_apart_command(
     fit: bool,
     reading: Reading,
     plot: str | None,
-    json_out: str | None,
     force: bool,
-) -> None:
+) -> tuple[Any, ...]:
     """Find the experiment that tells two machines apart which DATA does not.
 
     MACHINES is a diagnosis, as `robustpolish diagnose --save found.json` writes it, or two models
@@ -272,10 +257,6 @@ def tell_apart_command(
     amplitudes of DATA. The exit code is 0 whether one tells them apart or none does, and 2 for
     bad input.
     """
-    replace = force or replaceable(json_out, data, *machines)
-    check_json(json_out, replace)
-    if plot is not None:
-        check_new_file(plot, force, PICTURES)
     given = _machines(machines)
     model = given.model if isinstance(given, Diagnosis) else given[0]
     require_time_data(data)
@@ -292,10 +273,8 @@ def tell_apart_command(
         )
     content = found.to_dict()
     to_json(content)  # nothing is written if anything fails
-    if plot is not None:
-        with new_file(plot, force, PICTURES) as draft:
-            found.plot_panels().savefig(draft, dpi=150)
-    print_result(content, repr(found), json_out, replace)
+    save_picture(plot, force, found.plot_panels)
+    return content, repr(found)
 
 
 def _machines(paths: tuple[str, ...]) -> Diagnosis | tuple[MechanicalModel, MechanicalModel]:

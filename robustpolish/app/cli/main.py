@@ -27,20 +27,11 @@ _COMMANDS = {
 }
 
 
-_COMMAND_PLACES = {
-    "design": "design.design",
-    "margins": "design.margins",
-    "modes": "design.modes",
-    "norms": "design.norms",
-    "brush": "brush.brush",
-    "export": "export.export",
-    "compare": "learn.compare",
-    "refit": "learn.refit",
-    "diagnose": "learn.diagnose",
-    "tell-apart": "learn.tell_apart_command",
-    "warm-up": "warm_up.warm_up",
+_MODULES = {
+    **dict.fromkeys(("design", "margins", "modes", "norms"), "design"),
+    **dict.fromkeys(("compare", "refit", "diagnose", "tell-apart"), "learn"),
 }
-"""Module of :mod:`robustpolish.app.cli` and name of each command."""
+"""Module of :mod:`robustpolish.app.cli` of each command that has none of its own name."""
 
 _WITHOUT_MODEL = {
     "brush": "The brush is the polishing robot's; --mould names another mould.",
@@ -86,8 +77,9 @@ class _Group(click.Group):
         del ctx
         if cmd_name not in _COMMANDS:
             return None
-        module, _, command = _COMMAND_PLACES[cmd_name].partition(".")
-        return getattr(importlib.import_module(f"robustpolish.app.cli.{module}"), command)
+        name = cmd_name.replace("-", "_")
+        module = importlib.import_module(f"robustpolish.app.cli.{_MODULES.get(cmd_name, name)}")
+        return getattr(module, name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         del ctx

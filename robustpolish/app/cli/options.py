@@ -6,7 +6,7 @@ import functools
 import json
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import click
 import xarray as xr
 
-from robustpolish.base.atomic_writes import check_new_file, write_file
+from robustpolish.base.atomic_writes import check_new_file, new_file, new_folder, write_file
 from robustpolish.base.budget import is_interactive, progress_bar
 from robustpolish.base.checks import described, invalid
 from robustpolish.base.saved import plain
@@ -58,25 +58,47 @@ brush_options = options(
 """What a run of the brush needs."""
 
 
-def errors_to_exit_codes(command: F) -> F:
+@contextmanager
+def errors_to_exit_codes() -> Iterator[None]:
     """Turn the package's errors into a message and an exit code.
 
     2 means bad input, 1 that no certified answer was found or none exists; anything else is a
     defect of the program and keeps its traceback.
     """
+    try:
+        yield
+    except RobustPolishError as error:
+        click.echo(f"Error: {error}", err=True)
+        sys.exit(2 if isinstance(error, InvalidInputError) else 1)
+
+
+def _printed(command: F) -> F:
+    """Print what a command returns: its result as plain values, as text, and what was saved.
+
+    A file for JSON or a picture that could not be written is refused before anything is computed.
+    A command that reads a measurement may replace the JSON of an earlier run.
+    """
 
     @functools.wraps(command)
-    def wrapped(*args: Any, **kwargs: Any) -> Any:
-        try:
-            return command(*args, **kwargs)
-        except InvalidInputError as error:
-            click.echo(f"Error: {error}", err=True)
-            sys.exit(2)
-        except RobustPolishError as error:
-            click.echo(f"Error: {error}", err=True)
-            sys.exit(1)
+    def wrapped(*, json_out: str | None, force: bool, **given: Any) -> None:
+        with errors_to_exit_codes():
+            replace = force or ("data" in given and replaceable(json_out, *_inputs(given)))
+            if json_out not in (None, "-"):
+                check_new_file(json_out, replace)
+            if given.get("plot") is not None:
+                check_new_file(given["plot"], force, PICTURES)
+            content, text, *places = command(force=force, **given)
+            print_result(content, text, json_out, replace)
+            for place in filter(None, places):
+                click.echo(f"Saved {place}", err=True)
 
     return wrapped  # type: ignore[return-value]
+
+
+def _inputs(given: Mapping[str, Any]) -> list[str]:
+    """Return the files that a command reads."""
+    found = [given.get(name) or () for name in ("data", "model", "machines")]
+    return [path for one in found for path in ((one,) if isinstance(one, str) else one)]
 
 
 result_options = options(
@@ -89,7 +111,7 @@ result_options = options(
         help="Write the result as JSON to FILE, or to standard output.",
     ),
     click.option("--force", is_flag=True, help="Replace existing results."),
-    errors_to_exit_codes,
+    _printed,
 )
 """How a command gives its result, or an error."""
 
@@ -98,10 +120,46 @@ PICTURES = (".png", ".svg", ".pdf")
 """How the names of pictures end."""
 
 
-def check_json(json_out: str | None, force: bool) -> None:
-    """Refuse a file for JSON that could not be written, before anything is computed."""
-    if json_out not in (None, "-"):
-        check_new_file(json_out, force)
+def save_picture(path: str | None, force: bool, draw: Callable[[], Any]) -> None:
+    """Save the figure that `draw` makes, if a path was given."""
+    if path is not None:
+        import matplotlib.pyplot as plt  # most commands draw nothing
+
+        with new_file(path, force, PICTURES) as draft:
+            figure = draw()
+            figure.savefig(draft, dpi=150)
+            plt.close(figure)
+
+
+def place_options(folder: str) -> Callable[[F], F]:
+    """Add --out, a folder for what `folder` says, and --report."""
+    return options(
+        click.option("--out", type=click.Path(file_okay=False), help=folder),
+        click.option(
+            "--report",
+            is_flag=False,
+            flag_value="",
+            metavar="[FILE]",
+            help="Write an HTML report to FILE, or to report.html in the folder.",
+        ),
+    )
+
+
+@contextmanager
+def claimed_places(
+    out: str | None, report: str | None, force: bool
+) -> Iterator[tuple[Path | None, Path | None]]:
+    """Claim the folder and the report first: no result is computed that could not be saved.
+
+    Yields
+    ------
+    (Path or None, Path or None)
+        Where to write the files of the folder, and the report.
+    """
+    with ExitStack() as places:
+        folder = places.enter_context(new_folder(out, force)) if out else None
+        page = places.enter_context(new_file(report, force, (".html",))) if report else None
+        yield folder, folder / "report.html" if folder and report == "" else page
 
 
 @contextmanager

@@ -6,15 +6,24 @@ import math
 import textwrap
 from collections import Counter
 from collections.abc import Sequence
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+import xarray as xr
 
 from robustpolish.app.machine_design import MachineDesign
-from robustpolish.app.report.html import Picture, Report, Section, panels, picture, whole
+from robustpolish.app.report.html import (
+    Report,
+    Section,
+    panels,
+    paragraphs,
+    picture,
+    whole,
+)
 from robustpolish.base.results import Card, Table, as_text, prefix_power, prefixed
 from robustpolish.errors import InvalidInputError
 from robustpolish.identification.compare import Comparison
@@ -40,33 +49,24 @@ from robustpolish.polishing.ideal import BrushDesign
 
 def buildability_section(job: BuildableBrushDesign) -> Section:
     """Tell margins, rates and effort, what the loop is like, and what each limit costs."""
-    h, ideal = job.hardware, job.ideal_loop
-    text = (
-        "Force control at the brush: electromagnets in the nose of the air bearing pull at the "
-        "brush's hub, the bearing takes the reaction, and sensors beside them measure the gap. "
-        "Of the thesis's six forces these two remain.",
-        "At the samples, where hold and computation are exact: " + job.loop.explain(),
-        f"The thesis's ideal bears a delay of {_time(ideal.delay_margin)}, this one "
-        f"{_time(job.loop.delay_margin)} besides the {_time(h.computation_delay)} of computation "
-        "and the hold that it has.",
-        f"{job.sampled.message} That is the norm of x, y and z together; of y alone it is "
-        f"{job.axis.sampled.certificate.achieved:.4g} m/N.",
-        _costliest_limit(job),
+    built = next(row for row in job.limits if row.what == BUILDABLE)
+    relaxed = job.limits[job.limits.index(built) + 1 : -1]
+    found = [row for row in relaxed if math.isfinite(row.norm)]
+    text = paragraphs(
+        "buildability",
+        job=job,
+        h=job.hardware,
+        ratio=RATIO,
+        built=built,
+        ideal=job.limits[-1],
+        best=min(found, key=lambda row: row.norm, default=None),
     )
-    return Section(
-        "Can it be built?",
-        text,
-        (
-            picture(
-                "The loops at the controls, one at a time, and the disk that they keep clear of.",
-                lambda ax: job.loop.plot(ax, kind="nyquist"),
-            ),
-        ),
-        (
-            job.tables()[0],
-            hardware_limits_table(job),
-        ),
+    nyquist = picture(
+        "The loops at the controls, one at a time, and the disk that they keep clear of.",
+        lambda ax: job.loop.plot(ax, kind="nyquist"),
     )
+    tables = (job.tables()[0], hardware_limits_table(job))
+    return Section("Can it be built?", text, (nyquist,), tables)
 
 
 def hardware_limits_table(job: BuildableBrushDesign) -> Table:
@@ -85,92 +85,60 @@ def hardware_limits_table(job: BuildableBrushDesign) -> Table:
 
 def assumptions_section(job: BuildableBrushDesign) -> Section:
     """List what was assumed, with the numbers at which it breaks."""
-    h, noise = job.hardware, job.noise_effort
-    upper = job.axis.problem.frequencies()[0]
-    clipped = max(float(job.run[name].attrs["at_limit"]) for name in job.plant.control_names)
-    most = max(float(np.abs(job.run[name]).max()) for name in job.plant.control_names)
+    h, controls = job.hardware, [job.run[name] for name in job.plant.control_names]
     crossover = max(c.frequency_hz for m in job.loop.margins for c in m.gain_crossovers)
-    points = (
-        f"More delay: {_time(job.loop.delay_margin)} more, from drives, filters or cables, and the "
-        "loop is unstable.",
-        f"Slower sampling: beyond a period of {_time(job.largest_period)} "
-        f"({1e-3 / job.largest_period:.3g} kHz), the computation growing with it, it is unstable; "
-        f"it runs at {h.sample_rate_hz / 1e3:g} kHz.",
-        "Slower actuators: " + _slower(job),
-        f"Flexible modes that are not in the model: nothing above {upper:.0f} Hz is modelled. "
-        f"The loop's gain is last 1 at {crossover:.0f} Hz; a mode above is harmless while it "
-        f"stays below {_spillover_limit(job):.3g} µm/N at resonance "
-        f"between {crossover / 1e3:.2g} and {h.sample_rate_hz / 2e3:g} kHz. Beyond "
-        f"{h.sample_rate_hz / 2e3:g} kHz it appears at another frequency. Measure the gap's "
-        "response to the actuator before closing the loop.",
-        f"The bearing's own mode at {upper:.0f} Hz: the loop was certified with its stiffness "
-        f"{100 * STIFFNESS_ERROR:g} % lower and higher.",
-        f"Noise: {h.sensor_noise * 1e9:g} nm RMS in every reading moves the actuators by "
-        f"{max(noise.values()):.2g} N RMS.",
-        f"A hub that is not round, or whose material is uneven, looks like a motion at the "
-        f"spindle's {_spin(job):.3g} Hz: the brush then follows "
-        f"{_runout_following(job):.2g} µm for each "
-        "µm, unless it is measured and subtracted.",
-        f"Saturation: {most:.3g} N of {h.actuator_limit:g} N are used, and "
-        f"{100 * clipped:.2g} % of the samples were cut off. The conditioned form of the "
-        "controller keeps it from winding up; no norm is proven at the limit.",
-        "Drift of the sensors is followed one to one: the integral action believes the gap.",
-        "Gyroscopic moments of the spinning brush, which couple x and y, are not in the model.",
+    # A mode beyond the crossover is harmless while its response times the controller's gain is
+    # below 1, up to half the sampling rate.
+    turns = np.exp(2j * np.pi * np.linspace(crossover, h.sample_rate_hz / 2, 200) * h.period)
+    gain = max(float(np.linalg.norm(np.atleast_2d(job.sampled.controller(z)), 2)) for z in turns)
+    spin = float(job.disturbance.attrs.get("spin", 0.0)) / (2 * math.pi)
+    points = paragraphs(
+        "assumptions",
+        job=job,
+        h=h,
+        actuator_loss=ACTUATOR_LOSS,
+        stiffness_error=STIFFNESS_ERROR,
+        modelled_hz=job.axis.problem.frequencies()[0],
+        crossover_hz=crossover,
+        spillover_limit=1e6 / gain,
+        spin_hz=spin,
+        # T at the spindle's speed: how far the brush follows an error of the measurement
+        following=float(abs(np.atleast_2d(job.loop.T(np.exp(2j * np.pi * spin * h.period)))[0, 0])),
+        largest_force=max(float(np.abs(u).max()) for u in controls),
+        clipped=max(float(u.attrs["at_limit"]) for u in controls),
     )
     survived = tuple((what, c.valid, c.achieved, c.bound) for what, c in job.survived.items())
-    return Section(
-        "What could go wrong",
-        tables=(
-            Table(
-                "The same code on other machines, x and y, certified between samples",
-                ("machine", "proven", "norm [m/N]", "proven below [m/N]"),
-                survived,
-            ),
-        ),
-        points=points,
-    )
+    caption = "The same code on other machines, x and y, certified between samples"
+    head = ("machine", "proven", "norm [m/N]", "proven below [m/N]")
+    return Section("What could go wrong", tables=(Table(caption, head, survived),), points=points)
 
 
 def z_deviation_section(job: BuildableBrushDesign) -> Section:
     """Explain z, where a percentage of the largest deviation tells little."""
-    table = job.comparison.table
-    rows = [str(row) for row in table["row"].values]
-    largest = {row: float(table["deviation"].sel(row=row, signal="z")) for row in rows}
-    static, without, ideal = abs(job.static_deflection), largest[rows[0]], largest[rows[-1]]
-    half = 0.5e6 / _mode_of_z(job)
-    gain = 100 * (1 - ideal / without) if without else math.nan
-    text = (
-        f"The mean of the brush's forces bends z by {static * 1e9:.0f} nm, without control and "
-        "with the ideal alike: a state feedback without integral action and with a priced "
-        "force does not stiffen a rod that is stiff already. What the ideal takes "
-        f"away is overshoot: {without * 1e9:.0f} nm become {ideal * 1e9:.0f} nm, which "
-        f"the table calls an improvement of {gain:.2f} %.",
-        f"The static part needs integral action or a stiffer rod; {static * 1e9:.0f} nm are "
-        "what some kelvin do to an eddy-current sensor, and the robot's own position can correct "
-        "what is constant.",
-        f"The overshoot is over within half a period of the mode, {half:.0f} µs, where the lags of "
-        f"sensor, computer and actuator alone make {1e6 * job.hardware.lag:.0f} µs. So z gets no "
-        "actuator.",
+    deviation = job.comparison.table["deviation"].sel(signal="z")
+    first, last = (str(deviation["row"].values[i]) for i in (0, -1))
+    without, ideal = float(deviation.sel(row=first)), float(deviation.sel(row=last))
+    text = paragraphs(
+        "z",
+        job=job,
+        static_nm=abs(job.static_deflection) * 1e9,
+        without_nm=without * 1e9,
+        ideal_nm=ideal * 1e9,
+        gain_percent=100 * (1 - ideal / without) if without else math.nan,
+        half_period_us=0.5e6 / (job.parameters.natural_frequencies()["z"][1] / (2 * math.pi)),
     )
-    shown = {row: job.comparison.responses[row] for row in (rows[0], rows[-1])}
-    return Section("Why z is left alone", text, (panels("z without control.", shown, ("z",)),))
+    responses = {row: job.comparison.responses[row] for row in (first, last)}
+    return Section("Why z is left alone", text, (panels("z without control.", responses, ("z",)),))
 
 
 def actuator_forces_section(job: BuildableBrushDesign) -> Section:
     """Show the forces of the actuators."""
-    noise = job.noise_effort
+    controls, noise = job.plant.control_names, job.noise_effort
     rows = tuple(
-        (
-            name,
-            float(np.abs(job.run[name]).max()),
-            float(np.sqrt((job.run[name] ** 2).mean())),
-            noise[name],
-            100 * float(job.run[name].attrs["at_limit"]),
-        )
-        for name in job.plant.control_names
+        (*_sizes(job.run, name), noise[name], 100 * float(job.run[name].attrs["at_limit"]))
+        for name in controls
     )
     head = ("control", "largest [N]", "RMS [N]", "by noise, RMS [N]", "samples at the limit [%]")
-    controls = job.plant.control_names
     responses = {"with control": job.comparison.responses["with control"]}
     return Section(
         "Effort",
@@ -178,6 +146,11 @@ def actuator_forces_section(job: BuildableBrushDesign) -> Section:
         (panels("Forces of the actuators.", responses, controls),),
         (Table("Control effort", head, rows),),
     )
+
+
+def _sizes(data: xr.Dataset, name: str) -> tuple[str, float, float]:
+    """Return a signal's name, its largest absolute value and its root mean square."""
+    return name, float(np.abs(data[name]).max()), float(np.sqrt((data[name] ** 2).mean()))
 
 
 def hardware_table(job: BuildableBrushDesign) -> Table:
@@ -207,12 +180,7 @@ def buildable_summary(job: BuildableBrushDesign) -> dict[str, object]:
         "hardware": {name: value for name, value, _, _ in job.hardware.table()},
         "good": job.good,
         "sampled": {
-            "valid": c.valid,
-            "stable": c.stable,
-            "achieved": c.achieved,
-            "bound": c.bound,
-            "period": c.period,
-            "delay": c.delay,
+            **_attributes(c, "valid", "stable", "achieved", "bound", "period", "delay"),
             "spectral_radius": c.spectral_radius,
             "largest_period": job.largest_period,
         },
@@ -220,8 +188,7 @@ def buildable_summary(job: BuildableBrushDesign) -> dict[str, object]:
         "words": job.loop.explain(),
         "ideal_delay_margin_s": job.ideal_loop.delay_margin,
         "survived": {
-            what: {"valid": found.valid, "achieved": found.achieved}
-            for what, found in job.survived.items()
+            what: _attributes(found, "valid", "achieved") for what, found in job.survived.items()
         },
         "slowest_actuator_hz": job.slowest_actuator_hz,
         "largest_force": {n: float(np.abs(job.run[n]).max()) for n in job.plant.control_names},
@@ -231,61 +198,8 @@ def buildable_summary(job: BuildableBrushDesign) -> dict[str, object]:
     }
 
 
-def _costliest_limit(job: BuildableBrushDesign) -> str:
-    """Say which limit costs most."""
-    built = next(row for row in job.limits if row.what == BUILDABLE)
-    place = job.limits.index(built)
-    relaxed = [row for row in job.limits[place + 1 : -1] if math.isfinite(row.norm)]
-    if not relaxed:
-        return "With none of the limits relaxed a better controller was found."
-    best = min(relaxed, key=lambda row: row.norm)
-    ideal = job.limits[-1]
-    return (
-        f"Reality costs a factor of {built.norm / ideal.norm:.3g} in the norm of y against the "
-        f"ideal. Of the limits the one that costs most is relaxed by {best.what}: the norm "
-        f"would be {best.norm:.3g} instead of {built.norm:.3g} m/N, the largest deviation "
-        f"{best.deviation * 1e6:.3g} instead of {built.deviation * 1e6:.3g} µm. Bandwidths were "
-        f"tried in steps of {100 * (1 - RATIO):.0f} %, so that a difference of 15 % in the "
-        "norm says little."
-    )
-
-
-def _slower(job: BuildableBrushDesign) -> str:
-    slowest, nominal = job.slowest_actuator_hz, job.hardware.actuator_bandwidth_hz
-    if not slowest:
-        return "no bandwidth was found that makes the loop unstable."
-    return (
-        f"below {slowest:.0f} Hz the loop is unstable; they have {nominal:g} Hz, and with "
-        f"{100 * ACTUATOR_LOSS:g} % less it is certified in the table below."
-    )
-
-
-def _spillover_limit(job: BuildableBrushDesign) -> float:
-    """Return the response in µm/N that a mode beyond the crossover may have at most."""
-    controller = job.sampled.controller
-    half = job.hardware.sample_rate_hz / 2
-    crossover = max(c.frequency_hz for m in job.loop.margins for c in m.gain_crossovers)
-    turns = np.exp(2j * np.pi * np.linspace(crossover, half, 200) * job.hardware.period)
-    gain = max(float(np.linalg.norm(np.atleast_2d(controller(z)), 2)) for z in turns)
-    return 1e6 / gain
-
-
-def _spin(job: BuildableBrushDesign) -> float:
-    return float(job.disturbance.attrs.get("spin", 0.0)) / (2 * math.pi)
-
-
-def _runout_following(job: BuildableBrushDesign) -> float:
-    """Return by how much the brush follows an error of the measurement at the spindle's speed."""
-    turn = np.exp(2j * np.pi * _spin(job) * job.hardware.period)
-    return float(abs(np.atleast_2d(job.loop.T(turn))[0, 0]))
-
-
-def _mode_of_z(job: BuildableBrushDesign) -> float:
-    return job.parameters.natural_frequencies()["z"][1] / (2 * math.pi)
-
-
-def _time(seconds: float) -> str:
-    return f"{1e6 * seconds:.3g} µs"
+def _attributes(found: Any, *names: str) -> dict[str, Any]:
+    return {name: getattr(found, name) for name in names}
 
 
 # The report and the files of a design against the brush.
@@ -326,13 +240,11 @@ def brush_design_text(job: BrushDesign) -> str:
 def brush_design_summary(job: BrushDesign) -> dict[str, Any]:
     """Return the figures for other programs."""
     certificate, table = job.design.certificate, job.comparison.table
-    built = isinstance(job, BuildableBrushDesign)
+    built, units = isinstance(job, BuildableBrushDesign), job.plant.units
+    figures = ("achieved", "claimed", "bound", "largest_gain", "frequencies_hz", "damping")
     return {
         "realisation": "buildable" if built else "ideal",
-        "status": job.design.status,
-        "message": job.design.message,
-        "method": job.design.method,
-        "backend": job.design.backend,
+        **_attributes(job.design, "status", "message", "method", "backend"),
         "norm": {
             "kind": job.design.norm,
             "open_loop": float(job.open_loop_norm),
@@ -344,39 +256,34 @@ def brush_design_summary(job: BrushDesign) -> dict[str, Any]:
             "valid": certificate.valid,
             "reasons": list(certificate.reasons),
             "stable": certificate.stable,
-            "achieved": certificate.achieved,
-            "claimed": certificate.claimed,
-            "bound": certificate.bound,
-            "largest_gain": certificate.largest_gain,
-            "frequencies_hz": certificate.frequencies_hz,
-            "damping": certificate.damping,
+            **_attributes(certificate, *figures),
         },
         "gain": None if job.design.gain is None else job.design.controller.D,
         "controls": job.plant.control_names,
         "states": job.plant.states,
         "load": job.comparison.load,
         "units": {
-            "deviation": {axis: job.plant.units[axis] for axis in AXES},
+            "deviation": {axis: units[axis] for axis in AXES},
             "improvement_percent": "%",
-            "effort": ", ".join(
-                sorted({job.plant.units[name] for name in job.plant.control_names})
-            ),
-            "controls": {name: job.plant.units[name] for name in job.plant.control_names},
-            "states": {name: job.plant.units.get(name, "") for name in job.plant.states},
+            "effort": ", ".join(sorted({units[name] for name in job.plant.control_names})),
+            "controls": {name: units[name] for name in job.plant.control_names},
+            "states": {name: units.get(name, "") for name in job.plant.states},
         },
         "rows": [
             {
                 "row": str(row),
-                "deviation": dict(zip(AXES, table["deviation"].sel(row=row).values, strict=True)),
-                "improvement_percent": dict(
-                    zip(AXES, table["improvement"].sel(row=row).values, strict=True)
-                ),
+                "deviation": _by_axis(table["deviation"].sel(row=row)),
+                "improvement_percent": _by_axis(table["improvement"].sel(row=row)),
                 "effort": float(table["effort"].sel(row=row)),
             }
             for row in table["row"].values
         ],
         **({"built": buildable_summary(job)} if built else {}),
     }
+
+
+def _by_axis(values: xr.DataArray) -> dict[str, Any]:
+    return dict(zip(AXES, values.values, strict=True))
 
 
 def save_brush_design(job: BrushDesign, folder: Path) -> None:
@@ -403,40 +310,23 @@ def save_brush_design(job: BrushDesign, folder: Path) -> None:
 
 def _brush_gain(job: BrushDesign) -> Section:
     header, body = job.comparison.shown_rows()
-    return Section(
-        "What was gained",
-        ("The brush's forces drive all loops from rest; " + job.comparison.load + ".",),
-        (
-            panels(
-                "Deviation of the brush, without and with control.", job.comparison.responses, AXES
-            ),
-        ),
-        (Table("Largest deviations", header, tuple(body)),),
-    )
+    text = f"The brush's forces drive all loops from rest; {job.comparison.load}."
+    caption = "Deviation of the brush, without and with control."
+    pictures = (panels(caption, job.comparison.responses, AXES),)
+    tables = (Table("Largest deviations", header, tuple(body)),)
+    return Section("What was gained", (text,), pictures, tables)
 
 
 def _effort(job: BrushDesign) -> Section:
     response = job.comparison.responses["with control"]
-    largest_gain = np.linalg.norm(job.design.controller.D, 2)
-    controls = tuple(name for name in job.plant.control_names if not name.endswith("_m"))
+    names = job.plant.control_names
+    controls = tuple(name for name in names if not name.endswith("_m"))
     unit = job.plant.units[controls[0]]
-    if job.control_weight is not None:
-        price = f"A control of 1 {unit} was priced like a deviation of {job.control_weight:.3g} m."
-    elif job.gain_bound is not None:
-        price = f"The gain was kept below {job.gain_bound:.4g} (largest singular value)."
-    else:
-        price = "Neither a price on the control nor a bound on the gain was set."
-    rows = tuple(
-        (name, float(np.abs(response[name]).max()), float(np.sqrt((response[name] ** 2).mean())))
-        for name in job.plant.control_names
-    )
+    gain = np.linalg.norm(job.design.controller.D, 2)
+    rows = tuple(_sizes(response, name) for name in names)
     return Section(
         "Effort and price",
-        (
-            price,
-            f"The gain's largest singular value is {largest_gain:.4g}.",
-            job.design.message,
-        ),
+        paragraphs("effort", job=job, unit=unit, largest_gain=gain),
         (panels("Control at the brush.", {"control": response}, controls),),
         (Table("Control effort", ("control", f"largest [{unit}]", f"RMS [{unit}]"), rows),),
     )
@@ -461,14 +351,9 @@ def _certificate(job: BrushDesign) -> Section:
         for i in order
     )
     sampled = (sampled_certificate(job),) if built else ()
-    text = (
-        "Computed afresh from the closed loop; nothing is taken over from the solver. A matrix "
-        "that proves stability and norm was checked in ball arithmetic.",
-        *c.reasons,
-    )
     return Section(
         "Certificate",
-        text,
+        (*paragraphs("certificate"), *c.reasons),
         (
             picture(f"Gain from the forces to the outputs, {counted} included.", job.design.plot),
             picture("Poles of the closed loop.", job.design.plot_poles),
@@ -509,6 +394,7 @@ def _machine(job: BrushDesign) -> Section:
 
 # The report of a diagnosis: where the model failed, what is missing, how much, what to check.
 
+_NUMBERS = ("parameter", "value", "standard error", "unit")
 _GOOD = ("adequate", "parameters", "missing_effect")
 
 
@@ -540,8 +426,11 @@ def diagnosis_report(
     """
     if runs:
         before, after = before or runs[0].after, after or runs[-1].after
+    numbers = [(key, v.value, _known(v.stderr), v.unit) for key, v in diagnosis.parameters.items()]
     sections = [
-        _notes(diagnosis),
+        Section("Look at the record and the numbers first", points=diagnosis.notes)
+        if diagnosis.notes
+        else None,
         _where(diagnosis, before),
         _which(diagnosis),
         _how_much(diagnosis, after),
@@ -550,7 +439,7 @@ def diagnosis_report(
         _checks(diagnosis),
         _experiments_section(told),
         _candidates(diagnosis),
-        _numbers(diagnosis),
+        Section("All fitted numbers", tables=(Table("", _NUMBERS, tuple(numbers)),)),
     ]
     return Report(
         title=f"Diagnosis of {diagnosis.model.name or 'a mechanical model'}",
@@ -558,13 +447,6 @@ def diagnosis_report(
         good=diagnosis.verdict in _GOOD,
         sections=tuple(section for section in sections if section is not None),
     )
-
-
-def _notes(diagnosis: Diagnosis) -> Section | None:
-    """Return what an engineer would look at before believing the rest."""
-    if not diagnosis.notes:
-        return None
-    return Section("Look at the record and the numbers first", points=diagnosis.notes)
 
 
 def _where(diagnosis: Diagnosis, before: Comparison | None) -> Section | None:
@@ -576,7 +458,8 @@ def _where(diagnosis: Diagnosis, before: Comparison | None) -> Section | None:
     except InvalidInputError as error:
         return Section(title, (f"The error of the model as it was has no map. {error}",))
     head, *lines = analysis.explain().splitlines()
-    shares = [line.strip() for line in lines[: lines.index(_tests(lines))]]
+    # the shares are indented; what the tests say comes behind them
+    shares = [line.strip() for line in takewhile(lambda line: line.startswith(" "), lines)]
     pictures = [
         picture(f"The error of {analysis.worst}, as the model was.", analysis.plot),
         *(
@@ -588,10 +471,6 @@ def _where(diagnosis: Diagnosis, before: Comparison | None) -> Section | None:
         ),
     ]
     return Section(title, (head,), tuple(pictures), points=tuple(shares))
-
-
-def _tests(lines: list[str]) -> str:
-    return next(line for line in lines if not line.startswith(" "))
 
 
 def _places(diagnosis: Diagnosis, analysis: ResidualAnalysis) -> list[str]:
@@ -624,8 +503,7 @@ def _which(diagnosis: Diagnosis) -> Section:
         pictures.append(
             picture(f"The {law.quantity} over {law.over} at {place} as learned.", law.plot)
         )
-    head = ("effect", "at", "parameter", "value", "standard error", "unit")
-    tables = (Table("", head, tuple(rows)),) if rows else ()
+    tables = (Table("", ("effect", "at", *_NUMBERS), tuple(rows)),) if rows else ()
     return Section(title, tuple(text), tuple(pictures), tables, tuple(points))
 
 
@@ -656,11 +534,10 @@ def _steps(runs: Sequence[StepRun]) -> Section | None:
             continue
         name, stretch = run.worst, run.stretch()
         what = "the refit of its own numbers" if run.step == "refit" else run.step
-        where = "" if stretch is None else (
-            f" Where it did most, {stretch.start:.4g} to {stretch.stop:.4g} s; below, the whole "
-            "record."
-        )  # fmt: skip
-        caption = f"{name} as measured, and in a {run.after.method} before and after {what}.{where}"
+        caption = f"{name} as measured, and in a {run.after.method} before and after {what}."
+        if stretch is not None:
+            part = f"{stretch.start:.4g} to {stretch.stop:.4g} s"
+            caption += f" Where it did most, {part}; below, the whole record."
         pictures.append(whole(caption, lambda width, r=run: r.plot_panels(width=width)))
         old, new = run.before.outputs[name], run.after.outputs[name]
         fall = f"from {old.rmse:.4g} to {new.rmse:.4g} {new.unit}"
@@ -738,14 +615,6 @@ def _candidates(diagnosis: Diagnosis) -> Section | None:
     return Section("Candidates", text, tables=(Table("", head, rows),))
 
 
-def _numbers(diagnosis: Diagnosis) -> Section:
-    rows = tuple(
-        (key, v.value, _known(v.stderr), v.unit) for key, v in diagnosis.parameters.items()
-    )
-    head = ("parameter", "value", "standard error", "unit")
-    return Section("All fitted numbers", tables=(Table("", head, rows),))
-
-
 def _known(value: float) -> float | None:
     """Return None for a number that was not found."""
     return value if math.isfinite(value) else None
@@ -797,25 +666,22 @@ def save_machine_design(found: MachineDesign, folder: Path) -> None:
 
 
 def _machine_gain(found: MachineDesign) -> Section:
-    pictures: tuple[Picture, ...] = ()
-    if found.channels:
-        caption = "Largest gain from disturbances to outputs, without and with control."
-        pictures = (picture(caption, found.plot),)
-    own = found.tables()[:1] if found.channels else ()
-    return Section("What was gained", (found.design.message,), pictures, own)
+    title, text = "What was gained", (found.design.message,)
+    if not found.channels:
+        return Section(title, text)
+    caption = "Largest gain from disturbances to outputs, without and with control."
+    return Section(title, text, (picture(caption, found.plot),), found.tables()[:1])
 
 
 def _built(found: MachineDesign) -> Section:
-    said = [found.analysis.explain()]
-    if found.sampling:
-        said.append(found.sampling)
-    loop = picture("The loops, each opened alone.", lambda ax: found.analysis.plot(ax))
-    disk = picture(
-        "Nyquist curves and the disks that they stay out of.",
-        lambda ax: found.analysis.plot(ax, kind="nyquist"),
+    analysis = found.analysis
+    text = (analysis.explain(), *filter(None, [found.sampling]))
+    caption = "Nyquist curves and the disks that they stay out of."
+    pictures = (
+        picture("The loops, each opened alone.", analysis.plot),
+        picture(caption, lambda ax: analysis.plot(ax, kind="nyquist")),
     )
-    tables = found.analysis.tables()
-    return Section("Can it be built?", tuple(said), (loop, disk), tables, found.analysis.problems)
+    return Section("Can it be built?", text, pictures, analysis.tables(), analysis.problems)
 
 
 def _trusted(found: MachineDesign) -> Section:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib import resources
 from typing import Any
 
@@ -91,36 +92,57 @@ _STYLE: dict[Any, Any] = {
 }
 
 
-def picture(caption: str, draw: Callable[[Axes], object], height: float = 3.6) -> Picture:
-    """Return a picture of one pair of axes that `draw` fills."""
-    with report_style():
-        figure, axes = plt.subplots(figsize=(WIDTH, height), layout="constrained")
-        draw(axes)
-        plt.close(figure)
-    return Picture(caption, figure)
-
-
-def panels(caption: str, responses: Mapping[str, xr.Dataset], signals: Sequence[str]) -> Picture:
-    """Return a picture of signals over time, one panel each."""
-    with report_style():
-        figure = plot_panels(responses, signals, WIDTH)
-        plt.close(figure)
-    return Picture(caption, figure)
-
-
 def whole(caption: str, draw: Callable[[float], Figure]) -> Picture:
     """Return a picture that `draw` makes for a width in inches."""
-    with report_style():
+    with mpl.rc_context(_STYLE):
         figure = draw(WIDTH)
         plt.close(figure)
     return Picture(caption, figure)
 
 
-@contextmanager
-def report_style() -> Iterator[None]:
-    """Draw with the letters of reports."""
-    with mpl.rc_context(_STYLE):
-        yield
+def picture(caption: str, draw: Callable[[Axes], object], height: float = 3.6) -> Picture:
+    """Return a picture of one pair of axes that `draw` fills."""
+
+    def drawn(width: float) -> Figure:
+        figure, axes = plt.subplots(figsize=(width, height), layout="constrained")
+        draw(axes)
+        return figure
+
+    return whole(caption, drawn)
+
+
+def panels(caption: str, responses: Mapping[str, xr.Dataset], signals: Sequence[str]) -> Picture:
+    """Return a picture of signals over time, one panel each."""
+    return whole(caption, lambda width: plot_panels(responses, signals, width))
+
+
+# Templates beside this module: the HTML page, and the paragraphs of reports.
+
+
+@cache
+def _templates() -> jinja2.Environment:
+    folder = resources.files("robustpolish.app.report")
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(lambda name: folder.joinpath(name).read_text("utf-8")),
+        autoescape=jinja2.select_autoescape(),
+        undefined=jinja2.StrictUndefined,
+    )
+    environment.filters |= {
+        "svg": _svg,
+        "cell": lambda value, digits: shown(value, digits, missing="–"),
+        "numbers": _numbers,
+        "f": lambda value, digits: f"{value:.{digits}f}",
+        "g": lambda value, digits=6: f"{value:.{digits}g}",
+        "us": lambda seconds: f"{1e6 * seconds:.3g} µs",
+    }
+    return environment
+
+
+def paragraphs(block: str, **values: Any) -> tuple[str, ...]:
+    """Return the paragraphs of a block of ``texts.jinja`` with values filled in."""
+    template = _templates().get_template("texts.jinja")
+    text = "".join(template.blocks[block](template.new_context(values)))
+    return tuple(" ".join(part.split()) for part in re.split(r"\n\s*\n", text) if part.strip())
 
 
 def render_html(report: Report, version: str) -> str:
@@ -138,12 +160,7 @@ def render_html(report: Report, version: str) -> str:
         Pictures are inline SVG that can be zoomed, tables sort by a click on their heads, and a
         printed page shows the same.
     """
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    environment.filters["svg"] = _svg
-    environment.filters["cell"] = lambda value, digits: shown(value, digits, missing="–")
-    environment.filters["numbers"] = _numbers
-    source = resources.files("robustpolish.app.report").joinpath("template.html").read_text("utf-8")
-    return environment.from_string(source).render(report=report, version=version)
+    return _templates().get_template("template.html").render(report=report, version=version)
 
 
 def _svg(figure: Figure) -> Markup:
@@ -151,7 +168,7 @@ def _svg(figure: Figure) -> Markup:
     buffer = io.StringIO()
     # A fixed salt and no date make the same report the same file.
     salted: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "robustpolish"}
-    with report_style(), mpl.rc_context(salted):  # ticks are made when they are drawn
+    with mpl.rc_context(_STYLE | salted):  # ticks are made when they are drawn
         figure.savefig(buffer, format="svg", metadata={"Date": None})
     text = buffer.getvalue()
     return Markup(text[text.index("<svg") :])

@@ -13,9 +13,8 @@ import scipy.io.wavfile
 
 from robustpolish.base.checks import described, invalid
 from robustpolish.base.input_files import FileSpec, members, open_checked
-from robustpolish.errors import InvalidInputError
 from robustpolish.signals.headers import split_header
-from robustpolish.signals.raw import RECORD, RawTable, unreadable_file
+from robustpolish.signals.raw import RECORD, RawTable, library_errors
 
 # Arrays by name, as binary files hold them, sorted into a table.
 
@@ -139,17 +138,13 @@ def _add_matrix(table: RawTable, name: str, matrix: np.ndarray, arrays: dict[str
 
 def read_npz(path: Path, table: str | None = None, wanted: FileSpec = RECORD) -> RawTable:
     """Read the vectors of an ``.npz`` archive, or one matrix of it with named columns."""
-    with open_checked(path, wanted) as file:
-        try:
-            for member in members(file, path, wanted):
-                _check_head(file, member)
-            file.seek(0)
-            with np.load(file, allow_pickle=False) as archive:
-                arrays = {name: archive[name] for name in archive.files}
-        except InvalidInputError:
-            raise
-        except Exception as error:  # zipfile, zlib, NumPy, and what is no archive
-            raise unreadable_file(path, "NPZ", error) from None
+    # zipfile, zlib and NumPy raise errors of their own
+    with open_checked(path, wanted) as file, library_errors(path, "NPZ"):
+        for member in members(file, path, wanted):
+            _check_head(file, member)
+        file.seek(0)
+        with np.load(file, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
     return table_of(arrays, table, str(path))
 
 
@@ -171,13 +166,14 @@ def _check_head(file: BinaryIO, member: zipfile.ZipInfo) -> None:
 
 def read_wav(path: Path, wanted: FileSpec = RECORD) -> RawTable:
     """Read the channels ``channel_1``, ``channel_2``, ...; integers become shares of full scale."""
-    with open_checked(path, wanted) as file, warnings.catch_warnings():
+    with (
+        open_checked(path, wanted) as file,
+        warnings.catch_warnings(),
+        library_errors(path, "WAV"),
+    ):
         # SciPy warns of chunks that it skips; they hold remarks, no samples.
         warnings.simplefilter("ignore", scipy.io.wavfile.WavFileWarning)
-        try:
-            rate, samples = scipy.io.wavfile.read(file)
-        except Exception as error:  # struct.error, ValueError and more on damage
-            raise unreadable_file(path, "WAV", error) from None
+        rate, samples = scipy.io.wavfile.read(file)
     table = RawTable(sampling_rate=float(rate))
     samples = np.atleast_2d(samples.T).T
     values = samples.astype(float)

@@ -209,11 +209,7 @@ def _starts_as_row(line: str, delimiter: str) -> bool:
 
 
 def _is_value(cell: str) -> bool:
-    return _is_number(cell) or is_clock_text(cell)
-
-
-def _is_number(cell: str) -> bool:
-    return as_number(cell) is not None
+    return as_number(cell) is not None or is_clock_text(cell)
 
 
 def _rate_above(preamble: Sequence[Line]) -> float | None:
@@ -221,16 +217,13 @@ def _rate_above(preamble: Sequence[Line]) -> float | None:
     for _, line in preamble:
         if len(line) > 200:
             continue
-        found = _RATE.search(line.strip("# \t;,"))
+        rate = _RATE.search(line.strip("# \t;,"))
+        found = rate or _STEP.match(line.strip("# ;,"))
         if found:
             number = as_number(found["number"].rstrip(".,")) or 0.0
-            scale = {"k": 1e3, "m": 1e6}.get(found["unit"][:1].casefold(), 1.0)
-            return scale * number if number > 0 else None
-        found = _STEP.match(line.strip("# ;,"))
-        if found:
-            number = as_number(found["number"].rstrip(".,")) or 0.0
-            scale = {"m": 1e-3, "u": 1e-6}.get(found["unit"][:1].casefold(), 1.0)
-            return 1 / (scale * number) if number > 0 else None
+            prefixes = {"k": 1e3, "m": 1e6} if rate else {"m": 1e-3, "u": 1e-6}
+            size = prefixes.get(found["unit"][:1].casefold(), 1.0) * number
+            return None if number <= 0 else size if rate else 1 / size
     return None
 
 

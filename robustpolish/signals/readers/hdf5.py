@@ -11,9 +11,8 @@ import h5py
 import numpy as np
 
 from robustpolish.base.input_files import FileSpec, open_checked
-from robustpolish.errors import InvalidInputError
 from robustpolish.signals.headers import split_header
-from robustpolish.signals.raw import RECORD, RawTable, unreadable_file
+from robustpolish.signals.raw import RECORD, RawTable, library_errors
 from robustpolish.signals.readers.arrays import table_of
 
 # Check of the places where an HDF5 file keeps text, before its library reads them.
@@ -69,15 +68,11 @@ def read_hdf5(path: Path, table: str | None = None, wanted: FileSpec = RECORD) -
     Datasets in groups are named ``group/name``.
     """
     found = _Hdf5Content(path, wanted)
-    with open_checked(path, wanted) as stream:
-        try:
-            check_heaps(stream)
-            with h5py.File(stream, "r") as file:
-                found.collect(file)
-        except InvalidInputError:
-            raise
-        except Exception as error:  # h5py raises OSError, RuntimeError and KeyError on damage
-            raise unreadable_file(path, "HDF5", error) from None
+    # h5py raises OSError, RuntimeError and KeyError on damage
+    with open_checked(path, wanted) as stream, library_errors(path, "HDF5"):
+        check_heaps(stream)
+        with h5py.File(stream, "r") as file:
+            found.collect(file)
     result = table_of(found.arrays, table, str(path))
     for name, unit in found.units.items():
         column = split_header(name.removeprefix(f"{table}/"))[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import warnings
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,8 @@ import numpy as np
 
 from robustpolish.base.checks import described, invalid
 from robustpolish.base.input_files import FileSpec, open_checked
-from robustpolish.errors import InvalidInputError, MissingDependencyError
-from robustpolish.signals.raw import RECORD, RawResponse, RawTable, unreadable_file
+from robustpolish.errors import MissingDependencyError
+from robustpolish.signals.raw import RECORD, RawResponse, RawTable, library_errors
 
 # LabVIEW's TDMS files, through npTDMS.
 
@@ -22,30 +23,19 @@ def read_tdms(path: Path, table: str | None = None, wanted: FileSpec = RECORD) -
 
     The waveform properties give sampling rate and unit.
     """
-    try:
-        from nptdms import TdmsFile
-        from nptdms.log import log_manager
-    except ImportError:
-        raise MissingDependencyError(
-            "TDMS files need npTDMS: pip install 'robustpolish[io]'."
-        ) from None
-    log_manager.set_level(logging.CRITICAL)  # npTDMS writes whole damaged files to the log
-    with open_checked(path, wanted) as stream:
-        try:
-            file = TdmsFile.open(stream)
-            size = 8 * sum(len(c) for group in file.groups() for c in group.channels())
-            if size > wanted.largest:
-                raise wanted.too_large(path, size, packed=True)
-            groups = {
-                group.name: [
-                    (c.name, np.asarray(c[:]), dict(c.properties)) for c in group.channels()
-                ]
-                for group in file.groups()
-            }
-        except InvalidInputError:
-            raise
-        except Exception as error:  # npTDMS raises ValueError, struct.error, KeyError on damage
-            raise unreadable_file(path, "TDMS", error) from None
+    nptdms = _optional("nptdms", "TDMS files need npTDMS")
+    # npTDMS writes whole damaged files to the log
+    import_module("nptdms.log").log_manager.set_level(logging.CRITICAL)
+    # npTDMS raises ValueError, struct.error and KeyError on damage
+    with open_checked(path, wanted) as stream, library_errors(path, "TDMS"):
+        file = nptdms.TdmsFile.open(stream)
+        size = 8 * sum(len(c) for group in file.groups() for c in group.channels())
+        if size > wanted.largest:
+            raise wanted.too_large(path, size, packed=True)
+        groups = {
+            group.name: [(c.name, np.asarray(c[:]), dict(c.properties)) for c in group.channels()]
+            for group in file.groups()
+        }
     filled = {name: channels for name, channels in groups.items() if channels}
     if table is not None and table not in filled:
         raise invalid("table", table, f"a group: {', '.join(filled)}", "Check its name.")
@@ -140,26 +130,26 @@ def uff_holds_responses_only(path: Path) -> bool:
 
 def _sets(path: Path, wanted: FileSpec) -> tuple[list[Any], int]:
     """Return the data sets 58 of a file, and how many data sets it has in all."""
-    try:
-        import pyuff
-    except ImportError:
-        raise MissingDependencyError(
-            "Universal files need pyuff: pip install 'robustpolish[io]'."
-        ) from None
+    pyuff = _optional("pyuff", "Universal files need pyuff")
     with open_checked(path, wanted):  # pyuff opens it by its name once more
         pass
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # pyuff warns of every field that is blank
-            file = pyuff.UFF(str(path))
-            kinds = np.atleast_1d(file.get_set_types())
-            sets: list[Any] = [file.read_sets(int(i)) for i in np.flatnonzero(kinds == 58)]
+    with library_errors(path, "universal (UFF)"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # pyuff warns of every field that is blank
+        file = pyuff.UFF(str(path))
+        kinds = np.atleast_1d(file.get_set_types())
+        sets: list[Any] = [file.read_sets(int(i)) for i in np.flatnonzero(kinds == 58)]
         for item in sets:
             if np.shape(item["x"]) != np.shape(item["data"]):
                 raise ValueError("a record that is shorter than its axis")
-    except Exception as error:  # pyuff raises bare Exception
-        raise unreadable_file(path, "universal (UFF)", error) from None
     return sets, len(kinds)
+
+
+def _optional(module: str, needed: str) -> Any:
+    """Import a package of the extra [io]."""
+    try:
+        return import_module(module)
+    except ImportError:
+        raise MissingDependencyError(f"{needed}: pip install 'robustpolish[io]'.") from None
 
 
 def _end(item: dict[str, Any], which: str) -> str:

@@ -15,7 +15,7 @@ import scipy.io
 import scipy.sparse
 
 from robustpolish.base.input_files import FileSpec, content
-from robustpolish.signals.raw import RECORD, RawTable, unreadable_file
+from robustpolish.signals.raw import RECORD, RawTable, library_errors
 from robustpolish.signals.readers.arrays import table_of
 from robustpolish.signals.readers.hdf5 import SIGNATURE, read_hdf5
 
@@ -206,17 +206,16 @@ def read_mat(path: Path, table: str | None = None, wanted: FileSpec = RECORD) ->
     # Version 7.3 puts 512 bytes of its own before the HDF5 signature.
     if SIGNATURE in whole[:520]:
         return read_hdf5(path, table, wanted)
-    try:
-        names = readable_variables(whole, wanted.largest)
+    arrays: dict[str, Any] = {}
+    with library_errors(path, "MATLAB"):
+        try:
+            names = readable_variables(whole, wanted.largest)
+        except DecompressedSizeError as error:
+            raise wanted.too_large(path, error.size, packed=True) from None
         found = scipy.io.loadmat(io.BytesIO(whole), variable_names=names, **_OPTIONS)
-        arrays: dict[str, Any] = {}
         for name, value in found.items():
             if not name.startswith("__"):
                 _flatten(name, value, arrays)
-    except DecompressedSizeError as error:
-        raise wanted.too_large(path, error.size, packed=True) from None
-    except Exception as error:  # SciPy raises many kinds for a damaged file
-        raise unreadable_file(path, "MATLAB", error) from None
     return table_of(arrays, table, str(path))
 
 

@@ -1,0 +1,144 @@
+"""The checks of arguments, the one form in which they complain, and the errors."""
+
+import pickle
+
+import control
+import numpy as np
+import pytest
+
+from robustpolish import errors
+from robustpolish.base.checks import (
+    closest_name_remedy,
+    described,
+    inside,
+    invalid,
+    known_keys,
+    matrix,
+    positive,
+    state_space,
+)
+from robustpolish.errors import InvalidInputError
+
+
+def test_a_complaint_names_argument_value_expectation_and_remedy():
+    error = invalid("gain", "much", "a number", "Pass one.")
+    assert str(error) == "gain: got 'much', expected a number. Pass one."
+    assert error.key == ("gain",)
+    assert str(invalid("gain", described("much"), "x", "Y.")) == "gain: got much, expected x. Y."
+
+
+def test_a_path_is_shown_as_written_and_a_key_may_say_more():
+    assert str(invalid(("effect", 0, "at"), 1, "x", "Y.")).startswith("effect[0].at: got 1")
+    error = invalid("motion_of", "x", "one", "Remove it.", ("input", "F", "motion_of"))
+    assert str(error).startswith("motion_of: ")
+    assert error.key == ("input", "F", "motion_of")
+
+
+def test_long_values_are_cut():
+    message = str(invalid("text", "a" * 1000, "less", "Cut it."))
+    assert message == f"text: got '{'a' * 116}..., expected less. Cut it."
+
+
+def test_a_matrix_is_a_copy_of_numbers():
+    given = np.eye(2)
+    found = matrix("A", given)
+    found[0, 0] = 5.0
+    assert given[0, 0] == 1.0
+    np.testing.assert_array_equal(matrix("A", 3), [[3.0]])
+    assert matrix("A", [[1, 2]], (None, 2)).dtype == float
+
+
+@pytest.mark.parametrize(
+    ("value", "shape", "told"),
+    [
+        ([[1j]], (None, None), "A: got complex entries, expected a real matrix."),
+        ([["1j"]], (None, None), "Pass nested lists"),
+        ([[None]], (None, None), "Pass nested lists|got nan"),
+        ("text", (None, None), "A: got 'text', expected a real matrix."),
+        ([[1, 2], [3]], (None, None), r"A: got \[\[1, 2\], \[3\]\], .* Pass nested lists"),
+        ([1.0, 2.0], (None, None), r"got shape \(2,\)"),
+        ([[1, 2]], (2, None), r"got shape \(1, 2\), expected a real matrix of shape \(2, any\)"),
+        ([[0, 1], [np.inf, 2]], (2, 2), "got inf at row 1, column 0, expected finite numbers"),
+    ],
+)
+def test_what_is_no_such_matrix_is_refused(value, shape, told):
+    with pytest.raises(InvalidInputError, match=told):
+        matrix("A", value, shape)
+
+
+@pytest.mark.parametrize(
+    ("value", "zero", "told"),
+    [
+        (0, False, r"t: got 0, expected a finite number above 0 s\. Check its sign and unit\."),
+        (-1, True, "expected a finite number of at least 0 s"),
+        (np.nan, True, "got nan"),
+        (np.inf, False, "got inf"),
+        ("a", False, r"got 'a', .* Pass a number\."),
+        (None, False, "got None"),
+    ],
+)
+def test_what_is_not_positive_is_refused(value, zero, told):
+    with pytest.raises(InvalidInputError, match=told):
+        positive("t", value, "s", zero)
+
+
+def test_systems_are_not_realised_silently():
+    system = control.ss(-1, 1, 1, 0)
+    assert state_space("system", system) is system
+    told = r"system: got TransferFunction, expected a control\.StateSpace"
+    with pytest.raises(InvalidInputError, match=told):
+        state_space("system", control.tf([1], [1, 1]))
+    system.B[0, 0] = np.nan
+    with pytest.raises(InvalidInputError, match=r"system\.B: got nan at row 0, column 0"):
+        state_space("system", system)
+
+
+def test_unknown_keys_are_told_with_the_nearest_right_one():
+    with pytest.raises(InvalidInputError, match=r"spring.1.\.stifness: got an unknown.*stiffness"):
+        known_keys(("spring", 1), {"stifness": 3}, ("between", "stiffness"))
+    with pytest.raises(InvalidInputError, match="no table dof"):
+        known_keys((), {}, ("dof",), ("dof",))
+    assert closest_name_remedy("quite else", ("dof", "spring")) == "Check its spelling."
+
+
+def test_what_is_wrong_inside_says_where():
+    says = r"^delays\.F\.seconds: got -1"
+    with pytest.raises(InvalidInputError, match=says) as caught, inside(("delays", "F")):
+        raise invalid("seconds", -1, "more", "Wait.")
+    assert caught.value.key == ("delays", "F", "seconds")
+
+
+@pytest.mark.parametrize(
+    ("kind", "builtin"),
+    [
+        (errors.InvalidInputError, ValueError),
+        (errors.MissingDependencyError, ImportError),
+        (errors.SolverError, RuntimeError),
+        (errors.InfeasibleError, Exception),
+    ],
+)
+def test_one_base_catches_all_and_each_is_what_python_calls_it(kind, builtin):
+    assert issubclass(kind, errors.RobustPolishError)
+    assert issubclass(kind, builtin)
+    assert str(kind("a: got 1, expected 2. Change it.")) == "a: got 1, expected 2. Change it."
+
+
+def test_a_key_is_kept_as_a_tuple_and_travels():
+    error = errors.InvalidInputError("bad", ["spring", 1, "stiffness"])
+    assert error.key == ("spring", 1, "stiffness")
+    again = pickle.loads(pickle.dumps(error))
+    assert (str(again), again.key) == ("bad", error.key)
+    assert errors.InvalidInputError("bad").key == ()
+
+
+def test_modes_are_complex_numbers_and_travel():
+    error = errors.InfeasibleError("no controller moves them", [2, -1j])
+    assert error.modes == (2 + 0j, -1j)
+    assert all(isinstance(mode, complex) for mode in error.modes)
+    assert pickle.loads(pickle.dumps(error)).modes == error.modes
+    assert errors.InfeasibleError("none").modes == ()
+
+
+def test_the_warning_is_no_error():
+    assert issubclass(errors.RobustPolishWarning, UserWarning)
+    assert not issubclass(errors.RobustPolishWarning, errors.RobustPolishError)
