@@ -14,7 +14,7 @@ from robustpolish.identification.steps import step_runs
 from robustpolish.machines.effects.effect import lookup
 from robustpolish.machines.simulation.run import simulate_model as simulate
 from tests import made_up
-from tests.identification.findings.learned_diagnosis import unknown_law
+from tests.identification.learned_diagnosis import unknown_law
 
 
 @pytest.fixture(scope="module")

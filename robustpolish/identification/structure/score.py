@@ -13,9 +13,9 @@ from robustpolish.identification.fit.least_squares import (
     Fit,
     covariance_of,
     ranking_log_error,
-    stderr_from_covariance,
 )
 from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.fit.result import stderr_from_covariance
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.record import Record, input_period
 from robustpolish.identification.refit import held_inputs
