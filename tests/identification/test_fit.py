@@ -1,6 +1,5 @@
 """Least squares of free runs against closed forms and dense solvers."""
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,17 +11,13 @@ from robustpolish.identification.fit.least_squares import (
     Residuals,
     covariance_of,
     fit,
-    homotopy,
     normal_of,
     standard_errors,
 )
 from robustpolish.identification.fit.parameters import FreeParameter
-from robustpolish.identification.fit.prepared import prepare
 from robustpolish.identification.fit.result import stderr_from_covariance
 from robustpolish.identification.observer.runs import Runner, StartedPiece, rest
-from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
-from tests.hidden_effects.cases import Case, model_of, records, two
 from tests.identification.oscillators import of_rig, oscillator, record, rig
 
 STIFFNESS, DAMPING = "spring[0].stiffness", "damper[0].damping"
@@ -149,26 +144,3 @@ def test_a_step_is_that_of_dense_least_squares(damping, prior):
     step, moves = normal.step(np.array([True, True]), damping)
     np.testing.assert_allclose(step, expected[:2], rtol=1e-6)
     np.testing.assert_allclose(moves.ravel(), expected[2:], rtol=1e-6)
-
-
-def prepared_of(model, data):
-    return prepare(model, record_of(model, data), POLICY)
-
-
-def test_windows_begun_anew_find_a_law_far_stronger_than_the_spring():
-    """A smoothed motion knows nothing of a spring that is forty times as stiff in it."""
-    machine = replace(two(), measured=[("x_m", "acceleration"), ("x", "displacement")])
-    place, size = ("x", "x_m"), 1e9
-    case = Case("stiff", machine, [("cubic_stiffness", place, [size])], excitation="none",
-                start=0.01, samples=2500, noise_db=55.0)  # fmt: skip
-    model, data = model_of(case), records(case)[0][0]
-    prepared = prepared_of(model, data)
-    begun = model.with_effect("cubic_stiffness", place, {"stiffness": 0.02 * size})
-    spans = prepared.spans(prepared.trial, POLICY.growth)
-    once, anew = (
-        homotopy(begun, prepared, prepared.trial, model, spans, 2 * prepared.steps, anew=each)
-        for each in (False, True)
-    )
-    found = anew[-1].model.effects[0].values["stiffness"]
-    assert found == pytest.approx(size, rel=0.02)
-    assert np.all(anew[-1].rmse < once[-1].rmse)

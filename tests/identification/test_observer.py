@@ -15,14 +15,11 @@ from robustpolish.identification.observer.kalman import (
     displacement_amplitude,
     riccati,
     scales_of,
-    white_noise,
 )
 from robustpolish.identification.observer.missing_force import smooth
 from robustpolish.identification.observer.runs import StartedPiece, free_run, reproducibility, rest
 from robustpolish.identification.record import record_of
 from tests.identification.oscillators import PLACE, RATE, oscillator, record
-
-TIME = np.arange(8000) / RATE
 
 
 @pytest.mark.parametrize("units", [1.0, 1e-9])
@@ -38,13 +35,6 @@ def test_the_riccati_equation_is_solved(units):
     F, C = T @ F @ np.linalg.inv(T), units * C @ np.linalg.inv(T)
     found = riccati(F, C, T @ Q @ T, units**2 * R, units * T @ N)
     np.testing.assert_allclose(found, T @ expected @ T, rtol=1e-6)
-
-
-def test_white_noise_is_seen_beneath_a_signal():
-    swing = 50 * np.sin(2 * np.pi * 3.1 * TIME)
-    noise = 0.2 * np.random.default_rng(0).standard_normal(TIME.size)
-    assert white_noise(swing + noise, 1 / RATE) == pytest.approx(0.2, rel=0.1)
-    assert white_noise(np.full(1000, 7.0), 1 / RATE) == 1.0
 
 
 DT, SAMPLES = 0.01, 300

@@ -5,12 +5,10 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from scipy.signal import lfilter
 
 import robustpolish as rp
 from robustpolish.identification.record import (
     checked_data,
-    input_period,
     join_records,
     named_records,
     record_of,
@@ -42,29 +40,6 @@ def test_a_gain_may_convert_the_unit_of_an_input():
         checked_data(oscillator(), amperes)
 
 
-def test_several_records_stand_one_behind_the_other():
-    """Each on its own clock; parts know whose they are, and what goes on from what."""
-    one, two = record(600), record(400, seed=1)
-    two = two.assign_coords(time=two["time"] + 100.0)
-    whole = record_of(oscillator(), {"soft": one, "hard": two})
-    assert (whole.samples, whole.marks, whole.names) == (1000, [0, 600, 1000], ("soft", "hard"))
-    assert whole.dt == pytest.approx(1 / RATE)
-    np.testing.assert_array_equal(whole.time, [*one["time"].values, *two["time"].values])
-    np.testing.assert_allclose(whole.axis, np.arange(1000) / RATE)
-    soft, hard = whole.parts
-    assert [(p.name, p.first, p.samples) for p in (soft, hard)] == [
-        ("soft", 0, 600),
-        ("hard", 600, 400),
-    ]
-    np.testing.assert_array_equal(hard.Y[:, 0], two["x"].values)
-    middle = whole.part(500, 700)
-    assert [(p.name, p.samples) for p in middle.parts] == [("soft", 100), ("hard", 100)]
-    assert hard.part(50, 60).start == pytest.approx(100.1)
-    assert hard.part(50, 60).follows(hard.part(20, 50))
-    assert not hard.follows(soft)
-    assert not hard.part(50, 60).follows(soft)
-
-
 SEVERAL = {
     "none": ([], "no record at all"),
     "other channels": (
@@ -85,17 +60,6 @@ def test_several_refused(case):
     given, message = SEVERAL[case]
     with pytest.raises(rp.InvalidInputError, match=message):
         record_of(oscillator(), given)
-
-
-@pytest.mark.parametrize("kept", [1.0, 0.75])
-def test_inputs_that_repeat_do_so_with_their_shortest_period(kept):
-    """Once three turns of 300 samples, once two and a quarter; beside a constant."""
-    turn = np.random.default_rng(0).standard_normal(300)
-    u = np.tile(turn, 3)[: round(900 * kept)]
-    assert input_period(np.column_stack([u, np.ones(u.size)]), 0.01) == pytest.approx(3.0)
-    swing = np.sin(2 * np.pi * np.arange(u.size) / 50)[:, None]
-    assert input_period(swing, 0.01) == pytest.approx(0.5)
-    assert input_period(np.column_stack([u, swing]), 0.01) == pytest.approx(3.0)
 
 
 def changed(**columns):
@@ -208,47 +172,6 @@ def test_faster_records_come_down_to_the_slowest():
 # Noise from records that repeat each other, and what is no repeat.
 
 
-def noisy(size, pole, seed, data=None):
-    """The record with noise of first order, so many times the motion."""
-    data = record(2000) if data is None else data
-    random = np.random.default_rng(seed)
-    noise = lfilter([np.sqrt(1 - pole**2)], [1.0, -pole], random.standard_normal(2300))[300:]
-    x = data["x"].values
-    return data.assign(x=("time", x + size * np.std(record(2000)["x"].values) * noise))
-
-
 def found(*data, model=None):
     model = model or oscillator()
     return repeats(model, record_of(model, list(data)))
-
-
-@pytest.mark.parametrize("pole", [0.0, 0.6, 0.9])
-@pytest.mark.parametrize("size", [0.1, 0.01, 1e-4])
-def test_the_noise_is_that_of_the_difference(size, pole):
-    """Of whatever colour and size; the longer record is looked at as far as both go."""
-    data = [noisy(size, pole, seed) for seed in (1, 2, 3)]
-    true = size * np.std(record(2000)["x"].values)
-    both = found(data[0], data[1].isel(time=slice(0, 1500)))
-    assert true / 1.5 < both.noise[0] < 1.5 * true
-    assert both.pairs == (("record 1", "record 2"),)
-    three = found(*data)
-    assert three.noise[0] == pytest.approx(true, rel=0.25)
-    assert three.names == "record 1, record 2 and record 3"
-
-
-OTHERS = {
-    "another input": (0.01, lambda one: noisy(0.01, 0.0, 2, record(2000, seed=1))),
-    "another start": (0.001, lambda one: noisy(0.001, 0.0, 2, record(2000, (0.001, 0.02)))),
-    "another stiffness": (0.001, lambda one: noisy(0.001, 0.0, 2, record(2000, stiffness=402.0))),
-    "another amplitude": (0.01, lambda one: noisy(0.01, 0.0, 2).map(lambda v: 1.05 * v)),
-    "a later trigger": (0.01, lambda one: noisy(0.01, 0.0, 2).roll(time=1, roll_coords=False)),
-    "too short": (0.01, lambda one: noisy(0.01, 0.0, 2).isel(time=slice(0, 150))),
-    "a copy": (0.01, lambda one: one),
-}
-
-
-@pytest.mark.parametrize("what", OTHERS)
-def test_what_is_no_repeat(what):
-    size, other = OTHERS[what]
-    one = noisy(size, 0.0, 1)
-    assert found(one, other(one)) is None

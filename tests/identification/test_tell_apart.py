@@ -9,7 +9,6 @@ import xarray as xr
 import robustpolish as rp
 from robustpolish.identification.diagnosis.findings import IndistinguishablePair
 from robustpolish.identification.experiments.candidates import (
-    EXPERIMENTS,
     Distance,
     Experiment,
     MachinePair,
@@ -139,15 +138,6 @@ def told(*experiments):
     ordered = tuple(sorted(experiments, key=lambda t: -t.left))
     refused = (("a step", "x would reach 2 times its limit"),)
     return rp.results.ToldApart(machines, ordered, refused, {}, "Rest.")
-
-
-def test_the_gentlest_experiment_that_is_sure_is_recommended():
-    gentle, strong, weak = tried(4.0, 1.0), tried(400.0, 10.0), tried(2.0, 0.3)
-    assert told(strong, gentle, weak).recommended is gentle
-    assert told(weak).recommended is weak  # not sure, but clear
-    faint = tried(0.9 * EXPERIMENTS.clear, 0.3)
-    assert told(faint).recommended is None
-    assert told().recommended is None
 
 
 def test_it_says_what_to_do_and_how_far_they_are_apart():

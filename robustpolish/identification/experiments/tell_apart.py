@@ -201,6 +201,7 @@ class ToldApart(Displayed):
         dict
         """
         chosen = self.recommended
+        excitation = ("kind", "channel", "amplitude", "unit", "times")
         outputs = [name for name, _ in self._outputs()]
         return {
             "machines": list(self.machines.names),
@@ -209,11 +210,7 @@ class ToldApart(Displayed):
             "recommended": None if chosen is None else str(chosen.experiment),
             "experiments": [
                 {
-                    "kind": t.experiment.kind,
-                    "channel": t.experiment.channel,
-                    "amplitude": t.experiment.amplitude,
-                    "unit": t.experiment.unit,
-                    "times": t.experiment.times,
+                    **{name: getattr(t.experiment, name) for name in excitation},
                     "band": list(t.experiment.band),
                     "apart": dict(zip(outputs, t.distance.apart.tolist(), strict=True)),
                     "left": dict(zip(outputs, t.distance.left.tolist(), strict=True)),

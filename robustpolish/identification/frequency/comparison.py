@@ -150,16 +150,11 @@ class FrequencyComparison(Displayed):
         -------
         dict
         """
+        figures = ("relative", "noise", "over_noise", "likeness", "unit")
         return {
             "pairs": {
-                f"{output}/{source}": {
-                    "relative": error.relative,
-                    "noise": error.noise,
-                    "over_noise": error.over_noise,
-                    "likeness": error.likeness,
-                    "unit": error.unit,
-                }
-                for (output, source), error in self.pairs.items()
+                "/".join(pair): {name: getattr(error, name) for name in figures}
+                for pair, error in self.pairs.items()
             },
             "overall": {"relative": self.relative},
             "modes": [vars(mode) for mode in self.modes],

@@ -151,14 +151,9 @@ class ResidualAnalysis(Displayed):
         -------
         dict
         """
+        tables = ("channels", "windows", "bands", "modes", "harmonics", "phase", "contact")
         return {
-            "channels": _table(self.channels),
-            "windows": _table(self.windows),
-            "bands": _table(self.bands),
-            "modes": _table(self.modes),
-            "harmonics": _table(self.harmonics),
-            "phase": None if self.phase is None else _table(self.phase),
-            "contact": None if self.contact is None else _table(self.contact),
+            **{name: _table(getattr(self, name)) for name in tables},
             "places": {
                 name: {
                     "displacement": _table(place.displacement),
@@ -336,7 +331,9 @@ def _tests(analysis: ResidualAnalysis) -> list[str]:
     return lines
 
 
-def _table(array: xr.DataArray) -> dict[str, Any]:
+def _table(array: xr.DataArray | None) -> dict[str, Any] | None:
+    if array is None:
+        return None
     coordinates = {str(name): value.values.tolist() for name, value in array.coords.items()}
     return {**coordinates, "share": array.values.tolist()}
 
