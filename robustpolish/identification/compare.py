@@ -1,4 +1,4 @@
-"""Hold a model against measured data."""
+"""Comparison of a model with measured data by simulation: free runs, windows, predictions."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plots.time import plot_overlay, plot_response
 from robustpolish.signals.frequency_response import holds_frequency_response
 
-# What came out of holding a model against data.
+# Result of a comparison.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(ErrorsByOutput, Displayed):
-    """A model held against data.
+    """Comparison of a model with data.
 
     Attributes
     ----------
@@ -197,7 +197,6 @@ class Comparison(ErrorsByOutput, Displayed):
 
 
 @overload
-@single_threaded_blas
 def compare(
     model: MechanicalModel, data: xr.DataArray | control.FrequencyResponseData
 ) -> FrequencyComparison: ...
@@ -225,6 +224,7 @@ def compare(
 ) -> Comparison: ...
 
 
+@single_threaded_blas
 def compare(
     model: MechanicalModel,
     data: Any,

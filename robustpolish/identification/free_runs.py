@@ -1,4 +1,4 @@
-"""A model held against measurements: the error of free runs, windows and predictions."""
+"""Simulation errors of a model on records: free runs, windows and predictions."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ from robustpolish.identification.observer.starts import (
     state_sizes,
     visible_sizes,
 )
-from robustpolish.identification.record import Record, require_length
+from robustpolish.identification.record import Record, output_sizes, require_length
 from robustpolish.machines.mechanical.model import MechanicalModel
 
-# Runs in steps so fine that these are no visible part of the error that is judged.
+# Refinement of integration steps until they are no visible part of the error.
 
 # Share of the error of an output that steps may be: 2 % of its root mean square, if they add up as
 # squares do. And the share of the output's size below which nobody sees what they are.
@@ -93,8 +93,7 @@ def refine_steps(
 def _converged_run(run: RecordRun, pieces: Sequence[StartedPiece]) -> RecordRun | None:
     """Return the run with as many steps as show no more; None if all that are tried do."""
     measured = np.concatenate([piece.record.Y for piece in pieces])
-    size = np.std(measured, axis=0)
-    faint = _FAINT * np.where(size > 0, size, 1.0)
+    faint = _FAINT * output_sizes(measured)
     outputs = run.over_all(pieces).outputs
     least = _mean_size(measured - outputs)
     while run.runner.substeps < _MOST and np.isfinite(least).all():
@@ -167,7 +166,7 @@ def predict(run: RecordRun, record: Record, horizon: float) -> tuple[Array, Star
     return outputs, started(0, record.samples)
 
 
-# How far the simulated outputs may be off because the parameters are uncertain.
+# Confidence band of the simulated outputs from the standard errors of parameters.
 
 Simulation = Callable[[MechanicalModel], Array]
 
@@ -207,7 +206,7 @@ def parameter_band(
     return 1.96 * np.sqrt(variance)
 
 
-# One record, simulated: in a free run, in windows, or as predictions over a horizon.
+# Simulation of one record: free run, windows, or predictions over a horizon.
 
 
 class SimulatedPieces(NamedTuple):

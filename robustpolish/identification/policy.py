@@ -1,4 +1,4 @@
-"""The numbers that steer fits and decisions, each with its reason and a case that it is for.
+"""Tolerances and limits of fits and decisions, each with its reason and a case that it is for.
 
 Cases in quotation marks are those of docs/hidden_effects.md: examples of what a number decides.
 """
@@ -42,7 +42,7 @@ class Policy:
         damping, noise on the force"); the right effect lets the missing force vanish.
     coarse : tuple of Level
         What a first look at all shapes tries, beside the likeliest level.
-    hardly_led : tuple of Level
+    weak_guidance : tuple of Level
         Where the error is far above the noise, the odds go to what explains its fine structure;
         what is large shows in runs that are hardly led ("cubic and coulomb").
     silent : float
@@ -73,10 +73,10 @@ class Policy:
     followed : tuple of int
         How many runners-up of the first turns are followed where the effects found leave more than
         noise: each costs about as much as the search before it.
-    turnovers : tuple of float
+    smoothing_shares : tuple of float
         Shares of the typical velocity over which a friction may turn over, among which a fit of it
         begins: from a tenth of the true one, or three times it, no slope leads there.
-    standing : (float, float)
+    standstill : (float, float)
         Share of its typical velocity below which a place stands still, and share of the time for
         which it has to, for a dry friction to be tried where something swings by itself.
     near_error : float
@@ -183,7 +183,7 @@ class Policy:
     nats : float
         Fall of the log-likelihood below which the last stage of a final fit stops: a standard error
         is half of one, so that a fit that stops sooner is off by more than it says.
-    fades : float
+    quieter_held_out : float
         Times by which a motion is louder where models are fitted than where they are judged, from
         which both judge.
     windows, shortest_window : int

@@ -1,4 +1,4 @@
-"""Measured data that suit a model: checked, as arrays, cut into contiguous pieces.
+"""Measured records checked against a model, as arrays, cut into contiguous pieces.
 
 Several records stand one behind the other in the arrays. What knows of time, such as a run, an
 observer or the derivative of an input, begins anew with each of them.
@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from robustpolish.base.arrays import Array
+from robustpolish.base.arrays import AnyArray, Array
 from robustpolish.base.checks import described, invalid
 from robustpolish.errors import InvalidInputError
 from robustpolish.machines.mechanical.model import MechanicalModel
@@ -29,7 +29,7 @@ from robustpolish.signals.headers import same_kind
 from robustpolish.signals.quality import check_sampling, sampling_time
 from robustpolish.signals.read import read_measurement
 
-# Several records in one dataset: one behind the other, each with its name and its own time.
+# Concatenation of several records in one dataset, each with its name and its own time.
 #
 # The time of the joined dataset runs on, so that it can be drawn and cut as any other. Its
 # coordinates say to which record a sample belongs, and when it was on that record's own clock.
@@ -439,8 +439,7 @@ def most_active_part(record: Record, most: int) -> Record:
     most : int
         Samples of the part; all of a record that has no more.
     """
-    size = np.std(record.Y, axis=0)
-    size = np.where(size > 0, size, 1.0)
+    size = output_sizes(record.Y)
     found = []
     for part in record.parts:
         length = min(part.samples, most)
@@ -505,7 +504,7 @@ def input_period(inputs: Array, dt: float) -> float | None:
     return float(run[np.argmax(likeness[run])] * dt)
 
 
-def checked_data(model: MechanicalModel, data: Any, outputs: bool = True) -> xr.Dataset:
+def checked_data(model: MechanicalModel, data: Any) -> xr.Dataset:
     """Return `data`, the model's columns checked.
 
     Parameters
@@ -513,8 +512,6 @@ def checked_data(model: MechanicalModel, data: Any, outputs: bool = True) -> xr.
     model : MechanicalModel
     data : xarray.Dataset, path or pandas.DataFrame
         Anything but a dataset is read with :func:`robustpolish.read_measurement`.
-    outputs : bool, optional
-        Whether the outputs have to be there, or the inputs only.
 
     Returns
     -------
@@ -530,7 +527,7 @@ def checked_data(model: MechanicalModel, data: Any, outputs: bool = True) -> xr.
     if not isinstance(model, MechanicalModel):
         shown = described(type(model).__name__)
         raise invalid("model", shown, "a MechanicalModel", "Read it with from_toml.")
-    items = [*model.inputs, *(model.outputs if outputs else ())]
+    items = [*model.inputs, *model.outputs]
     if not isinstance(data, xr.Dataset):
         data = read_measurement(data, columns=[item.name for item in items])
     _check_time(data)
@@ -592,59 +589,45 @@ def _check_column(model: MechanicalModel, item: Input | Output, data: xr.Dataset
         )
 
 
+def poles_of(model: MechanicalModel) -> AnyArray:
+    """Return the poles of the linear part of a model in rad/s; none if nothing moves freely."""
+    return np.linalg.eigvals(model.matrices.first_order()[0]) if model.free else np.zeros(0)
+
+
 def frequencies(model: MechanicalModel) -> list[float]:
     """Return the frequencies in Hz at which the linear part of a model swings."""
-    if not model.free:
-        return []
-    poles = np.linalg.eigvals(model.matrices.first_order()[0])
-    return [abs(float(pole.imag)) / (2 * np.pi) for pole in poles]
+    return [abs(float(pole.imag)) / (2 * np.pi) for pole in poles_of(model)]
 
 
-# The noise of sensors, from records that repeat each other.
+def output_sizes(outputs: Array) -> Array:
+    """Return the standard deviation of each output, 1 where it stands still, shape (ny,)."""
+    size = np.std(outputs, axis=0)
+    return np.where(size > 0, size, 1.0)
+
+
+# Sensor noise from repeated records.
 #
 # Where the same inputs made the same motion, records differ by noise alone: its variance is half
 # the mean square of their difference, whatever its colour, and no model is asked.
 
 
-@dataclass(frozen=True)
-class _Alike:
-    """From where on two records are no repeats.
-
-    Attributes
-    ----------
-    least : int
-        Samples below which nothing can be said.
-    inputs : float
-        Difference of the inputs over their size: measured ones have noise too.
-    outputs : float
-        Half the mean square of the difference over that of the motion: records without an input,
-        of which any two would have the same, show the same motion or not.
-    motion : float
-        Share of the difference that follows from the motion by a short filter: other amplitudes,
-        a shift in time. Of short records with slow noise 15 % do by chance; as much again makes
-        the noise 20 % too large.
-    lags : int
-        Of that filter, to either side.
-    visible : float
-        Share of the largest below which the singular values of such a filter's signals are noise.
-    blocks : int
-        In which the difference is looked at.
-    unsteady : float
-        Times the median of the blocks that one of them may be: a start that was not the same dies
-        out, noise stays. Blocks of slow noise scatter by a factor of two.
-    """
-
-    least: int = 200
-    inputs: float = 0.02
-    outputs: float = 0.25
-    motion: float = 0.3
-    lags: int = 4
-    visible: float = 0.03
-    blocks: int = 5
-    unsteady: float = 4.0
-
-
-_REPEAT_POLICY = _Alike()
+# Samples below which nothing can be said of two records.
+_FEWEST_SAMPLES = 200
+# Difference of the inputs over their size from which they are others: measured ones have noise too.
+_OTHER_INPUTS = 0.02
+# Half the mean square of the difference over that of the motion: records without an input, of which
+# any two would have the same, show the same motion or not.
+_OTHER_OUTPUTS = 0.25
+# Share of the difference that follows from the motion by a short filter: other amplitudes, a shift
+# in time. Of short records with slow noise 15 % do by chance; as much again makes the noise 20 %
+# too large.
+_OF_MOTION = 0.3
+# Lags of that filter to either side, and the share of the largest below which the singular values
+# of its signals are noise.
+_LAGS, _NEGLIGIBLE = 4, 0.03
+# Blocks in which the difference is looked at, and times their median that one of them may be: a
+# start that was not the same dies out, noise stays. Blocks of slow noise scatter by a factor of 2.
+_BLOCKS, _UNSTEADY = 5, 4.0
 
 
 @dataclass(frozen=True)
@@ -687,7 +670,7 @@ def repeats(model: MechanicalModel, record: Record) -> Repeats | None:
     found, pairs = [], []
     for (one, u), (other, w) in combinations(parts, 2):
         n = min(one.samples, other.samples)
-        if n < _REPEAT_POLICY.least or not _same(u[:n], w[:n]):
+        if n < _FEWEST_SAMPLES or not _same(u[:n], w[:n]):
             continue
         difference = (one.Y[:n] - other.Y[:n]) / np.sqrt(2)
         motion = (one.Y[:n] + other.Y[:n]) / 2
@@ -702,21 +685,19 @@ def repeats(model: MechanicalModel, record: Record) -> Repeats | None:
 def _same(one: Array, other: Array) -> bool:
     """Return whether two inputs are the same but for noise."""
     size = np.sqrt(np.mean(one**2 + other**2, axis=0) / 2)
-    return bool(np.all(np.std(one - other, axis=0) <= _REPEAT_POLICY.inputs * size))
+    return bool(np.all(np.std(one - other, axis=0) <= _OTHER_INPUTS * size))
 
 
 def _noise_alone(difference: Array, motion: Array) -> bool:
     """Return whether the difference of two outputs is small, steady and not made by the motion."""
     power = float(np.mean(difference**2))
-    if power > _REPEAT_POLICY.outputs * float(np.var(motion)):
+    if power > _OTHER_OUTPUTS * float(np.var(motion)):
         return False
-    blocks = [
-        float(np.mean(block**2)) for block in np.array_split(difference, _REPEAT_POLICY.blocks)
-    ]
-    if max(blocks) > _REPEAT_POLICY.unsteady * float(np.median(blocks)):
+    blocks = [float(np.mean(block**2)) for block in np.array_split(difference, _BLOCKS)]
+    if max(blocks) > _UNSTEADY * float(np.median(blocks)):
         return False
-    k, n = _REPEAT_POLICY.lags, len(motion)
+    k, n = _LAGS, len(motion)
     near = np.column_stack([motion[k + lag : n - k + lag] for lag in range(-k, k + 1)])
     near, inner = near - near.mean(axis=0), difference[k : n - k] - np.mean(difference[k : n - k])
-    left = inner - near @ np.linalg.lstsq(near, inner, rcond=_REPEAT_POLICY.visible)[0]
-    return float(left @ left) >= (1 - _REPEAT_POLICY.motion) * float(inner @ inner)
+    left = inner - near @ np.linalg.lstsq(near, inner, rcond=_NEGLIGIBLE)[0]
+    return float(left @ left) >= (1 - _OF_MOTION) * float(inner @ inner)

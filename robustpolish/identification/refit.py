@@ -1,4 +1,4 @@
-"""Fit a model's parameters to a record, those of its effects included."""
+"""Parameter estimation of a model, effects included, by least squares of free runs."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-import lmfit
 import numpy as np
 import xarray as xr
 
@@ -22,7 +21,6 @@ from robustpolish.identification.fit.least_squares import (
     free_run_rms,
     homotopy,
     log_odds,
-    stderr_from_covariance,
 )
 from robustpolish.identification.fit.parameters import (
     chain_keys,
@@ -31,25 +29,24 @@ from robustpolish.identification.fit.parameters import (
     inputs_of_chain,
 )
 from robustpolish.identification.fit.prepared import PreparedRecord, prepare, reduce_record
-from robustpolish.identification.fit.result import Refit
+from robustpolish.identification.fit.result import Refit, refit_of
 from robustpolish.identification.free_runs import free_run_error, free_runs, record_errors
 from robustpolish.identification.frequency.fit import refit_frequency_response
 from robustpolish.identification.policy import POLICY, Policy
-from robustpolish.identification.record import record_of, require_length
+from robustpolish.identification.record import output_sizes, record_of, require_length
 from robustpolish.identification.sanity import implausible_changes, sanity_warnings
 from robustpolish.identification.structure.screening import null_score, screen
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import CONSTANT
-from robustpolish.machines.mechanical.data import unit_of
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import FORCE
 from robustpolish.signals.frequency_response import holds_frequency_response
 
-# Put right what is wrong about a model itself, before anything is said to be missing.
+# Estimation of a model's own numbers and of the holds of its inputs, before effects are sought.
 #
-# What its inputs do between their samples: a record made with a zero-order hold and read as linear
+# Holds of inputs: a record made with a zero-order hold and read as linear
 # looks like half a sample of delay; a smooth one with content near the sampling rate like an error
-# of every model. Then its own numbers.
+# of every model.
 
 _HOLD = "input_hold"
 _LINEAR = 1.0
@@ -315,7 +312,7 @@ def _keys(model: MechanicalModel, chain: set[str]) -> list[str]:
     return keys + [f"input.{i.name}.gain" for i in model.inputs if i.on[0] in chain]
 
 
-# What an engineer would say of a record and of what a fit made of a model, before believing it.
+# Warnings about a record and a fit.
 
 
 def collect_warnings(
@@ -458,8 +455,7 @@ def _best_not_worse_than_start(
 
 def _run_errors(models: Sequence[MechanicalModel], prepared: PreparedRecord) -> list[float]:
     """Return the mean square of relative errors of free runs, over windows if no run repeats."""
-    size = np.std(prepared.record.Y, axis=0)
-    size = np.where(size > 0, size, 1.0)
+    size = output_sizes(prepared.record.Y)
     runs = [free_run_error(model, prepared.record) for model in models]
     if all(predictable or not np.isfinite(error).all() for error, predictable in runs):
         found = [error for error, _ in runs]
@@ -483,23 +479,7 @@ def _with_start_values(model: MechanicalModel, prepared: PreparedRecord) -> Mech
 
 def _summarised(fitted: Fit, prepared: PreparedRecord) -> Refit:
     """Return values, bounds and standard errors of a fit."""
-    covariance = covariance_of(fitted)
-    errors = stderr_from_covariance(covariance)
-    parameters = lmfit.Parameters()
-    units, undetermined = {}, []
-    for f in fitted.free:
-        value, error = fitted.model.parameters[f.key], errors[f.key]
-        name = lmfit_name(f.key)
-        parameters.add(name, value=value, min=f.lower, max=f.upper)
-        parameters[name].stderr = error
-        units[f.key] = unit_of(fitted.model, f.key)
-        if not np.isfinite(error) or error > prepared.policy.undetermined * abs(value):
-            undetermined.append(f.key)
     size = np.std(prepared.record.Y, axis=0)
     nrmse = dict(zip(fitted.model.output_names, (fitted.rmse / size).tolist(), strict=True))
-    return Refit(fitted.model, parameters, units, nrmse, tuple(undetermined), errors, covariance)
-
-
-def lmfit_name(key: str) -> str:
-    """Return a key as a name that lmfit accepts."""
-    return "".join(c if c.isalnum() else "_" for c in key).strip("_")
+    covariance, undetermined = covariance_of(fitted), prepared.policy.undetermined
+    return refit_of(fitted.model, fitted.free, covariance, nrmse, undetermined)

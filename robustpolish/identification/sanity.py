@@ -1,4 +1,4 @@
-"""What an engineer would say at a glance about a record, a model and a fit."""
+"""Plausibility checks of a record, a model and a fit: signs, units, clipping, dropouts."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ import xarray as xr
 from scipy.signal import get_window
 
 from robustpolish.base.arrays import AnyVector, Vector
+from robustpolish.identification.record import poles_of
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import ACCELERATION, FORCE, Output
 from robustpolish.machines.simulation.run import simulate_model
 from robustpolish.signals.quality import clipped_plateaus, marked_runs, sampling_time
 
-# From where on something is said; a false alarm costs more than one that is missing.
+# Thresholds of warnings; a false alarm costs more than one that is missing.
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ LIMITS = Limits()
 """What the warnings go by."""
 
 
-# What is wrong with a channel by itself: clipped peaks, dropouts, no motion.
+# Checks of single channels: clipped peaks, dropouts, no motion.
 
 
 def clipping(name: str, values: Vector) -> str:
@@ -221,7 +222,7 @@ def _jumps_out(values: Vector, first: int, last: int) -> bool:
     return usual > 0 and abs(values[last + 1] - values[last]) > LIMITS.jump * usual
 
 
-# How large and in which phase measured outputs are against simulated ones, line by line.
+# Coherent gain: measured over simulated outputs, line by line.
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,7 +319,7 @@ def _without_trend(values: Vector) -> Vector:
     return moving - place * float(place @ moving) / float(place @ place)
 
 
-# Factors that a confusion of units makes, and what they are called.
+# Conversion factors of confused units.
 
 _AMPLITUDES = (
     (1e3, True, "as a length in mm read as m is, or a force in kN read as N"),
@@ -406,7 +407,7 @@ def unit_of_change(kind: str, ratio: float) -> str:
     return words if distance <= math.log(LIMITS.guessed) else ""
 
 
-# What measured and simulated outputs tell together: signs, units, exchanged sensors, means.
+# Checks of measured against simulated outputs: signs, units, exchanged sensors, means.
 
 Outputs = Mapping[str, Vector]
 """Signals by the name of the output, all of one length."""
@@ -577,7 +578,7 @@ def means(measured: Outputs, simulated: Outputs, units: Mapping[str, str]) -> li
     return found
 
 
-# Numbers that a fit moved by decades.
+# Checks of fitted against given numbers.
 
 _KINDS = {"mass": "mass", "inertia": "mass", "stiffness": "stiffness", "damping": "damping",
           "gain": "gain"}  # fmt: skip
@@ -627,7 +628,7 @@ def implausible_changes(before: Mapping[str, float], after: Mapping[str, float])
     return found
 
 
-# Everything that looks wrong about a record and a model, in plain sentences.
+# All checks together.
 
 
 def sanity_warnings(
@@ -730,8 +731,5 @@ def _of_inputs(
 
 def _rests(model: MechanicalModel) -> bool:
     """Whether springs hold every coordinate, so that the model has a place of rest."""
-    if not model.free:
-        return False
-    poles = np.linalg.eigvals(model.matrices.first_order()[0])
-    largest = float(np.max(np.abs(poles), initial=0.0))
-    return bool(np.min(np.abs(poles)) > 1e-6 * largest)
+    poles = np.abs(poles_of(model))
+    return bool(poles.size and np.min(poles) > 1e-6 * np.max(poles))

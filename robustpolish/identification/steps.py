@@ -1,4 +1,4 @@
-"""The free runs of a diagnosis: what each step did to the model, held against the record."""
+"""Free runs of the model after each step of a diagnosis, compared with the record."""
 
 from __future__ import annotations
 
@@ -24,28 +24,14 @@ from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plots.time import plot_before_and_after, plot_response
 from robustpolish.signals.quality import sampling_time
 
-
-@dataclass(frozen=True)
-class StepPlotPolicy:
-    """What a picture of a step shows.
-
-    Attributes
-    ----------
-    swings : float
-        Of the strongest line of the signal in the stretch that is shown: so many can be followed
-        by eye in a column of six inches.
-    """
-
-    swings: float = 8.0
-
-
-STEP_PLOT = StepPlotPolicy()
-"""What pictures of steps go by."""
+# Swings of the strongest line in the stretch that is shown: so many can be followed by eye in a
+# column of six inches.
+_SWINGS_SHOWN = 8.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StepRun(Displayed):
-    """One step of a diagnosis, held against the record.
+    """Free run of the model after one step of a diagnosis, compared with the record.
 
     Attributes
     ----------
@@ -94,7 +80,7 @@ class StepRun(Displayed):
         name = self._named(output)
         y = np.asarray(self.after.data[name].values, dtype=float)
         step = sampling_time(self.after.data)
-        samples = round(STEP_PLOT.swings / _dominant_frequency(y, step) / step)
+        samples = round(_SWINGS_SHOWN / _dominant_frequency(y, step) / step)
         if 2 * samples >= y.size:
             return None
         gain = _squared_error_reduction(self, name)

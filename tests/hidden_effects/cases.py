@@ -50,79 +50,35 @@ class Case:
 
 def one(zeta=0.02, **kw):
     m, k = 1.0, 3000.0
-    return Machine(
-        ["x"],
-        [m],
-        [("x", "ground", k)],
-        [("x", "ground", 2 * zeta * np.sqrt(k * m))],
-        ["x"],
-        [("x", "displacement")],
-        f_max=25.0,
-        dt=2e-3,
-        **kw,
-    )
+    return Machine(["x"], [m], [("x", "ground", k)], [("x", "ground", 2 * zeta * np.sqrt(k * m))],
+                   ["x"], [("x", "displacement")], f_max=25.0, dt=2e-3, **kw)  # fmt: skip
 
 
 def lever(**kw):
     """A lever on a weak torsion spring; nothing says that it hangs."""
-    return Machine(
-        ["arm"],
-        [0.5],
-        [("arm", "ground", 8.0)],
-        [("arm", "ground", 0.25)],
-        ["arm"],
-        [("arm", "displacement")],
-        f_max=3.0,
-        dt=0.01,
-        turns=True,
-        **kw,
-    )
+    return Machine(["arm"], [0.5], [("arm", "ground", 8.0)], [("arm", "ground", 0.25)], ["arm"],
+                   [("arm", "displacement")], f_max=3.0, dt=0.01, turns=True, **kw)  # fmt: skip
 
 
 def two(measured=(("x_m", "displacement"), ("x", "displacement")), zeta=0.02, **kw):
-    return Machine(
-        ["x_m", "x"],
-        [1.2, 0.6],
-        [("x_m", "ground", 9000.0), ("x_m", "x", 2500.0)],
-        [("x_m", "ground", 2 * zeta * 104), ("x_m", "x", 2 * zeta * 39)],
-        ["x"],
-        list(measured),
-        f_max=35.0,
-        dt=2e-3,
-        **kw,
-    )
+    return Machine(["x_m", "x"], [1.2, 0.6], [("x_m", "ground", 9000.0), ("x_m", "x", 2500.0)],
+                   [("x_m", "ground", 2 * zeta * 104), ("x_m", "x", 2 * zeta * 39)], ["x"],
+                   list(measured), f_max=35.0, dt=2e-3, **kw)  # fmt: skip
 
 
 def four(**kw):
     names = ["a", "b", "c", "d"]
     springs = [("a", "ground", 9000.0), ("b", "a", 7000.0), ("c", "b", 6000.0), ("d", "c", 5000.0)]
     dampers = [(a, b, 0.0006 * k) for a, b, k in springs]
-    return Machine(
-        names,
-        [1.0, 0.8, 0.8, 0.6],
-        springs,
-        dampers,
-        ["d"],
-        [(n, "displacement") for n in names],
-        f_max=35.0,
-        dt=2e-3,
-        **kw,
-    )
+    return Machine(names, [1.0, 0.8, 0.8, 0.6], springs, dampers, ["d"],
+                   [(n, "displacement") for n in names], f_max=35.0, dt=2e-3, **kw)  # fmt: skip
 
 
 def axes(**kw):
-    return Machine(
-        ["x", "y"],
-        [1.0, 1.0],
-        [("x", "ground", 3000.0), ("y", "ground", 4000.0)],
-        [("x", "ground", 2.5), ("y", "ground", 3.0)],
-        ["x", "y"],
-        [("x", "displacement"), ("y", "displacement")],
-        spin=9.0,
-        f_max=25.0,
-        dt=2e-3,
-        **kw,
-    )
+    return Machine(["x", "y"], [1.0, 1.0], [("x", "ground", 3000.0), ("y", "ground", 4000.0)],
+                   [("x", "ground", 2.5), ("y", "ground", 3.0)], ["x", "y"],
+                   [("x", "displacement"), ("y", "displacement")], spin=9.0, f_max=25.0, dt=2e-3,
+                   **kw)  # fmt: skip
 
 
 def bearing(**kw):
@@ -132,18 +88,9 @@ def bearing(**kw):
     for m, b in (("x_m", "x"), ("y_m", "y")):
         springs += [(m, "ground", 1.0752e8), (b, m, 2.9821e5)]
         dampers += [(m, "ground", 13.16), (b, m, 1.0)]
-    return Machine(
-        names,
-        [0.6376, 0.2, 0.6376, 0.2],
-        springs,
-        dampers,
-        ["x", "y"],
-        [("x", "displacement"), ("y", "displacement")],
-        spin=50.0,
-        f_max=400.0,
-        dt=2e-4,
-        **kw,
-    )
+    return Machine(names, [0.6376, 0.2, 0.6376, 0.2], springs, dampers, ["x", "y"],
+                   [("x", "displacement"), ("y", "displacement")], spin=50.0, f_max=400.0, dt=2e-4,
+                   **kw)  # fmt: skip
 
 
 def model_of(case):

@@ -21,7 +21,7 @@ from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plots.charts import plot_waterfall
 from robustpolish.plots.residuals import plot_surface
 
-# The force that is missing at one place, over the motion there.
+# Restoring-force maps of the missing force.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -140,12 +140,12 @@ def learned_laws_of(
     return tuple(found)
 
 
-# The error ledger: how far the error fell with every step, and what is left to noise.
+# Error reduction table: the error after each step, and the noise floor.
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One step: what was done, the free-run error over each output's deviation, the model then."""
+    """A step of the table: its name, the free-run error over each output's deviation, the model."""
 
     step: str
     nrmse: Mapping[str, float]
@@ -154,7 +154,7 @@ class Entry:
 
 @dataclass(frozen=True, repr=False)
 class Ledger(Displayed):
-    """Entries in order, and the noise floor of each output.
+    """Error reduction table: entries in order, and the noise floor of each output.
 
     Attributes
     ----------
@@ -294,10 +294,13 @@ class FoundEffect:
 
 @dataclass(frozen=True)
 class RankedCandidate:
-    """An effect that was tried.
+    """A candidate effect that was tried.
 
     Attributes
     ----------
+    kind : str
+    at : tuple of str
+    parameters : mapping of str to float
     step : int
         1 when it was tried as the first effect, and so on.
     nrmse_held_out : float
@@ -355,7 +358,7 @@ class Findings:
         return self.ledger.noise_floor
 
 
-# Pairs of effects that data may not separate, and the experiment that would.
+# Indistinguishable pairs of effects, and experiments that separate them.
 
 _EXPERIMENTS: dict[frozenset[str], str] = {
     frozenset({"sensor_offset", "constant_force"}): "Start the record at rest, before the "

@@ -1,4 +1,4 @@
-"""What came out: diagnosis, refit and ledger, in words, pictures and files."""
+"""Result of a diagnosis: report, pictures, and its JSON file."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from robustpolish.machines.effects.user_defined import own_kind, own_table
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plots.time import plot_time_series
 
-# Findings in files: the model as TOML inside, numbers and missing force beside it.
+# JSON files of findings: the model as TOML inside, numbers and missing force beside it.
 
 VERDICTS = (
     "adequate", "parameters", "missing_effect", "partly_explained", "unknown_law", "unexplained",
@@ -238,7 +238,7 @@ def _kind(table: Fields) -> tuple[str, tuple[str, ...], EffectKind | None]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Diagnosis(Findings, Displayed):
-    """What a model lacks.
+    """Diagnosis of a model: the effects that it lacks, with their evidence.
 
     Attributes
     ----------
@@ -252,7 +252,7 @@ class Diagnosis(Findings, Displayed):
         In the order in which they were added.
     candidates : tuple of RankedCandidate
         Those of the first step first, the best first.
-    indistinguishable : tuple of Confusion
+    indistinguishable : tuple of IndistinguishablePair
     ledger : Ledger
     missing_force : ndarray, shape (sites, samples)
         Force that is still missing in the end, at each of `sites`.

@@ -1,4 +1,4 @@
-"""A diagnosis in words, and in plain numbers."""
+"""Report of a diagnosis as text, and as plain data for JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Experiments that might tell two machines apart, made of what the inputs of a record can do."""
+"""Experiment design for model discrimination: candidate excitations and their distances."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from robustpolish.identification.fit.result import Refit
 from robustpolish.identification.observer.kalman import displacement_amplitude, excited_bandwidth
 from robustpolish.identification.observer.runs import rest
 from robustpolish.identification.policy import POLICY
-from robustpolish.identification.record import Record
+from robustpolish.identification.record import Record, poles_of
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import ACCELERATION, DISPLACEMENT, VELOCITY, Input
 from robustpolish.machines.simulation.run import needed_substeps, simulate_model
 
-# The two machines of a pair that data cannot tell apart.
+# Machines of an indistinguishable pair.
 
 
 def machine_pair(
@@ -108,7 +108,7 @@ def parameter_precision(fitted: Refit) -> tuple[dict[str, float], Array]:
     )
 
 
-# The numbers that steer the search for an experiment, each with its reason.
+# Settings of the experiment search.
 
 
 @dataclass(frozen=True)
@@ -251,7 +251,6 @@ def experiments(
     record: Record,
     places: Sequence[str] = (),
     limits: Mapping[str, float] | None = None,
-    policy: ExperimentPolicy = EXPERIMENTS,
 ) -> list[Experiment]:
     """Return the experiments that the inputs of a model allow.
 
@@ -264,26 +263,25 @@ def experiments(
         Coordinates that may be pulled; those of the effects in question. All by default.
     limits : mapping of str to float, optional
         Largest value that an input may take, in its unit.
-    policy : ExperimentPolicy, optional
 
     Returns
     -------
     list of Experiment
     """
-    made = [*_driven(model, record, policy), *_decays(model, record, places, policy)]
+    made = [*_driven(model, record), *_decays(model, record, places)]
     allowed = dict(limits or {})
     return [e for e in made if e.amplitude <= allowed.get(e.channel, np.inf) * (1 + 1e-9)]
 
 
-def _driven(model: MechanicalModel, record: Record, policy: ExperimentPolicy) -> list[Experiment]:
+def _driven(model: MechanicalModel, record: Record) -> list[Experiment]:
     """Return the experiments with inputs: each alone, and those of the record together."""
-    low, high = _frequencies(model, record, policy)
+    low, high = _frequencies(model, record)
     motion = displacement_amplitude(model, record, excited_bandwidth(model, record))
     drives = [item for item in model.inputs if _drives(model, item)]
     sizes = {item.name: float(np.max(np.abs(record.data[item.name].values))) for item in drives}
     drives = [item for item in drives if sizes[item.name] > 0]
     found = []
-    for times in policy.times:
+    for times in EXPERIMENTS.times:
         common = {"times": times, "motion": times * motion, "initial_state": _still(model)}
         if drives:
             first = drives[0]
@@ -291,11 +289,11 @@ def _driven(model: MechanicalModel, record: Record, policy: ExperimentPolicy) ->
                 Experiment(
                     kind="record", channel=first.name, amplitude=times * sizes[first.name],
                     unit=model.unit_of(first), band=(),
-                    inputs=_scaled(model, record, times, policy), **common,
+                    inputs=_scaled(model, record, times), **common,
                 )
             )  # fmt: skip
         for item in drives:
-            for kind, band, wave in _waves(item, record.dt, low, high, policy):
+            for kind, band, wave in _waves(item, record.dt, low, high):
                 found.append(
                     Experiment(
                         kind=kind, channel=item.name, amplitude=times * sizes[item.name],
@@ -313,17 +311,20 @@ def _drives(model: MechanicalModel, item: Input) -> bool:
 
 
 def _waves(
-    item: Input, dt: float, low: float, high: float, policy: ExperimentPolicy
+    item: Input, dt: float, low: float, high: float
 ) -> list[tuple[str, tuple[float, ...], Array]]:
     """Return kind, band and samples of the waves that an input can make, of size 1.
 
     A motion cannot jump, nor have corners.
     """
-    longest = policy.samples * dt
-    slow = max(low / policy.slow, policy.fro / longest)
-    turn = np.arange(round(policy.fro / slow / dt)) * dt * slow
-    time = np.arange(min(policy.samples, max(500, round(policy.swings / low / dt)))) * dt
-    band = max(policy.below * low, 1 / time[-1]), min(policy.above * high, policy.nyquist / dt)
+    longest = EXPERIMENTS.samples * dt
+    slow = max(low / EXPERIMENTS.slow, EXPERIMENTS.fro / longest)
+    turn = np.arange(round(EXPERIMENTS.fro / slow / dt)) * dt * slow
+    time = np.arange(min(EXPERIMENTS.samples, max(500, round(EXPERIMENTS.swings / low / dt)))) * dt
+    band = (
+        max(EXPERIMENTS.below * low, 1 / time[-1]),
+        min(EXPERIMENTS.above * high, EXPERIMENTS.nyquist / dt),
+    )
     sweep = chirp(time, band[0], time[-1], band[1], "logarithmic", phi=-90)
     if item.imposes is not None:
         begin = np.minimum(1.0, 4 * turn)
@@ -337,11 +338,9 @@ def _waves(
     ]
 
 
-def _scaled(
-    model: MechanicalModel, record: Record, times: float, policy: ExperimentPolicy
-) -> xr.Dataset:
+def _scaled(model: MechanicalModel, record: Record, times: float) -> xr.Dataset:
     """Return the inputs of the record times a factor; other signals stay as they were."""
-    part = record.data.isel(time=slice(0, policy.samples))
+    part = record.data.isel(time=slice(0, EXPERIMENTS.samples))
     columns = {
         item.name: part[item.name] * (1.0 if item.on[0] in model.channels else times)
         for item in model.inputs
@@ -373,9 +372,7 @@ def _single_input(
     return xr.Dataset({k: ("time", v) for k, v in columns.items()}, {"time": time})
 
 
-def _decays(
-    model: MechanicalModel, record: Record, places: Sequence[str], policy: ExperimentPolicy
-) -> list[Experiment]:
+def _decays(model: MechanicalModel, record: Record, places: Sequence[str]) -> list[Experiment]:
     """Return free decays after a pull at a coordinate, as a rope makes it."""
     m = model.matrices
     free = m.free.tolist()
@@ -387,15 +384,15 @@ def _decays(
         return []  # nothing holds the machine: it cannot be pulled against anything
     shapes = np.linalg.inv(stiffness)
     size = displacement_amplitude(model, record, excited_bandwidth(model, record))
-    low = _frequencies(model, record, policy)[0]
-    samples = min(policy.samples, max(500, round(policy.swings / low / record.dt)))
+    low = _frequencies(model, record)[0]
+    samples = min(EXPERIMENTS.samples, max(500, round(EXPERIMENTS.swings / low / record.dt)))
     still = _single_input(model, record, None, np.zeros(samples))
     found = []
     for name in names:
         i = list(model.free).index(name)
         if shapes[i, i] <= 0:
             continue
-        for times in policy.times:
+        for times in EXPERIMENTS.times:
             pulled = times * size * shapes[:, i] / shapes[i, i]
             found.append(
                 Experiment(
@@ -412,23 +409,20 @@ def _still(model: MechanicalModel) -> Array:
     return np.zeros(2 * len(model.free))
 
 
-def _frequencies(
-    model: MechanicalModel, record: Record, policy: ExperimentPolicy
-) -> tuple[float, float]:
+def _frequencies(model: MechanicalModel, record: Record) -> tuple[float, float]:
     """Return the lowest and the highest frequency of interest in Hz.
 
     Those of the modes; of a machine without any that swings, where the record moves.
     """
-    top = policy.nyquist / record.dt
+    top = EXPERIMENTS.nyquist / record.dt
     found = [excited_bandwidth(model, record) / (2 * np.pi)]
-    if model.free:
-        poles = np.linalg.eigvals(model.matrices.first_order()[0])
-        swinging = [float(f) for f in np.abs(poles[poles.imag > 0]) / (2 * np.pi) if f < top]
-        found = swinging or found
+    poles = poles_of(model)
+    swinging = [float(f) for f in np.abs(poles[poles.imag > 0]) / (2 * np.pi) if f < top]
+    found = swinging or found
     return min(min(found), top / 2), min(max(found), top)
 
 
-# How far two machines are apart in an experiment, before and after one takes after the other.
+# Distance of two machines in an experiment, before and after a refit of the second to the first.
 
 
 @dataclass(frozen=True, eq=False)
@@ -494,7 +488,6 @@ def distance(
     machines: MachinePair,
     experiment: Experiment,
     reach: Array,
-    policy: ExperimentPolicy = EXPERIMENTS,
 ) -> Distance:
     """Simulate an experiment on both machines.
 
@@ -504,7 +497,6 @@ def distance(
     experiment : Experiment
     reach : ndarray, shape (ny,)
         Largest value that each output may take.
-    policy : ExperimentPolicy, optional
 
     Returns
     -------
@@ -533,15 +525,15 @@ def distance(
             name = machines.first.output_names[int(np.argmax(over))]
             raise UnusableExperimentError(f"{name} would reach {over.max():.3g} times its limit")
     found = Distance(first, second, second)
-    if np.all(found.apart < policy.clear * machines.noise):
+    if np.all(found.apart < EXPERIMENTS.clear * machines.noise):
         return found  # nothing that the numbers of the second could do would matter
     push = np.zeros(experiment.initial_state.size)
-    push[: push.size // 2] = policy.start * experiment.motion
+    push[: push.size // 2] = EXPERIMENTS.start * experiment.motion
     moved = replace(experiment, initial_state=experiment.initial_state + push)
     again = Distance(first, _run(machines.first, moved, steps), first)
-    if not np.any(again.apart < policy.repeats * found.apart):
+    if not np.any(again.apart < EXPERIMENTS.repeats * found.apart):
         raise UnusableExperimentError("a tiny change of the start changes the run as much")
-    return replace(found, adapted=_adapted(machines, experiment, first, second, steps, policy))
+    return replace(found, adapted=_adapted(machines, experiment, first, second, steps))
 
 
 def _has_internal_states(model: MechanicalModel) -> bool:
@@ -565,7 +557,6 @@ def _adapted(
     wanted: Array,
     begin: Array,
     substeps: int,
-    policy: ExperimentPolicy,
 ) -> Array:
     """Return the run of the second machine that comes closest to the first.
 
@@ -577,11 +568,11 @@ def _adapted(
         return begin
     values = start = np.array([machines.second.parameters[key] for key in machines.known])
     samples, cost = len(wanted), np.inf
-    for halvings in range(policy.stretches - 1, -1, -1):
+    for halvings in range(EXPERIMENTS.stretches - 1, -1, -1):
         length = max(samples >> halvings, 2)
         head = replace(experiment, inputs=experiment.inputs.isel(time=slice(0, length)))
         stretch = _Stretch(machines, head, wanted[:length], start, substeps)
-        values, cost = _closer(stretch, values, policy)
+        values, cost = _closer(stretch, values)
     whole = _Stretch(machines, experiment, wanted, start, substeps)
     found = whole.run(values)
     if found is None or not cost < whole.cost(begin, start):
@@ -623,19 +614,19 @@ class _Stretch:
         return float(np.sum(self.error(run) ** 2) + moved @ self.machines.precision @ moved)
 
 
-def _closer(stretch: _Stretch, values: Array, policy: ExperimentPolicy) -> tuple[Array, float]:
+def _closer(stretch: _Stretch, values: Array) -> tuple[Array, float]:
     """Return numbers with which the second machine is closer to the first, and their cost."""
     start, precision = stretch.start, stretch.machines.precision
     known = np.array(list(stretch.machines.known.values()))
     sizes = np.abs(start)
     error = np.where(np.isfinite(known), known, 0.0)
-    widest = np.maximum(policy.widest * sizes, 3 * error)
-    small = policy.step * np.where(sizes > 0, sizes, error)
+    widest = np.maximum(EXPERIMENTS.widest * sizes, 3 * error)
+    small = EXPERIMENTS.step * np.where(sizes > 0, sizes, error)
     small = np.where((error > 0) & (error < small), error, small)
     scaled = precision * np.outer(small, small)
     best = stretch.run(values)
     cost = stretch.cost(best, values)
-    for _ in range(policy.rounds):
+    for _ in range(EXPERIMENTS.rounds):
         if best is None:
             break
         slopes = np.zeros((best.size, values.size))
@@ -655,6 +646,6 @@ def _closer(stretch: _Stretch, values: Array, policy: ExperimentPolicy) -> tuple
             if stretch.cost(run, there) < cost:
                 values, best, cost = there, run, stretch.cost(run, there)
                 break
-        if not cost < policy.settled * before:
+        if not cost < EXPERIMENTS.settled * before:
             break
     return values, cost

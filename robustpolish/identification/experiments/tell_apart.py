@@ -1,8 +1,9 @@
-"""Find the experiment that tells two machines apart that a record does not."""
+"""Model discrimination: the experiment that separates two machines which a record does not."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,7 +22,6 @@ from robustpolish.identification.experiments.candidates import (
     EXPERIMENTS,
     Distance,
     Experiment,
-    ExperimentPolicy,
     MachinePair,
     UnusableExperimentError,
     describe_difference,
@@ -39,7 +39,7 @@ from robustpolish.identification.refit import refit
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plots.time import plot_distances, plot_two_machines
 
-# What came out of a search for an experiment that tells two machines apart.
+# Result of the experiment search.
 
 _SHOWN = 8
 
@@ -77,13 +77,13 @@ class SimulatedExperiment:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ToldApart(Displayed):
-    """How far experiments would take two machines apart.
+    """Distances of two machines in candidate experiments.
 
     Attributes
     ----------
     machines : MachinePair
         Both models, their names, the noise.
-    tried : tuple of TriedExperiment
+    tried : tuple of SimulatedExperiment
         Those that tell most first.
     refused : tuple of (str, str)
         Experiments that cannot be made or repeated, and why.
@@ -201,6 +201,7 @@ class ToldApart(Displayed):
         dict
         """
         chosen = self.recommended
+        excitation = ("kind", "channel", "amplitude", "unit", "times")
         outputs = [name for name, _ in self._outputs()]
         return {
             "machines": list(self.machines.names),
@@ -209,11 +210,7 @@ class ToldApart(Displayed):
             "recommended": None if chosen is None else str(chosen.experiment),
             "experiments": [
                 {
-                    "kind": t.experiment.kind,
-                    "channel": t.experiment.channel,
-                    "amplitude": t.experiment.amplitude,
-                    "unit": t.experiment.unit,
-                    "times": t.experiment.times,
+                    **{name: getattr(t.experiment, name) for name in excitation},
                     "band": list(t.experiment.band),
                     "apart": dict(zip(outputs, t.distance.apart.tolist(), strict=True)),
                     "left": dict(zip(outputs, t.distance.left.tolist(), strict=True)),
@@ -318,7 +315,6 @@ def tell_apart(
     limits: Mapping[str, float] | None = None,
     fit: bool = True,
     progress: Callable[[str], None] | None = None,
-    _policy: ExperimentPolicy = EXPERIMENTS,
 ) -> ToldApart:
     """Search for the experiment that tells two machines apart which a record does not.
 
@@ -379,57 +375,43 @@ def tell_apart(
     >>> told.recommended.left > 3
     True
     """
-    if progress is not None:
-        return _tell_apart(machines, data, pair, noise, limits, fit, progress, _policy)
-    with progress_bar("Trying experiments") as tell:
-        return _tell_apart(machines, data, pair, noise, limits, fit, tell, _policy)
-
-
-def _tell_apart(
-    machines: Diagnosis | tuple[MechanicalModel, MechanicalModel],
-    data: Any,
-    number: int,
-    noise: Mapping[str, float] | None,
-    limits: Mapping[str, float] | None,
-    fit: bool,
-    say: Callable[[str], None],
-    policy: ExperimentPolicy,
-) -> ToldApart:
     require_time_data(data)
-    diagnosis = machines if isinstance(machines, Diagnosis) else None
-    hint = ""
-    if diagnosis is not None:
-        chosen = _selected_pair(diagnosis, number)
-        hint = chosen.experiment
-        models = machine_pair(diagnosis.model, chosen)
-    else:
-        models = _comparable_models(machines)
-    record = require_length(models[0], record_of(models[0], data))
-    floor = _noise(models[0], record, noise, diagnosis)
-    reach = _output_limits(models[0], record, limits, policy)
-    names = describe_difference(*models)
-    on_record: dict[str, tuple[float, float]] = {}
-    if fit:
-        fits = [_fit_to_record(m, record, diagnosis, i, say) for i, m in enumerate(models)]
-        models = fits[0][0], fits[1][0]
-        on_record = {k: (fits[0][1][k], fits[1][1][k]) for k in models[0].output_names}
-        known, precision = fits[1][2]
-    else:
-        known, precision = _unknown_parameters(models[1], record)
-    both = MachinePair(*models, names, floor, known, precision)
-    places = [end for model in models for e in model.effects for end in e.at]
-    tried, refused = [], []
-    wanted = experiments(models[0], record, places, limits, policy)
-    say(f"simulating {len(wanted)} experiments")
-    for experiment in wanted:
-        try:
-            tried.append(
-                SimulatedExperiment(experiment, distance(both, experiment, reach, policy), floor)
-            )
-        except UnusableExperimentError as why:
-            refused.append((str(experiment), str(why)))
-    tried.sort(key=lambda t: -t.left)
-    return ToldApart(both, tuple(tried), tuple(refused), on_record, hint)
+    with progress_bar("Trying experiments") if progress is None else nullcontext(progress) as say:
+        diagnosis = machines if isinstance(machines, Diagnosis) else None
+        hint = ""
+        if diagnosis is not None:
+            chosen = _selected_pair(diagnosis, pair)
+            hint = chosen.experiment
+            models = machine_pair(diagnosis.model, chosen)
+        else:
+            models = _comparable_models(machines)
+        record = require_length(models[0], record_of(models[0], data))
+        floor = _noise(models[0], record, noise, diagnosis)
+        reach = _output_limits(models[0], record, limits)
+        names = describe_difference(*models)
+        on_record: dict[str, tuple[float, float]] = {}
+        if fit:
+            fits = [_fit_to_record(m, record, diagnosis, i, say) for i, m in enumerate(models)]
+            models = fits[0][0], fits[1][0]
+            on_record = {k: (fits[0][1][k], fits[1][1][k]) for k in models[0].output_names}
+            known, precision = fits[1][2]
+        else:  # nothing is known of the numbers that a fit would move
+            band = excited_bandwidth(models[1], record)
+            keys = [f.key for f in free_parameters(models[1], band, POLICY)]
+            known, precision = dict.fromkeys(keys, np.inf), np.zeros((len(keys), len(keys)))
+        both = MachinePair(*models, names, floor, known, precision)
+        places = [end for model in models for e in model.effects for end in e.at]
+        tried, refused = [], []
+        wanted = experiments(models[0], record, places, limits)
+        say(f"simulating {len(wanted)} experiments")
+        for experiment in wanted:
+            try:
+                apart = distance(both, experiment, reach)
+                tried.append(SimulatedExperiment(experiment, apart, floor))
+            except UnusableExperimentError as why:
+                refused.append((str(experiment), str(why)))
+        tried.sort(key=lambda t: -t.left)
+        return ToldApart(both, tuple(tried), tuple(refused), on_record, hint)
 
 
 def _selected_pair(diagnosis: Diagnosis, number: int) -> IndistinguishablePair:
@@ -485,7 +467,6 @@ def _output_limits(
     model: MechanicalModel,
     record: Record,
     limits: Mapping[str, float] | None,
-    policy: ExperimentPolicy,
 ) -> Array:
     """Return the largest value that each output may take."""
     known = (*model.input_names, *model.output_names)
@@ -493,7 +474,7 @@ def _output_limits(
         if name not in known:
             raise invalid("limits", name, f"one of {', '.join(known)}", "Check the name.")
         positive(f"limits[{name}]", value, "its unit")
-    seen = policy.reach * np.max(np.abs(record.Y), axis=0)
+    seen = EXPERIMENTS.reach * np.max(np.abs(record.Y), axis=0)
     found = [
         (limits or {}).get(name, value)
         for name, value in zip(model.output_names, seen, strict=True)
@@ -517,9 +498,3 @@ def _fit_to_record(
     say(f"refit of the {('first', 'second')[place]} machine")
     found: Refit = refit(model, record.data)
     return found.model, found.nrmse, parameter_precision(found)
-
-
-def _unknown_parameters(model: MechanicalModel, record: Record) -> tuple[dict[str, float], Array]:
-    """Return the numbers of a model that a fit would move, with nothing known of them."""
-    keys = [f.key for f in free_parameters(model, excited_bandwidth(model, record), POLICY)]
-    return dict.fromkeys(keys, np.inf), np.zeros((len(keys), len(keys)))

@@ -1,4 +1,4 @@
-"""Bounded Levenberg-Marquardt steps on prediction errors, and how well the numbers are known."""
+"""Bounded Levenberg-Marquardt fits of prediction errors, with the covariance of the numbers."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from robustpolish.identification.fit.parameters import (
     with_fixed_force_scale,
 )
 from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.fit.result import stderr_from_covariance
 from robustpolish.identification.observer.runs import (
     InitialState,
     RecordRun,
@@ -491,12 +492,6 @@ def standard_errors(fitted: Fit) -> dict[str, float]:
     return stderr_from_covariance(covariance_of(fitted))
 
 
-def stderr_from_covariance(covariance: xr.DataArray) -> dict[str, float]:
-    """Return the standard errors that belong to a covariance."""
-    errors = np.sqrt(np.maximum(np.diag(covariance.values), 0.0))
-    return dict(zip(covariance["parameter"].values.tolist(), errors.tolist(), strict=True))
-
-
 def log_odds(one: Fit, other: Fit) -> float:
     """Return the log odds by which a record prefers one fit to another fit to the same pieces.
 
@@ -522,7 +517,7 @@ def bartlett_factor(e: Array) -> float:
     return float(1 + 2 * np.sum(rho**2))
 
 
-# Fit a model's parameters by free runs that grow longer.
+# Multiple shooting: fits over windows that grow longer.
 #
 # A record is cut into windows from which the model runs freely, each from a start of its own; the
 # windows grow from a few swings to whole pieces (multiple shooting: Bock 1983; Ljung, System
@@ -720,7 +715,7 @@ class EvaluatedFit:
         Whether free runs over whole pieces judge anything.
     over_fitted : callable
         Returns the error of free runs over the whole pieces that fits are made to, shape (ny,).
-    fades : bool
+    quieter_held_out : bool
         Whether the held-out pieces are far quieter than those that fits are made to.
     """
 
@@ -828,7 +823,7 @@ def best_stage(stages: Sequence[Fit], prepared: PreparedRecord) -> EvaluatedFit:
     return min(found, key=lambda s: float(np.sum(np.log(s.short))))
 
 
-# A fit of whole runs that is followed to its minimum, along narrow valleys too.
+# Trust-region refinement of a fit to its minimum.
 #
 # Laws of damping, or a spring and a pendulum, may do nearly the same: the steps of
 # :mod:`.least_squares` are damped, so that they crawl along such a valley and stop where they
@@ -978,7 +973,7 @@ _DIVERGED_ERROR = 1e6
 """What an error counts at most, in those of the fit at its beginning: a run that diverged."""
 
 
-# A fit whose effects stand in another order: the same numbers, starts and errors.
+# Reordering of the effects of a fit.
 
 _NUMBER = re.compile(r"effect\[(\d+)\](.*)")
 

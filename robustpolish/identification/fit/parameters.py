@@ -1,4 +1,4 @@
-"""Which numbers of a model are fitted, in which units, between which bounds."""
+"""Free parameters of a fit: keys, scales, bounds and priors."""
 
 from __future__ import annotations
 

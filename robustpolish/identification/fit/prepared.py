@@ -1,4 +1,4 @@
-"""A record prepared for fits: pieces with their starts, sizes, and what a fit goes by."""
+"""Preparation of records for fits: reduction, held-out parts, pieces with initial states."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -19,8 +18,6 @@ from robustpolish.base.budget import Budget
 from robustpolish.base.checks import described, invalid
 from robustpolish.errors import InvalidInputError
 from robustpolish.identification.observer.kalman import (
-    FREE,
-    Level,
     Scales,
     displacement_amplitude,
     displacement_peak,
@@ -48,6 +45,7 @@ from robustpolish.identification.record import (
     frequencies,
     least_samples,
     most_active_part,
+    poles_of,
     quiet_after,
     record_of,
     repeats,
@@ -57,7 +55,7 @@ from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import ACCELERATION, DISPLACEMENT, FORCE, VELOCITY
 from robustpolish.signals.filtering import FLAT, decimate
 
-# What of records is held out to judge fits: whole records, or blocks of each.
+# Cross-validation split: held-out records, or held-out blocks of each.
 
 # Two held-out pieces, 30 % of the record, between those for estimation; free decays keep their
 # beginning, where the amplitude is, for estimation.
@@ -167,7 +165,7 @@ def _blocks(model: MechanicalModel, part: Record, several: bool) -> list[int]:
     return found if enough else of_time
 
 
-# Long records as fits can take them: with fewer samples, or a part of them.
+# Reduction of long records: decimation, or a part of them.
 #
 # The motion of a machine of 40 Hz takes no 50,000 samples a second to be seen, but a fit to them
 # takes 25 times as long as one to 2000. How many are kept follows from four things: the fastest
@@ -422,15 +420,6 @@ class WorkBudget(Budget):
         return not self.exhausted
 
 
-class _FittedStartRuns(NamedTuple):
-    """What :meth:`PreparedRecord.run_with_fitted_starts` found."""
-
-    model: MechanicalModel
-    pieces: Sequence[StartedPiece]
-    run: RecordRun
-    started: list[StartedPiece]
-
-
 @dataclass(frozen=True, eq=False)
 class PreparedRecord:
     """A record prepared for fits of a model and its extensions.
@@ -449,7 +438,7 @@ class PreparedRecord:
         `trial` is the first part of each estimation piece, for first fits of candidates.
     windows : list of StartedPiece
         The whole record in short pieces, for models whose long free runs judge nothing.
-    motion_before : SmoothedMotion
+    linear_motion : SmoothedMotion
         What the linear model's observer made of the record.
     short : int
         Samples of short windows.
@@ -477,7 +466,8 @@ class PreparedRecord:
     repeats: Repeats | None = None
     held: frozenset[str] = frozenset()
     work: WorkBudget = field(default_factory=WorkBudget)
-    _recent: deque[_FittedStartRuns] = field(
+    # of run_with_fitted_starts: what was asked for, and what was found
+    _recent: deque[tuple[object, object, RecordRun, list[StartedPiece]]] = field(
         default_factory=partial(deque, maxlen=_KEPT), init=False, repr=False
     )
 
@@ -566,10 +556,9 @@ class PreparedRecord:
             0, quiet_after(part.Y, policy.shape_above * self.scales.noise, policy.least_moving)
         )
 
-    def runner(self, model: MechanicalModel, level: Level = FREE) -> Runner:
-        """Return what runs a model and those that are tried in its place, led at a level."""
-        dt, spend = self.record.dt, self.work.spend
-        return Runner(model, dt, self.peak, level, self.scales, spend=spend)
+    def runner(self, model: MechanicalModel) -> Runner:
+        """Return what runs a model freely, and those that are tried in its place."""
+        return Runner(model, self.record.dt, self.peak, spend=self.work.spend)
 
     def motion(self, model: MechanicalModel, record: Record) -> SmoothedMotion:
         """Return the smoothed motion along the record or a part of it."""
@@ -583,12 +572,12 @@ class PreparedRecord:
         self, model: MechanicalModel, pieces: Sequence[StartedPiece]
     ) -> tuple[RecordRun, list[StartedPiece]]:
         """Return a model ready to run, and the pieces with the starts that suit it best."""
-        for known in tuple(self._recent):
-            if known.model is model and known.pieces is pieces:
-                return known.run, known.started
+        for of, over, run, started in tuple(self._recent):
+            if of is model and over is pieces:
+                return run, started
         run = self.runner(model).run(model)
         started = self.with_fitted_starts(run, with_initial_memory(model, pieces))
-        self._recent.append(_FittedStartRuns(model, pieces, run, started))
+        self._recent.append((model, pieces, run, started))
         return run, started
 
     def with_fitted_starts(
@@ -685,10 +674,7 @@ def has_integrator(model: MechanicalModel, length: float) -> bool:
 
     The free run of such a model forgets nothing, so that it is judged in windows.
     """
-    if not model.free:
-        return False
-    poles = np.linalg.eigvals(model.matrices.first_order()[0])
-    return bool(np.min(np.abs(poles)) * length < 1)
+    return bool(np.min(np.abs(poles_of(model)), initial=np.inf) * length < 1)
 
 
 def _motion_sizes(model: MechanicalModel, motion: SmoothedMotion) -> Array:

@@ -1,8 +1,8 @@
-"""The result of a refit."""
+"""Result of a parameter estimation: values, standard errors, covariance."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,7 +13,9 @@ from matplotlib.axes import Axes
 
 from robustpolish.base.results import Card, Displayed, Table, estimate
 from robustpolish.identification.diagnosis.uncertainty import uncertain
+from robustpolish.identification.fit.parameters import FreeParameter
 from robustpolish.identification.free_runs import RecordError, records_content, records_table
+from robustpolish.machines.mechanical.data import unit_of
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plots.charts import plot_bars
 
@@ -128,3 +130,45 @@ class Refit(Displayed):
         errors = tuple(self.nrmse.items())
         tables = (Table("", columns, rows), Table("", ("output", "NRMSE"), errors))
         return Card("Refit", (*tables, *records_table(self.records)), self.notes)
+
+
+def refit_of(
+    model: MechanicalModel,
+    free: Sequence[FreeParameter],
+    covariance: xr.DataArray,
+    nrmse: dict[str, float],
+    undetermined: float,
+) -> Refit:
+    """Return values, bounds and standard errors of a fit.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+        Fitted.
+    free : sequence of FreeParameter
+    covariance : xarray.DataArray
+        Over their keys twice.
+    nrmse : dict of str to float
+        Relative errors.
+    undetermined : float
+        Standard error over the value from which a number is called undetermined.
+    """
+    errors = stderr_from_covariance(covariance)
+    parameters = lmfit.Parameters()
+    units, left_open = {}, []
+    for f in free:
+        value, error = model.parameters[f.key], errors[f.key]
+        # lmfit takes identifiers only
+        name = "".join(c if c.isalnum() else "_" for c in f.key).strip("_")
+        parameters.add(name, value=value, min=f.lower, max=f.upper)
+        parameters[name].stderr = error
+        units[f.key] = unit_of(model, f.key)
+        if not np.isfinite(error) or error > undetermined * abs(value):
+            left_open.append(f.key)
+    return Refit(model, parameters, units, nrmse, tuple(left_open), errors, covariance)
+
+
+def stderr_from_covariance(covariance: xr.DataArray) -> dict[str, float]:
+    """Return the standard errors that belong to a covariance."""
+    errors = np.sqrt(np.maximum(np.diag(covariance.values), 0.0))
+    return dict(zip(covariance["parameter"].values.tolist(), errors.tolist(), strict=True))

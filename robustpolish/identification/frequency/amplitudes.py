@@ -1,4 +1,4 @@
-"""Frequency responses at several amplitudes: what is not linear, how, and where."""
+"""Detection of nonlinearity by frequency responses at several amplitudes."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from robustpolish.base.arrays import Array
 from robustpolish.base.checks import described, invalid, one_of, positive
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.identification.frequency.lines import (
-    FREQUENCY_POLICY,
-    FrequencyPolicy,
+    SETTINGS,
     MeasuredResponse,
     Resonance,
     match_modes,
@@ -240,8 +239,6 @@ class AmplitudeDependence(Displayed):
 def amplitude_dependence(
     responses: Mapping[float, Any],
     model: MechanicalModel | None = None,
-    *,
-    _policy: FrequencyPolicy = FREQUENCY_POLICY,
 ) -> AmplitudeDependence:
     """Find out from responses at several amplitudes what of a machine is not linear.
 
@@ -291,11 +288,11 @@ def amplitude_dependence(
         shown = described(f"{len(responses)} response")
         raise invalid("responses", shown, "two or more amplitudes", "Measure at another level.")
     levels = sorted(responses, key=lambda each: positive("amplitude", each))
-    measured = [measured_response(model, responses[level], _policy) for level in levels]
+    measured = [measured_response(model, responses[level]) for level in levels]
     if any(each.names != measured[0].names for each in measured):
         listed = "; ".join(", ".join(each.names) for each in measured)
         raise invalid("responses", described(listed), "the same pairs", "Select those.")
-    found = [measured_resonances(each, _policy) for each in measured]
+    found = [measured_resonances(each) for each in measured]
     if not any(found):
         raise invalid(
             "responses",
@@ -303,9 +300,9 @@ def amplitude_dependence(
             "a resonance",
             "Measure finer about the resonances.",
         )
-    tracks = _tracked(found, _policy)
+    tracks = _tracked(found)
     shapes = _model_motion(model, measured[0]) if model is not None else None
-    modes = [_mode(levels, track, shapes, _policy) for track in tracks]
+    modes = [_mode(levels, track, shapes) for track in tracks]
     modes.sort(key=lambda mode: mode.frequency[0])
     notes = []
     lone = [track for track in tracks if len(track) < 2]
@@ -316,14 +313,12 @@ def amplitude_dependence(
     return AmplitudeDependence(judged, _places(judged), tuple(notes))
 
 
-def _tracked(
-    found: list[tuple[Resonance, ...]], policy: FrequencyPolicy
-) -> list[dict[int, Resonance]]:
+def _tracked(found: list[tuple[Resonance, ...]]) -> list[dict[int, Resonance]]:
     """Follow each resonance from level to level."""
     tracks: list[dict[int, Resonance]] = []
     for level, modes in enumerate(found):
         last = tuple(track[max(track)] for track in tracks)
-        partners = {j: i for i, j in match_modes(last, modes, policy)}
+        partners = {j: i for i, j in match_modes(last, modes)}
         for j, mode in enumerate(modes):
             if j in partners:
                 tracks[partners[j]][level] = mode
@@ -336,19 +331,18 @@ def _mode(
     levels: list[float],
     track: dict[int, Resonance],
     shapes: list[tuple[Resonance, dict[tuple[str, str], float]]] | None,
-    policy: FrequencyPolicy,
 ) -> AmplitudeMode:
     amplitudes = np.array([levels[k] for k in track])
     columns = ("frequency", "frequency_error", "damping", "damping_error")
     values = {name: np.array([getattr(m, name) for m in track.values()]) for name in columns}
     frequency, frequency_error, damping, damping_error = values.values()
-    by_frequency = _trend(amplitudes, frequency, frequency_error, policy.same_frequency, policy)
-    by_damping = _trend(amplitudes, damping, damping_error, policy.same_damping, policy)
+    by_frequency = _trend(amplitudes, frequency, frequency_error, SETTINGS.same_frequency)
+    by_damping = _trend(amplitudes, damping, damping_error, SETTINGS.same_damping)
     character, effects = _CAUSES[by_frequency, by_damping]
     places: tuple[tuple[tuple[str, str], float], ...] = ()
     if shapes:
         first = (track[min(track)],)
-        pairs = match_modes(tuple(mode for mode, _ in shapes), first, policy)
+        pairs = match_modes(tuple(mode for mode, _ in shapes), first)
         if pairs:
             motion = shapes[pairs[0][0]][1]
             places = tuple(sorted(motion.items(), key=lambda item: -item[1]))
@@ -358,9 +352,7 @@ def _mode(
     )  # fmt: skip
 
 
-def _trend(
-    amplitudes: Array, values: Array, errors: Array, same: float, policy: FrequencyPolicy
-) -> Trend:
+def _trend(amplitudes: Array, values: Array, errors: Array, same: float) -> Trend:
     """Return whether values rise with the logarithm of the amplitude, beyond their errors."""
     if values.size < 2:
         return "stays"
@@ -370,7 +362,7 @@ def _trend(
     x = x - (weights @ x) / np.sum(weights)
     slope = weights @ (x * values) / (weights @ x**2)
     sigmas = slope * np.sqrt(weights @ x**2)
-    if abs(sigmas) < policy.changed:
+    if abs(sigmas) < SETTINGS.changed:
         return "stays"
     return "rises" if sigmas > 0 else "falls"
 

@@ -1,4 +1,4 @@
-"""What comes out of holding a model against measured frequency responses."""
+"""Comparison of a model with measured frequency responses."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from robustpolish.base.arrays import AnyArray
 from robustpolish.base.checks import one_of
 from robustpolish.base.results import Card, Displayed, Table, plus_minus
 from robustpolish.identification.frequency.lines import (
-    FREQUENCY_POLICY,
-    FrequencyPolicy,
+    SETTINGS,
     MeasuredResponse,
+    Resonance,
     likeness,
     match_modes,
     measured_resonances,
@@ -90,7 +90,7 @@ class ModeComparison:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FrequencyComparison(Displayed):
-    """A model held against measured frequency responses.
+    """Comparison of a model with measured frequency responses.
 
     Attributes
     ----------
@@ -150,16 +150,11 @@ class FrequencyComparison(Displayed):
         -------
         dict
         """
+        figures = ("relative", "noise", "over_noise", "likeness", "unit")
         return {
             "pairs": {
-                f"{output}/{source}": {
-                    "relative": error.relative,
-                    "noise": error.noise,
-                    "over_noise": error.over_noise,
-                    "likeness": error.likeness,
-                    "unit": error.unit,
-                }
-                for (output, source), error in self.pairs.items()
+                "/".join(pair): {name: getattr(error, name) for name in figures}
+                for pair, error in self.pairs.items()
             },
             "overall": {"relative": self.relative},
             "modes": [vars(mode) for mode in self.modes],
@@ -256,9 +251,7 @@ class FrequencyComparison(Displayed):
         return Card(title, tuple(tables), self.notes)
 
 
-def compare_frequency_response(
-    model: MechanicalModel, data: Any, policy: FrequencyPolicy = FREQUENCY_POLICY
-) -> FrequencyComparison:
+def compare_frequency_response(model: MechanicalModel, data: Any) -> FrequencyComparison:
     """Hold the linear part of a model against measured frequency responses.
 
     Parameters
@@ -266,7 +259,6 @@ def compare_frequency_response(
     model : MechanicalModel
     data : xarray.DataArray, control.FrequencyResponseData or path
         See :func:`robustpolish.read_frequency_response`.
-    policy : FrequencyPolicy, optional
 
     Returns
     -------
@@ -277,10 +269,10 @@ def compare_frequency_response(
     InvalidInputError
         If no pair is the model's, or a unit is of another kind than the model says.
     """
-    measured = measured_response(model, data, policy)
+    measured = measured_response(model, data)
     sampling_time = measured.data.attrs.get("sampling_time")
     values, notes = response_values(model, measured.frequency, None, sampling_time)
-    errors = pair_errors(measured, measured.chosen(model, values), policy)
+    errors = pair_errors(measured, measured.chosen(model, values))
     keys = measured.pairs
     modelled = measured.data.copy(data=np.full(measured.data.shape, np.nan, dtype=complex))
     for k, (output, source) in enumerate(keys):
@@ -294,7 +286,7 @@ def compare_frequency_response(
         measured=measured.data,
         modelled=modelled,
         pairs=dict(zip(keys, errors, strict=True)),
-        modes=_modes(model, measured, policy),
+        modes=_modes(model, measured),
         notes=tuple(notes),
     )
 
@@ -305,23 +297,20 @@ def combined_error(errors: Iterable[PairError]) -> float:
     return float(np.sqrt(each[:, 0] @ each[:, 1] / np.sum(each[:, 0])))
 
 
-def pair_errors(
-    measured: MeasuredResponse, modelled: AnyArray, policy: FrequencyPolicy = FREQUENCY_POLICY
-) -> list[PairError]:
+def pair_errors(measured: MeasuredResponse, modelled: AnyArray) -> list[PairError]:
     """Return the error of each pair.
 
     Parameters
     ----------
     measured : MeasuredResponse
     modelled : ndarray, shape (lines, pairs)
-    policy : FrequencyPolicy, optional
 
     Returns
     -------
     list of PairError
     """
     result = []
-    spread = measured.spread(policy.accuracy)
+    spread = measured.spread(SETTINGS.accuracy)
     for k, (output, source) in enumerate(measured.pairs):
         there = measured.there[:, k] & np.isfinite(modelled[:, k])
         H, G = measured.values[there, k], modelled[there, k]
@@ -342,34 +331,29 @@ def pair_errors(
     return result
 
 
-def _modes(
-    model: MechanicalModel, measured: MeasuredResponse, policy: FrequencyPolicy
-) -> tuple[ModeComparison, ...]:
+def _modes(model: MechanicalModel, measured: MeasuredResponse) -> tuple[ModeComparison, ...]:
     """Put the model's modes and the measured ones side by side."""
-    ours, theirs = model_resonances(model, measured), measured_resonances(measured, policy)
-    partners = dict(match_modes(ours, theirs, policy))
+    ours, theirs = model_resonances(model, measured), measured_resonances(measured)
+    partners = dict(match_modes(ours, theirs))
     rows = []
     for i, mode in enumerate(ours):
         seen = theirs[partners[i]] if i in partners else None
         inside = measured.frequency[0] <= mode.frequency <= measured.frequency[-1]
         if seen is None and not inside:
             continue
-        rows.append(
-            ModeComparison(
-                mode.frequency,
-                mode.damping,
-                None if seen is None else seen.frequency,
-                None if seen is None else seen.damping,
-                None if seen is None else seen.frequency_error,
-                None if seen is None else seen.damping_error,
-                None if seen is None else likeness(mode.shape, seen.shape),
-            )
-        )
+        alike = None if seen is None else likeness(mode.shape, seen.shape)
+        rows.append(ModeComparison(mode.frequency, mode.damping, *_figures(seen), alike))
     for j, mode in enumerate(theirs):
         if j not in partners.values():
-            own = (mode.frequency, mode.damping, mode.frequency_error, mode.damping_error)
-            rows.append(ModeComparison(None, None, *own, None))
+            rows.append(ModeComparison(None, None, *_figures(mode), None))
     return tuple(sorted(rows, key=lambda row: row.frequency or row.model_frequency or 0.0))
+
+
+def _figures(mode: Resonance | None) -> tuple[float | None, ...]:
+    """Return frequency and damping of a measured mode with their errors, None if there is none."""
+    if mode is None:
+        return (None,) * 4
+    return mode.frequency, mode.damping, mode.frequency_error, mode.damping_error
 
 
 def _with_error(value: float | None, error: float | None, scale: float) -> str | None:

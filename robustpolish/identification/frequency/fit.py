@@ -1,12 +1,11 @@
-"""Fit the numbers of a model to measured frequency responses."""
+"""Parameter estimation from measured frequency responses by weighted least squares."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-import lmfit
 import numpy as np
 import xarray as xr
 from scipy.optimize import brentq, least_squares
@@ -14,16 +13,14 @@ from scipy.optimize import brentq, least_squares
 from robustpolish.base.arrays import AnyArray, Array
 from robustpolish.errors import InvalidInputError
 from robustpolish.identification.fit.parameters import FreeParameter, free_parameters
-from robustpolish.identification.fit.result import Refit
+from robustpolish.identification.fit.result import Refit, refit_of
 from robustpolish.identification.frequency.comparison import combined_error, pair_errors
 from robustpolish.identification.frequency.lines import (
-    FREQUENCY_POLICY,
-    FrequencyPolicy,
+    SETTINGS,
     MeasuredResponse,
     measured_response,
 )
 from robustpolish.identification.policy import POLICY
-from robustpolish.machines.mechanical.data import unit_of
 from robustpolish.machines.mechanical.model import MechanicalModel
 
 _HUGE = 1e12  # what a model that cannot be built, or is infinite, costs
@@ -33,7 +30,6 @@ def refit_frequency_response(
     model: MechanicalModel,
     data: Any,
     progress: Callable[[], None] | None = None,
-    policy: FrequencyPolicy = FREQUENCY_POLICY,
 ) -> Refit:
     """Fit the masses, springs, dampers, gains and effects of a model to its response.
 
@@ -52,7 +48,6 @@ def refit_frequency_response(
         See :func:`robustpolish.read_frequency_response`.
     progress : callable, optional
         Called after every stage.
-    policy : FrequencyPolicy, optional
 
     Returns
     -------
@@ -65,30 +60,30 @@ def refit_frequency_response(
     InvalidInputError
         If no pair is the model's, or a unit is of another kind than the model says.
     """
-    measured = measured_response(model, data, policy)
-    problem = _Problem.of(model, measured, policy)
+    measured = measured_response(model, data)
+    problem = _Problem.of(model, measured)
     tell = progress or (lambda: None)
     start = np.zeros(len(problem.free))
-    thin = measured.thinned(policy.most_lines)
+    thin = measured.thinned(SETTINGS.most_lines)
     led = start
-    for width in policy.widths:
-        led = problem.fit(led, _band_averages(thin, width, policy), thin)
+    for width in SETTINGS.widths:
+        led = problem.fit(led, _band_averages(thin, width), thin)
         tell()
-    allowed = policy.first_error
+    allowed = SETTINGS.first_error
     weigh = _line_weights(measured, allowed)
     fits = [problem.fit(each, weigh, measured) for each in (led, start)]
     first = min(fits, key=lambda x: problem.cost(x, weigh, measured))
     tell()
     # What comparisons tell is this cost, but for what is known beforehand, and the start costs
     # nothing there: a fit that begins at the better of both cannot end above the start.
-    weigh = _line_weights(measured, policy.accuracy)
+    weigh = _line_weights(measured, SETTINGS.accuracy)
     first = min((first, start), key=lambda x: problem.cost(x, weigh, measured))
     taken = best = problem.fit(first, weigh, measured)
     tell()
     limit = problem.error(start, measured)
     for _ in range(2):
-        allowed = _model_error(measured, problem.response(best, measured), policy)
-        if allowed <= policy.accuracy:
+        allowed = _model_error(measured, problem.response(best, measured))
+        if allowed <= SETTINGS.accuracy:
             break
         wider = _line_weights(measured, allowed)
         best = problem.fit(best, wider, measured)
@@ -109,22 +104,19 @@ class _Problem:
     model: MechanicalModel
     free: tuple[FreeParameter, ...]
     silent: tuple[str, ...]
-    policy: FrequencyPolicy
 
     @classmethod
-    def of(
-        cls, model: MechanicalModel, measured: MeasuredResponse, policy: FrequencyPolicy
-    ) -> _Problem:
+    def of(cls, model: MechanicalModel, measured: MeasuredResponse) -> _Problem:
         """Return the problem, numbers that the response does not depend on left out."""
         bandwidth = 2 * np.pi * float(measured.frequency[-1])
         free = tuple(free_parameters(model, bandwidth, POLICY))
-        whole = cls(model, free, (), policy)
-        thin = measured.thinned(policy.centres)
-        slopes = whole.slopes(np.zeros(len(free)), _line_weights(thin, policy.first_error), thin)
+        whole = cls(model, free, ())
+        thin = measured.thinned(SETTINGS.centres)
+        slopes = whole.slopes(np.zeros(len(free)), _line_weights(thin, SETTINGS.first_error), thin)
         heard = np.max(np.abs(slopes), axis=0, initial=0.0) > 1e-9
         kept = tuple(f for f, use in zip(free, heard, strict=True) if use)
         silent = tuple(f.key for f, use in zip(free, heard, strict=True) if not use)
-        return cls(model, kept, silent, policy)
+        return cls(model, kept, silent)
 
     def values(self, x: Array) -> dict[str, float]:
         """Return the numbers by key."""
@@ -138,7 +130,7 @@ class _Problem:
 
     def error(self, x: Array, measured: MeasuredResponse) -> float:
         """Return the error that comparisons tell, all pairs together."""
-        return combined_error(pair_errors(measured, self.response(x, measured), self.policy))
+        return combined_error(pair_errors(measured, self.response(x, measured)))
 
     def residuals(self, x: Array, weigh: Weighing, measured: MeasuredResponse) -> Array:
         """Return weighted errors, then what is known beforehand."""
@@ -162,8 +154,8 @@ class _Problem:
         columns = []
         for j in range(x.size):
             ahead, behind = x.copy(), x.copy()
-            ahead[j] += self.policy.step
-            behind[j] -= self.policy.step
+            ahead[j] += SETTINGS.step
+            behind[j] -= SETTINGS.step
             difference = self.residuals(ahead, weigh, measured)
             difference = difference - self.residuals(behind, weigh, measured)
             columns.append(difference / (ahead[j] - behind[j]))
@@ -182,7 +174,7 @@ class _Problem:
             slopes,
             bounds=(low, high),
             x_scale="jac",
-            max_nfev=self.policy.steps,
+            max_nfev=SETTINGS.steps,
         )
         before = self.cost(x, weigh, measured)
         return found.x if 2 * found.cost <= before else x
@@ -219,20 +211,20 @@ def _line_weights(measured: MeasuredResponse, allowed: float) -> Weighing:
     return lambda modelled: _real_and_imaginary(np.where(there, (modelled - values) / spread, 0.0))
 
 
-def _band_averages(measured: MeasuredResponse, width: float, policy: FrequencyPolicy) -> Weighing:
+def _band_averages(measured: MeasuredResponse, width: float) -> Weighing:
     """Weigh responses averaged over bands, relative to their mean size there.
 
     The averages are Lorentzian: as if damping of that half width were added to the machine.
     """
     frequency = measured.frequency
-    take = np.unique(np.linspace(0, frequency.size - 1, policy.centres).round().astype(int))
+    take = np.unique(np.linspace(0, frequency.size - 1, SETTINGS.centres).round().astype(int))
     centre = frequency[take][:, None]
     kernel = width * centre / ((frequency - centre) ** 2 + (width * centre) ** 2)
     kernel = kernel * np.gradient(frequency)
     there, values = measured.there, np.nan_to_num(measured.values)
     total = np.maximum(kernel @ there, 1e-300)
     level = kernel @ (np.abs(values) * there) / total
-    scale = 1 / np.maximum(level, 1e-300) / policy.stage_error
+    scale = 1 / np.maximum(level, 1e-300) / SETTINGS.stage_error
 
     def weigh(modelled: AnyArray) -> Array:
         error = np.where(there, np.nan_to_num(modelled) - values, 0.0)
@@ -241,7 +233,7 @@ def _band_averages(measured: MeasuredResponse, width: float, policy: FrequencyPo
     return weigh
 
 
-def _model_error(measured: MeasuredResponse, modelled: AnyArray, policy: FrequencyPolicy) -> float:
+def _model_error(measured: MeasuredResponse, modelled: AnyArray) -> float:
     """Return the share of a line's size by which the model errs beyond the noise."""
     use = measured.there & np.isfinite(modelled)
     error = np.abs(measured.values - modelled)[use] ** 2
@@ -250,7 +242,7 @@ def _model_error(measured: MeasuredResponse, modelled: AnyArray, policy: Frequen
     def excess(share: float) -> float:
         return float(np.mean(error / (variance + share**2 * size))) - 1
 
-    low, high = policy.accuracy, 1.0
+    low, high = SETTINGS.accuracy, 1.0
     if excess(low) <= 0:
         return low
     if excess(high) >= 0:
@@ -261,26 +253,14 @@ def _model_error(measured: MeasuredResponse, modelled: AnyArray, policy: Frequen
 
 def _summarised(problem: _Problem, x: Array, weigh: Weighing, measured: MeasuredResponse) -> Refit:
     """Return values, bounds and standard errors of a fit."""
-    policy, model = problem.policy, problem.model_at(x)
-    covariance = _covariance(problem, x, weigh, measured)
-    errors = dict(zip(covariance["parameter"].values.tolist(),
-                      np.sqrt(np.maximum(np.diag(covariance.values), 0.0)).tolist(),
-                      strict=True))  # fmt: skip
-    parameters, units, undetermined = lmfit.Parameters(), {}, []
-    for f in problem.free:
-        value, error = model.parameters[f.key], errors[f.key]
-        name = "".join(c if c.isalnum() else "_" for c in f.key).strip("_")
-        parameters.add(name, value=value, min=f.lower, max=f.upper)
-        parameters[name].stderr = error
-        units[f.key] = unit_of(model, f.key)
-        if not np.isfinite(error) or error > policy.undetermined * abs(value):
-            undetermined.append(f.key)
+    model = problem.model_at(x)
     relative = {
         f"{error.output}/{error.input}": error.relative
-        for error in pair_errors(measured, measured.of(model), policy)
+        for error in pair_errors(measured, measured.of(model))
     }
-    open_ = (*undetermined, *problem.silent)
-    return Refit(model, parameters, units, relative, open_, errors, covariance)
+    covariance = _covariance(problem, x, weigh, measured)
+    found = refit_of(model, problem.free, covariance, relative, POLICY.undetermined)
+    return replace(found, undetermined=(*found.undetermined, *problem.silent))
 
 
 def _covariance(

@@ -66,9 +66,6 @@ class FrequencyPolicy:
     alike : float
         Largest distance of modes that are held against each other: the logarithm of the ratio of
         their frequencies, and what their shapes lack in likeness.
-    undetermined : float
-        Standard error over the value from which a number is called undetermined, as in a refit to
-        records.
     """
 
     widths: tuple[float, ...] = (0.3, 0.1, 0.03)
@@ -89,10 +86,9 @@ class FrequencyPolicy:
     same_damping: float = 0.03
     most_damping: float = 0.5
     alike: float = 0.7
-    undetermined: float = 1 / 3
 
 
-FREQUENCY_POLICY = FrequencyPolicy()
+SETTINGS = FrequencyPolicy()
 """What comparisons with and fits to frequency responses go by."""
 
 
@@ -183,9 +179,7 @@ class MeasuredResponse:
         )  # fmt: skip
 
 
-def measured_response(
-    model: MechanicalModel | None, data: Any, policy: FrequencyPolicy = FREQUENCY_POLICY
-) -> MeasuredResponse:
+def measured_response(model: MechanicalModel | None, data: Any) -> MeasuredResponse:
     """Check that a measured response and a model belong together, and return its arrays.
 
     Without a model all pairs are taken as they are.
@@ -229,7 +223,7 @@ def measured_response(
         for name in ("variance", "coherence")
         if name in array.coords
     }
-    variance, known = _variance(values, beside, array.attrs.get("averages"), policy)
+    variance, known = _variance(values, beside, array.attrs.get("averages"))
     return MeasuredResponse(
         array, array["frequency"].values, tuple(pairs), tuple(units), values, variance, known
     )
@@ -253,11 +247,11 @@ def _unit(model: MechanicalModel, output: str, source: str, unit: str) -> str:
 
 
 def _variance(
-    values: AnyArray, beside: dict[str, Array], averages: float | None, policy: FrequencyPolicy
+    values: AnyArray, beside: dict[str, Array], averages: float | None
 ) -> tuple[Array, bool]:
     """Return the variance of the noise, and whether the data say it themselves."""
     size = np.nan_to_num(np.abs(values) ** 2)
-    least = policy.least_noise**2 * np.maximum(size, 1e-12 * np.max(size, axis=0))
+    least = SETTINGS.least_noise**2 * np.maximum(size, 1e-12 * np.max(size, axis=0))
     if "variance" in beside:
         return np.maximum(np.nan_to_num(beside["variance"]), least), True
     if "coherence" in beside:
@@ -270,7 +264,7 @@ def _variance(
         typical = np.nanmedian(np.where(shape > 0, shape, np.nan), axis=0)
         ratio = np.where(typical > 0, seen[0] / np.where(typical > 0, typical, 1.0), 0.0)
         return np.maximum(np.nan_to_num(shape * ratio), least), False
-    return np.maximum(_scatter(values, policy.scatter), least), False
+    return np.maximum(_scatter(values, SETTINGS.scatter), least), False
 
 
 def _scatter(values: AnyArray, width: int) -> Array:
@@ -344,9 +338,7 @@ def model_resonances(model: MechanicalModel, measured: MeasuredResponse) -> tupl
     return tuple(sorted(found, key=lambda mode: mode.frequency))
 
 
-def measured_resonances(
-    measured: MeasuredResponse, policy: FrequencyPolicy = FREQUENCY_POLICY
-) -> tuple[Resonance, ...]:
+def measured_resonances(measured: MeasuredResponse) -> tuple[Resonance, ...]:
     """Find the resonances that stand out of measured responses.
 
     About each maximum of the pairs together one pole is fitted to all pairs, with a straight line
@@ -355,7 +347,6 @@ def measured_resonances(
     Parameters
     ----------
     measured : MeasuredResponse
-    policy : FrequencyPolicy, optional
 
     Returns
     -------
@@ -371,13 +362,13 @@ def measured_resonances(
     scatter = 20 / np.log(10) * np.minimum(noise / np.maximum(sum_, 1e-300), 1.0)
     tops, _ = find_peaks(decibels)
     prominence = peak_prominences(decibels, tops)[0]
-    tops = tops[prominence > policy.peak + policy.noisy * scatter[tops]]
+    tops = tops[prominence > SETTINGS.peak + SETTINGS.noisy * scatter[tops]]
     found: list[Resonance] = []
     for i, top in enumerate(tops):
         lowest = tops[i - 1] + int(np.argmin(sum_[tops[i - 1] : top])) if i else 0
         last = i + 1 < len(tops)
         highest = top + int(np.argmin(sum_[top : tops[i + 1]])) if last else len(sum_) - 1
-        mode = _fit_pole(measured, values, sum_, top, (lowest, highest), policy)
+        mode = _fit_pole(measured, values, sum_, top, (lowest, highest))
         if mode is not None:
             found.append(mode)
     return tuple(found)
@@ -386,14 +377,12 @@ def measured_resonances(
 def match_modes(
     modelled: tuple[Resonance, ...],
     measured: tuple[Resonance, ...],
-    policy: FrequencyPolicy = FREQUENCY_POLICY,
 ) -> list[tuple[int, int]]:
     """Return which mode of a model belongs to which measured one, by frequency and shape.
 
     Parameters
     ----------
     modelled, measured : tuple of Resonance
-    policy : FrequencyPolicy, optional
 
     Returns
     -------
@@ -413,9 +402,9 @@ def match_modes(
         ]
     )
     # Beyond the limit all are equally bad, so that one stray peak moves no other.
-    rows, columns = linear_sum_assignment(np.minimum(cost, policy.alike))
+    rows, columns = linear_sum_assignment(np.minimum(cost, SETTINGS.alike))
     pairs = zip(rows.tolist(), columns.tolist(), strict=True)
-    return [(i, j) for i, j in pairs if cost[i, j] < policy.alike]
+    return [(i, j) for i, j in pairs if cost[i, j] < SETTINGS.alike]
 
 
 def _fit_pole(
@@ -424,7 +413,6 @@ def _fit_pole(
     sum_: Array,
     top: int,
     valley: tuple[int, int],
-    policy: FrequencyPolicy,
 ) -> Resonance | None:
     """Fit a pole to the lines about a maximum; None if there is none."""
     omega = 2 * np.pi * measured.frequency
@@ -461,7 +449,7 @@ def _fit_pole(
     residual, slopes, shape = _projected(pole, w, H, weight, background)
     damping = -pole.real / abs(pole)
     inside = w[0] <= pole.imag <= w[-1]
-    if not inside or not 0 < damping < policy.most_damping:
+    if not inside or not 0 < damping < SETTINGS.most_damping:
         return None
     # What the pole explains has to stand above what is left.
     free = 2 * (np.count_nonzero(weight) - H.shape[1] * (1 + background.shape[1])) - 2
@@ -471,7 +459,7 @@ def _fit_pole(
     J = _parts(slopes)
     covariance = np.linalg.pinv(J.T @ J) * left
     without = _background_only(H, weight, background)
-    if without - np.sum(np.abs(residual) ** 2) < policy.evident * left:
+    if without - np.sum(np.abs(residual) ** 2) < SETTINGS.evident * left:
         return None
     height = np.abs(shape) / -pole.real / np.max(np.abs(H), axis=0)
     spread = float(np.sqrt(covariance[0, 0]))

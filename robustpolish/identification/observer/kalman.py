@@ -15,7 +15,7 @@ from scipy.signal import welch
 
 from robustpolish.base.arrays import Array
 from robustpolish.base.jit import njit
-from robustpolish.identification.record import Record
+from robustpolish.identification.record import Record, poles_of
 from robustpolish.machines.mechanical.data import port_matrices
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import ACCELERATION, DISPLACEMENT, FORCE, VELOCITY
@@ -311,7 +311,7 @@ def excited_bandwidth(model: MechanicalModel, record: Record) -> float:
 
 def _slowest(model: MechanicalModel) -> float:
     """Return the natural frequency of the slowest mode that swings, in rad/s; 0 if none does."""
-    poles = np.linalg.eigvals(model.matrices.first_order()[0]) if model.free else np.zeros(0)
+    poles = poles_of(model)
     swinging = np.abs(poles[poles.imag > 0])
     return float(np.min(swinging)) if swinging.size else 0.0
 

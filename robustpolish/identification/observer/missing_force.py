@@ -1,4 +1,4 @@
-"""Estimate the missing force: a Kalman smoother on the measured outputs."""
+"""Estimation of the missing force by a Kalman smoother on the measured outputs."""
 
 from __future__ import annotations
 

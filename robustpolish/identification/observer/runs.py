@@ -1,4 +1,4 @@
-"""A model run over a record, freely or led by the data, and what the data then show."""
+"""Simulation of a model over a record, freely or with observer corrections."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from robustpolish.identification.observer.kalman import (
     white_noise,
     with_missing_force,
 )
-from robustpolish.identification.record import Record
+from robustpolish.identification.record import Record, output_sizes
 from robustpolish.machines.mechanical.data import MechanicalData, dynamic_effects
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.simulation.run import (
@@ -33,7 +33,7 @@ from robustpolish.machines.simulation.run import (
     needed_substeps,
 )
 
-# A model run over a record: freely, or led by the data.
+# Runs over a record.
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,7 +261,7 @@ def rest(model: MechanicalData) -> InitialState:
     return InitialState(np.zeros(2 * len(model.free)), np.zeros(internal))
 
 
-# Whether the error of a free run can judge a model at all.
+# Reproducibility of free runs (sensitivity to the initial state).
 #
 # Backlash and stops in lightly damped systems are chaotic: two runs of the true model from nearly
 # the same start part company, while its parameters may be right to a fraction of a percent.
@@ -337,8 +337,7 @@ def reproducibility(
     length = record.samples
     if span is not None:
         length = min(length, max(round(span / record.dt), 2))
-    size = np.std(record.Y, axis=0)
-    size = np.where(size > 0, size, 1.0)
+    size = output_sizes(record.Y)
     change = _largest_change(run, StartedPiece(record.part(0, length), piece.start), size)
     beyond = np.flatnonzero(~(change <= max(_noise(record, size), _VISIBLE)))
     growth = float(np.max(change) / _TINY) if np.isfinite(change).all() else np.inf

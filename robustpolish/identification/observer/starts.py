@@ -11,10 +11,10 @@ import numpy as np
 from robustpolish.base.arrays import Array
 from robustpolish.base.budget import parallel_map
 from robustpolish.identification.observer.runs import InitialState, RecordRun, StartedPiece
-from robustpolish.identification.record import Record
+from robustpolish.identification.record import Record, output_sizes
 from robustpolish.machines.mechanical.data import MechanicalData, dynamic_effects
 
-# Starts of runs, improved over their first samples by damped least squares.
+# Estimation of initial states by damped least squares over growing stretches.
 
 _ROUNDS = 8
 _STEP = 1e-7  # as in fits, short enough not to span the small jumps of errors
@@ -88,8 +88,7 @@ def refine_starts(
 
 def output_weights(record: Record) -> Array:
     """Return what makes errors comparable: one over the size of each output."""
-    size = np.std(record.Y, axis=0)
-    return 1 / np.where(size > 0, size, 1.0)
+    return 1 / output_sizes(record.Y)
 
 
 def squared_errors_of(
@@ -362,13 +361,13 @@ def visible_sizes(linear: RecordRun, record: Record, start: InitialState) -> Arr
     """Return for each state of a linear model what would move its outputs by their own size."""
     vector = start.vector
     base = linear.over(StartedPiece(record, start)).outputs
-    size = np.std(record.Y, axis=0)
+    size = output_sizes(record.Y)
     scale = np.ones(vector.size)
     for i in range(vector.size):
         moved = vector.copy()
         moved[i] += 1.0
         other = linear.over(StartedPiece(record, start.with_vector(moved))).outputs
-        change = np.nan_to_num((other - base) / np.where(size > 0, size, 1.0))
+        change = np.nan_to_num((other - base) / size)
         largest = float(np.max(np.abs(change)))
         scale[i] = 1 / largest if largest > 0 else 1.0
     return scale

@@ -1,4 +1,4 @@
-"""Where a model fails, as numbers and pictures: each as the share of the error."""
+"""Residual analysis: shares of the error by time, frequency, motion and phase, with tests."""
 
 from __future__ import annotations
 
@@ -33,192 +33,14 @@ from robustpolish.linear.modes import modes
 from robustpolish.plots.residuals import plot_residual_analysis, plot_residual_map, plot_surface
 from robustpolish.signals.quality import sampling_time
 
-# The figures of a residual analysis.
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class ResidualFigures:
-    """What :class:`ResidualAnalysis` says in words and pictures; its attributes are told there."""
-
-    residual: xr.Dataset
-    channels: xr.DataArray
-    windows: xr.DataArray
-    bands: xr.DataArray
-    modes: xr.DataArray
-    harmonics: xr.DataArray
-    places: Mapping[str, PlaceShares]
-    phase: xr.DataArray | None
-    contact: xr.DataArray | None
-    autocorrelation: Mapping[str, Correlation]
-    cross_correlation: Mapping[tuple[str, str], Correlation]
-    coherence: Mapping[tuple[str, str], Coherence]
-    nrmse: Mapping[str, float]
-
-    def overall(self, shares: xr.DataArray) -> xr.DataArray:
-        """Return the shares of the total error: those of the outputs, weighted by `channels`.
-
-        Parameters
-        ----------
-        shares : xarray.DataArray
-            One of the tables of shares, over ``output``.
-
-        Returns
-        -------
-        xarray.DataArray
-        """
-        return (shares * self.channels).sum("output")
-
-    @property
-    def worst(self) -> str:
-        """The output with the largest share of the error."""
-        return str(self.channels["output"].values[int(np.argmax(self.channels.values))])
-
-
-# A residual analysis in words and in plain numbers.
-
 # A place where the error is this many times denser than on average is worth a sentence.
 _DENSE = 2.0
-
-
-def explain(analysis: ResidualFigures) -> str:
-    """Say where the error is, the largest shares first."""
-    lines = ["Where the error is:"]
-    for name in analysis.channels["output"].values:
-        share = float(analysis.channels.sel(output=name))
-        lines.append(
-            f"  {name}: {_percent(share)} of the error, NRMSE {analysis.nrmse[str(name)]:.3g}"
-        )
-    lines += [_time(analysis), _frequency(analysis), *_lines(analysis), *_places(analysis)]
-    lines += _phase(analysis)
-    if analysis.contact is not None:
-        share = analysis.overall(analysis.contact)
-        time = float(analysis.contact["samples"][0])
-        lines.append(
-            f"  contact: {_percent(share[0])} of the error in {_percent(time)} of the "
-            "samples; the rest in free flight"
-        )
-    return "\n".join([*lines, "Tests (99 % bands, 1 % by chance):", *_tests(analysis)])
-
-
-def _time(analysis: ResidualFigures) -> str:
-    share = analysis.overall(analysis.windows)
-    worst = int(np.argmax(share.values))
-    begin, end = (float(share[key][worst]) for key in ("begin", "end"))
-    return f"  time: most in {begin:.4g} to {end:.4g} s, {_percent(share[worst])} of the error"
-
-
-def _frequency(analysis: ResidualFigures) -> str:
-    share = analysis.overall(analysis.bands)
-    worst = int(np.argmax(share.values))
-    low, high = (float(share[key][worst]) for key in ("low", "high"))
-    inside = [f for f in analysis.modes["frequency"].values if low <= f < high]
-    marks = ", ".join(f"the mode at {f:.4g} Hz" for f in inside)
-    note = f", which holds {marks}" if marks else ""
-    return f"  frequency: most in {low:.4g} to {high:.4g} Hz, {_percent(share[worst])}{note}"
-
-
-def _lines(analysis: ResidualFigures) -> list[str]:
-    found = []
-    for table, what in ((analysis.modes, "mode"), (analysis.harmonics, "spin harmonic")):
-        share = analysis.overall(table)
-        for frequency, value in zip(share["frequency"].values, share.values, strict=True):
-            if value > 0.1:
-                found.append(f"  near the {what} at {frequency:.4g} Hz: {_percent(value)}")
-    return found
-
-
-def _places(analysis: ResidualFigures) -> list[str]:
-    found = []
-    for name, place in analysis.places.items():
-        for table, what in ((place.displacement, "displacement"), (place.velocity, "velocity")):
-            share = analysis.overall(table)
-            samples = table["samples"].values
-            dense = share.values / np.maximum(samples, 1e-12)
-            dense[share.values < 0.05] = 0.0
-            worst = int(np.argmax(dense))
-            if dense[worst] > _DENSE:
-                unit = place.surface[what].attrs["units"]
-                at = float(share[what][worst])
-                found.append(
-                    f"  {what} of {name} near {at:.3g} {unit}: {_percent(share[worst])} of "
-                    f"the error in {_percent(samples[worst], 1)} of the samples"
-                )
-    return found
-
-
-def _phase(analysis: ResidualFigures) -> list[str]:
-    if analysis.phase is None:
-        return []
-    share = analysis.overall(analysis.phase)
-    worst = int(np.argmax(share.values))
-    if share.values[worst] < _DENSE / share.size:
-        return ["  spin phase: evenly spread"]
-    angle = np.degrees(float(share["phase"][worst]))
-    return [f"  spin phase: most near {angle:.0f} deg, {_percent(share[worst])} of the error"]
-
-
-def _tests(analysis: ResidualFigures) -> list[str]:
-    lines = [
-        f"  autocorrelation of {name}: {_percent(test.flagged_share, 1)} of the lags outside, "
-        f"largest {test.largest:.2f}"
-        for name, test in analysis.autocorrelation.items()
-    ]
-    for (source, name), test in analysis.cross_correlation.items():
-        coherent = analysis.coherence[source, name]
-        lines.append(
-            f"  {source} with {name}: correlation outside at {_percent(test.flagged_share, 1)} of "
-            f"the lags, coherence above chance at {_percent(coherent.flagged_share, 1)} of the "
-            "frequencies"
-        )
-    return lines
-
-
-def to_dict(analysis: ResidualFigures) -> dict[str, Any]:
-    """Return the shares and the figures of the tests as plain numbers."""
-    return {
-        "channels": _table(analysis.channels),
-        "windows": _table(analysis.windows),
-        "bands": _table(analysis.bands),
-        "modes": _table(analysis.modes),
-        "harmonics": _table(analysis.harmonics),
-        "phase": None if analysis.phase is None else _table(analysis.phase),
-        "contact": None if analysis.contact is None else _table(analysis.contact),
-        "places": {
-            name: {"displacement": _table(place.displacement), "velocity": _table(place.velocity)}
-            for name, place in analysis.places.items()
-        },
-        "autocorrelation": {
-            name: {"flagged_share": test.flagged_share, "largest": test.largest}
-            for name, test in analysis.autocorrelation.items()
-        },
-        "cross_correlation": [
-            {
-                "input": source,
-                "output": name,
-                "flagged_share": test.flagged_share,
-                "largest": test.largest,
-                "coherent_share": analysis.coherence[source, name].flagged_share,
-            }
-            for (source, name), test in analysis.cross_correlation.items()
-        ],
-    }
-
-
-def _table(array: xr.DataArray) -> dict[str, Any]:
-    coordinates = {str(name): value.values.tolist() for name, value in array.coords.items()}
-    return {**coordinates, "share": array.values.tolist()}
-
-
-def _percent(share: Any, digits: int = 0) -> str:
-    return f"{100 * float(share):.{digits}f} %"
-
-
 _PHASES = 24
 _HARMONICS = 5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ResidualAnalysis(ResidualFigures, Displayed):
+class ResidualAnalysis(Displayed):
     """Where the error of a comparison is.
 
     Attributes
@@ -265,6 +87,39 @@ class ResidualAnalysis(ResidualFigures, Displayed):
     (['autocorrelation', 'bands'], True)
     """
 
+    residual: xr.Dataset
+    channels: xr.DataArray
+    windows: xr.DataArray
+    bands: xr.DataArray
+    modes: xr.DataArray
+    harmonics: xr.DataArray
+    places: Mapping[str, PlaceShares]
+    phase: xr.DataArray | None
+    contact: xr.DataArray | None
+    autocorrelation: Mapping[str, Correlation]
+    cross_correlation: Mapping[tuple[str, str], Correlation]
+    coherence: Mapping[tuple[str, str], Coherence]
+    nrmse: Mapping[str, float]
+
+    def overall(self, shares: xr.DataArray) -> xr.DataArray:
+        """Return the shares of the total error: those of the outputs, weighted by `channels`.
+
+        Parameters
+        ----------
+        shares : xarray.DataArray
+            One of the tables of shares, over ``output``.
+
+        Returns
+        -------
+        xarray.DataArray
+        """
+        return (shares * self.channels).sum("output")
+
+    @property
+    def worst(self) -> str:
+        """The output with the largest share of the error."""
+        return str(self.channels["output"].values[int(np.argmax(self.channels.values))])
+
     def explain(self) -> str:
         """Say in words where the error is.
 
@@ -272,7 +127,22 @@ class ResidualAnalysis(ResidualFigures, Displayed):
         -------
         str
         """
-        return explain(self)
+        lines = ["Where the error is:"]
+        for name in self.channels["output"].values:
+            share = float(self.channels.sel(output=name))
+            lines.append(
+                f"  {name}: {_percent(share)} of the error, NRMSE {self.nrmse[str(name)]:.3g}"
+            )
+        lines += [_time(self), _frequency(self), *_lines(self), *_places(self)]
+        lines += _phase(self)
+        if self.contact is not None:
+            share = self.overall(self.contact)
+            time = float(self.contact["samples"][0])
+            lines.append(
+                f"  contact: {_percent(share[0])} of the error in {_percent(time)} of the "
+                "samples; the rest in free flight"
+            )
+        return "\n".join([*lines, "Tests (99 % bands, 1 % by chance):", *_tests(self)])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the shares and the figures of the tests as plain numbers.
@@ -281,7 +151,31 @@ class ResidualAnalysis(ResidualFigures, Displayed):
         -------
         dict
         """
-        return to_dict(self)
+        tables = ("channels", "windows", "bands", "modes", "harmonics", "phase", "contact")
+        return {
+            **{name: _table(getattr(self, name)) for name in tables},
+            "places": {
+                name: {
+                    "displacement": _table(place.displacement),
+                    "velocity": _table(place.velocity),
+                }
+                for name, place in self.places.items()
+            },
+            "autocorrelation": {
+                name: {"flagged_share": test.flagged_share, "largest": test.largest}
+                for name, test in self.autocorrelation.items()
+            },
+            "cross_correlation": [
+                {
+                    "input": source,
+                    "output": name,
+                    "flagged_share": test.flagged_share,
+                    "largest": test.largest,
+                    "coherent_share": self.coherence[source, name].flagged_share,
+                }
+                for (source, name), test in self.cross_correlation.items()
+            ],
+        }
 
     def plot(self, ax: Axes | None = None, *, output: str | None = None) -> Axes:
         """Draw when and at which frequencies one output's error is.
@@ -359,6 +253,93 @@ class ResidualAnalysis(ResidualFigures, Displayed):
             else:
                 parts[line] = []
         return Card("", tuple(Table(head, (), tuple(rows)) for head, rows in parts.items()))
+
+
+# A residual analysis in words and in plain numbers.
+
+
+def _time(analysis: ResidualAnalysis) -> str:
+    share = analysis.overall(analysis.windows)
+    worst = int(np.argmax(share.values))
+    begin, end = (float(share[key][worst]) for key in ("begin", "end"))
+    return f"  time: most in {begin:.4g} to {end:.4g} s, {_percent(share[worst])} of the error"
+
+
+def _frequency(analysis: ResidualAnalysis) -> str:
+    share = analysis.overall(analysis.bands)
+    worst = int(np.argmax(share.values))
+    low, high = (float(share[key][worst]) for key in ("low", "high"))
+    inside = [f for f in analysis.modes["frequency"].values if low <= f < high]
+    marks = ", ".join(f"the mode at {f:.4g} Hz" for f in inside)
+    note = f", which holds {marks}" if marks else ""
+    return f"  frequency: most in {low:.4g} to {high:.4g} Hz, {_percent(share[worst])}{note}"
+
+
+def _lines(analysis: ResidualAnalysis) -> list[str]:
+    found = []
+    for table, what in ((analysis.modes, "mode"), (analysis.harmonics, "spin harmonic")):
+        share = analysis.overall(table)
+        for frequency, value in zip(share["frequency"].values, share.values, strict=True):
+            if value > 0.1:
+                found.append(f"  near the {what} at {frequency:.4g} Hz: {_percent(value)}")
+    return found
+
+
+def _places(analysis: ResidualAnalysis) -> list[str]:
+    found = []
+    for name, place in analysis.places.items():
+        for table, what in ((place.displacement, "displacement"), (place.velocity, "velocity")):
+            share = analysis.overall(table)
+            samples = table["samples"].values
+            dense = share.values / np.maximum(samples, 1e-12)
+            dense[share.values < 0.05] = 0.0
+            worst = int(np.argmax(dense))
+            if dense[worst] > _DENSE:
+                unit = place.surface[what].attrs["units"]
+                at = float(share[what][worst])
+                found.append(
+                    f"  {what} of {name} near {at:.3g} {unit}: {_percent(share[worst])} of "
+                    f"the error in {_percent(samples[worst], 1)} of the samples"
+                )
+    return found
+
+
+def _phase(analysis: ResidualAnalysis) -> list[str]:
+    if analysis.phase is None:
+        return []
+    share = analysis.overall(analysis.phase)
+    worst = int(np.argmax(share.values))
+    if share.values[worst] < _DENSE / share.size:
+        return ["  spin phase: evenly spread"]
+    angle = np.degrees(float(share["phase"][worst]))
+    return [f"  spin phase: most near {angle:.0f} deg, {_percent(share[worst])} of the error"]
+
+
+def _tests(analysis: ResidualAnalysis) -> list[str]:
+    lines = [
+        f"  autocorrelation of {name}: {_percent(test.flagged_share, 1)} of the lags outside, "
+        f"largest {test.largest:.2f}"
+        for name, test in analysis.autocorrelation.items()
+    ]
+    for (source, name), test in analysis.cross_correlation.items():
+        coherent = analysis.coherence[source, name]
+        lines.append(
+            f"  {source} with {name}: correlation outside at {_percent(test.flagged_share, 1)} of "
+            f"the lags, coherence above chance at {_percent(coherent.flagged_share, 1)} of the "
+            "frequencies"
+        )
+    return lines
+
+
+def _table(array: xr.DataArray | None) -> dict[str, Any] | None:
+    if array is None:
+        return None
+    coordinates = {str(name): value.values.tolist() for name, value in array.coords.items()}
+    return {**coordinates, "share": array.values.tolist()}
+
+
+def _percent(share: Any, digits: int = 0) -> str:
+    return f"{100 * float(share):.{digits}f} %"
 
 
 def residual_analysis(

@@ -1,4 +1,4 @@
-"""Where the error of a comparison is: shares, tests, restoring-force surfaces, words."""
+"""Tests of residuals, noise floors, shares of the error, restoring-force surfaces."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from robustpolish.identification.record import record_of
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import FORCE, UNITS
 
-# The field's tests of residuals, each with its 99 % band.
+# Correlation and coherence tests of residuals, each with its 99 % band.
 
 CONFIDENCE = 0.99
 
@@ -258,7 +258,7 @@ def _correlation(value: Array, band: Array, lag: NDArray[np.floating]) -> Correl
     )
 
 
-# The noise of the sensors, apart from what a model does wrong.
+# Noise floor: sensor noise separated from model error.
 #
 # What a model does wrong is a part of the motion: where the spectrum of the errors exceeds that of
 # the motion itself, they are noise. The colour of that noise, of first order, tells how much of it
@@ -292,7 +292,7 @@ def residual_noise_floor(
     ----------
     model : MechanicalModel
     prepared : PreparedRecord
-    calm : bool
+    predictable : bool
         Whether free runs over the whole record judge; windows do otherwise.
     """
     run, started = prepared.run_with_fitted_starts(
@@ -498,13 +498,8 @@ def value_shares(residual: xr.Dataset, values: Array, bins: int, dim: str) -> xr
         is larger, there the model is worse than elsewhere.
     """
     edges = np.linspace(values.min(), values.max(), bins + 1)
-    index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, bins - 1)
-    rows = [np.bincount(index, e**2, bins) for e in _rows(residual)]
-    coords = {
-        dim: (dim, (edges[:-1] + edges[1:]) / 2),
-        "samples": (dim, np.bincount(index, minlength=bins) / values.size),
-    }
-    return _normalised(rows, residual, dim, coords)
+    middle = (edges[:-1] + edges[1:]) / 2
+    return _binned(residual, _cells(values, bins), dim, middle)
 
 
 def phase_shares(residual: xr.Dataset, spin_frequency: float, bins: int) -> xr.DataArray:
@@ -527,14 +522,9 @@ def phase_shares(residual: xr.Dataset, spin_frequency: float, bins: int) -> xr.D
     turns = np.mod(time * spin_frequency, 1.0)
     index = np.minimum((turns * bins).astype(int), bins - 1)
     count = np.bincount(index, minlength=bins)
-    rows = [np.bincount(index, e**2, bins) for e in _rows(residual)]
     means = [np.bincount(index, e, bins) / np.maximum(count, 1) for e in _rows(residual)]
-    coords = {
-        "phase": ("phase", (np.arange(bins) + 0.5) * 2 * np.pi / bins),
-        "samples": ("phase", count / index.size),
-        "mean": (("output", "phase"), np.array(means)),
-    }
-    return _normalised(rows, residual, "phase", coords)
+    found = _binned(residual, index, "phase", (np.arange(bins) + 0.5) * 2 * np.pi / bins)
+    return found.assign_coords(mean=(("output", "phase"), np.array(means)))
 
 
 def contact_shares(residual: xr.Dataset, contact: NDArray[np.bool_]) -> xr.DataArray:
@@ -551,12 +541,7 @@ def contact_shares(residual: xr.Dataset, contact: NDArray[np.bool_]) -> xr.DataA
         ``state`` is ``"contact"`` or ``"flight"``; the coordinate ``samples`` as elsewhere.
     """
     index = np.where(contact, 0, 1)
-    rows = [np.bincount(index, e**2, 2) for e in _rows(residual)]
-    coords = {
-        "state": ("state", ["contact", "flight"]),
-        "samples": ("state", np.bincount(index, minlength=2) / index.size),
-    }
-    return _normalised(rows, residual, "state", coords)
+    return _binned(residual, index, "state", ["contact", "flight"])
 
 
 def surface(q: Array, v: Array, force: Array, bins: int) -> xr.Dataset:
@@ -585,6 +570,14 @@ def surface(q: Array, v: Array, force: Array, bins: int) -> xr.Dataset:
         {"force": (dims, mean), "samples": (dims, count / q.size)},
         coords={dim: (edges[:-1] + edges[1:]) / 2 for dim, edges in zip(dims, axes, strict=True)},
     )
+
+
+def _binned(residual: xr.Dataset, index: Array, dim: str, labels: Any) -> xr.DataArray:
+    """Return the shares of each output's squared error by the bin of each sample."""
+    bins = len(labels)
+    rows = [np.bincount(index, e**2, bins) for e in _rows(residual)]
+    samples = np.bincount(index, minlength=bins) / index.size
+    return _normalised(rows, residual, dim, {dim: (dim, labels), "samples": (dim, samples)})
 
 
 def _rows(residual: xr.Dataset) -> list[Array]:
@@ -794,7 +787,7 @@ def _cells(values: Array, bins: int) -> np.ndarray:
     return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, bins - 1)
 
 
-# The missing force over the motion at every place, the most suspicious places first.
+# Restoring-force maps at every place, the most predictable first.
 
 
 @dataclass(frozen=True)
@@ -831,9 +824,7 @@ MAPS = MapPolicy()
 """What maps go by."""
 
 
-def force_maps(
-    model: MechanicalModel, motion: SmoothedMotion, policy: MapPolicy = MAPS
-) -> tuple[ForceMap, ...]:
+def force_maps(model: MechanicalModel, motion: SmoothedMotion) -> tuple[ForceMap, ...]:
     """Return the missing force over displacement and velocity, by how far these foretell it.
 
     Parameters
@@ -841,7 +832,6 @@ def force_maps(
     model : MechanicalModel
     motion : SmoothedMotion
         Motion and missing force along a record.
-    policy : MapPolicy, optional
 
     Returns
     -------
@@ -856,13 +846,13 @@ def force_maps(
             surface=place.surface,
             size=float(np.sqrt(np.mean(place.force**2))),
             follows=predictable_share(
-                place.displacement, place.velocity, place.force, policy.bins, policy.blocks
+                place.displacement, place.velocity, place.force, MAPS.bins, MAPS.blocks
             ),
         )
-        for place in forces_at_places(model, motion.q, motion.v, motion.force, policy.bins)
+        for place in forces_at_places(model, motion.q, motion.v, motion.force, MAPS.bins)
     ]
     largest = {
         unit: max(f.size for f in found if f.unit == unit) for unit in {f.unit for f in found}
     }
-    seen = [f for f in found if f.size > policy.least * largest[f.unit]]
-    return tuple(sorted(seen, key=lambda f: -f.follows)[: policy.most])
+    seen = [f for f in found if f.size > MAPS.least * largest[f.unit]]
+    return tuple(sorted(seen, key=lambda f: -f.follows)[: MAPS.most])

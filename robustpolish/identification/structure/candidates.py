@@ -24,7 +24,7 @@ from robustpolish.machines.effects.effect import Effect, kinds
 from robustpolish.machines.effects.kind import EffectKind
 from robustpolish.machines.mechanical.data import port_rows
 
-# Which effects deserve a refit: what the innovations name, and what free runs ask for.
+# Candidate selection for refits: by the odds of the innovations, and by the gain in free runs.
 
 
 class RefitCandidates(NamedTuple):

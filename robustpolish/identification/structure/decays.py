@@ -27,7 +27,7 @@ from robustpolish.machines.effects.evaluate import force_with
 from robustpolish.machines.mechanical.data import motion_at, port_rows
 from robustpolish.machines.mechanical.model import MechanicalModel
 
-# Records whose motion dies: which they are, and where to cut them to predict the end.
+# Free decays: detection, and the cut into a fitted beginning and a predicted end.
 
 _EXCITATION_ENERGY = 0.99
 """Share of an input's energy after which the machine is left to itself."""
@@ -96,10 +96,10 @@ def _motion(part: Record) -> Array:
     return np.sum(away / np.where(largest > 0, largest, 1.0), axis=1)
 
 
-# How well models that are fitted to the beginning of decays predict how these go on.
+# Extrapolation error: models fitted to the beginning of decays, run over the rest.
 #
 # The end of a decay is smaller than all that came before it: a model whose forces only bend to the
-# motion that they were fitted to is found out there.
+# motion that they were fitted to shows a large error there.
 
 
 def extrapolation_error(
@@ -157,7 +157,7 @@ def with_smoothed_starts(
     return [StartedPiece(part, motion.start(linear, part.first)) for part in parts]
 
 
-# The laws of damping at a place of a model, and models with some of them in place of others.
+# Damping laws at a place of a model, and models with subsets of them.
 
 _SIZE_PARAMETERS = {
     "coulomb_friction": "force",
@@ -204,11 +204,11 @@ class DampingLaws:
     at : tuple of str
     places : tuple of int
         Where the laws that it has stand among its effects.
-    laws : list of Law
+    laws : list of DampingLaw
         Those that were found, and others that could be there.
     found : frozenset of int
         Which of them the model has.
-    lost : float
+    dissipated_power : float
         What these take from the motion, in W.
     alike : tuple of Effect
         What could as well stand for one that was found, as it was fitted.
@@ -372,15 +372,15 @@ def _power(model: MechanicalModel, effect: Effect, motion: SmoothedMotion, recor
     return max(-float(np.mean(force * along.v)), 0.0)
 
 
-# Fits of decays with sets of damping laws: how well each fits, and predicts what lies ahead.
+# Fits of decays with sets of damping laws: fit error and extrapolation error of each.
 #
 # How well a law fits says little of it as long as something else can do its work. A law that is not
-# that of the machine is found out where the motion becomes smaller than any that it was fitted to.
+# that of the machine errs where the motion becomes smaller than any that it was fitted to.
 
 
 @dataclass(eq=False)
 class DampingFits:
-    """Fits with sets of laws, each made once.
+    """Fits with sets of damping laws, each made once.
 
     Attributes
     ----------
@@ -390,6 +390,8 @@ class DampingFits:
     found : DampingLaws
     cut : DecaySplit
         What is fitted to predict, and what is predicted.
+    fits, errors, ahead : dict
+        By the set of laws: the fit, the mean log of its errors, and that of its extrapolation.
     """
 
     prepared: PreparedRecord

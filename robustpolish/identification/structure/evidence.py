@@ -207,7 +207,7 @@ def _coefficients(gram: Array, target: Array, signs: Sequence[int]) -> Array:
     return c / size
 
 
-# Another kind in place of one that was found, with the numbers that make the same force.
+# Replacement by another kind, begun with the numbers that make the same force.
 #
 # Where a kind was found that is not quite the right one, the right one makes nearly the same force
 # along the same motion. From there a fit has a short way, with all other numbers as they are; begun

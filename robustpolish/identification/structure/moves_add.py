@@ -39,7 +39,7 @@ from robustpolish.identification.structure.state import RefittedEffect, Search, 
 from robustpolish.machines.effects.effect import Effect, kinds
 from robustpolish.machines.mechanical.model import MechanicalModel
 
-# Which of the refitted effects is added, with what, and which are alike.
+# Selection among refitted effects: which is added, with which other, and which are equivalent.
 
 
 def select_effect(refits: Sequence[RefittedEffect], search: Search) -> list[RefittedEffect]:

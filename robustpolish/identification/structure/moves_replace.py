@@ -18,10 +18,10 @@ from robustpolish.identification.fit.least_squares import (
     Fit,
     covariance_of,
     free_run_rms,
-    stderr_from_covariance,
     with_effect_order,
 )
 from robustpolish.identification.fit.parameters import has_smoothing
+from robustpolish.identification.fit.result import stderr_from_covariance
 from robustpolish.identification.structure.candidates import family_alternatives
 from robustpolish.identification.structure.evidence import find_force_equivalents
 from robustpolish.identification.structure.score import (

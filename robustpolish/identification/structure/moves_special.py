@@ -48,7 +48,7 @@ from robustpolish.machines.effects.kind import CONSTANT
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import FORCE
 
-# Which laws of damping a free decay shows together, by how they fit and by what lies ahead.
+# Selection of damping laws in free decays, by fit error and extrapolation error.
 #
 # Every law of damping takes energy away, and beside a viscous damper whose size is open nearly
 # every other one explains most of a decay: a search that adds one effect at a time ends with those

@@ -13,11 +13,11 @@ from robustpolish.identification.fit.least_squares import (
     Fit,
     covariance_of,
     ranking_log_error,
-    stderr_from_covariance,
 )
 from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.fit.result import stderr_from_covariance
 from robustpolish.identification.policy import Policy
-from robustpolish.identification.record import Record, input_period
+from robustpolish.identification.record import Record, input_period, poles_of
 from robustpolish.identification.refit import held_inputs
 from robustpolish.identification.residuals.tests import residual_noise_floor
 from robustpolish.identification.structure.state import RefittedEffect, Search
@@ -321,7 +321,7 @@ def motion_line_reason(
 
 def _has_mode_at(model: MechanicalModel, frequency: float, record: Record) -> bool:
     """Return whether a model without inputs has a mode that its record cannot tell from a line."""
-    poles = np.linalg.eigvals(model.matrices.first_order()[0])
+    poles = poles_of(model)
     apart = np.abs(np.abs(poles.imag) / (2 * np.pi) - frequency)
     width = np.abs(poles.real) / np.pi + 2 / (record.samples * record.dt)
     return bool(np.any(apart < np.maximum(width, _FREQUENCY_SHIFT * frequency)))

@@ -26,7 +26,7 @@ from robustpolish.machines.mechanical.data import motion_at, port_pairs, port_ro
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.simulation.run import IntersampleLines, linear_interpolation
 
-# Where effects can act, and the forces they would make along a known motion.
+# Places of effects, and their forces along a known motion.
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +198,7 @@ def _signal_columns(
     return found
 
 
-# A record seen through the observer of one level, the model's own errors taken out.
+# Innovations of a record at one observer level, less the effect of errors of the model's numbers.
 
 
 class FilteredRecord:

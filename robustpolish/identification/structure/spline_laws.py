@@ -39,7 +39,7 @@ from robustpolish.machines.effects.spline_law import (
 from robustpolish.machines.mechanical.data import port_row
 from robustpolish.machines.mechanical.model import MechanicalModel
 
-# Ask whether a force of any shape would do what a named effect does not.
+# Test of a named effect against a free curve over displacement or velocity.
 #
 # An effect of a family (a hardening spring, say) is the best of the catalogue even if the true
 # law is another one of that family. If a free curve over displacement or velocity brings the
@@ -103,7 +103,7 @@ def _explains(
     )
 
 
-# Penalised splines in the innovations of an observer: a missing force as a smooth curve.
+# Penalised splines in the innovations of an observer.
 #
 # The columns of B-splines along the smoothed motion go through the same filter as every candidate
 # of a screening. Their second differences are expected to be normal; how large they are is what
@@ -378,7 +378,7 @@ def with_coefficients(effect: Effect, c: Array) -> Effect:
     return effect.with_parameters(**dict(zip(names, c.tolist(), strict=True)))
 
 
-# Learned laws in a model: refitted by free runs that grow longer, with closer knots.
+# Refits of models with learned laws, over windows that grow, with closer knots.
 
 
 @dataclass(frozen=True)
@@ -624,10 +624,10 @@ def fit_laws_to_record(
     return fits[-1]
 
 
-# Learn the force that no catalogue holds: where it acts, what it depends on, and its curve.
+# Identification of a nonparametric force: its place, its arguments, its curve.
 #
 # At every place a curve over the displacement, one over the velocity, both, and a surface over the
-# two are fitted to the innovations (`penalised.py`), or a stiffness and a damping that vary with
+# two are fitted to the innovations, or a stiffness and a damping that vary with
 # time; the information criterion says which explains best what is left, beside the numbers of the
 # refitted model or beside those that were given. The best few go into the model as effects like
 # any other and are refitted by free runs that grow longer; the held-out error judges, as it judges

@@ -83,7 +83,7 @@ class SelectionStep(NamedTuple):
 
 @dataclass
 class Search:
-    """What the search knows so far.
+    """State of a forward selection of effects.
 
     Attributes
     ----------
@@ -91,16 +91,22 @@ class Search:
     reference : MechanicalModel
         The model as it was, holds of its inputs included.
     say : callable
-        Told what is done.
-    linear, stage : JudgedFit
-        Its own numbers refitted, and the best model so far.
-    guided : MechanicalModel
-        The refitted model whose fit was led by the data.
+        Called with a short text at every step.
+    linear, stage : EvaluatedFit
+        The fit of the model's own numbers, and the best fit so far.
+    short_window_model : MechanicalModel
+        The refitted model of the second stage, over short windows.
     steps : list
-        The entries of the ledger to come.
-    turns : list of Turn
-        How it came here.
-    barred : tuple of (str, tuple of str)
+        Names and models of the ledger to come.
+    candidates : list of RankedCandidate
+        Effects that were tried.
+    indistinguishable_pairs : list of IndistinguishablePair
+    reasons : list of str
+    screening : Screening, optional
+        Of the last step.
+    selection_steps : list of SelectionStep
+        The steps that led to the best fit so far.
+    excluded_effects : tuple of (str, tuple of str)
         Kinds with their places that are not to be added: taken out, to see what comes instead.
     beside : dict
         Fits with a further effect, by the fit without, kind and place: they are asked for again.

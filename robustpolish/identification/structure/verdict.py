@@ -27,9 +27,9 @@ from robustpolish.identification.fit.least_squares import (
     free_run_rms_checked,
     homotopy,
     log_odds,
-    stderr_from_covariance,
 )
 from robustpolish.identification.fit.parameters import has_smoothing
+from robustpolish.identification.fit.result import stderr_from_covariance
 from robustpolish.identification.observer.kalman import force_sites
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.refit import with_reselected_holds
@@ -66,7 +66,7 @@ from robustpolish.machines.mechanical.data import effect_unit, unit_of
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import FORCE
 
-# The final fit of what a search found: to the whole record, each effect asked for once more.
+# Final fit to the whole record, with backward elimination of effects.
 
 
 class FinalFit(NamedTuple):
@@ -438,7 +438,7 @@ def _explained(before: Array, after: Array, noise: Array) -> float:
     return 1 - left / excess if excess > 0 else 1.0
 
 
-# A law that no catalogue holds, in place of the effects that a search found.
+# A nonparametric (spline) law in place of the effects that a search found.
 
 
 class NonparametricLaw(NamedTuple):
@@ -625,7 +625,7 @@ def _significant_log_ratio(search: Search) -> float:
     return float(np.log(1 - search.policy.visible_fall))
 
 
-# The end of a diagnosis: final fit, verdict, result.
+# Conclusion of a diagnosis: final fit, verdict, result.
 
 _NOT_ALL_TRIED = (
     "The search was ended by its limit of work before all was tried: "
