@@ -15,6 +15,8 @@ them is convex, and their analytic centre is found by Newton's method.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -41,12 +43,16 @@ class Space:
     Attributes
     ----------
     structure : DeltaStructure
-    fixed : tuple of bool
-        Blocks whose size is 1 whatever beta is.
+    fixed : tuple of bool, optional
+        Blocks whose size is 1 whatever beta is; none by default.
     """
 
     structure: DeltaStructure
-    fixed: tuple[bool, ...]
+    fixed: tuple[bool, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.fixed:
+            object.__setattr__(self, "fixed", (False,) * len(self.structure.blocks))
 
     @cached_property
     def bases(self) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray]:
@@ -84,6 +90,11 @@ class Space:
             found.append((kind, slice(start, start + len(units)), units))
             start += len(units)
         return tuple(found)
+
+    def blocks_of(self, x: Vector) -> dict[tuple[str, int], AnyMatrix]:
+        """Return D and G of the blocks, of one copy each, by kind and block."""
+        parts = zip(self.layout, self.pieces, strict=True)
+        return {key: np.tensordot(x[numbers], units, 1) for key, (_, numbers, units) in parts}
 
     @property
     def size(self) -> int:
@@ -124,6 +135,12 @@ class Space:
         """Return Dz, the still and the scaled part of Dw, and G."""
         Dz, still, scaled, G = (np.tensordot(x, basis, 1) for basis in self.bases)
         return Dz, still, scaled, G
+
+    def units(self, x: Vector) -> Vector:
+        """Return sizes of the signals w that scalings make comparable, the largest 1."""
+        _, still, scaled, _ = self.matrices(x)
+        sizes = 1 / np.sqrt(np.maximum(np.real(np.diagonal(still + scaled)), 1e-300))
+        return sizes / sizes.max()
 
 
 def _hermitian(n: int) -> AnyArray:
@@ -384,6 +401,11 @@ class ScaledBound:
     square: float
     x: Vector
 
+    @property
+    def level(self) -> float:
+        """Beta itself."""
+        return math.sqrt(max(self.square, 0.0))
+
 
 def reduce_level(inequality: Inequality, start: ScaledBound, target: float = 0.0) -> ScaledBound:
     """Lower the level until it is below a target, or no lower one is found.
@@ -441,9 +463,9 @@ def _extrapolate(
 def normalised(space: Space, x: Vector) -> Vector | None:
     """Return the scalings with a largest D of 1/2; None if one is not positive."""
     largest = 0.0
-    for kind, numbers, units in space.pieces:
+    for (kind, _), D in space.blocks_of(x).items():
         if kind == "D":
-            values = np.linalg.eigvalsh(np.tensordot(x[numbers], units, 1))
+            values = np.linalg.eigvalsh(D)
             if not values[0] > 0:
                 return None
             largest = max(largest, float(values[-1]))
@@ -497,7 +519,7 @@ def initial_scalings(inequality: Inequality) -> ScaledBound:
     x = inequality.start()
     if not held:
         return ScaledBound(inequality.least_square(x), x)
-    inner = reduce_level(_restricted(inequality, held), _balanced(inequality, held), 1.0)
+    inner = best_scalings(_restricted(inequality, held), 1.0)
     if not inner.square < 1:
         return ScaledBound(np.inf, x)
     x = np.zeros(space.size)
@@ -525,12 +547,30 @@ def _restricted(inequality: Inequality, keep: list[int]) -> Inequality:
     structure = inequality.space.structure
     rows = np.concatenate([np.r_[structure.inputs[k]] for k in keep])
     columns = np.concatenate([np.r_[structure.outputs[k]] for k in keep])
-    space = Space(structure.only(keep), (False,) * len(keep))
-    return Inequality(space, inequality.M[:, rows][:, :, columns])
+    return Inequality(Space(structure.only(keep)), inequality.M[:, rows][:, :, columns])
 
 
-def _balanced(inequality: Inequality, keep: list[int]) -> ScaledBound:
-    return initial_scalings(_restricted(inequality, keep))
+def best_scalings(
+    inequality: Inequality, target: float = 0.0, others: Iterable[Vector] = ()
+) -> ScaledBound:
+    """Return the scalings of the least level, or those of a level that is low enough.
+
+    Parameters
+    ----------
+    inequality : Inequality
+    target : float, optional
+        A beta^2 that is low enough.
+    others : iterable of ndarray, optional
+        Scalings to begin with, if they prove more than those that balance M.
+
+    Returns
+    -------
+    ScaledBound
+        Of an infinite level if none were found.
+    """
+    starts = [initial_scalings(inequality), *(at(inequality, ScaledBound(0.0, x)) for x in others)]
+    start = min(starts, key=lambda level: level.square)
+    return reduce_level(inequality, start, target) if math.isfinite(start.square) else start
 
 
 def at(inequality: Inequality, level: ScaledBound) -> ScaledBound:

@@ -28,14 +28,8 @@ from robustpolish.robust.questions import (
     nominal_status,
     round_up,
 )
-from robustpolish.robust.scalings import (
-    Inequality,
-    ScaledBound,
-    Space,
-    initial_scalings,
-    reduce_level,
-)
-from robustpolish.robust.witness import Witness, singular_directions, smallest_delta
+from robustpolish.robust.scalings import Inequality, ScaledBound, Space, best_scalings
+from robustpolish.robust.witness import worst_delta
 
 # What is known of a structured singular value; that of a matrix, by a proof and a witness.
 
@@ -126,14 +120,14 @@ def matrix_value(M: AnyMatrix, structure: DeltaStructure) -> StructuredSingularV
     -------
     StructuredSingularValue
     """
-    space = Space(structure, (False,) * len(structure.blocks))
+    space = Space(structure)
     size = float(np.linalg.norm(M, 2))
     if size == 0:
         return StructuredSingularValue(0.0, 0.0, None, True, "zero")
     unit = float(np.exp2(np.round(np.log2(size))))
     inequality = Inequality(space, (M / unit)[None])
-    level = reduce_level(inequality, initial_scalings(inequality))
-    witness = worst_delta(structure, inequality, level)
+    level = best_scalings(inequality)
+    witness = worst_delta(inequality, level, _STARTS)
     upper, proven = _proven(M / unit, space, level)
     lower = 1 / witness.size if witness else 0.0
     return StructuredSingularValue(
@@ -145,28 +139,9 @@ def matrix_value(M: AnyMatrix, structure: DeltaStructure) -> StructuredSingularV
     )
 
 
-def worst_delta(
-    structure: DeltaStructure, inequality: Inequality, level: ScaledBound
-) -> Witness | None:
-    """Return the smallest Delta that a few searches find for one matrix."""
-    M = inequality.M[0]
-    still = np.zeros_like(M)
-    Dz = inequality.space.matrices(level.x)[2]
-    scale = 1 / np.sqrt(np.maximum(np.real(np.diagonal(Dz)), 1e-300))
-    scale = scale / scale.max()
-    best: Witness | None = None
-    for w in singular_directions(inequality, level.square, level.x, _STARTS):
-        found = smallest_delta(structure, lambda _: (M, still), w, 0.0, False, scale)
-        if found and (best is None or found.size < best.size):
-            best = found
-        if best and 1 / best.size >= math.sqrt(max(level.square, 0.0)) * (1 - 1e-4):
-            break
-    return best
-
-
 def _proven(M: AnyMatrix, space: Space, level: ScaledBound) -> tuple[float, bool]:
     """Widen the level until ball arithmetic agrees."""
-    beta = math.sqrt(max(level.square, 0.0)) or 1e-12
+    beta = level.level or 1e-12
     for slack in (1e-10, 1e-8, 1e-6, 1e-4):
         upper = beta * (1 + slack)
         weights = BallScalings.of(space, level.x, upper)
@@ -276,9 +251,7 @@ def _peak(
         lower, frequency = loop.gain / witness.size, loop.omega(loop.frequency(witness.at))
         delta = loop.at_positive(witness.matrix(structure), witness.at) / loop.gain
     upper, status = round_up(upper) if proven else math.inf, bound_status(found, gap)
-    asked = AnalysedLoop(
-        loop, loop.gain, (False,) * len(structure.blocks), critical_frequency_of(loop, found)
-    )
+    asked = AnalysedLoop(loop, loop.gain, (), critical_frequency_of(loop, found))
     return StructuredSingularValue(
         lower, upper, delta, proven, status, frequency, intervals, _asked=asked
     )

@@ -21,7 +21,7 @@ from scipy.optimize import minimize
 
 from robustpolish.base.arrays import AnyArray, AnyMatrix, AnyVector, Matrix, Vector
 from robustpolish.robust.loop_model import DeltaBlock, DeltaStructure
-from robustpolish.robust.scalings import Inequality
+from robustpolish.robust.scalings import Inequality, ScaledBound
 
 # Stable real systems that have a given value at one frequency and its norm at all of them.
 
@@ -104,6 +104,8 @@ _WITHIN = 1e-7
 # Of the size that a search begins with, the least that a step may aim at: at 0 all slopes vanish.
 _LEAST = 0.03
 _NEWTON = 12
+# A lower bound at a matrix that is so near the upper one, relative, ends the search.
+_NEAR = 1e-4
 _ROUNDS = 100
 
 Response = Callable[[float], tuple[AnyMatrix, AnyMatrix]]
@@ -155,6 +157,24 @@ def singular_directions(
         # a function of the matrix: eigenvectors alone have any phase
         found.append(vectors @ (weights * (np.conj(vectors.T) @ mix)))
     return found
+
+
+def worst_delta(inequality: Inequality, level: ScaledBound, count: int) -> Witness | None:
+    """Return the smallest Delta of some searches at one matrix, from where its scalings end."""
+    space, M = inequality.space, inequality.M[0]
+    still, scale = np.zeros_like(M), space.units(level.x)
+    best: Witness | None = None
+    # Far from all poles a search may leave the range of doubles: it finds nothing then.
+    with np.errstate(all="ignore"):
+        for w in singular_directions(inequality, level.square, level.x, count):
+            found = smallest_delta(
+                space.structure, lambda _: (M, still), w, 0.0, False, scale, fixed=space.fixed
+            )
+            if found and found.size > 0 and (best is None or found.size < best.size):
+                best = found
+            if best and 1 / best.size >= level.level * (1 - _NEAR):
+                break
+    return best
 
 
 def smallest_delta(

@@ -339,6 +339,5 @@ def mu_bound_with(problem: RobustProblem, K: Controller, known: MuBounds) -> flo
         return float(np.inf)
     M = LoopResponses.of(loop, known.omega).M
     scalings = Scalings(known.space.structure)
-    weights = np.array([scalings.of_weights(f.x, known.space, 1.0) for f in known.found])
-    squares = np.linalg.eigvalsh(ScaledGain(scalings, weights, M).H)[:, -1]
+    squares = ScaledGain(scalings, scalings.of_bounds(known.found), M).squares
     return float(np.sqrt(max(squares.max(), 0.0)))

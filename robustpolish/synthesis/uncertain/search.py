@@ -13,7 +13,6 @@ from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget, step_cost
 from robustpolish.errors import SolverError
 from robustpolish.robust.loop_model import DeltaStructure
-from robustpolish.robust.scalings import Space
 from robustpolish.synthesis.nonsmooth.descent import bfgs
 from robustpolish.synthesis.nonsmooth.parametrisations import Parametrisation
 from robustpolish.synthesis.problem.matrices import (
@@ -58,23 +57,8 @@ _FENCE = 1e-2
 _LARGEST = 1e5
 
 
-@dataclass(frozen=True, eq=False)
-class MuDescentPoint:
-    """Where a descent stands.
-
-    Attributes
-    ----------
-    theta : ndarray
-        Numbers of the controller.
-    weights : ndarray, shape (k, scalings.size)
-        Those of the scalings at each frequency.
-    level : float
-        The largest beta that they prove at the frequencies.
-    """
-
-    theta: Vector
-    weights: Array
-    level: float
+MuDescentPoint = tuple[Vector, Array, float]
+"""Numbers of the controller, those of the scalings at each frequency, and the largest beta."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +95,7 @@ class MuDescent:
         if loop is None:
             return np.full(len(self.omega), np.inf)
         M = LoopResponses.of(loop, self.omega).M
-        return np.linalg.eigvalsh(ScaledGain(self.scalings, weights, M).H)[:, -1]
+        return ScaledGain(self.scalings, weights, M).squares
 
     def lower(
         self, start: MuDescentPoint, powers: tuple[float, ...], budget: Budget, steps: int
@@ -127,21 +111,21 @@ class MuDescent:
         steps : int
             Most steps of each descent.
         """
-        size, cost = len(start.theta), step_cost(self.plant.nx)
+        theta, weights, level = start
+        size, cost = len(theta), step_cost(self.plant.nx)
         for power in powers:
             if budget.over:
                 break
-            unit = start.level**2
             found = bfgs(
-                lambda x, p=power, u=unit: self._value(x, size, p, u),
-                np.concatenate([start.theta, start.weights.ravel()]),
+                lambda x, p=power, u=level**2: self._value(x, size, p, u),
+                np.concatenate([theta, weights.ravel()]),
                 budget, cost, steps, tolerance=0.02 / power,
             )  # fmt: skip
-            theta, weights = found.point[:size], found.point[size:].reshape(start.weights.shape)
-            level = float(np.sqrt(max(self.squares(theta, weights).max(), 0.0)))
-            if level < start.level:
-                start = MuDescentPoint(theta, weights, level)
-        return start
+            point = found.point[:size], found.point[size:].reshape(weights.shape)
+            lower = float(np.sqrt(max(self.squares(*point).max(), 0.0)))
+            if lower < level:
+                theta, weights, level = *point, lower
+        return theta, weights, level
 
     def _value(self, x: Vector, size: int, power: float, unit: float) -> tuple[float, Vector]:
         theta, weights = x[:size], x[size:].reshape(len(self.omega), -1)
@@ -373,9 +357,7 @@ class ScalingSearch:
             level, _, K = min(tried)
             if self.order is not None or level <= enough:
                 own, _ = self._levels(K, self.problem.structure, best=False)
-                weights = np.array(
-                    [self.scalings.of_weights(f.x, own.space, 1.0) for f in own.found]
-                )
+                weights = self.scalings.of_bounds(own.found)
                 return AnalysedController(K, own.peak, own.omega, weights)
         return None
 
@@ -392,14 +374,15 @@ class ScalingSearch:
         for _ in range(sets):
             form, theta = ModalGain.of(found.controller)
             polish = self._polish(found, form)
-            state = MuDescentPoint(theta, found.weights, found.level)
-            state = polish.lower(state, powers, self.budget, steps)
-            loop = polish.loop(state.theta)
+            theta, weights, level = polish.lower(
+                (theta, found.weights, found.level), powers, self.budget, steps
+            )
+            loop = polish.loop(theta)
             if loop is None:
                 return found
-            K = controller_from_matrix(form.gain(state.theta), form.order)
-            found = replace(found, controller=K, weights=state.weights, level=state.level)
-            high = state.level * (1 + POLICY.hole)
+            K = controller_from_matrix(form.gain(theta), form.order)
+            found = replace(found, controller=K, weights=weights, level=level)
+            high = level * (1 + POLICY.hole)
             more = unproven_frequencies(loop, self.scalings, found.omega, found.weights, high)
             if not len(more[0]):
                 break
@@ -425,16 +408,13 @@ class ScalingSearch:
         loop = self.problem.loop(found.controller)
         if loop is None or self.budget.over:
             return found
-        space = Space(self.problem.structure, (False,) * len(self.problem.structure.blocks))
         coverage, model = self.problem.cover(loop, found.level * (1 + POLICY.room))
         self.budget.spend(len(coverage.intervals) * step_cost(2 * len(loop.A)))
         self._record_step("proof", found.controller, level=coverage.level * model.gain)
         if not coverage.peaks:
             return found
         omega = np.array([model.omega(peak[0]) for peak in coverage.peaks])
-        weights = np.array(
-            [self.scalings.of_weights(p[2].x, space, model.gain) for p in coverage.peaks]
-        )
+        weights = self.scalings.of_bounds([peak[2] for peak in coverage.peaks], model.gain)
         found = self._joined(found, omega, weights)
         found = self._lowered(found, POLICY.full[1:], POLICY.full_steps, POLICY.sets)
         self._record_step("descent after the proof", found.controller, level=found.level)
