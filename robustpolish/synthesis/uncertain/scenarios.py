@@ -80,15 +80,16 @@ class WorstCaseProblem(PartProblem):
 
     def search(
         self, starts: Iterable[AnyVector], effort: SearchEffort, budget: Budget
-    ) -> tuple[AnyVector, float] | None:
-        """Return the best numbers and their level; None if no descent made all loops stable."""
+    ) -> ScenarioResult | None:
+        """Return the best of some descents; None if none made all loops stable."""
         problem, random = self.below(STRUCTURED.ceilings[0]), np.random.default_rng(0)
         # Line searches try gains so wild that numbers overflow; such gains count as infinite.
         with np.errstate(over="ignore", invalid="ignore"):
             found = descend_from(starts, problem, self.stability, effort, budget, random)
         if found.point is None or not np.isfinite(found.value):
             return None
-        return found.point, float(np.exp(found.value))
+        stationary = found.history[-1]["outcome"] == "stationary"
+        return ScenarioResult(self, found.point, float(np.exp(found.value)), stationary)
 
 
 # The machines of an uncertain plant: at given values, at the corners, and farther out.
@@ -211,11 +212,14 @@ class ScenarioResult:
         Its free numbers.
     level : float
         The largest norm over the set, in scaled units.
+    stationary : bool
+        Whether the last descent ended where no direction lowers it.
     """
 
     part: PartProblem
     theta: AnyVector
     level: float
+    stationary: bool
 
     @property
     def controller(self) -> control.StateSpace:
@@ -276,11 +280,11 @@ class ScenarioSearch:
         return WorstCaseProblem.of(part, (m for _, m in self.known))
 
     def judged(
-        self, part: PartProblem, theta: AnyVector, machines: Iterable[PlantMatrices]
+        self, found: ScenarioResult, machines: Iterable[PlantMatrices]
     ) -> list[tuple[bool, float]]:
         """Return whether the loop of each machine is unstable, and how much so, or its norm."""
-        alone = (WorstCaseProblem.of(part, [machine]) for machine in machines)
-        return [one.instability_or_norm(theta, self.budget) for one in alone]
+        alone = (WorstCaseProblem.of(found.part, [machine]) for machine in machines)
+        return [one.instability_or_norm(found.theta, self.budget) for one in alone]
 
     def settled(
         self, part: PartProblem, theta: AnyVector, thorough: bool = True, goal: float = 0.0
@@ -305,18 +309,18 @@ class ScenarioSearch:
         while True:
             found = self.problem(part).search([theta], _QUICK, self.budget)
             if found is None or self.budget.over:
-                return found and ScenarioResult(part, *found)
-            if self._add_corner(part, *found):
-                theta = found[0]
+                return found
+            theta = found.theta
+            if self._add_corner(found):
                 continue
-            if not thorough or found[1] <= max(goal, before * (1 + _WORSE)):
-                break
-            found = self.problem(part).search([found[0]], _THOROUGH, self.budget) or found
-            theta, before = found
-            self.tell("descent", ScenarioResult(part, *found))
-            if self.budget.over or not self._add_corner(part, *found):
-                break
-        return ScenarioResult(part, *found)
+            if not thorough or found.level <= max(goal, before * (1 + _WORSE)):
+                return found
+            if not found.stationary:
+                found = self.problem(part).search([theta], _THOROUGH, self.budget) or found
+            theta, before = found.theta, found.level
+            self.tell("descent", found)
+            if self.budget.over or not self._add_corner(found):
+                return found
 
     def searched(
         self,
@@ -334,18 +338,17 @@ class ScenarioSearch:
         own = self.budget.share(_SEVERAL)
         found = self.problem(part).search(source, effort, own)
         while found is not None and not self.budget.over:
-            if part.scaled.norm(found[1]) >= below:
+            if found.gain >= below:
                 return None
-            if not self._add_corner(part, *found):
+            if not self._add_corner(found):
                 break
             problem = self.problem(part)
-            again = problem.search([found[0]], _QUICK, self.budget)
+            again = problem.search([found.theta], _QUICK, self.budget)
             found = again or problem.search(source, effort, own)
         if found is None:
             return None
-        best = ScenarioResult(part, *found)
-        self.tell("descents", best)
-        return self.settled(part, best.theta) or best
+        self.tell("descents", found)
+        return self.settled(part, found.theta) or found
 
     def proven(self, found: ScenarioResult) -> ScenarioDesign | None:
         """Prove a controller; where a proof finds a worse machine, add it and descend again."""
@@ -380,17 +383,17 @@ class ScenarioSearch:
 
     def worst_samples(self, found: ScenarioResult) -> list[int]:
         """Return the places of the machines in the set, that of the worst one first."""
-        judged = self.judged(found.part, found.theta, (m for _, m in self.known))
+        judged = self.judged(found, (m for _, m in self.known))
         return sorted(range(len(judged)), key=lambda i: judged[i], reverse=True)
 
-    def _add_corner(self, part: PartProblem, theta: AnyVector, level: float) -> bool:
+    def _add_corner(self, found: ScenarioResult) -> bool:
         """Add the worst corner, if it is worse than the set."""
         if not self._corners or len(self.known) >= _MACHINES:
             return False
-        judged = self.judged(part, theta, (m for _, m in self._corners))
+        judged = self.judged(found, (m for _, m in self._corners))
         worst = max(range(len(judged)), key=lambda i: (judged[i], -i))
         unstable, norm = judged[worst]
-        worse = unstable or norm > level * (1 + _WORSE)
+        worse = unstable or norm > found.level * (1 + _WORSE)
         return worse and self._add(self._corners[worst][0])
 
     def _add_witness(self, worst: WorstCaseGain, found: ScenarioResult) -> bool:
@@ -402,7 +405,7 @@ class ScenarioSearch:
             return self._add(worst.witness, omega)
         far = self.machines.moved_to_bounds(worst.witness)
         matrices = self._matrices(far, omega)
-        judged = [] if matrices is None else self.judged(found.part, found.theta, [matrices])
+        judged = [] if matrices is None else self.judged(found, [matrices])
         worse = any(unstable for unstable, _ in judged)
         return self._add(far if worse else worst.witness, omega)
 
@@ -553,7 +556,8 @@ class UnstructuredSearch:
         """Return the point whose worst loop of the set is best."""
         assert self.search is not None
         machines = [m for _, m in self.search.known]
-        judged = [(max(self.search.judged(part, p, machines)), i) for i, p in enumerate(points)]
+        starts = [ScenarioResult(part, point, np.inf, False) for point in points]
+        judged = [(max(self.search.judged(one, machines)), i) for i, one in enumerate(starts)]
         return points[min(judged)[1]] if judged else None
 
     def _lower_bound(self, found: ScenarioResult) -> float:
