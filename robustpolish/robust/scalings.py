@@ -350,40 +350,22 @@ def _by_size(size: int, boxes: tuple[Box, ...]) -> list[_Determinants]:
 # The analytic centre of the scalings that prove a level, and the least level that any prove.
 
 
-@dataclass(frozen=True)
-class CentringOptions:
-    """How far centres and levels are followed.
-
-    Attributes
-    ----------
-    steps : int
-        Newton steps of one centre; about ten are usual.
-    centred : float
-        Newton decrement at which a centre is good enough: within 1 a full step is safe.
-    levels : int
-        Centres on the way to the least level.
-    between : float
-        Where the next level lies between what the scalings prove and the level that they are the
-        centre of: small steps would be safe and slow.
-    above : float
-        Where the first of these levels lies above what the first scalings prove.
-    settled : float
-        Relative distance of a level from what its centre proves at which the least one is near:
-        it is closer than that times the number of rows, far below the 1e-3 of intervals.
-    largest : float
-        Bound on G beside D and the gain: the inequality of a single real number has no other.
-    """
-
-    steps: int = 40
-    centred: float = 0.3
-    levels: int = 60
-    between: float = 0.1
-    above: float = 2.0
-    settled: float = 1e-7
-    largest: float = 1e3
-
-
-CENTRING_OPTIONS = CentringOptions()
+# Newton steps of one centre; about ten are usual.
+_STEPS = 40
+# Newton decrement at which a centre is good enough: within 1 a full step is safe.
+_CENTRED = 0.3
+# Centres on the way to the least level.
+_LEVELS = 60
+# Where the next level lies between what the scalings prove and the level that they are the centre
+# of: small steps would be safe and slow.
+_BETWEEN = 0.1
+# Where the first of these levels lies above what the first scalings prove.
+_ABOVE = 2.0
+# Relative distance of a level from what its centre proves at which the least one is near: it is
+# closer than that times the number of rows, far below the 1e-3 of intervals.
+_SETTLED = 1e-7
+# Bound on G beside D and the gain: the inequality of a single real number has no other.
+_LARGEST = 1e3
 
 
 @dataclass(frozen=True, eq=False)
@@ -423,21 +405,21 @@ def reduce_level(inequality: Inequality, start: ScaledBound, target: float = 0.0
     ScaledBound
         If its square is below the target, the scalings are the centre of those that prove it.
     """
-    best, square = start, CENTRING_OPTIONS.above * start.square
+    best, square = start, _ABOVE * start.square
     walls = Barrier.of_bounds(inequality.space.size, _bounds(inequality))
-    for _ in range(CENTRING_OPTIONS.levels):
+    for _ in range(_LEVELS):
         check_deadline()
         if best.square < target * (1 - 1e-9):
             x = centre(inequality, target, best.x)
             return ScaledBound(inequality.least_square(x), x)
         if best.square <= 0 or not np.isfinite(best.square):
             return best
-        if square - best.square < CENTRING_OPTIONS.settled * best.square:
+        if square - best.square < _SETTLED * best.square:
             return best
         x = centre(inequality, square, best.x)
         found = _extrapolate(inequality, ScaledBound(inequality.least_square(x), x), best.x, walls)
         best = min(best, found, key=lambda level: level.square)
-        square = best.square + CENTRING_OPTIONS.between * (square - best.square)
+        square = best.square + _BETWEEN * (square - best.square)
     return best
 
 
@@ -478,7 +460,7 @@ def centre(inequality: Inequality, square: float, x: Vector) -> Vector:
     value = barrier.value(x)
     if not np.isfinite(value):
         return x
-    for _ in range(CENTRING_OPTIONS.steps):
+    for _ in range(_STEPS):
         slope, curvature = barrier.derivatives(x)
         # Scalings differ by many orders of magnitude: each number in its own unit.
         units = np.sqrt(np.maximum(np.diagonal(curvature), 1e-300))
@@ -499,13 +481,13 @@ def centre(inequality: Inequality, square: float, x: Vector) -> Vector:
         if not moved:
             return x
         x, value = trial, after
-        if decrement < CENTRING_OPTIONS.centred:
+        if decrement < _CENTRED:
             return x
     return x
 
 
 def _bounds(inequality: Inequality) -> tuple[Box, ...]:
-    return inequality.space.boxes(CENTRING_OPTIONS.largest * (inequality.size or 1.0))
+    return inequality.space.boxes(_LARGEST * (inequality.size or 1.0))
 
 
 def initial_scalings(inequality: Inequality) -> ScaledBound:

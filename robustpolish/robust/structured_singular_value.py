@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import control
 import numpy as np
@@ -15,7 +15,7 @@ from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import described, invalid, positive
 from robustpolish.base.results import Card, quantities
 from robustpolish.linear.arithmetic.balls import precision
-from robustpolish.plants.blocks import as_state_space
+from robustpolish.plants.blocks import as_state_space, matrices_of
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.robust.bounds import EVERYWHERE, GAP, bounds
 from robustpolish.robust.coverage import BallScalings, complex_ball, proves_inequality
@@ -27,6 +27,10 @@ from robustpolish.robust.questions import (
     critical_frequency_of,
     nominal_status,
     round_up,
+    status_sentence,
+)
+from robustpolish.robust.questions import (
+    Status as BoundStatus,
 )
 from robustpolish.robust.scalings import Inequality, ScaledBound, Space, best_scalings
 from robustpolish.robust.witness import worst_delta
@@ -40,11 +44,8 @@ _BITS = 160
 Status = Literal["bracketed", "wide", "no witness", "zero", "incomplete", "unstable", "marginal"]
 
 _SAYS = {
-    "bracketed": "proven above, and reached by the witness",
-    "wide": "proven above, and reached by the witness, but farther apart than was asked for",
     "no witness": "proven above; no search found a Delta that makes I - M Delta singular",
     "zero": "no Delta makes I - M Delta singular, whatever its size",
-    "incomplete": "not proven: the intervals do not cover the axis",
     "unstable": "M is unstable",
     "marginal": "M has a pole on the boundary of stability",
 }
@@ -95,7 +96,8 @@ class StructuredSingularValue(MuOverFrequency):
     @property
     def reason(self) -> str:
         """The status in a sentence."""
-        return _SAYS[self.status]
+        own = _SAYS.get(self.status)
+        return own or status_sentence(cast(BoundStatus, self.status), "above")
 
     def _shown(self) -> tuple[str, tuple[float, float], float]:
         return self._drawn, (self.lower, self.upper), self.critical_frequency
@@ -231,14 +233,7 @@ def _peak(
     nominal = nominal_status(system)
     if nominal != "stable":
         return StructuredSingularValue(math.inf, math.inf, None, False, nominal)
-    n, m, p = system.nstates, system.ninputs, system.noutputs
-    A, B, C, D = (
-        np.asarray(M, dtype=float).reshape(shape)
-        for M, shape in (
-            (system.A, (n, n)), (system.B, (n, m)), (system.C, (p, n)), (system.D, (p, m))
-        )
-    )  # fmt: skip
-    loop = LoopModel.around((A, B, C, D), system.dt, structure)
+    loop = LoopModel.around(matrices_of(system), system.dt, structure)
     if not loop.acts_back:
         return StructuredSingularValue(0.0, 0.0, None, True, "zero", intervals=EVERYWHERE)
     found = bounds(loop, gap=gap)

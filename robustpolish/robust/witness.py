@@ -50,8 +50,8 @@ def all_pass(value: AnyMatrix, omega: float, step: float = 0.0) -> control.State
     out, into = _turned_phase(left[:, 0], x, bool(step)), _turned_phase(right[0], x, bool(step))
     dt = step or 0
     gain = float(sizes[0])
-    after = control.StateSpace(*_diagonal(out), dt)
-    before = control.StateSpace(*_diagonal(into), dt)
+    after = control.StateSpace(*out, dt)
+    before = control.StateSpace(*into, dt)
     column = np.abs(left[:, 0])[:, None] * gain
     row = np.abs(right[0])[None]
     joined = after * control.StateSpace([], [], [], column @ row, dt) * before
@@ -61,40 +61,24 @@ def all_pass(value: AnyMatrix, omega: float, step: float = 0.0) -> control.State
 # A phase nearer to 0 or 180 degrees is rounding, and a lag for it would be absurdly fast or slow.
 _REAL = 1e-12
 
-Lag = tuple[float, float, float, float] | tuple[float]
 
-
-def _turned_phase(values: AnyVector, x: float, discrete: bool) -> list[Lag]:
-    """Return for every entry a system of gain 1 with its phase at the frequency x."""
-    found: list[Lag] = []
+def _turned_phase(values: AnyVector, x: float, discrete: bool) -> tuple[Matrix, ...]:
+    """Return A, B, C and D of a diagonal system: of each entry gain 1 and its phase at x."""
+    found: list[tuple[Any, ...]] = []
     for entry in values:
         phase = math.atan2(entry.imag, entry.real)
         if abs(entry) == 0 or abs(math.sin(phase)) < _REAL or not 0 < x < math.inf:
-            found.append((-1.0 if math.cos(phase) < 0 else 1.0,))
+            gain = np.eye(1) * (-1.0 if math.cos(phase) < 0 else 1.0)
+            found.append((np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), gain))
             continue
         # (s - a)/(s + a) has a phase between 0 and pi; its negative covers the others.
         sign = 1.0 if phase > 0 else -1.0
         lead = phase if phase > 0 else phase + math.pi
         a = x * math.tan(lead / 2)
-        if discrete:
-            pole = (1 - a) / (1 + a)
-            found.append((pole, 1.0, sign * (pole**2 - 1), sign * pole))
-        else:
-            found.append((-a, 1.0, -2 * a * sign, sign))
-    return found
-
-
-def _diagonal(lags: list[Lag]) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-    """Return lags side by side."""
-    n = sum(len(lag) == 4 for lag in lags)
-    D: Any = block_diag(*[[[lag[-1]]] for lag in lags])
-    A, B, C = np.zeros((n, n)), np.zeros((n, len(lags))), np.zeros((len(lags), n))
-    state = 0
-    for i, lag in enumerate(lags):
-        if len(lag) == 4:
-            A[state, state], B[state, i], C[i, state] = lag[:3]
-            state += 1
-    return A, B, C, D
+        pole = (1 - a) / (1 + a)
+        lag = (pole, 1.0, sign * (pole**2 - 1), sign * pole)
+        found.append(lag if discrete else (-a, 1.0, -2 * a * sign, sign))
+    return tuple(block_diag(*parts) for parts in zip(*found, strict=True))
 
 
 # What is left of w = Delta z, relative, at which a Delta counts as one that makes it singular.

@@ -32,7 +32,13 @@ from robustpolish.plants.blocks import named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.robust.coverage import Coverage, cover
-from robustpolish.robust.loop_model import DeltaBlock, DeltaStructure, LoopModel, structure_of
+from robustpolish.robust.loop_model import (
+    DeltaBlock,
+    DeltaStructure,
+    Kind,
+    LoopModel,
+    structure_of,
+)
 from robustpolish.robust.scalings import (
     Inequality,
     ScaledBound,
@@ -184,8 +190,8 @@ class RobustProblem:
         """
         found = []
         for block in self.structure.blocks:
-            single = DeltaBlock("complex" if block.is_scalar else "full", 1, *_sizes(block))
-            found += [single] * block.copies
+            kind: Kind = "complex" if block.is_scalar else "full"
+            found += [DeltaBlock(kind, 1, block.rows, block.columns)] * block.copies
         return DeltaStructure(tuple(found))
 
     def loop(self, K: Controller) -> StaticLoop | None:
@@ -201,10 +207,6 @@ class RobustProblem:
     def controller(self, K: Controller) -> control.StateSpace | None:
         """Return a controller in the plant's units; None if its loop is not well posed."""
         return self.part.controller(K)
-
-
-def _sizes(block: DeltaBlock) -> tuple[int, int]:
-    return block.rows, block.columns
 
 
 def controller_matrix(K: Controller) -> Matrix:

@@ -187,56 +187,33 @@ def damping(loop: StaticLoop) -> float:
     return min(max(0.5 * least, _LEAST), _DAMPED)
 
 
-@dataclass(frozen=True)
-class ScalingSearchPolicy:
-    """How far a search goes.
-
-    Attributes
-    ----------
-    work : float
-        Steps of descents and Riccati equations, weighted by their size.
-    scenarios : float
-        Share of it for the search by scenarios, where there are real numbers.
-    rounds : int
-        K steps at most.
-    worthwhile : float
-        A round that lowers the level by less than this share is the last.
-    quick, full : tuple of float
-        Powers of the sums that descents lower: between K steps, and at the end.
-    quick_steps, full_steps : int
-        Most steps of each.
-    sets : int
-        How often frequencies join the set of the last descent.
-    hole : float
-        Level of a frequency above that of the set, relative, from which on it joins.
-    room : float
-        By how much the proof may lie above the set's level: with less, intervals are narrow where
-        the level is flat, as it is at an optimum.
-    agrees : float
-        A proof so far above the set's level, relative, is good enough.
-    proofs : int
-        How often a proof may add frequencies.
-    shortened : float
-        A controller is shortened as long as its level rises by less than this share.
-    """
-
-    work: float = 60_000.0
-    scenarios: float = 0.5
-    rounds: int = 4
-    worthwhile: float = 0.01
-    quick: tuple[float, ...] = (30.0, 100.0)
-    full: tuple[float, ...] = (100.0, 400.0, 2000.0)
-    quick_steps: int = 400
-    full_steps: int = 1200
-    sets: int = 6
-    hole: float = 0.002
-    room: float = 0.003
-    agrees: float = 0.005
-    proofs: int = 4
-    shortened: float = 0.02
-
-
-POLICY = ScalingSearchPolicy()
+# Steps of descents and Riccati equations, weighted by their size.
+WORK = 60_000.0
+# Share of it for the search by scenarios, where there are real numbers.
+SCENARIO_SHARE = 0.5
+# K steps at most.
+_ROUNDS = 4
+# A round that lowers the level by less than this share is the last.
+_WORTHWHILE = 0.01
+# Powers of the sums that descents lower: between K steps, and at the end.
+_QUICK = (30.0, 100.0)
+_FULL = (100.0, 400.0, 2000.0)
+# Most steps of each.
+_QUICK_STEPS = 400
+_FULL_STEPS = 1200
+# How often frequencies join the set of the last descent.
+_SETS = 6
+# Level of a frequency above that of the set, relative, from which on it joins.
+_HOLE = 0.002
+# By how much the proof may lie above the set's level: with less, intervals are narrow where the
+# level is flat, as it is at an optimum.
+_ROOM = 0.003
+# A proof so far above the set's level, relative, is good enough.
+AGREES = 0.005
+# How often a proof may add frequencies.
+PROOFS = 4
+# A controller is shortened as long as its level rises by less than this share.
+_SHORTENED = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,7 +269,7 @@ class ScalingSearch:
             If the first K step finds none, or none of the order asked for is stable.
         """
         level, filters = 1.0, unit_scalings(self.problem)
-        for count in range(POLICY.rounds):
+        for count in range(_ROUNDS):
             try:
                 full = k_step(scaled_plant(self.problem, filters), level, self.budget)
             except SolverError:
@@ -304,18 +281,18 @@ class ScalingSearch:
             found = self._started(full)
             if found is None:
                 break
-            found = self._lowered(found, POLICY.quick, POLICY.quick_steps, 1)
+            found = self._lowered(found, _QUICK, _QUICK_STEPS, 1)
             self._record_step("descent", found.controller, level=found.level)
             if self.best is None or found.level < self.best.level:
                 self.best = found
-            if self.budget.over or not found.level < before * (1 - POLICY.worthwhile):
+            if self.budget.over or not found.level < before * (1 - _WORTHWHILE):
                 break
             level = found.level
             known, M = self._levels(found.controller, self.problem.as_complex, best=True)
             filters = scalings_of(self.problem, known, M)
         if self.best is None:
             raise SolverError("No stable loop was found with so few states.")
-        found = self._lowered(self.best, POLICY.full, POLICY.full_steps, POLICY.sets)
+        found = self._lowered(self.best, _FULL, _FULL_STEPS, _SETS)
         self._record_step("last descent", found.controller, level=found.level)
         return found
 
@@ -343,7 +320,7 @@ class ScalingSearch:
             return None
         known, _ = self._levels(full, self.problem.structure, best=False)
         orders = [self.order] if self.order is not None else range(1, len(full.A) + 1)
-        enough = known.peak * (1 + POLICY.shortened)
+        enough = known.peak * (1 + _SHORTENED)
         for order in orders:
             tried = [
                 (mu_bound_with(self.problem, K, known), i, K)
@@ -382,7 +359,7 @@ class ScalingSearch:
                 return found
             K = controller_from_matrix(form.gain(theta), form.order)
             found = replace(found, controller=K, weights=weights, level=level)
-            high = level * (1 + POLICY.hole)
+            high = level * (1 + _HOLE)
             more = unproven_frequencies(loop, self.scalings, found.omega, found.weights, high)
             if not len(more[0]):
                 break
@@ -408,7 +385,7 @@ class ScalingSearch:
         loop = self.problem.loop(found.controller)
         if loop is None or self.budget.over:
             return found
-        coverage, model = self.problem.cover(loop, found.level * (1 + POLICY.room))
+        coverage, model = self.problem.cover(loop, found.level * (1 + _ROOM))
         self.budget.spend(len(coverage.intervals) * step_cost(2 * len(loop.A)))
         self._record_step("proof", found.controller, level=coverage.level * model.gain)
         if not coverage.peaks:
@@ -416,6 +393,6 @@ class ScalingSearch:
         omega = np.array([model.omega(peak[0]) for peak in coverage.peaks])
         weights = self.scalings.of_bounds([peak[2] for peak in coverage.peaks], model.gain)
         found = self._joined(found, omega, weights)
-        found = self._lowered(found, POLICY.full[1:], POLICY.full_steps, POLICY.sets)
+        found = self._lowered(found, _FULL[1:], _FULL_STEPS, _SETS)
         self._record_step("descent after the proof", found.controller, level=found.level)
         return found
