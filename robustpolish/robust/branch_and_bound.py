@@ -364,6 +364,13 @@ class ParameterNorm:
         return self.size(nearest) * (1 - _ROUNDING)
 
 
+def _cut(low: Vector, high: Vector, axis: int) -> tuple[Vector, Vector]:
+    """Return the upper end of the lower half of a box, and the lower end of the upper one."""
+    below, above = high.copy(), low.copy()
+    below[axis] = above[axis] = (low[axis] + high[axis]) / 2
+    return below, above
+
+
 @dataclass(frozen=True, eq=False)
 class Region:
     """A box of real numbers and a band of frequencies, with polynomials over it.
@@ -433,8 +440,7 @@ class Region:
                 replace(self, rows=lower, errors=errors, band=(start, middle)),
                 replace(self, rows=upper, errors=errors, band=(middle, stop)),
             )
-        below, over = self.high.copy(), self.low.copy()
-        below[axis] = over[axis] = (self.low[axis] + self.high[axis]) / 2
+        below, over = _cut(self.low, self.high, axis)
         return (
             replace(self, rows=lower, errors=errors, high=below),
             replace(self, rows=upper, errors=errors, low=over),
@@ -880,9 +886,7 @@ def split(
 
 def _halves(box: _Box) -> tuple[tuple[Vector, Vector], tuple[Vector, Vector]]:
     low, high = np.array(box.low), np.array(box.high)
-    axis = int(np.argmax(high - low))
-    below, above = high.copy(), low.copy()
-    below[axis] = above[axis] = (low[axis] + high[axis]) / 2
+    below, above = _cut(low, high, int(np.argmax(high - low)))
     return (low, below), (above, high)
 
 

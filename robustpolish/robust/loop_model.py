@@ -484,7 +484,7 @@ class LoopModel:
         numpy.linalg.LinAlgError
             If rounding sees a pole there.
         """
-        A, B, C, D = (M.astype(complex) for M in self._matrices)
+        A, B, C, D = (getattr(self.model, name).astype(complex) for name in "ABCD")
         if not self.model.states:
             return D, np.zeros_like(D)
         s, c, one = math.sin(angle), math.cos(angle), np.eye(len(A))
@@ -493,11 +493,6 @@ class LoopModel:
         states = np.linalg.solve(inner, B)
         turned = np.linalg.solve(inner, slope @ states)
         return D + c * C @ states, -s * C @ states - c * C @ turned
-
-    @property
-    def _matrices(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-        model = self.model
-        return model.A, model.B, model.C, model.D
 
     def angle(self, x: float) -> float:
         """Return the angle of a frequency of the model."""

@@ -24,7 +24,6 @@ from robustpolish.plants.wired import single_filter
 from robustpolish.synthesis.certificate import Certificate, certify
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.loop_shaping.coprime import (
-    Coprime,
     cayley,
     cayley_back,
     consistent_matrices,
@@ -542,9 +541,20 @@ def loop_shaping(
     solved = coprime(loop)
     optimal = solved.optimal_gamma
     claim = optimal * number
-    inner, proof = _certified(loop, solved, claim)
+    central = solved.controller(claim)
+    inner, proof = _certified(
+        loop,
+        cayley_back(central) if loop.is_discrete else central,
+        claim,
+        f"The controller for gamma {claim:.6g}",
+        "Scale the plant so that a unit of u and of y mean as much, or raise factor=.",
+    )
     if order is not None and order < inner.nstates:
-        inner, proof = _reduced_order(loop, inner, int(order), proof)
+        remedy = (
+            f"That of order {inner.nstates} has gamma {proof.achieved:.4g}; ask for more states."
+        )
+        short = reduce_in_gap_metric(inner, int(order))
+        inner, proof = _certified(loop, short, None, f"A controller of order {order}", remedy)
     K = in_series(in_series(behind, consistent_matrices(inner)), before)
     real = GeneralizedPlant.from_loop(G)
     controller = named_controller(real, *balanced(Controller(*K)))
@@ -627,36 +637,15 @@ def _distance_to_target(
 
 
 def _certified(
-    loop: GeneralizedPlant, solved: Coprime, claim: float
+    loop: GeneralizedPlant, found: SystemMatrices, claim: float | None, what: str, remedy: str
 ) -> tuple[control.StateSpace, Certificate]:
-    """Return the shaped plant's controller with its certificate for gamma."""
-    found = solved.controller(claim)
-    if loop.is_discrete:
-        found = cayley_back(found)
+    """Return a controller of the shaped plant with its certificate for gamma."""
     # What was solved for has no further units: the plant's states were scaled, its signals not.
     inner = named_controller(loop, *balanced(Controller(*found)))
     proof = certify(loop, inner, "hinf", claim)
     if not proof.valid:
-        raise SolverError(
-            f"The controller for gamma {claim:.6g} could not be certified: "
-            + "; ".join(proof.reasons)
-            + ". Scale the plant so that a unit of u and of y mean as much, or raise factor=."
-        )
+        raise SolverError(f"{what} could not be certified: {'; '.join(proof.reasons)}. {remedy}")
     return inner, proof
-
-
-def _reduced_order(
-    loop: GeneralizedPlant, inner: control.StateSpace, order: int, full: Certificate
-) -> tuple[control.StateSpace, Certificate]:
-    """Return the controller with fewer states, certified."""
-    short = named_controller(loop, *balanced(Controller(*reduce_in_gap_metric(inner, order))))
-    proof = certify(loop, short, "hinf")
-    if not proof.valid:
-        raise SolverError(
-            f"A controller of order {order} could not be certified: {'; '.join(proof.reasons)}. "
-            f"That of order {inner.nstates} has gamma {full.achieved:.4g}; ask for more states."
-        )
-    return short, proof
 
 
 def _matrix_weight(argument: str, given: Any, count: int, dt: float | bool) -> SystemMatrices:

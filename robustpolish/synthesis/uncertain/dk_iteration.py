@@ -332,12 +332,11 @@ def of_order(problem: RobustProblem, order: int, budget: Budget) -> Controller |
     return Controller(*matrices_of(design.controller))
 
 
-def mu_bound_with(problem: RobustProblem, K: Controller, known: MuBounds) -> float:
-    """Return the largest level of a controller at frequencies, by the scalings of another one."""
+def level_of(problem: RobustProblem, K: Controller, omega: Vector, weights: Array) -> float:
+    """Return the largest level that scalings prove of a controller at frequencies."""
     loop = problem.loop(K)
     if loop is None or not loop.stable:
         return float(np.inf)
-    M = LoopResponses.of(loop, known.omega).M
-    scalings = Scalings(known.space.structure)
-    squares = ScaledGain(scalings, scalings.of_bounds(known.found), M).squares
+    M = LoopResponses.of(loop, omega).M
+    squares = ScaledGain(Scalings(problem.structure), weights, M).squares
     return float(np.sqrt(max(squares.max(), 0.0)))

@@ -24,7 +24,7 @@ from robustpolish.synthesis.problem.matrices import (
 )
 from robustpolish.synthesis.uncertain.dk_iteration import (
     k_step,
-    mu_bound_with,
+    level_of,
     of_order,
     reduced_controllers,
     scaled_plant,
@@ -321,9 +321,10 @@ class ScalingSearch:
         known, _ = self._levels(full, self.problem.structure, best=False)
         orders = [self.order] if self.order is not None else range(1, len(full.A) + 1)
         enough = known.peak * (1 + _SHORTENED)
+        weights = self.scalings.of_bounds(known.found)
         for order in orders:
             tried = [
-                (mu_bound_with(self.problem, K, known), i, K)
+                (level_of(self.problem, K, known.omega, weights), i, K)
                 for i, K in enumerate(reduced_controllers(self.problem, full, order))
             ]
             if not tried and self.order is not None and self.best is None:
@@ -334,15 +335,10 @@ class ScalingSearch:
             level, _, K = min(tried)
             if self.order is not None or level <= enough:
                 own, _ = self._levels(K, self.problem.structure, best=False)
-                weights = self.scalings.of_bounds(own.found)
-                return AnalysedController(K, own.peak, own.omega, weights)
+                return AnalysedController(
+                    K, own.peak, own.omega, self.scalings.of_bounds(own.found)
+                )
         return None
-
-    def _polish(self, found: AnalysedController, form: ModalGain) -> MuDescent:
-        plant = augmented(self.problem.matrices, form.order)
-        loop = self.problem.loop(found.controller)
-        assert loop is not None
-        return MuDescent(plant, form, self.scalings, found.omega, damping(loop))
 
     def _lowered(
         self, found: AnalysedController, powers: tuple[float, ...], steps: int, sets: int
@@ -350,7 +346,10 @@ class ScalingSearch:
         """Lower the level at the set, and add frequencies where it has risen in between."""
         for _ in range(sets):
             form, theta = ModalGain.of(found.controller)
-            polish = self._polish(found, form)
+            plant, begun = augmented(self.problem.matrices, form.order), form.gain(theta)
+            start = close_static_loop(plant, begun)
+            assert start is not None
+            polish = MuDescent(plant, form, self.scalings, found.omega, damping(start))
             theta, weights, level = polish.lower(
                 (theta, found.weights, found.level), powers, self.budget, steps
             )
@@ -376,9 +375,8 @@ class ScalingSearch:
             omega=np.concatenate([found.omega, omega]),
             weights=np.vstack([found.weights, weights]),
         )
-        form, theta = ModalGain.of(found.controller)
-        squares = self._polish(found, form).squares(theta, found.weights)
-        return replace(found, level=float(np.sqrt(max(squares.max(), 0.0))))
+        level = level_of(self.problem, found.controller, found.omega, found.weights)
+        return replace(found, level=level)
 
     def with_refined_frequencies(self, found: AnalysedController) -> AnalysedController:
         """Look for frequencies at which a proof needs more than the set, and lower these too."""
