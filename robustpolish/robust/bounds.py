@@ -1,4 +1,4 @@
-"""Both bounds of a loop's peak: a level over all frequencies, and a Delta that is near it."""
+"""Bounds of the peak of mu over all frequencies: scalings above, a witness below, branching."""
 
 from __future__ import annotations
 

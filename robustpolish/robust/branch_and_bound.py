@@ -34,9 +34,8 @@ from robustpolish.robust.witness import Witness, smallest_delta
 
 # Polynomials in Bernstein's form: their values over a box lie between their coefficients.
 #
-# References ---------- .. [1] M. Zettler, J. Garloff, "Robustness analysis of polynomials with
-# polynomial parameter    dependency using Bernstein expansion", IEEE Transactions on Automatic
-# Control 43 (1998) 425-431.
+# [1] M. Zettler, J. Garloff, "Robustness analysis of polynomials with polynomial parameter
+# dependency using Bernstein expansion", IEEE Transactions on Automatic Control 43 (1998) 425-431.
 
 Balls = NDArray[np.object_]
 """An array of flint.arb or flint.fmpq; python-flint ships no stubs for them."""
@@ -256,7 +255,7 @@ class _Closed:
         return [[one[power] for power in range(n + 1)] for one in found]
 
 
-# A look for a smaller witness where branching finds the lowest bound.
+# Local witness search where branching finds the lowest bound.
 
 
 def local_witness(
@@ -329,7 +328,7 @@ def worst_signals(structure: DeltaStructure, M: AnyMatrix, numbers: Vector) -> A
     return whole
 
 
-# Parts of the space of real numbers and frequencies, with polynomials over each of them.
+# Regions of real parameters and frequencies, with polynomials over each of them.
 
 _UNIT = 2.0**-53
 # What quotients and sums of doubles may be off beside the bounds that are counted, relative.
@@ -563,17 +562,13 @@ def least_linear_axis(parts: tuple[AnyArray, ...]) -> int:
     return max(axes, key=lambda axis: bends[axis])
 
 
-# Branch and bound over real numbers and frequencies: both bounds drawn together.
+# Branch and bound over real parameters and frequencies.
 #
 # What scalings prove of many real numbers may be far below what is true, for they forget that a
 # number is the same at all frequencies, and more. Over a small box and a short band, polynomials
-# are nearly linear, and their Bernstein coefficients prove nearly all that is true [1]_. The
+# are nearly linear, and their Bernstein coefficients prove nearly all that is true [1]. The
 # region with the lowest bound is halved, again and again, until none has one far below the
 # witness.
-#
-# References ---------- .. [1] M. Zettler, J. Garloff, "Robustness analysis of polynomials with
-# polynomial parameter    dependency using Bernstein expansion", IEEE Transactions on Automatic
-# Control 43 (1998) 425-431.
 
 _BITS = 320
 

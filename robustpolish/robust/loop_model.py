@@ -1,4 +1,4 @@
-"""The certain part of an uncertain loop, as the model that bounds and witnesses are sought for."""
+"""The loop M around the uncertain blocks Delta, in units that follow from the loop itself."""
 
 from __future__ import annotations
 
@@ -212,7 +212,7 @@ def check_shape(M_shape: tuple[int, int], structure: DeltaStructure) -> None:
         raise invalid("blocks", shown, "blocks that fit M", remedy)
 
 
-# Units of nodes of a network that make what each does to others like what others do to it.
+# Equilibration: units of the nodes of a network that make row and column norms equal.
 #
 # They follow from the network: whatever units its nodes came in, the numbers are the same in the
 # end, but for rounding. Powers of two would not be: a thousand is none.
@@ -287,7 +287,7 @@ def _solved(matrix: Matrix, right: Vector) -> Vector:
     return np.linalg.lstsq(matrix, right, rcond=_FLAT)[0].astype(float)
 
 
-# A loop in units that are its own: doubles for searches, and balls that hold what they round.
+# Canonical units of a loop: doubles for searches, and balls that enclose their rounding.
 
 BITS = 320
 

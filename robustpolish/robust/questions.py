@@ -1,4 +1,4 @@
-"""What uncertainty costs: robust performance, and the worst gain of all machines within bounds."""
+"""Robust stability, robust performance and worst-case gain, from the bounds of mu."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from robustpolish.robust.loop_model import DeltaBlock, LoopModel
 from robustpolish.robust.scalings import Inequality, Space, best_scalings
 from robustpolish.robust.witness import Witness, all_pass, worst_delta
 
-# What results of robust analysis share: bounds over frequency, and what each block costs.
+# Mu bounds over frequency, and the sensitivity to each block.
 
 # Frequencies of a picture besides those of the poles, and decades beyond these.
 _POINTS = 40
@@ -203,6 +203,11 @@ class Witnessed(MuOverFrequency):
             raise invalid("result", described("no witness"), "one that was found", remedy)
         return system_at_witness(asked.system, witness, self._shown()[2], asked.loop.step)
 
+    def _shown(self) -> tuple[str, tuple[float, float], float]:
+        margin: Any = self
+        mu = reciprocal(margin.upper), reciprocal(margin.lower)
+        return self._drawn, mu, margin.critical_frequency
+
     def _bounds_card(self, title: str, what: str, *more: tuple[str, float]) -> Card:
         """Return the card of a result with both bounds."""
         found: Any = self
@@ -229,7 +234,7 @@ def system_at_witness(
     return system.at(found)
 
 
-# What bounds and witness of a loop say in the units of its system, and in a word.
+# Bounds and witness in the units of the system, and their status.
 
 Nominal = Literal["stable", "unstable", "marginal"]
 Outcome = Literal["bracketed", "wide", "no witness", "incomplete"]
@@ -357,7 +362,7 @@ def round_up(value: float) -> float:
     return math.nextafter(math.nextafter(value, math.inf), math.inf)
 
 
-# How much uncertainty a loop bears before it gets unstable: proven below, witnessed above.
+# Robust stability margin: proven below, witnessed above.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -423,10 +428,6 @@ class RobustStability(Witnessed):
         if self.proven and self.lower >= 1:
             return True
         return False if self.upper <= 1 else None
-
-    def _shown(self) -> tuple[str, tuple[float, float], float]:
-        mu = reciprocal(self.upper), reciprocal(self.lower)
-        return self._drawn, mu, self.critical_frequency
 
     def _card(self) -> Card:
         verdict = {True: "robustly stable", False: "not robustly stable", None: "undecided"}
@@ -567,9 +568,6 @@ class RobustPerformance(Witnessed):
     def mu(self) -> tuple[float, float]:
         """Bounds of the structured singular value with the performance block."""
         return reciprocal(self.upper), reciprocal(self.lower)
-
-    def _shown(self) -> tuple[str, tuple[float, float], float]:
-        return self._drawn, self.mu, self.critical_frequency
 
     def _card(self) -> Card:
         verdict = "met" if self.proven and self.lower >= 1 else "not proven"

@@ -1,4 +1,4 @@
-"""Loops of real numbers: where rays of them leave stability, and the exact margin of one."""
+"""Stability margins of real parameters: along rays, and exactly for one repeated parameter."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robustpolish.linear.arithmetic.balls import identity, part, precision
 from robustpolish.robust.coverage import Ball, complex_ball, gershgorin_discs
 from robustpolish.robust.loop_model import DeltaStructure, LoopModel, signal_positions
 
-# A loop with one real number only, however often repeated: its margin exactly, with a proof.
+# The exact stability margin of one repeated real parameter, with a proof.
 #
 # Poles leave the stable half-plane through the axis, where the sum of two of them is 0. With X of
 # the Lyapunov operator and Y = k (C X + D Y), that is an eigenvalue 1 / k of a matrix that does not
@@ -94,7 +94,7 @@ def _has_no_real_eigenvalue_beyond(matrix: Ball, limit: float) -> bool:
     return bool((np.abs(np.real(centres[real])) + radii[real] < limit).all())
 
 
-# How far all real numbers of a loop can change together in given proportions: exactly, by size.
+# Stability margins along rays of all real parameters.
 #
 # Along a ray all numbers are one repeated real number k. The matrix A(k) has a pair of eigenvalues
 # whose sum is 0 just if its Lyapunov operator is singular, which is an eigenvalue problem for 1 /

@@ -35,7 +35,7 @@ from robustpolish.robust.questions import (
 from robustpolish.robust.scalings import Inequality, ScaledBound, Space, best_scalings
 from robustpolish.robust.witness import worst_delta
 
-# What is known of a structured singular value; that of a matrix, by a proof and a witness.
+# The result, and the structured singular value of a matrix.
 
 # Signals from which the lower bound starts: the worst of the upper bound, then mixtures.
 _STARTS = 6

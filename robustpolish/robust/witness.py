@@ -23,7 +23,7 @@ from robustpolish.base.arrays import AnyArray, AnyMatrix, AnyVector, Matrix, Vec
 from robustpolish.robust.loop_model import DeltaBlock, DeltaStructure
 from robustpolish.robust.scalings import Inequality, ScaledBound
 
-# Stable real systems that have a given value at one frequency and its norm at all of them.
+# All-pass interpolation: stable real systems with a given value at one frequency.
 
 
 def all_pass(value: AnyMatrix, omega: float, step: float = 0.0) -> control.StateSpace:

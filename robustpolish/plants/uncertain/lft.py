@@ -1,4 +1,4 @@
-"""Linear systems around uncertain blocks, as matrices, and their algebra.
+"""Linear fractional transformations around states and uncertain blocks, and their algebra.
 
 A number, matrix or system with uncertainty is a matrix closed over what is inside: the integrators
 of the states, and the blocks. ::
@@ -29,7 +29,7 @@ from robustpolish.plants.uncertain.elements import (
     real_number,
 )
 
-# Real elements that share an ellipsoid: their physical numbers, and points drawn from it.
+# Ellipsoids of real elements: physical numbers, and points drawn from them.
 
 # Relative size of what is left of numbers that no point of the ellipsoid's space has.
 _OUTSIDE = 1e-9
@@ -111,7 +111,7 @@ def drawn(members: Sequence[RealElement], random: np.random.Generator) -> dict[s
     return {m.name: m.value(float(d)) for m, d in zip(members, direction, strict=True)}
 
 
-# Which copies of an uncertain block do something: the reduction of repeated blocks.
+# Reduction of repeated blocks.
 #
 # Copies of a block are to its delta what states are to an integrator [1]_. Those outside the span
 # that other signals reach are nothing but zero, and those that no other signal sees do not matter.

@@ -36,7 +36,7 @@ from robustpolish.plants.uncertain.lft import (
     total,
 )
 
-# Values in place of what is uncertain: given ones, nominal ones, and random ones.
+# Substitution of values: given, nominal and random ones.
 
 
 def substitute(system: Lft, values: Mapping[str, Any]) -> Lft:

@@ -35,7 +35,7 @@ from robustpolish.synthesis.problem.matrices import Controller, SystemMatrices, 
 from robustpolish.synthesis.problem.scaling import named_controller
 from robustpolish.synthesis.riccati.equations import solve_lyapunov
 
-# A controller of fewer states, by balanced truncation of its normalised coprime factors.
+# Order reduction by balanced truncation of normalised coprime factors.
 
 
 def reduce_in_gap_metric(K: control.StateSpace, order: int) -> SystemMatrices:
@@ -89,7 +89,7 @@ def _root(X: Matrix) -> Matrix:
     return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-# The gain that a loop is wanted to have, and how near a loop comes to it.
+# The target loop: the wanted open-loop gain, and distances from it.
 
 
 # The band reaches from the first crossover over this to the last one times that, as far as a
@@ -113,7 +113,7 @@ _ON_AXIS = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class TargetLoop:
-    """The gain that a loop is wanted to have.
+    """The target of loop shaping: the wanted open-loop gain.
 
     Attributes
     ----------
@@ -251,7 +251,7 @@ def _band(given: Any, crossovers: tuple[float, float], dt: float | bool) -> tupl
     return low, min(high, end * (1 - 1e-6))
 
 
-# The weight that gives a plant the gain of a wanted loop, and what the plant says to it.
+# The weight that gives a plant the gain of a target loop, and limits of the bandwidth.
 
 
 def target_weight(plant: SystemMatrices, wanted: TargetLoop) -> SystemMatrices:

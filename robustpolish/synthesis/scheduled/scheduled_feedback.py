@@ -1,4 +1,4 @@
-"""Feedback whose gains follow numbers of the plant that are measured while it runs."""
+"""Gain scheduling (LPV control): feedback that follows measured parameters of the plant."""
 
 from __future__ import annotations
 

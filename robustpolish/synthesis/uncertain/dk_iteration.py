@@ -1,4 +1,7 @@
-"""Controllers of few states that come near one of many."""
+"""D-K iteration: H-infinity designs with scalings (K step), and fits of the scalings (D step).
+
+J. C. Doyle, "Structured uncertainty in control system design", CDC 1985.
+"""
 
 from __future__ import annotations
 
@@ -230,7 +233,7 @@ def scaled_norms(M: AnyArray, left: Matrix, right: Matrix) -> Vector:
     return np.linalg.norm(left[:, :, None] * M / right[:, None, :], 2, axis=(1, 2))
 
 
-# The D step: scalings of low order for a controller, and the plant with scalings around it.
+# The D step: scalings of low order, and the plant with these scalings.
 
 
 # Largest order of a scaling.
@@ -301,6 +304,8 @@ def scalings_of(problem: RobustProblem, found: MuBounds, M: AnyArray) -> list[Fi
             orders[k] -= 1
     return [one[order] for one, order in zip(offered, orders, strict=True)] + [_ONE]
 
+
+# Order reduction of a controller, judged by the scalings of the one of full order.
 
 # The share of its usual work that a search for fixed order gets, and its safety net in seconds.
 _EFFORT = 0.1

@@ -49,7 +49,7 @@ from robustpolish.synthesis.uncertain.search import (
     ScalingSearch,
 )
 
-# What robust synthesis returns: a controller with its proof, or the reason why there is none.
+# The result: a controller with its proof, or the reason why there is none.
 
 Status = Literal["robust", "limited", "time_limit", "not proven", "no controller"]
 Method = Literal["scalings", "scenarios"]

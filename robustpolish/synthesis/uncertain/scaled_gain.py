@@ -1,4 +1,4 @@
-r"""The level that scalings prove at many frequencies, as a smooth function of M and of them.
+r"""The scaled gain: the bound of mu by D and G scalings, as a smooth function of M and of them.
 
 With D = T* T per block, G = T* g T and ``N = T_z M T_w^-1``, the inequality ::
 
@@ -55,7 +55,7 @@ from robustpolish.synthesis.problem.matrices import (
 )
 from robustpolish.synthesis.problem.scaling import SolverPlant
 
-# The level that the best scalings prove, frequency by frequency, and where to look.
+# Mu bounds over a grid of frequencies.
 
 # Frequencies per decade, and how far they reach beyond the rates of the loop.
 _DENSITY = 9.0
@@ -133,7 +133,7 @@ def grid(poles: Iterable[AnyArray], more: Iterable[float] = ()) -> Vector:
     return np.array([0.0, *kept, np.inf])
 
 
-# What robust synthesis works on: the plant in scaled units, with the blocks of Delta on it.
+# The robust synthesis problem: the plant in scaled units, and the structure of Delta.
 
 
 @dataclass(frozen=True, eq=False)
@@ -328,7 +328,7 @@ def _pairs(n: int) -> NDArray[np.bool_]:
     return place[:, None] == place
 
 
-# A loop at many frequencies at once, and how gradients travel from there back to K.
+# Frequency responses of a loop, and the chain rule from them back to K.
 
 
 @dataclass(frozen=True, eq=False)
@@ -602,11 +602,11 @@ def _hermitian(values: Array, n: int) -> AnyArray:
     return g
 
 
-# Where a level rises between the frequencies of a set: holes that a descent has found.
+# Frequency refinement: where the bound rises between the frequencies of a set.
 
 # Frequencies that are looked at between two of the set, and beyond its ends in decades.
 _BETWEEN = 12
-_BEYOND_HOLES = 3.0
+_BEYOND_SET = 3.0
 # Share of its rate by which a lightly damped pole is looked at on both sides.
 _BESIDE = np.array([-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0])
 # Peaks that are looked at closely in one go.
@@ -656,7 +656,7 @@ def _dense(loop: StaticLoop, omega: Vector, weights: Array) -> tuple[Vector, Arr
     logs, values = np.log(omega[inner]), weights[inner]
     steps = np.linspace(0, 1, _BETWEEN + 1, endpoint=False)[1:]
     found = [logs[:-1] + step * np.diff(logs) for step in steps]
-    ends = np.linspace(0, _BEYOND_HOLES * np.log(10), 3 * _BETWEEN)[1:]
+    ends = np.linspace(0, _BEYOND_SET * np.log(10), 3 * _BETWEEN)[1:]
     poles = loop.poles[loop.poles.imag > 0]
     beside = poles.imag[:, None] + poles.real[:, None] * _BESIDE
     beside = np.log(beside[beside > 0])

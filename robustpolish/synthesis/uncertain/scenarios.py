@@ -1,4 +1,4 @@
-"""Controllers by worst cases: descents on the machines that proofs and corners say are worst."""
+"""Scenario-based design: structured descents on a growing set of worst-case samples, and proofs."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class WorstCaseProblem(PartProblem):
         return ScenarioResult(self, found.point, float(np.exp(found.value)), stationary)
 
 
-# The machines of an uncertain plant: at given values, at the corners, and farther out.
+# Samples of an uncertain plant: at given values, at the corners, and farther out.
 
 Values = Mapping[str, Any]
 
@@ -184,7 +184,7 @@ class UncertainSamples:
         return GeneralizedPlant(machine, self.ny, self.nu)
 
 
-# The search over scenarios: descend on a set of machines, find a worse one, add it, prove.
+# The scenario search: descend on a set of samples, find a worse one, add it, prove.
 
 # Most machines of a set.
 _MACHINES = 24
@@ -424,7 +424,7 @@ class ScenarioSearch:
         return None if plant is None else self.scaled.in_units(PlantMatrices.of(plant))
 
 
-# Where searches over scenarios start, and how short their controllers may be.
+# Starts of the scenario search, and order reduction of what it finds.
 
 # A controller is shortened as long as its level rises by less than this share, as in D-K.
 _SHORTENED = 0.02

@@ -1,4 +1,4 @@
-"""The search for a robust controller: K steps, D steps and polishes, then the proof."""
+"""Mu synthesis: D-K iteration, then a descent over controller and scalings at once."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from robustpolish.synthesis.uncertain.scaled_gain import (
     unproven_frequencies,
 )
 
-# A controller polished without fits: its numbers and the scalings of each frequency at once.
+# The descent over the numbers of a controller and the scalings of each frequency at once.
 
 # Least damping of a pole: what is narrower would fall between the frequencies of a set. A loop that
 # has less to begin with may keep half of its own.
@@ -349,11 +349,11 @@ class ScalingSearch:
             plant, begun = augmented(self.problem.matrices, form.order), form.gain(theta)
             start = close_static_loop(plant, begun)
             assert start is not None
-            polish = MuDescent(plant, form, self.scalings, found.omega, damping(start))
-            theta, weights, level = polish.lower(
+            descent = MuDescent(plant, form, self.scalings, found.omega, damping(start))
+            theta, weights, level = descent.lower(
                 (theta, found.weights, found.level), powers, self.budget, steps
             )
-            loop = polish.loop(theta)
+            loop = descent.loop(theta)
             if loop is None:
                 return found
             K = controller_from_matrix(form.gain(theta), form.order)
