@@ -1,4 +1,4 @@
-"""Both bounds of a loop's peak: a level over all frequencies, and a Delta that is near it."""
+"""Bounds of the peak of mu over all frequencies: scalings above, a witness below, branching."""
 
 from __future__ import annotations
 
@@ -230,18 +230,14 @@ def _raise_proven_size(
 def _with_short_intervals(loop: LoopModel, fixed: tuple[bool, ...] | None, found: Bounds) -> Bounds:
     """Lower the level by scalings that hold over shorter intervals, if they prove more."""
     near = 0.0 if found.witness is None else 1 / found.witness.size
-    fine = cover(loop, _space(loop, fixed), near, loop.seeds())
+    fine = cover(loop, Space(loop.structure, fixed or ()), near, loop.seeds())
     better = fine.complete and (not found.coverage.complete or fine.level < found.coverage.level)
     return replace(found, coverage=fine) if better else found
 
 
-def _space(loop: LoopModel, fixed: tuple[bool, ...] | None) -> Space:
-    return Space(loop.structure, fixed or (False,) * len(loop.structure.blocks))
-
-
 def _by_scalings(loop: LoopModel, fixed: tuple[bool, ...] | None, slack: float) -> Bounds:
     """Bound the peak by scalings that hold over intervals, and by searches from where they end."""
-    space = _space(loop, fixed)
+    space = Space(loop.structure, fixed or ())
     found = None if fixed else _from_crossings(loop, ray_crossings(loop))
     seeds = loop.seeds()
     if found is not None:
@@ -277,10 +273,7 @@ def _from_peak(
 ) -> Witness | None:
     """Return the smallest Delta near what the scalings of a peak say is the worst."""
     inequality = Inequality(space, response(loop.model, frequency)[None])
-    _, still, free, _ = space.matrices(level.x)
-    scaled = np.real(np.diagonal(still + free))
-    scale = 1 / np.sqrt(np.maximum(scaled, 1e-300))
-    scale = scale / scale.max()
+    scale = space.units(level.x)
     best: Witness | None = None
     angle, ends = loop.angle(frequency), frequency in (0.0, math.inf)
     # At rest and at infinity a stable real system has real values: look there, and nearby.

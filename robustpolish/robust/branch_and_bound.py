@@ -34,9 +34,8 @@ from robustpolish.robust.witness import Witness, smallest_delta
 
 # Polynomials in Bernstein's form: their values over a box lie between their coefficients.
 #
-# References ---------- .. [1] M. Zettler, J. Garloff, "Robustness analysis of polynomials with
-# polynomial parameter    dependency using Bernstein expansion", IEEE Transactions on Automatic
-# Control 43 (1998) 425-431.
+# [1] M. Zettler, J. Garloff, "Robustness analysis of polynomials with polynomial parameter
+# dependency using Bernstein expansion", IEEE Transactions on Automatic Control 43 (1998) 425-431.
 
 Balls = NDArray[np.object_]
 """An array of flint.arb or flint.fmpq; python-flint ships no stubs for them."""
@@ -54,7 +53,7 @@ def from_values(degree: int) -> Balls:
         [comb(degree, k) * x**k * (1 - x) ** (degree - k) for k in range(degree + 1)]
         for x in nodes(degree)
     ]
-    return _table(flint.fmpq_mat(rows).inv())
+    return np.array(flint.fmpq_mat(rows).inv().tolist(), dtype=object)
 
 
 def from_powers(degree: int, low: float, high: float) -> Any:
@@ -111,14 +110,6 @@ def square(low: float, high: float, degree: int) -> AnyArray:
     k = np.arange(degree + 1)
     mixed, last = k / degree, k * (k - 1) / (degree * (degree - 1))
     return low * low * (1 - 2 * mixed + last) + 2 * low * high * (mixed - last) + high * high * last
-
-
-def _table(matrix: Any) -> Balls:
-    found = np.empty((matrix.nrows(), matrix.ncols()), dtype=object)
-    for i, row in enumerate(matrix.tolist()):
-        for j, entry in enumerate(row):
-            found[i, j] = entry
-    return found
 
 
 # A loop around real numbers as polynomials in them and in the frequency, in ball arithmetic.
@@ -264,7 +255,7 @@ class _Closed:
         return [[one[power] for power in range(n + 1)] for one in found]
 
 
-# A look for a smaller witness where branching finds the lowest bound.
+# Local witness search where branching finds the lowest bound.
 
 
 def local_witness(
@@ -337,7 +328,7 @@ def worst_signals(structure: DeltaStructure, M: AnyMatrix, numbers: Vector) -> A
     return whole
 
 
-# Parts of the space of real numbers and frequencies, with polynomials over each of them.
+# Regions of real parameters and frequencies, with polynomials over each of them.
 
 _UNIT = 2.0**-53
 # What quotients and sums of doubles may be off beside the bounds that are counted, relative.
@@ -370,6 +361,13 @@ class ParameterNorm:
         """Return a size below that of all numbers of a box."""
         nearest = np.maximum(np.maximum(low, -high), 0.0)
         return self.size(nearest) * (1 - _ROUNDING)
+
+
+def _cut(low: Vector, high: Vector, axis: int) -> tuple[Vector, Vector]:
+    """Return the upper end of the lower half of a box, and the lower end of the upper one."""
+    below, above = high.copy(), low.copy()
+    below[axis] = above[axis] = (low[axis] + high[axis]) / 2
+    return below, above
 
 
 @dataclass(frozen=True, eq=False)
@@ -441,8 +439,7 @@ class Region:
                 replace(self, rows=lower, errors=errors, band=(start, middle)),
                 replace(self, rows=upper, errors=errors, band=(middle, stop)),
             )
-        below, over = self.high.copy(), self.low.copy()
-        below[axis] = over[axis] = (self.low[axis] + self.high[axis]) / 2
+        below, over = _cut(self.low, self.high, axis)
         return (
             replace(self, rows=lower, errors=errors, high=below),
             replace(self, rows=upper, errors=errors, low=over),
@@ -565,53 +562,32 @@ def least_linear_axis(parts: tuple[AnyArray, ...]) -> int:
     return max(axes, key=lambda axis: bends[axis])
 
 
-# Branch and bound over real numbers and frequencies: both bounds drawn together.
+# Branch and bound over real parameters and frequencies.
 #
 # What scalings prove of many real numbers may be far below what is true, for they forget that a
 # number is the same at all frequencies, and more. Over a small box and a short band, polynomials
-# are nearly linear, and their Bernstein coefficients prove nearly all that is true [1]_. The
+# are nearly linear, and their Bernstein coefficients prove nearly all that is true [1]. The
 # region with the lowest bound is halved, again and again, until none has one far below the
 # witness.
-#
-# References ---------- .. [1] M. Zettler, J. Garloff, "Robustness analysis of polynomials with
-# polynomial parameter    dependency using Bernstein expansion", IEEE Transactions on Automatic
-# Control 43 (1998) 425-431.
 
 _BITS = 320
 
 Goal = Literal["pole", "both", "gain"]
 
 
-@dataclass(frozen=True)
-class BranchPolicy:
-    """How much work branching may be.
-
-    Attributes
-    ----------
-    coefficients : int
-        Of a polynomial at the beginning, beyond which there is no branching at all: those of five
-        numbers that occur once each, and a gain, with 15 states.
-    work : float
-        Coefficients of all regions that are looked at: a few seconds.
-    overhead : float
-        What looking at a region costs beside, in coefficients.
-    bands : int
-        Of frequency at the beginning, each an octave wide or more.
-    probed : int
-        Regions after which a witness is looked for, and again after twice as many.
-    again : float
-        Part of the gap by which the size of numbers has to fall for a new beginning.
-    """
-
-    coefficients: int = 4000
-    work: float = 1e8
-    overhead: float = 5e3
-    bands: int = 10
-    probed: int = 8
-    again: float = 0.25
-
-
-POLICY = BranchPolicy()
+# Of a polynomial at the beginning, beyond which there is no branching at all: those of five
+# numbers that occur once each, and a gain, with 15 states.
+_COEFFICIENTS = 4000
+# Coefficients of all regions that are looked at: a few seconds.
+_WORK = 1e8
+# What looking at a region costs beside, in coefficients.
+_OVERHEAD = 5e3
+# Of frequency at the beginning, each an octave wide or more.
+_BANDS = 10
+# Regions after which a witness is looked for, and again after twice as many.
+_PROBED = 8
+# Part of the gap by which the size of numbers has to fall for a new beginning.
+_AGAIN = 0.25
 
 Probe = Callable[[Vector, float], float]
 """Looks for a witness near real numbers and a frequency; returns the size of the smallest yet."""
@@ -688,7 +664,7 @@ class BranchAndBound:
 
 def can_branch(loop: LoopModel) -> bool:
     """Say whether a loop is one of few real numbers, with at most one other block."""
-    return is_small(loop, POLICY.coefficients)
+    return is_small(loop, _COEFFICIENTS)
 
 
 def branch_and_bound(
@@ -725,14 +701,14 @@ def branch_and_bound(
     except ZeroDivisionError:
         return proven
     work, steps = 0.0, 0
-    while state.heap and state.heap[0][0] < state.target and work < POLICY.work:
+    while state.heap and state.heap[0][0] < state.target and work < _WORK:
         check_deadline()
         least, _, region, parts = heapq.heappop(state.heap)
-        work += 2 * (region.rows.size + POLICY.overhead)
+        work += 2 * (region.rows.size + _OVERHEAD)
         steps += 1
-        if steps >= POLICY.probed and steps & (steps - 1) == 0:
+        if steps >= _PROBED and steps & (steps - 1) == 0:
             state.best = probe(region.centre, region.frequency)
-            if state.radius < state.begun * (1 - POLICY.again * gap):
+            if state.radius < state.begun * (1 - _AGAIN * gap):
                 state.begin(loop)
                 continue
         for half in region.halved(least_linear_axis(parts)):
@@ -785,10 +761,7 @@ def _multiplied(table: Balls, matrix: Any) -> Balls:
     """Return rows of coefficients times a matrix."""
     flat = table.reshape(-1, table.shape[-1])
     found = flint.arb_mat(flat.tolist()) * matrix
-    result = np.empty(flat.shape, dtype=object)
-    for i, row in enumerate(found.tolist()):
-        result[i] = row
-    return result.reshape(table.shape)
+    return np.array(found.tolist(), dtype=object).reshape(table.shape)
 
 
 def _region(
@@ -811,7 +784,7 @@ def _edges(loop: LoopModel) -> list[float]:
     poles = poles[poles > 0]
     low = math.floor(math.log2(poles.min() if poles.size else 1.0))
     high = math.ceil(math.log2(poles.max() if poles.size else 1.0)) + 1
-    step = max(1, math.ceil((high - low) / POLICY.bands))
+    step = max(1, math.ceil((high - low) / _BANDS))
     return [2.0**power for power in range(low, high + 1, step)]
 
 
@@ -821,32 +794,16 @@ def _edges(loop: LoopModel) -> list[float]:
 # nearly all that is true there. Each part costs a cover of the axis, so there are few of them.
 
 
-@dataclass(frozen=True)
-class BoxPolicy:
-    """How much work is put into boxes.
-
-    Attributes
-    ----------
-    covers : int
-        Parts whose frequencies are covered: some tenths of a second each.
-    intervals : int
-        Of all covers together: some hundredths of a second each.
-    most : int
-        Of one cover.
-    slack : float
-        Of a cover, as a part of the gap that is left.
-    most_slack : float
-        The largest one.
-    """
-
-    covers: int = 24
-    intervals: int = 200
-    most: int = 50
-    slack: float = 0.2
-    most_slack: float = 0.1
-
-
-BOX_POLICY = BoxPolicy()
+# Parts whose frequencies are covered: some tenths of a second each.
+_COVERS = 24
+# Of all covers together: some hundredths of a second each.
+_INTERVALS = 200
+# Of one cover.
+_MOST = 50
+# Of a cover, as a part of the gap that is left.
+_SLACK = 0.2
+# The largest one.
+_MOST_SLACK = 0.1
 
 
 @dataclass(frozen=True, order=True)
@@ -900,15 +857,11 @@ def split(
     radius = 1.0 if fixed else best / (1 + gap)
     heap = [_Box(proven, 0, (-radius,) * len(real), (radius,) * len(real), math.nan)]
     count = steps = work = 0
-    while (
-        heap[0].size < best / (1 + gap)
-        and count < BOX_POLICY.covers
-        and work < BOX_POLICY.intervals
-    ):
+    while heap[0].size < best / (1 + gap) and count < _COVERS and work < _INTERVALS:
         worst = heapq.heappop(heap)
         steps += 1
         left = best / worst.size - 1 if worst.size > 0 else math.inf
-        slack = min(BOX_POLICY.slack * max(gap, left), BOX_POLICY.most_slack)
+        slack = min(_SLACK * max(gap, left), _MOST_SLACK)
         for low, high in _halves(worst):
             near = parameter_norm.least(low, high)
             if near > radius:
@@ -928,9 +881,7 @@ def split(
 
 def _halves(box: _Box) -> tuple[tuple[Vector, Vector], tuple[Vector, Vector]]:
     low, high = np.array(box.low), np.array(box.high)
-    axis = int(np.argmax(high - low))
-    below, above = high.copy(), low.copy()
-    below[axis] = above[axis] = (low[axis] + high[axis]) / 2
+    below, above = _cut(low, high, int(np.argmax(high - low)))
     return (low, below), (above, high)
 
 
@@ -950,9 +901,9 @@ def _size(
         return 0.0, math.nan, 0
     held = fixed or tuple(block.kind == "real" for block in loop.structure.blocks)
     space, start = Space(part.structure, held), 1 / best / (1 + slack)
-    found = cover(part, space, start, part.seeds(), slack, BOX_POLICY.most)
+    found = cover(part, space, start, part.seeds(), slack, _MOST)
     frequency = found.peaks[0][0] if found.peaks else math.nan
-    spent = len(found.intervals) if found.complete else BOX_POLICY.most
+    spent = len(found.intervals) if found.complete else _MOST
     return (1 / found.level if found.complete else 0.0), frequency, spent
 
 

@@ -1,4 +1,4 @@
-"""The certain part of an uncertain loop, as the model that bounds and witnesses are sought for."""
+"""The loop M around the uncertain blocks Delta, in units that follow from the loop itself."""
 
 from __future__ import annotations
 
@@ -212,7 +212,7 @@ def check_shape(M_shape: tuple[int, int], structure: DeltaStructure) -> None:
         raise invalid("blocks", shown, "blocks that fit M", remedy)
 
 
-# Units of nodes of a network that make what each does to others like what others do to it.
+# Equilibration: units of the nodes of a network that make row and column norms equal.
 #
 # They follow from the network: whatever units its nodes came in, the numbers are the same in the
 # end, but for rounding. Powers of two would not be: a thousand is none.
@@ -287,7 +287,7 @@ def _solved(matrix: Matrix, right: Vector) -> Vector:
     return np.linalg.lstsq(matrix, right, rcond=_FLAT)[0].astype(float)
 
 
-# A loop in units that are its own: doubles for searches, and balls that hold what they round.
+# Canonical units of a loop: doubles for searches, and balls that enclose their rounding.
 
 BITS = 320
 
@@ -484,7 +484,7 @@ class LoopModel:
         numpy.linalg.LinAlgError
             If rounding sees a pole there.
         """
-        A, B, C, D = (M.astype(complex) for M in self._matrices)
+        A, B, C, D = (getattr(self.model, name).astype(complex) for name in "ABCD")
         if not self.model.states:
             return D, np.zeros_like(D)
         s, c, one = math.sin(angle), math.cos(angle), np.eye(len(A))
@@ -493,11 +493,6 @@ class LoopModel:
         states = np.linalg.solve(inner, B)
         turned = np.linalg.solve(inner, slope @ states)
         return D + c * C @ states, -s * C @ states - c * C @ turned
-
-    @property
-    def _matrices(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-        model = self.model
-        return model.A, model.B, model.C, model.D
 
     def angle(self, x: float) -> float:
         """Return the angle of a frequency of the model."""

@@ -1,4 +1,4 @@
-"""What uncertainty costs: robust performance, and the worst gain of all machines within bounds."""
+"""Robust stability, robust performance and worst-case gain, from the bounds of mu."""
 
 from __future__ import annotations
 
@@ -24,18 +24,12 @@ from robustpolish.plants.uncertain.lft import constant, product
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.plots.frequency import plot_gains
 from robustpolish.robust.bounds import EVERYWHERE, GAP, Bounds, bounds
-from robustpolish.robust.coverage import Coverage, response
+from robustpolish.robust.coverage import response
 from robustpolish.robust.loop_model import DeltaBlock, LoopModel
-from robustpolish.robust.scalings import (
-    Inequality,
-    ScaledBound,
-    Space,
-    initial_scalings,
-    reduce_level,
-)
-from robustpolish.robust.witness import Witness, all_pass, singular_directions, smallest_delta
+from robustpolish.robust.scalings import Inequality, Space, best_scalings
+from robustpolish.robust.witness import Witness, all_pass, worst_delta
 
-# What results of robust analysis share: bounds over frequency, and what each block costs.
+# Mu bounds over frequency, and the sensitivity to each block.
 
 # Frequencies of a picture besides those of the poles, and decades beyond these.
 _POINTS = 40
@@ -55,7 +49,7 @@ class AnalysedLoop:
     unit : float
         Levels of the loop's model times this are what is drawn.
     fixed : tuple of bool
-        Blocks that have size 1 whatever the level is.
+        Blocks that have size 1 whatever the level is; empty for none.
     at : float
         The critical frequency of the model; nan if none is known.
     system : UncertainSystem or None
@@ -80,23 +74,12 @@ class AnalysedLoop:
         except np.linalg.LinAlgError:
             return math.nan, math.nan
         inequality = Inequality(self.space, M[None])
-        level = self._least(inequality)
+        level = best_scalings(inequality)
         if not math.isfinite(level.square):
             return math.nan, math.nan
-        upper = math.sqrt(max(level.square, 0.0))
-        _, still, scaled, _ = self.space.matrices(level.x)
-        scale = 1 / np.sqrt(np.maximum(np.real(np.diagonal(still + scaled)), 1e-300))
-        scale, lower = scale / scale.max(), math.nan
-        # Far from all poles a search may leave the range of doubles: it finds nothing then.
-        with np.errstate(all="ignore"):
-            for w in singular_directions(inequality, level.square, level.x, _DIRECTIONS):
-                found = smallest_delta(
-                    self.loop.structure, lambda _: (M, np.zeros_like(M)), w, 0.0, False, scale,
-                    fixed=self.fixed,
-                )  # fmt: skip
-                if found and found.size > 0:
-                    lower = max(1 / found.size, 0.0 if math.isnan(lower) else lower)
-        return lower * self.unit, upper * self.unit
+        witness = worst_delta(inequality, level, _DIRECTIONS)
+        lower = 1 / witness.size if witness else math.nan
+        return lower * self.unit, level.level * self.unit
 
     def curves(self) -> xr.Dataset:
         """Return both bounds over frequency in Hz."""
@@ -115,24 +98,21 @@ class AnalysedLoop:
         M = response(self.loop.model, self.at)
         structure, found = self.loop.structure, {}
         scaled_alone = any(self.fixed)
-        for block, rows, held in zip(structure.blocks, structure.inputs, self.fixed, strict=True):
+        for block, rows, held in zip(
+            structure.blocks, structure.inputs, self.space.fixed, strict=True
+        ):
             if scaled_alone and not held:
                 continue  # the gain itself, which is in proportion
             levels = []
             for factor in (1 - _CHANGE, 1 + _CHANGE):
                 scaled: AnyMatrix = M.copy()
                 scaled[rows] *= factor
-                levels.append(self._least(Inequality(self.space, scaled[None])).square)
+                levels.append(best_scalings(Inequality(self.space, scaled[None])).square)
             low, high = levels
             known = 0 < low < math.inf and 0 < high < math.inf
             width = math.log((1 + _CHANGE) / (1 - _CHANGE))
             found[block.name] = math.log(high / low) / 2 / width if known else math.nan
         return found
-
-    @staticmethod
-    def _least(inequality: Inequality) -> ScaledBound:
-        start = initial_scalings(inequality)
-        return reduce_level(inequality, start) if math.isfinite(start.square) else start
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -221,8 +201,24 @@ class Witnessed(MuOverFrequency):
         if not witness or asked.system is None:
             remedy = "Look at .status, which says why."
             raise invalid("result", described("no witness"), "one that was found", remedy)
-        omega = getattr(self, "critical_frequency", math.nan)
-        return system_at_witness(asked.system, witness, omega, asked.loop.step)
+        return system_at_witness(asked.system, witness, self._shown()[2], asked.loop.step)
+
+    def _shown(self) -> tuple[str, tuple[float, float], float]:
+        margin: Any = self
+        mu = reciprocal(margin.upper), reciprocal(margin.lower)
+        return self._drawn, mu, margin.critical_frequency
+
+    def _bounds_card(self, title: str, what: str, *more: tuple[str, float]) -> Card:
+        """Return the card of a result with both bounds."""
+        found: Any = self
+        rows = (
+            (f"{what} at least", found.lower),
+            (f"{what} at most", found.upper),
+            *more,
+            ("critical frequency [rad/s]", found.critical_frequency),
+            ("proven", found.proven),
+        )
+        return Card(title, (quantities(*rows),), (found.reason,))
 
 
 def system_at_witness(
@@ -238,7 +234,7 @@ def system_at_witness(
     return system.at(found)
 
 
-# What bounds and witness of a loop say in the units of its system, and in a word.
+# Bounds and witness in the units of the system, and their status.
 
 Nominal = Literal["stable", "unstable", "marginal"]
 Outcome = Literal["bracketed", "wide", "no witness", "incomplete"]
@@ -259,34 +255,54 @@ _SAYS = {
 
 
 @dataclass(frozen=True, eq=False)
-class PhysicalWitness:
-    """A witness in the units of its system.
+class PhysicalBounds:
+    """Both bounds of a loop in the units of its system.
 
     Attributes
     ----------
+    level : float
+        Proven: below one over it nothing happens. Infinite if nothing is proven.
     size : float
-        Of the largest delta, where 1 is what was said to be possible; infinite without a witness.
-    values : mapping of str to float, complex or control.StateSpace
-        Of all that is uncertain; empty without a witness.
-    frequency : float
-        In rad/s; nan without a witness.
+        Of the witness; infinite without one.
+    told : mapping of str to object
+        What all results tell alike. Of the witness the values of all that is uncertain, empty
+        without one, and the frequency in rad/s, nan without one.
     """
 
+    level: float
     size: float
-    values: Mapping[str, Any]
-    frequency: float
+    told: dict[str, Any]
 
+    @property
+    def margin(self) -> float:
+        """Size of deltas, where 1 is what was said to be possible, that is proven to be borne."""
+        return round_down(1 / self.level) if self.level else math.inf
 
-def physical_witness(
-    system: UncertainSystem, loop: LoopModel, witness: Witness | None
-) -> PhysicalWitness:
-    """Return what a witness of a loop means for its system."""
-    if witness is None:
-        return PhysicalWitness(math.inf, {}, math.nan)
-    frequency = loop.omega(loop.frequency(witness.at))
-    return PhysicalWitness(
-        witness.size / loop.gain, _named_values(system, loop, witness), frequency
-    )
+    @classmethod
+    def of(
+        cls,
+        system: UncertainSystem,
+        loop: LoopModel,
+        gap: float,
+        fixed: tuple[bool, ...] | None = None,
+        unit: float | None = None,
+    ) -> PhysicalBounds:
+        """Bound the peak of a loop of a system; pictures are drawn in a unit of the model's."""
+        found = bounds(loop, fixed, gap)
+        coverage, witness = found.coverage, found.witness
+        asked = AnalysedLoop(
+            loop, unit or loop.gain, fixed or (), critical_frequency_of(loop, found), system
+        )
+        told = {
+            "critical_frequency": loop.omega(loop.frequency(witness.at)) if witness else math.nan,
+            "witness": _named_values(system, loop, witness) if witness else {},
+            "intervals": loop.in_rad_per_s(coverage.intervals),
+            "status": bound_status(found, gap),
+            "proven": coverage.complete,
+            "_asked": asked,
+        }
+        size = witness.size / loop.gain if witness else math.inf
+        return cls(coverage.level * loop.gain if coverage.complete else math.inf, size, told)
 
 
 def _named_values(system: UncertainSystem, loop: LoopModel, witness: Witness) -> dict[str, Any]:
@@ -336,13 +352,6 @@ def status_sentence(status: Status, side: Literal["below", "above"] = "below") -
     return _SAYS[status].format(side=side)
 
 
-def proven_margin(coverage: Coverage, gain: float) -> float:
-    """Return the size below which a level proves something: 0 if it is not proven."""
-    if not coverage.complete:
-        return 0.0
-    return round_down(1 / (coverage.level * gain)) if coverage.level else math.inf
-
-
 def round_down(value: float) -> float:
     """Return the next smaller double but one: what was divided is rounded."""
     return math.nextafter(math.nextafter(value, 0.0), 0.0)
@@ -353,7 +362,7 @@ def round_up(value: float) -> float:
     return math.nextafter(math.nextafter(value, math.inf), math.inf)
 
 
-# How much uncertainty a loop bears before it gets unstable: proven below, witnessed above.
+# Robust stability margin: proven below, witnessed above.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -420,20 +429,9 @@ class RobustStability(Witnessed):
             return True
         return False if self.upper <= 1 else None
 
-    def _shown(self) -> tuple[str, tuple[float, float], float]:
-        bounds_of_mu = reciprocal(self.upper), reciprocal(self.lower)
-        return self._drawn, bounds_of_mu, self.critical_frequency
-
     def _card(self) -> Card:
         verdict = {True: "robustly stable", False: "not robustly stable", None: "undecided"}
-        rows = (
-            ("margin at least", self.lower),
-            ("margin at most", self.upper),
-            ("critical frequency [rad/s]", self.critical_frequency),
-            ("proven", self.proven),
-        )
-        title = f"Robust stability: {verdict[self.robust]}"
-        return Card(title, (quantities(*rows),), (self.reason,))
+        return self._bounds_card(f"Robust stability: {verdict[self.robust]}", "margin")
 
 
 @single_threaded_blas
@@ -506,23 +504,8 @@ def robust_stability(system: UncertainSystem, *, gap: float = GAP) -> RobustStab
     loop = LoopModel.of(system)
     if not system.blocks or not loop.acts_back:
         return RobustStability(math.inf, math.inf, math.nan, {}, EVERYWHERE, "unaffected", True)
-    found = bounds(loop, gap=gap)
-    coverage, at = found.coverage, physical_witness(system, loop, found.witness)
-    lower, proven = proven_margin(coverage, loop.gain), coverage.complete
-    intervals = loop.in_rad_per_s(coverage.intervals)
-    asked = AnalysedLoop(
-        loop, loop.gain, (False,) * len(system.blocks), critical_frequency_of(loop, found), system
-    )
-    return RobustStability(
-        lower,
-        at.size,
-        at.frequency,
-        at.values,
-        intervals,
-        bound_status(found, gap),
-        proven,
-        _asked=asked,
-    )
+    found = PhysicalBounds.of(system, loop, gap)
+    return RobustStability(found.margin, found.size, **found.told)
 
 
 def require_uncertain_system(system: Any) -> UncertainSystem:
@@ -586,20 +569,10 @@ class RobustPerformance(Witnessed):
         """Bounds of the structured singular value with the performance block."""
         return reciprocal(self.upper), reciprocal(self.lower)
 
-    def _shown(self) -> tuple[str, tuple[float, float], float]:
-        return self._drawn, self.mu, self.critical_frequency
-
     def _card(self) -> Card:
-        rows = (
-            ("margin at least", self.lower),
-            ("margin at most", self.upper),
-            ("gain that 1 stands for", self.gamma),
-            ("critical frequency [rad/s]", self.critical_frequency),
-            ("proven", self.proven),
-        )
         verdict = "met" if self.proven and self.lower >= 1 else "not proven"
         title = f"Robust performance: {'not met' if self.upper < 1 else verdict}"
-        return Card(title, (quantities(*rows),), (self.reason,))
+        return self._bounds_card(title, "margin", ("gain that 1 stands for", self.gamma))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -655,14 +628,7 @@ class WorstCaseGain(Witnessed):
         return "worst-case gain", (self.lower, self.upper), self.critical_frequency
 
     def _card(self) -> Card:
-        rows = (
-            ("gain at least", self.lower),
-            ("gain at most", self.upper),
-            ("nominal gain", self.nominal),
-            ("critical frequency [rad/s]", self.critical_frequency),
-            ("proven", self.proven),
-        )
-        return Card("Worst-case gain", (quantities(*rows),), (self.reason,))
+        return self._bounds_card("Worst-case gain", "gain", ("nominal gain", self.nominal))
 
 
 @single_threaded_blas
@@ -707,25 +673,8 @@ def robust_performance(
         return RobustPerformance(0.0, 0.0, gamma, math.nan, status=status)
     scaled = UncertainSystem(product(constant(np.eye(system.noutputs) / gamma), system.matrices))
     loop = LoopModel.of(scaled, _performance(system))
-    found = bounds(loop, gap=gap)
-    coverage, at = found.coverage, physical_witness(system, loop, found.witness)
-    return RobustPerformance(
-        proven_margin(coverage, loop.gain),
-        at.size,
-        gamma,
-        at.frequency,
-        at.values,
-        loop.in_rad_per_s(coverage.intervals),
-        bound_status(found, gap),
-        coverage.complete,
-        _asked=AnalysedLoop(
-            loop,
-            loop.gain,
-            (False,) * (len(system.blocks) + 1),
-            critical_frequency_of(loop, found),
-            system,
-        ),
-    )
+    found = PhysicalBounds.of(system, loop, gap)
+    return RobustPerformance(found.margin, found.size, gamma, **found.told)
 
 
 @single_threaded_blas
@@ -767,29 +716,16 @@ def worst_case_gain(system: UncertainSystem, *, gap: float = GAP) -> WorstCaseGa
     nominal = _nominal_gain(system)
     loop = LoopModel.of(system, _performance(system))
     unit = nominal or 1.0
-    loop = loop.in_unit_of_gain(unit)
     fixed = (True,) * len(system.blocks) + (False,)
-    found = bounds(loop, fixed, gap)
-    coverage, at = found.coverage, physical_witness(system, loop, found.witness)
-    lower, values = nominal, {}
-    if found.witness is not None:
-        values = _within(system, at.values)
-        lower = max(
-            lower,
-            _gain_at(system_at_witness(system, values, at.frequency, loop.step), at.frequency),
-        )
-    upper = coverage.level * unit if coverage.complete else math.inf
-    return WorstCaseGain(
-        lower,
-        max(math.nextafter(upper, math.inf), lower),
-        nominal,
-        at.frequency,
-        values,
-        loop.in_rad_per_s(coverage.intervals),
-        bound_status(found, gap),
-        coverage.complete,
-        _asked=AnalysedLoop(loop, unit, fixed, critical_frequency_of(loop, found), system),
-    )
+    found = PhysicalBounds.of(system, loop.in_unit_of_gain(unit), gap, fixed, unit)
+    lower, told = nominal, found.told
+    if math.isfinite(found.size):
+        told["witness"] = _within(system, told["witness"])
+        omega = told["critical_frequency"]
+        machine = system_at_witness(system, told["witness"], omega, loop.step)
+        lower = max(lower, _gain_at(machine, omega))
+    upper = max(math.nextafter(found.level * unit, math.inf), lower)
+    return WorstCaseGain(lower, upper, nominal, **told)
 
 
 def _performance(system: UncertainSystem) -> DeltaBlock:

@@ -1,4 +1,4 @@
-"""Loops of real numbers: where rays of them leave stability, and the exact margin of one."""
+"""Stability margins of real parameters: along rays, and exactly for one repeated parameter."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robustpolish.linear.arithmetic.balls import identity, part, precision
 from robustpolish.robust.coverage import Ball, complex_ball, gershgorin_discs
 from robustpolish.robust.loop_model import DeltaStructure, LoopModel, signal_positions
 
-# A loop with one real number only, however often repeated: its margin exactly, with a proof.
+# The exact stability margin of one repeated real parameter, with a proof.
 #
 # Poles leave the stable half-plane through the axis, where the sum of two of them is 0. With X of
 # the Lyapunov operator and Y = k (C X + D Y), that is an eigenvalue 1 / k of a matrix that does not
@@ -94,28 +94,7 @@ def _has_no_real_eigenvalue_beyond(matrix: Ball, limit: float) -> bool:
     return bool((np.abs(np.real(centres[real])) + radii[real] < limit).all())
 
 
-# What a number adds to the Lyapunov operator, which is singular where two poles have the sum 0.
-
-
-def lyapunov_factors(B: Matrix) -> tuple[Matrix, Matrix]:
-    """Return the matrices from Y, of shape (r, n), to B Y and to Y' B', as (n n, r n).
-
-    Parameters
-    ----------
-    B : ndarray, shape (n, r)
-
-    Returns
-    -------
-    left, right : ndarray
-        Kept apart, as their entries are those of B and zeros, and nothing is rounded.
-    """
-    n, r = B.shape
-    left = np.einsum("ai,jb->abij", B, np.eye(n)).reshape(n * n, r * n)
-    right = np.einsum("bi,ja->abij", B, np.eye(n)).reshape(n * n, r * n)
-    return left, right
-
-
-# How far all real numbers of a loop can change together in given proportions: exactly, by size.
+# Stability margins along rays of all real parameters.
 #
 # Along a ray all numbers are one repeated real number k. The matrix A(k) has a pair of eigenvalues
 # whose sum is 0 just if its Lyapunov operator is singular, which is an eigenvalue problem for 1 /
@@ -217,7 +196,7 @@ def _along(loop: LoopModel, inverse: Matrix, deltas: Vector) -> Iterator[RayCros
     """Yield the nearest crossing of a ray to either side."""
     model, structure = loop.model, loop.structure
     A, n = model.A, model.states
-    kept = _kept(structure, deltas)
+    kept = signal_positions(structure.inputs, np.flatnonzero(deltas))
     spread = np.concatenate(
         [np.full(b.copies * b.rows, d) for b, d in zip(structure.blocks, deltas, strict=True)]
     )
@@ -225,7 +204,8 @@ def _along(loop: LoopModel, inverse: Matrix, deltas: Vector) -> Iterator[RayCros
     B, C = model.B[:, w] * spread[w], model.C[kept]
     D = model.D[kept][:, w] * spread[w]
     # Y of shape (r, n) to C X + D Y, with A X + X A' = -(B Y + Y' B').
-    left, right = lyapunov_factors(B)
+    left = np.einsum("ai,jb->abij", B, np.eye(n)).reshape(n * n, -1)  # Y to B Y
+    right = np.einsum("bi,ja->abij", B, np.eye(n)).reshape(n * n, -1)  # Y to Y' B'
     X = -(inverse @ (left + right))
     operator = np.kron(C, np.eye(n)) @ X + np.kron(D, np.eye(n))
     values = np.linalg.eigvals(operator)
@@ -298,8 +278,3 @@ def _mode(k: float, matrices: tuple[Matrix, Matrix, Matrix, Matrix], rate: float
     change, own = np.vdot(y, B @ np.linalg.solve(back, into @ x)), np.vdot(y, x)
     by_k = float(np.real(change / own)) if own else 0.0
     return _Mode(complex(values[near]), by_k if np.isfinite(by_k) else 0.0, into @ x)
-
-
-def _kept(structure: DeltaStructure, deltas: Vector) -> list[int]:
-    """Return the signals z of the blocks that move."""
-    return signal_positions(structure.inputs, np.flatnonzero(deltas))

@@ -15,6 +15,8 @@ them is convex, and their analytic centre is found by Newton's method.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -41,12 +43,16 @@ class Space:
     Attributes
     ----------
     structure : DeltaStructure
-    fixed : tuple of bool
-        Blocks whose size is 1 whatever beta is.
+    fixed : tuple of bool, optional
+        Blocks whose size is 1 whatever beta is; none by default.
     """
 
     structure: DeltaStructure
-    fixed: tuple[bool, ...]
+    fixed: tuple[bool, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.fixed:
+            object.__setattr__(self, "fixed", (False,) * len(self.structure.blocks))
 
     @cached_property
     def bases(self) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray]:
@@ -84,6 +90,11 @@ class Space:
             found.append((kind, slice(start, start + len(units)), units))
             start += len(units)
         return tuple(found)
+
+    def blocks_of(self, x: Vector) -> dict[tuple[str, int], AnyMatrix]:
+        """Return D and G of the blocks, of one copy each, by kind and block."""
+        parts = zip(self.layout, self.pieces, strict=True)
+        return {key: np.tensordot(x[numbers], units, 1) for key, (_, numbers, units) in parts}
 
     @property
     def size(self) -> int:
@@ -124,6 +135,12 @@ class Space:
         """Return Dz, the still and the scaled part of Dw, and G."""
         Dz, still, scaled, G = (np.tensordot(x, basis, 1) for basis in self.bases)
         return Dz, still, scaled, G
+
+    def units(self, x: Vector) -> Vector:
+        """Return sizes of the signals w that scalings make comparable, the largest 1."""
+        _, still, scaled, _ = self.matrices(x)
+        sizes = 1 / np.sqrt(np.maximum(np.real(np.diagonal(still + scaled)), 1e-300))
+        return sizes / sizes.max()
 
 
 def _hermitian(n: int) -> AnyArray:
@@ -333,40 +350,22 @@ def _by_size(size: int, boxes: tuple[Box, ...]) -> list[_Determinants]:
 # The analytic centre of the scalings that prove a level, and the least level that any prove.
 
 
-@dataclass(frozen=True)
-class CentringOptions:
-    """How far centres and levels are followed.
-
-    Attributes
-    ----------
-    steps : int
-        Newton steps of one centre; about ten are usual.
-    centred : float
-        Newton decrement at which a centre is good enough: within 1 a full step is safe.
-    levels : int
-        Centres on the way to the least level.
-    between : float
-        Where the next level lies between what the scalings prove and the level that they are the
-        centre of: small steps would be safe and slow.
-    above : float
-        Where the first of these levels lies above what the first scalings prove.
-    settled : float
-        Relative distance of a level from what its centre proves at which the least one is near:
-        it is closer than that times the number of rows, far below the 1e-3 of intervals.
-    largest : float
-        Bound on G beside D and the gain: the inequality of a single real number has no other.
-    """
-
-    steps: int = 40
-    centred: float = 0.3
-    levels: int = 60
-    between: float = 0.1
-    above: float = 2.0
-    settled: float = 1e-7
-    largest: float = 1e3
-
-
-CENTRING_OPTIONS = CentringOptions()
+# Newton steps of one centre; about ten are usual.
+_STEPS = 40
+# Newton decrement at which a centre is good enough: within 1 a full step is safe.
+_CENTRED = 0.3
+# Centres on the way to the least level.
+_LEVELS = 60
+# Where the next level lies between what the scalings prove and the level that they are the centre
+# of: small steps would be safe and slow.
+_BETWEEN = 0.1
+# Where the first of these levels lies above what the first scalings prove.
+_ABOVE = 2.0
+# Relative distance of a level from what its centre proves at which the least one is near: it is
+# closer than that times the number of rows, far below the 1e-3 of intervals.
+_SETTLED = 1e-7
+# Bound on G beside D and the gain: the inequality of a single real number has no other.
+_LARGEST = 1e3
 
 
 @dataclass(frozen=True, eq=False)
@@ -383,6 +382,11 @@ class ScaledBound:
 
     square: float
     x: Vector
+
+    @property
+    def level(self) -> float:
+        """Beta itself."""
+        return math.sqrt(max(self.square, 0.0))
 
 
 def reduce_level(inequality: Inequality, start: ScaledBound, target: float = 0.0) -> ScaledBound:
@@ -401,21 +405,21 @@ def reduce_level(inequality: Inequality, start: ScaledBound, target: float = 0.0
     ScaledBound
         If its square is below the target, the scalings are the centre of those that prove it.
     """
-    best, square = start, CENTRING_OPTIONS.above * start.square
+    best, square = start, _ABOVE * start.square
     walls = Barrier.of_bounds(inequality.space.size, _bounds(inequality))
-    for _ in range(CENTRING_OPTIONS.levels):
+    for _ in range(_LEVELS):
         check_deadline()
         if best.square < target * (1 - 1e-9):
             x = centre(inequality, target, best.x)
             return ScaledBound(inequality.least_square(x), x)
         if best.square <= 0 or not np.isfinite(best.square):
             return best
-        if square - best.square < CENTRING_OPTIONS.settled * best.square:
+        if square - best.square < _SETTLED * best.square:
             return best
         x = centre(inequality, square, best.x)
         found = _extrapolate(inequality, ScaledBound(inequality.least_square(x), x), best.x, walls)
         best = min(best, found, key=lambda level: level.square)
-        square = best.square + CENTRING_OPTIONS.between * (square - best.square)
+        square = best.square + _BETWEEN * (square - best.square)
     return best
 
 
@@ -441,9 +445,9 @@ def _extrapolate(
 def normalised(space: Space, x: Vector) -> Vector | None:
     """Return the scalings with a largest D of 1/2; None if one is not positive."""
     largest = 0.0
-    for kind, numbers, units in space.pieces:
+    for (kind, _), D in space.blocks_of(x).items():
         if kind == "D":
-            values = np.linalg.eigvalsh(np.tensordot(x[numbers], units, 1))
+            values = np.linalg.eigvalsh(D)
             if not values[0] > 0:
                 return None
             largest = max(largest, float(values[-1]))
@@ -456,7 +460,7 @@ def centre(inequality: Inequality, square: float, x: Vector) -> Vector:
     value = barrier.value(x)
     if not np.isfinite(value):
         return x
-    for _ in range(CENTRING_OPTIONS.steps):
+    for _ in range(_STEPS):
         slope, curvature = barrier.derivatives(x)
         # Scalings differ by many orders of magnitude: each number in its own unit.
         units = np.sqrt(np.maximum(np.diagonal(curvature), 1e-300))
@@ -477,13 +481,13 @@ def centre(inequality: Inequality, square: float, x: Vector) -> Vector:
         if not moved:
             return x
         x, value = trial, after
-        if decrement < CENTRING_OPTIONS.centred:
+        if decrement < _CENTRED:
             return x
     return x
 
 
 def _bounds(inequality: Inequality) -> tuple[Box, ...]:
-    return inequality.space.boxes(CENTRING_OPTIONS.largest * (inequality.size or 1.0))
+    return inequality.space.boxes(_LARGEST * (inequality.size or 1.0))
 
 
 def initial_scalings(inequality: Inequality) -> ScaledBound:
@@ -497,7 +501,7 @@ def initial_scalings(inequality: Inequality) -> ScaledBound:
     x = inequality.start()
     if not held:
         return ScaledBound(inequality.least_square(x), x)
-    inner = reduce_level(_restricted(inequality, held), _balanced(inequality, held), 1.0)
+    inner = best_scalings(_restricted(inequality, held), 1.0)
     if not inner.square < 1:
         return ScaledBound(np.inf, x)
     x = np.zeros(space.size)
@@ -525,12 +529,30 @@ def _restricted(inequality: Inequality, keep: list[int]) -> Inequality:
     structure = inequality.space.structure
     rows = np.concatenate([np.r_[structure.inputs[k]] for k in keep])
     columns = np.concatenate([np.r_[structure.outputs[k]] for k in keep])
-    space = Space(structure.only(keep), (False,) * len(keep))
-    return Inequality(space, inequality.M[:, rows][:, :, columns])
+    return Inequality(Space(structure.only(keep)), inequality.M[:, rows][:, :, columns])
 
 
-def _balanced(inequality: Inequality, keep: list[int]) -> ScaledBound:
-    return initial_scalings(_restricted(inequality, keep))
+def best_scalings(
+    inequality: Inequality, target: float = 0.0, others: Iterable[Vector] = ()
+) -> ScaledBound:
+    """Return the scalings of the least level, or those of a level that is low enough.
+
+    Parameters
+    ----------
+    inequality : Inequality
+    target : float, optional
+        A beta^2 that is low enough.
+    others : iterable of ndarray, optional
+        Scalings to begin with, if they prove more than those that balance M.
+
+    Returns
+    -------
+    ScaledBound
+        Of an infinite level if none were found.
+    """
+    starts = [initial_scalings(inequality), *(at(inequality, ScaledBound(0.0, x)) for x in others)]
+    start = min(starts, key=lambda level: level.square)
+    return reduce_level(inequality, start, target) if math.isfinite(start.square) else start
 
 
 def at(inequality: Inequality, level: ScaledBound) -> ScaledBound:

@@ -1,4 +1,4 @@
-"""Loops of uncertain machines with nonlinear forces within sectors: the circle criterion."""
+"""The circle criterion for uncertain loops with sector-bounded nonlinearities."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import control
 import numpy as np
@@ -15,7 +15,7 @@ from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import described, invalid, positive
 from robustpolish.base.results import Card, quantities
 from robustpolish.linear.arithmetic.balls import precision
-from robustpolish.plants.blocks import as_state_space
+from robustpolish.plants.blocks import as_state_space, matrices_of
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.robust.bounds import EVERYWHERE, GAP, bounds
 from robustpolish.robust.coverage import BallScalings, complex_ball, proves_inequality
@@ -27,17 +27,15 @@ from robustpolish.robust.questions import (
     critical_frequency_of,
     nominal_status,
     round_up,
+    status_sentence,
 )
-from robustpolish.robust.scalings import (
-    Inequality,
-    ScaledBound,
-    Space,
-    initial_scalings,
-    reduce_level,
+from robustpolish.robust.questions import (
+    Status as BoundStatus,
 )
-from robustpolish.robust.witness import Witness, singular_directions, smallest_delta
+from robustpolish.robust.scalings import Inequality, ScaledBound, Space, best_scalings
+from robustpolish.robust.witness import worst_delta
 
-# What is known of a structured singular value; that of a matrix, by a proof and a witness.
+# The result, and the structured singular value of a matrix.
 
 # Signals from which the lower bound starts: the worst of the upper bound, then mixtures.
 _STARTS = 6
@@ -46,11 +44,8 @@ _BITS = 160
 Status = Literal["bracketed", "wide", "no witness", "zero", "incomplete", "unstable", "marginal"]
 
 _SAYS = {
-    "bracketed": "proven above, and reached by the witness",
-    "wide": "proven above, and reached by the witness, but farther apart than was asked for",
     "no witness": "proven above; no search found a Delta that makes I - M Delta singular",
     "zero": "no Delta makes I - M Delta singular, whatever its size",
-    "incomplete": "not proven: the intervals do not cover the axis",
     "unstable": "M is unstable",
     "marginal": "M has a pole on the boundary of stability",
 }
@@ -101,7 +96,8 @@ class StructuredSingularValue(MuOverFrequency):
     @property
     def reason(self) -> str:
         """The status in a sentence."""
-        return _SAYS[self.status]
+        own = _SAYS.get(self.status)
+        return own or status_sentence(cast(BoundStatus, self.status), "above")
 
     def _shown(self) -> tuple[str, tuple[float, float], float]:
         return self._drawn, (self.lower, self.upper), self.critical_frequency
@@ -126,14 +122,14 @@ def matrix_value(M: AnyMatrix, structure: DeltaStructure) -> StructuredSingularV
     -------
     StructuredSingularValue
     """
-    space = Space(structure, (False,) * len(structure.blocks))
+    space = Space(structure)
     size = float(np.linalg.norm(M, 2))
     if size == 0:
         return StructuredSingularValue(0.0, 0.0, None, True, "zero")
     unit = float(np.exp2(np.round(np.log2(size))))
     inequality = Inequality(space, (M / unit)[None])
-    level = reduce_level(inequality, initial_scalings(inequality))
-    witness = worst_delta(structure, inequality, level)
+    level = best_scalings(inequality)
+    witness = worst_delta(inequality, level, _STARTS)
     upper, proven = _proven(M / unit, space, level)
     lower = 1 / witness.size if witness else 0.0
     return StructuredSingularValue(
@@ -145,28 +141,9 @@ def matrix_value(M: AnyMatrix, structure: DeltaStructure) -> StructuredSingularV
     )
 
 
-def worst_delta(
-    structure: DeltaStructure, inequality: Inequality, level: ScaledBound
-) -> Witness | None:
-    """Return the smallest Delta that a few searches find for one matrix."""
-    M = inequality.M[0]
-    still = np.zeros_like(M)
-    Dz = inequality.space.matrices(level.x)[2]
-    scale = 1 / np.sqrt(np.maximum(np.real(np.diagonal(Dz)), 1e-300))
-    scale = scale / scale.max()
-    best: Witness | None = None
-    for w in singular_directions(inequality, level.square, level.x, _STARTS):
-        found = smallest_delta(structure, lambda _: (M, still), w, 0.0, False, scale)
-        if found and (best is None or found.size < best.size):
-            best = found
-        if best and 1 / best.size >= math.sqrt(max(level.square, 0.0)) * (1 - 1e-4):
-            break
-    return best
-
-
 def _proven(M: AnyMatrix, space: Space, level: ScaledBound) -> tuple[float, bool]:
     """Widen the level until ball arithmetic agrees."""
-    beta = math.sqrt(max(level.square, 0.0)) or 1e-12
+    beta = level.level or 1e-12
     for slack in (1e-10, 1e-8, 1e-6, 1e-4):
         upper = beta * (1 + slack)
         weights = BallScalings.of(space, level.x, upper)
@@ -256,14 +233,7 @@ def _peak(
     nominal = nominal_status(system)
     if nominal != "stable":
         return StructuredSingularValue(math.inf, math.inf, None, False, nominal)
-    n, m, p = system.nstates, system.ninputs, system.noutputs
-    A, B, C, D = (
-        np.asarray(M, dtype=float).reshape(shape)
-        for M, shape in (
-            (system.A, (n, n)), (system.B, (n, m)), (system.C, (p, n)), (system.D, (p, m))
-        )
-    )  # fmt: skip
-    loop = LoopModel.around((A, B, C, D), system.dt, structure)
+    loop = LoopModel.around(matrices_of(system), system.dt, structure)
     if not loop.acts_back:
         return StructuredSingularValue(0.0, 0.0, None, True, "zero", intervals=EVERYWHERE)
     found = bounds(loop, gap=gap)
@@ -276,9 +246,7 @@ def _peak(
         lower, frequency = loop.gain / witness.size, loop.omega(loop.frequency(witness.at))
         delta = loop.at_positive(witness.matrix(structure), witness.at) / loop.gain
     upper, status = round_up(upper) if proven else math.inf, bound_status(found, gap)
-    asked = AnalysedLoop(
-        loop, loop.gain, (False,) * len(structure.blocks), critical_frequency_of(loop, found)
-    )
+    asked = AnalysedLoop(loop, loop.gain, (), critical_frequency_of(loop, found))
     return StructuredSingularValue(
         lower, upper, delta, proven, status, frequency, intervals, _asked=asked
     )

@@ -21,9 +21,9 @@ from scipy.optimize import minimize
 
 from robustpolish.base.arrays import AnyArray, AnyMatrix, AnyVector, Matrix, Vector
 from robustpolish.robust.loop_model import DeltaBlock, DeltaStructure
-from robustpolish.robust.scalings import Inequality
+from robustpolish.robust.scalings import Inequality, ScaledBound
 
-# Stable real systems that have a given value at one frequency and its norm at all of them.
+# All-pass interpolation: stable real systems with a given value at one frequency.
 
 
 def all_pass(value: AnyMatrix, omega: float, step: float = 0.0) -> control.StateSpace:
@@ -50,8 +50,8 @@ def all_pass(value: AnyMatrix, omega: float, step: float = 0.0) -> control.State
     out, into = _turned_phase(left[:, 0], x, bool(step)), _turned_phase(right[0], x, bool(step))
     dt = step or 0
     gain = float(sizes[0])
-    after = control.StateSpace(*_diagonal(out), dt)
-    before = control.StateSpace(*_diagonal(into), dt)
+    after = control.StateSpace(*out, dt)
+    before = control.StateSpace(*into, dt)
     column = np.abs(left[:, 0])[:, None] * gain
     row = np.abs(right[0])[None]
     joined = after * control.StateSpace([], [], [], column @ row, dt) * before
@@ -61,40 +61,24 @@ def all_pass(value: AnyMatrix, omega: float, step: float = 0.0) -> control.State
 # A phase nearer to 0 or 180 degrees is rounding, and a lag for it would be absurdly fast or slow.
 _REAL = 1e-12
 
-Lag = tuple[float, float, float, float] | tuple[float]
 
-
-def _turned_phase(values: AnyVector, x: float, discrete: bool) -> list[Lag]:
-    """Return for every entry a system of gain 1 with its phase at the frequency x."""
-    found: list[Lag] = []
+def _turned_phase(values: AnyVector, x: float, discrete: bool) -> tuple[Matrix, ...]:
+    """Return A, B, C and D of a diagonal system: of each entry gain 1 and its phase at x."""
+    found: list[tuple[Any, ...]] = []
     for entry in values:
         phase = math.atan2(entry.imag, entry.real)
         if abs(entry) == 0 or abs(math.sin(phase)) < _REAL or not 0 < x < math.inf:
-            found.append((-1.0 if math.cos(phase) < 0 else 1.0,))
+            gain = np.eye(1) * (-1.0 if math.cos(phase) < 0 else 1.0)
+            found.append((np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), gain))
             continue
         # (s - a)/(s + a) has a phase between 0 and pi; its negative covers the others.
         sign = 1.0 if phase > 0 else -1.0
         lead = phase if phase > 0 else phase + math.pi
         a = x * math.tan(lead / 2)
-        if discrete:
-            pole = (1 - a) / (1 + a)
-            found.append((pole, 1.0, sign * (pole**2 - 1), sign * pole))
-        else:
-            found.append((-a, 1.0, -2 * a * sign, sign))
-    return found
-
-
-def _diagonal(lags: list[Lag]) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-    """Return lags side by side."""
-    n = sum(len(lag) == 4 for lag in lags)
-    D: Any = block_diag(*[[[lag[-1]]] for lag in lags])
-    A, B, C = np.zeros((n, n)), np.zeros((n, len(lags))), np.zeros((len(lags), n))
-    state = 0
-    for i, lag in enumerate(lags):
-        if len(lag) == 4:
-            A[state, state], B[state, i], C[i, state] = lag[:3]
-            state += 1
-    return A, B, C, D
+        pole = (1 - a) / (1 + a)
+        lag = (pole, 1.0, sign * (pole**2 - 1), sign * pole)
+        found.append(lag if discrete else (-a, 1.0, -2 * a * sign, sign))
+    return tuple(block_diag(*parts) for parts in zip(*found, strict=True))
 
 
 # What is left of w = Delta z, relative, at which a Delta counts as one that makes it singular.
@@ -104,6 +88,8 @@ _WITHIN = 1e-7
 # Of the size that a search begins with, the least that a step may aim at: at 0 all slopes vanish.
 _LEAST = 0.03
 _NEWTON = 12
+# A lower bound at a matrix that is so near the upper one, relative, ends the search.
+_NEAR = 1e-4
 _ROUNDS = 100
 
 Response = Callable[[float], tuple[AnyMatrix, AnyMatrix]]
@@ -155,6 +141,24 @@ def singular_directions(
         # a function of the matrix: eigenvectors alone have any phase
         found.append(vectors @ (weights * (np.conj(vectors.T) @ mix)))
     return found
+
+
+def worst_delta(inequality: Inequality, level: ScaledBound, count: int) -> Witness | None:
+    """Return the smallest Delta of some searches at one matrix, from where its scalings end."""
+    space, M = inequality.space, inequality.M[0]
+    still, scale = np.zeros_like(M), space.units(level.x)
+    best: Witness | None = None
+    # Far from all poles a search may leave the range of doubles: it finds nothing then.
+    with np.errstate(all="ignore"):
+        for w in singular_directions(inequality, level.square, level.x, count):
+            found = smallest_delta(
+                space.structure, lambda _: (M, still), w, 0.0, False, scale, fixed=space.fixed
+            )
+            if found and found.size > 0 and (best is None or found.size < best.size):
+                best = found
+            if best and 1 / best.size >= level.level * (1 - _NEAR):
+                break
+    return best
 
 
 def smallest_delta(

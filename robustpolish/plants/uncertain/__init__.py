@@ -1,1 +1,1 @@
-"""Machines whose numbers and dynamics are known within bounds only."""
+"""Uncertain systems: linear fractional transformations of bounded numbers and dynamics."""

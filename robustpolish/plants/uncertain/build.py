@@ -1,4 +1,4 @@
-"""The elements of which uncertain systems are made: numbers and dynamics within bounds."""
+"""Constructors of uncertain numbers, dynamics, ellipsoids and state-space systems."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from robustpolish.plants.uncertain.elements import (
 from robustpolish.plants.uncertain.lft import Lft, numbers_at, point_of, reduce_copies
 from robustpolish.plants.uncertain.system import UncertainSystem, as_uncertain
 
-# Systems joined, with what is uncertain kept: functions for operands of any kind.
+# Interconnections of operands of any kind.
 
 
 def feedback(forward: Any, back: Any = 1, sign: int = -1) -> UncertainSystem:

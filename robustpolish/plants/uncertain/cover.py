@@ -1,4 +1,4 @@
-"""`cover`: a family of plants as one plant with dynamics of which only a bound is known."""
+"""Cover of a family of plants by a nominal one with unmodeled dynamics below a weight."""
 
 from __future__ import annotations
 

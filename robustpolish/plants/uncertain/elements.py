@@ -1,4 +1,4 @@
-"""What is uncertain: a real number, a complex number, or dynamics of bounded gain.
+"""Uncertain elements: real numbers, complex numbers, and dynamics of bounded gain.
 
 Each is normalised to a delta of size at most 1, and 0 where it is nominal.
 """

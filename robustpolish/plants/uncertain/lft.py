@@ -1,4 +1,4 @@
-"""Linear systems around uncertain blocks, as matrices, and their algebra.
+"""Linear fractional transformations around states and uncertain blocks, and their algebra.
 
 A number, matrix or system with uncertainty is a matrix closed over what is inside: the integrators
 of the states, and the blocks. ::
@@ -29,7 +29,7 @@ from robustpolish.plants.uncertain.elements import (
     real_number,
 )
 
-# Real elements that share an ellipsoid: their physical numbers, and points drawn from it.
+# Ellipsoids of real elements: physical numbers, and points drawn from them.
 
 # Relative size of what is left of numbers that no point of the ellipsoid's space has.
 _OUTSIDE = 1e-9
@@ -111,7 +111,7 @@ def drawn(members: Sequence[RealElement], random: np.random.Generator) -> dict[s
     return {m.name: m.value(float(d)) for m, d in zip(members, direction, strict=True)}
 
 
-# Which copies of an uncertain block do something: the reduction of repeated blocks.
+# Reduction of repeated blocks.
 #
 # Copies of a block are to its delta what states are to an integrator [1]_. Those outside the span
 # that other signals reach are nothing but zero, and those that no other signal sees do not matter.
@@ -249,6 +249,11 @@ class Lft:
     def shape(self) -> tuple[int, int]:
         """Outputs and inputs."""
         return self.J.shape
+
+    @property
+    def whole(self) -> Matrix:
+        """All matrices as one."""
+        return np.block([[self.F, self.G], [self.H, self.J]])
 
     def names(self, inputs: Sequence[str], outputs: Sequence[str]) -> Lft:
         """Return it with other names of inputs and outputs; dropped if they do not fit."""
@@ -395,15 +400,11 @@ def _merged(F: Matrix, G: Matrix, H: Matrix, J: Matrix, one: Lft, two: Lft) -> L
     n1, n2 = len(one.states), len(two.states)
     rows = [*range(n1), *(one.F.shape[0] + i for i in range(n2))]
     columns = [*range(n1), *(one.F.shape[1] + i for i in range(n2))]
-    first, second = block_slices(one), block_slices(two)
     blocks = []
     for name, element in known.items():
         copies = 0
-        for part, places, row0, column0 in (
-            (one, first, 0, 0),
-            (two, second, one.F.shape[0], one.F.shape[1]),
-        ):
-            for block, (z, w) in zip(part.blocks, places, strict=True):
+        for part, row0, column0 in ((one, 0, 0), (two, *one.F.shape)):
+            for block, (z, w) in zip(part.blocks, block_slices(part), strict=True):
                 if block.element.name == name:
                     rows += (z + row0).tolist()
                     columns += (w + column0).tolist()
@@ -430,13 +431,13 @@ def reduce_copies(one: Lft) -> Lft:
         before = [block.copies for block in one.blocks]
         for index in range(len(one.blocks)):
             one = _block_reduced(one, index)
-        one = _without_empty(one)
+        one = replace(one, blocks=tuple(block for block in one.blocks if block.copies))
     return one
 
 
 def _all_used(one: Lft) -> bool:
     """Say whether every block is moved by something and seen by something."""
-    whole = np.vstack([np.hstack([one.F, one.G]), np.hstack([one.H, one.J])])
+    whole = one.whole
     for z, w in block_slices(one):
         moved = np.delete(whole[z], w, axis=1)
         seen = np.delete(whole[:, w], z, axis=0)
@@ -448,7 +449,7 @@ def _all_used(one: Lft) -> bool:
 def _block_reduced(one: Lft, index: int) -> Lft:
     block = one.blocks[index]
     z, w = block_slices(one)[index]
-    whole = np.vstack([np.hstack([one.F, one.G]), np.hstack([one.H, one.J])])
+    whole = one.whole
     own, moved = whole[z][:, w], np.delete(whole[z], w, axis=1)
     seen = np.delete(whole[:, w], z, axis=0)
     basis = reduced_copies(own, moved, seen, block.copies, block.element.shape)
@@ -476,10 +477,6 @@ def _block_reduced(one: Lft, index: int) -> Lft:
         J=whole[inside_rows:, inside_columns:],
         blocks=(*one.blocks[:index], fewer, *one.blocks[index + 1 :]),
     )
-
-
-def _without_empty(one: Lft) -> Lft:
-    return replace(one, blocks=tuple(block for block in one.blocks if block.copies))
 
 
 def _diagonal(*parts: Any) -> Matrix:

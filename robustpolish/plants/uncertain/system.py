@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import closest_name_remedy, described, invalid, is_whole, matrix
 from robustpolish.base.results import Card, Displayed, Table
-from robustpolish.plants.blocks import as_state_space, named_system
+from robustpolish.plants.blocks import as_state_space, matrices_of, named_system
 from robustpolish.plants.uncertain.elements import (
     ComplexElement,
     Element,
@@ -36,7 +36,7 @@ from robustpolish.plants.uncertain.lft import (
     total,
 )
 
-# Values in place of what is uncertain: given ones, nominal ones, and random ones.
+# Substitution of values: given, nominal and random ones.
 
 
 def substitute(system: Lft, values: Mapping[str, Any]) -> Lft:
@@ -102,18 +102,10 @@ def nominal(system: Lft) -> Lft:
 
 def as_lft(system: control.StateSpace) -> Lft:
     """Return a certain system as one without blocks."""
-    n, m, p = system.nstates, system.ninputs, system.noutputs
-    A, B, C, D = (
-        np.array(getattr(system, name), dtype=float).reshape(shape)
-        for name, shape in zip("ABCD", ((n, n), (n, m), (p, n), (p, m)), strict=True)
-    )
-    if n == 0:
-        return Lft(A, B, C, D, (), (), None, *_labels(system))
-    return Lft(A, B, C, D, tuple(system.state_labels), (), system.dt, *_labels(system))
-
-
-def _labels(system: control.StateSpace) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    return tuple(system.input_labels), tuple(system.output_labels)
+    labels = tuple(system.input_labels), tuple(system.output_labels)
+    if not system.nstates:
+        return Lft(*matrices_of(system), (), (), None, *labels)
+    return Lft(*matrices_of(system), tuple(system.state_labels), (), system.dt, *labels)
 
 
 def random_values(system: Lft, random: np.random.Generator) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Normalised coprime factors of a plant, and what loop shaping makes of their equations."""
+"""Normalised coprime factors by Riccati equations, their stability margin, and the nu-gap."""
 
 from __future__ import annotations
 

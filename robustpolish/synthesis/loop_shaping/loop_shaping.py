@@ -24,7 +24,6 @@ from robustpolish.plants.wired import single_filter
 from robustpolish.synthesis.certificate import Certificate, certify
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.loop_shaping.coprime import (
-    Coprime,
     cayley,
     cayley_back,
     consistent_matrices,
@@ -36,7 +35,7 @@ from robustpolish.synthesis.problem.matrices import Controller, SystemMatrices, 
 from robustpolish.synthesis.problem.scaling import named_controller
 from robustpolish.synthesis.riccati.equations import solve_lyapunov
 
-# A controller of fewer states, by balanced truncation of its normalised coprime factors.
+# Order reduction by balanced truncation of normalised coprime factors.
 
 
 def reduce_in_gap_metric(K: control.StateSpace, order: int) -> SystemMatrices:
@@ -90,48 +89,31 @@ def _root(X: Matrix) -> Matrix:
     return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-# The gain that a loop is wanted to have, and how near a loop comes to it.
+# The target loop: the wanted open-loop gain, and distances from it.
 
 
-@dataclass(frozen=True)
-class TargetPolicy:
-    """What is decided about a wanted loop.
-
-    Attributes
-    ----------
-    below, above : float
-        The band reaches from the first crossover over this to the last one times that, as far as a
-        discrete system goes: two decades of gain that rejects disturbances, one of roll-off.
-    points : int
-        Frequencies of the band at which gains are compared, evenly in its logarithm.
-    roll_off : float
-        The weight inverts the plant where its smallest gain is above this share of the least
-        within the band, and becomes constant beyond, for no inverse of a strictly proper plant is
-        proper. Within the band that moves the gain by its square: 0.5 %.
-    faintest : float
-        The least gain that is inverted, over the largest of the band: what lies below is a zero.
-    shift : float
-        Poles on the axis, which no stable factor can have, are moved by this share of the lower
-        end of the band: 1e-4 of the gain at that end.
-    on_axis : float
-        Poles this near to the axis, over the largest pole or the lower end of the band, are on it.
-    """
-
-    below: float = 100.0
-    above: float = 10.0
-    points: int = 300
-    roll_off: float = 0.1
-    faintest: float = 1e-8
-    shift: float = 1e-2
-    on_axis: float = 1e-9
-
-
-POLICY = TargetPolicy()
+# The band reaches from the first crossover over this to the last one times that, as far as a
+# discrete system goes: two decades of gain that rejects disturbances, one of roll-off.
+_BELOW = 100.0
+_ABOVE = 10.0
+# Frequencies of the band at which gains are compared, evenly in its logarithm.
+_POINTS = 300
+# The weight inverts the plant where its smallest gain is above this share of the least within the
+# band, and becomes constant beyond, for no inverse of a strictly proper plant is proper. Within
+# the band that moves the gain by its square: 0.5 %.
+_ROLL_OFF = 0.1
+# The least gain that is inverted, over the largest of the band: what lies below is a zero.
+_FAINTEST = 1e-8
+# Poles on the axis, which no stable factor can have, are moved by this share of the lower end of
+# the band: 1e-4 of the gain at that end.
+_SHIFT = 1e-2
+# Poles this near to the axis, over the largest pole or the lower end of the band, are on it.
+_ON_AXIS = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class TargetLoop:
-    """The gain that a loop is wanted to have.
+    """The target of loop shaping: the wanted open-loop gain.
 
     Attributes
     ----------
@@ -175,7 +157,7 @@ class TargetLoop:
     @property
     def frequencies(self) -> Vector:
         """Where gains are compared, in rad/s."""
-        return np.geomspace(*self.band, POLICY.points)
+        return np.geomspace(*self.band, _POINTS)
 
     def distance_of(self, loop: SystemMatrices) -> tuple[float, float]:
         """Return the largest factor, up or down, between the gains of a loop and the wanted ones.
@@ -257,7 +239,7 @@ def _band(given: Any, crossovers: tuple[float, float], dt: float | bool) -> tupl
     """Return the band in rad/s, within what a discrete system has."""
     end = math.pi / step_of(dt) if dt else math.inf
     if given is None:
-        low, high = crossovers[0] / POLICY.below, crossovers[1] * POLICY.above
+        low, high = crossovers[0] / _BELOW, crossovers[1] * _ABOVE
         return low, min(high, end * (1 - 1e-6))
     try:
         low, high = (2 * math.pi * float(f) for f in given)
@@ -269,7 +251,7 @@ def _band(given: Any, crossovers: tuple[float, float], dt: float | bool) -> tupl
     return low, min(high, end * (1 - 1e-6))
 
 
-# The weight that gives a plant the gain of a wanted loop, and what the plant says to it.
+# The weight that gives a plant the gain of a target loop, and limits of the bandwidth.
 
 
 def target_weight(plant: SystemMatrices, wanted: TargetLoop) -> SystemMatrices:
@@ -295,7 +277,7 @@ def target_weight(plant: SystemMatrices, wanted: TargetLoop) -> SystemMatrices:
     if not sizes.size or not sizes.any():
         shown = described("a plant without gain in the band of the target")
         raise invalid("plant", shown, "a plant with gain there", "Check band_hz= and target=.")
-    level = POLICY.roll_off * max(sizes[:, -1].min(), POLICY.faintest * sizes[:, 0].max())
+    level = _ROLL_OFF * max(sizes[:, -1].min(), _FAINTEST * sizes[:, 0].max())
     low = wanted.band[0]
     if wanted.dt:
         square = SystemMatrices(*cayley(*square))
@@ -377,9 +359,9 @@ def _off_the_axis(plant: SystemMatrices, low: float) -> SystemMatrices:
     """Move the poles to the left by a little, if any lies on the axis."""
     poles = np.linalg.eigvals(plant.A)
     size = max(low, float(np.abs(poles).max(initial=0.0)))
-    if not (np.abs(poles.real) <= POLICY.on_axis * size).any():
+    if not (np.abs(poles.real) <= _ON_AXIS * size).any():
         return plant
-    return plant._replace(A=plant.A - POLICY.shift * low * np.eye(len(poles)))
+    return plant._replace(A=plant.A - _SHIFT * low * np.eye(len(poles)))
 
 
 def _mirrored(plant: SystemMatrices) -> SystemMatrices:
@@ -559,9 +541,20 @@ def loop_shaping(
     solved = coprime(loop)
     optimal = solved.optimal_gamma
     claim = optimal * number
-    inner, proof = _certified(loop, solved, claim)
+    central = solved.controller(claim)
+    inner, proof = _certified(
+        loop,
+        cayley_back(central) if loop.is_discrete else central,
+        claim,
+        f"The controller for gamma {claim:.6g}",
+        "Scale the plant so that a unit of u and of y mean as much, or raise factor=.",
+    )
     if order is not None and order < inner.nstates:
-        inner, proof = _reduced_order(loop, inner, int(order), proof)
+        remedy = (
+            f"That of order {inner.nstates} has gamma {proof.achieved:.4g}; ask for more states."
+        )
+        short = reduce_in_gap_metric(inner, int(order))
+        inner, proof = _certified(loop, short, None, f"A controller of order {order}", remedy)
     K = in_series(in_series(behind, consistent_matrices(inner)), before)
     real = GeneralizedPlant.from_loop(G)
     controller = named_controller(real, *balanced(Controller(*K)))
@@ -644,36 +637,15 @@ def _distance_to_target(
 
 
 def _certified(
-    loop: GeneralizedPlant, solved: Coprime, claim: float
+    loop: GeneralizedPlant, found: SystemMatrices, claim: float | None, what: str, remedy: str
 ) -> tuple[control.StateSpace, Certificate]:
-    """Return the shaped plant's controller with its certificate for gamma."""
-    found = solved.controller(claim)
-    if loop.is_discrete:
-        found = cayley_back(found)
+    """Return a controller of the shaped plant with its certificate for gamma."""
     # What was solved for has no further units: the plant's states were scaled, its signals not.
     inner = named_controller(loop, *balanced(Controller(*found)))
     proof = certify(loop, inner, "hinf", claim)
     if not proof.valid:
-        raise SolverError(
-            f"The controller for gamma {claim:.6g} could not be certified: "
-            + "; ".join(proof.reasons)
-            + ". Scale the plant so that a unit of u and of y mean as much, or raise factor=."
-        )
+        raise SolverError(f"{what} could not be certified: {'; '.join(proof.reasons)}. {remedy}")
     return inner, proof
-
-
-def _reduced_order(
-    loop: GeneralizedPlant, inner: control.StateSpace, order: int, full: Certificate
-) -> tuple[control.StateSpace, Certificate]:
-    """Return the controller with fewer states, certified."""
-    short = named_controller(loop, *balanced(Controller(*reduce_in_gap_metric(inner, order))))
-    proof = certify(loop, short, "hinf")
-    if not proof.valid:
-        raise SolverError(
-            f"A controller of order {order} could not be certified: {'; '.join(proof.reasons)}. "
-            f"That of order {inner.nstates} has gamma {full.achieved:.4g}; ask for more states."
-        )
-    return short, proof
 
 
 def _matrix_weight(argument: str, given: Any, count: int, dt: float | bool) -> SystemMatrices:
@@ -688,7 +660,7 @@ def _matrix_weight(argument: str, given: Any, count: int, dt: float | bool) -> S
             consistent_matrices(single_filter(f"{argument}[{i}]", 1.0 if one is None else one, dt))
             for i, one in enumerate(given)
         ]
-        return SystemMatrices(*(_diagonal([weight[k] for weight in each]) for k in range(4)))
+        return SystemMatrices(*(linalg.block_diag(*parts) for parts in zip(*each, strict=True)))
     system = as_state_space(argument, given, dt)
     if (system.ninputs, system.noutputs) == (1, 1):
         return _matrix_weight(argument, [given] * count, count, dt)
@@ -700,12 +672,6 @@ def _matrix_weight(argument: str, given: Any, count: int, dt: float | bool) -> S
         shown = described(f"sampling time {system.dt}")
         raise invalid(argument, shown, f"{dt} like the plant", "Discretise it.")
     return consistent_matrices(system)
-
-
-def _diagonal(blocks: Sequence[np.ndarray]) -> np.ndarray:
-    return np.asarray(linalg.block_diag(*blocks)).reshape(
-        sum(len(block) for block in blocks), sum(block.shape[1] for block in blocks)
-    )
 
 
 def _message(proof: Certificate, optimal: float, weighted: bool) -> str:

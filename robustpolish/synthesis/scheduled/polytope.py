@@ -1,4 +1,7 @@
-"""The vertices of what is uncertain: a list of plants, or the corners of a box of real numbers."""
+"""Polytopes of plants, and the matrix inequalities with slack that bound norms over them.
+
+The vertices are a list of plants, or the corners of a box of real numbers.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,7 @@ from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.preflight import with_control_penalty
 from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
 
-# How Lyapunov matrices depend on the vertex: one for all, one for each, or affine in numbers.
+# Parameter-dependent Lyapunov matrices: one for all vertices, one for each, or affine in numbers.
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""State feedback for all plants of a polytope at once."""
+"""Robust state feedback for a polytope of plants, by matrix inequalities with a slack variable."""
 
 from __future__ import annotations
 
@@ -436,7 +436,7 @@ def _solve_for_gain(
     return None if solution.x is None else solution.value(F)
 
 
-# Why there is no gain for a polytope: a vertex that none stabilises, or a polytope too large.
+# Feasibility: vertices that no gain stabilises, and the part of a polytope that has a gain.
 
 
 def refused_vertices(whole: Polytope) -> None:

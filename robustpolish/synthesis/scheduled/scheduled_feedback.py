@@ -1,4 +1,4 @@
-"""Feedback whose gains follow numbers of the plant that are measured while it runs."""
+"""Gain scheduling (LPV control): feedback that follows measured parameters of the plant."""
 
 from __future__ import annotations
 
@@ -130,11 +130,7 @@ class ScheduledDesign(Displayed):
         InvalidInputError
             If a number is missing, unknown or outside its range.
         """
-        share = self._shares(values)
-        first = self.controllers[0]
-        parts = [matrices_of(K) for K in self.controllers]
-        names = (first.input_labels, first.output_labels, first.state_labels)
-        return named_system(_mixed(share, parts), self.plants[0].dt, *names)
+        return self._mixed(values, self.controllers)
 
     def closed_loop(self, values: Mapping[str, float]) -> control.StateSpace:
         """Return the loop from w to z at numbers that rest.
@@ -147,13 +143,7 @@ class ScheduledDesign(Displayed):
         -------
         control.StateSpace
         """
-        share = self._shares(values)
-        loops = self._loops()
-        first = loops[0]
-        names = (first.input_labels, first.output_labels, first.state_labels)
-        return named_system(
-            _mixed(share, [matrices_of(loop) for loop in loops]), self.plants[0].dt, *names
-        )
+        return self._mixed(values, self._loops())
 
     def simulate(self, disturbance: xr.Dataset, numbers: Mapping[str, ArrayLike]) -> xr.Dataset:
         """Simulate the loop while its numbers change, and the controller with them.
@@ -245,6 +235,16 @@ class ScheduledDesign(Displayed):
         }
         return plot_gains(gains, {"bound": (math.nan, self.bound)}, ax)
 
+    def _mixed(
+        self, values: Mapping[str, float], systems: Sequence[control.StateSpace]
+    ) -> control.StateSpace:
+        """Return the mixture of systems at the vertices that belongs to some numbers."""
+        shares, first = self._shares(values), systems[0]
+        parts = zip(*(matrices_of(system) for system in systems), strict=True)
+        mixed = [np.tensordot(shares, np.array(each), axes=1) for each in parts]
+        names = (first.input_labels, first.output_labels, first.state_labels)
+        return named_system(mixed, self.plants[0].dt, *names)
+
     def _shares(self, values: Mapping[str, float]) -> Matrix:
         elements = {element.name: element for element in self.vertices.numbers}
         known_keys(("values",), values, elements, elements)
@@ -267,11 +267,6 @@ class ScheduledDesign(Displayed):
             rows.append((element.name, f"{element.low:.6g} to {element.high:.6g}, {told}"))
         rows.append(("states of the controller", self.controllers[0].nstates))
         return Card(f"Scheduled feedback: {self.status}", (quantities(*rows),), (self.message,))
-
-
-def _mixed(shares: Matrix, parts: list[Any]) -> list[Matrix]:
-    """Return the mixture of matrices, one of each kind."""
-    return [np.tensordot(shares, np.array(each), axes=1) for each in zip(*parts, strict=True)]
 
 
 # Output feedback for a polytope of plants whose numbers are measured: a controller per vertex.

@@ -72,12 +72,15 @@ class SearchEffort:
     smooth_first : bool
         Whether BFGS goes before the bundle method. Springs and dampers often end at their bounds,
         and on the thesis's plant BFGS only takes their time.
+    steps : int
+        Quadratic programmes of the bundle method at most.
     """
 
     descents: int = 100
     fewest: int = 9
     patience: int = 16
     smooth_first: bool = True
+    steps: int = 200
 
     @property
     def agreeing(self) -> int:
@@ -302,7 +305,7 @@ def descend_from(
             break
         if progress.point is not None and count % 3 == 2:
             start = _nearby(progress.point, rng)
-        own = (start, budget, target, progress, bounds, weight, effort.smooth_first)
+        own = (start, budget, target, progress, bounds, weight, effort)
         _descend(problem, stability, *own)
         stop = _verdict(progress, effort, budget, target)
         if stop is not None:
@@ -343,7 +346,7 @@ def _descend(
     progress: _Progress,
     bounds: Bounds | None,
     weight: float,
-    smooth_first: bool,
+    effort: SearchEffort,
 ) -> None:
     began = budget.spent
     folded = None if bounds is None else ReflectedParametrisation(problem.parametrisation, bounds)
@@ -364,7 +367,7 @@ def _descend(
             return
     progress.keep(problem, point)
     first = None
-    if smooth_first:
+    if effort.smooth_first:
         first = bfgs(
             lambda theta: smooth.penalised(theta, weight),
             point,
@@ -375,7 +378,7 @@ def _descend(
         )
         point = first.point if folded is None else folded.point(first.point)
     if first is None or first.value < progress.value + 0.1:
-        last = minimax(problem, point, budget, target=target, bounds=bounds)
+        last = minimax(problem, point, budget, effort.steps, target, bounds=bounds)
         point, value, how = last.point, last.value, last.reason
     else:
         model = problem.model(point)

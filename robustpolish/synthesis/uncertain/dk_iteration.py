@@ -1,74 +1,46 @@
-"""Controllers of few states that come near one of many."""
+"""D-K iteration: H-infinity designs with scalings (K step), and fits of the scalings (D step).
+
+J. C. Doyle, "Structured uncertainty in control system design", CDC 1985.
+"""
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.optimize import least_squares
 
 from robustpolish.base.arrays import AnyArray, Array, Matrix, Vector
-from robustpolish.base.budget import Budget, step_cost
+from robustpolish.base.budget import Budget
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.implementation.reduction import Reducer
 from robustpolish.linear.arithmetic.realisation import state_scales
 from robustpolish.plants.blocks import matrices_of, named_system
+from robustpolish.synthesis.certificate import NormTarget
+from robustpolish.synthesis.output_feedback.engine import Settings, Task
 from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
-from robustpolish.synthesis.problem.matrices import (
-    Controller,
-    PlantMatrices,
-    augmented,
-    close_static_loop,
-    regularise,
-)
-from robustpolish.synthesis.riccati.gamma import (
-    NormalisedPlant,
-    central_controller,
-    has_full_rank,
-    normalise,
-    search_gamma,
-)
+from robustpolish.synthesis.output_feedback.riccati import RegularisedRiccati
+from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
+from robustpolish.synthesis.riccati.gamma import estimated_lower_bound, has_full_rank
 from robustpolish.synthesis.uncertain.scaled_gain import (
     LoopResponses,
     MuBounds,
     RobustProblem,
     ScaledGain,
     Scalings,
-    controller_matrix,
-    grid,
 )
 
-# The K step: an H-infinity controller of full order for a plant with scalings around it.
+# The K step: the Riccati engine of output feedback on a plant with scalings around it.
 
-
-@dataclass(frozen=True)
-class KStepPolicy:
-    """How a K step goes.
-
-    Attributes
-    ----------
-    tolerance : float
-        How near the infimum the search for gamma ends, relative.
-    back_offs : tuple of float
-        How far above it the controller is made: far enough for the equations to be well
-        conditioned. Gains fall fast with it.
-    honest : float
-        By how much the loop's norm may exceed the gamma that the equations promise.
-    epsilons : tuple of float
-        Prices on u and noises on y, where the plant has not enough of its own; the smallest
-        norm of the loop decides.
-    """
-
-    tolerance: float = 1e-3
-    back_offs: tuple[float, ...] = (1.01, 1.03, 1.1)
-    honest: float = 1.02
-    epsilons: tuple[float, ...] = (1e-2, 1e-3, 1e-4, 1e-5)
-
-
-POLICY = KStepPolicy()
+# How far above the infimum a controller is made, relative: far enough for the equations to be well
+# conditioned. Gains fall fast with it.
+_BACK_OFF = 0.01
+# How near the infimum the search for gamma ends, relative.
+_TOLERANCE = 1e-3
+_SETTINGS = Settings("hinf", "riccati", "scipy", None, _TOLERANCE)
 
 
 def k_step(plant: PlantMatrices, unit: float, budget: Budget) -> Controller:
@@ -91,57 +63,13 @@ def k_step(plant: PlantMatrices, unit: float, budget: Budget) -> Controller:
         If no equation has a solution that stabilises.
     """
     even = _even(plant, unit)
-    found: list[tuple[float, Controller]] = []
-    epsilons = (0.0,) if has_full_rank(even) else ()
-    for epsilon in (*epsilons, *POLICY.epsilons):
-        normal = normalise(regularise(even, epsilon) if epsilon else even)
-        own = _central(even, normal, budget)
-        if own is not None:
-            found.append(own)
-            if not epsilon or (len(found) > 1 and found[-1][0] > 0.99 * found[-2][0]):
-                break
-        if budget.over:
-            break
+    bound = estimated_lower_bound(even, _TOLERANCE, budget)
+    enough = 0.0 if bound is None else bound.value * (1 + _BACK_OFF)
+    task = Task(even, "hinf", has_full_rank(even), _BACK_OFF / 2, bound, NormTarget(enough, np.inf))
+    found = RegularisedRiccati(_SETTINGS).search(task, budget).candidates
     if not found:
         raise SolverError("The Riccati equations of the scaled plant have no solution in doubles.")
-    return min(found, key=lambda pair: pair[0])[1]
-
-
-def _central(
-    plant: PlantMatrices, normal: NormalisedPlant, budget: Budget
-) -> tuple[float, Controller] | None:
-    """Return the norm and the controller a little above the smallest gamma."""
-    bracket = search_gamma(normal.halves, 2.0, POLICY.tolerance, budget)
-    if bracket is None:
-        return None
-    best: tuple[float, Controller] | None = None
-    for factor in POLICY.back_offs:
-        gamma = bracket.upper * factor
-        budget.spend(2 * step_cost(plant.nx))
-        solution = normal.halves.attempt(gamma)
-        if not solution.feasible or solution.X is None or solution.Y is None:
-            continue
-        try:
-            K = central_controller(normal, gamma, solution.X, solution.Y)
-        except np.linalg.LinAlgError:
-            continue
-        norm = _norm(plant, K)
-        if best is None or norm < best[0]:
-            best = norm, K
-        if norm <= gamma * POLICY.honest:
-            break
-    return best if best is not None and np.isfinite(best[0]) else None
-
-
-def _norm(plant: PlantMatrices, K: Controller) -> float:
-    """Return the norm of a loop on a grid; infinite if it is not stable."""
-    if not all(np.isfinite(M).all() for M in K):
-        return float(np.inf)
-    loop = close_static_loop(augmented(plant, len(K.A)), controller_matrix(K))
-    if loop is None or not loop.stable:
-        return float(np.inf)
-    M = LoopResponses.of(loop, grid([loop.poles])).M
-    return float(np.linalg.norm(M, 2, axis=(1, 2)).max())
+    return min(found, key=lambda candidate: candidate.achieved).controller
 
 
 def _even(plant: PlantMatrices, unit: float) -> PlantMatrices:
@@ -188,11 +116,8 @@ class Filter:
 
     def sizes(self, omega: Vector) -> Vector:
         """Return the logarithm of |d| at frequencies, infinity included."""
-        return _logs(self._numbers, omega)
-
-    @property
-    def _numbers(self) -> Vector:
-        return np.concatenate([[np.log(self.gain)], np.log(self.zeros), np.log(self.poles)])
+        rates = np.log(np.concatenate([self.zeros, self.poles]))
+        return _logs(np.array([np.log(self.gain), *rates]), omega)
 
     @property
     def matrices(self) -> Controller:
@@ -212,32 +137,24 @@ class Filter:
         return Filter(1 / self.gain, self.poles, self.zeros)
 
 
+def _signs(numbers: Vector) -> Vector:
+    """Return 1 for the zeros and -1 for the poles among [log gain, log zeros, log poles]."""
+    return np.repeat([1.0, -1.0], len(numbers) // 2)
+
+
 def _logs(numbers: Vector, omega: Vector) -> Vector:
-    order = (len(numbers) - 1) // 2
-    zeros, poles = numbers[1 : 1 + order], numbers[1 + order :]
-    total = np.full(len(omega), numbers[0])
-    for zero, pole in zip(zeros, poles, strict=True):
-        total += _section(omega, zero) - _section(omega, pole)
-    ends = np.isinf(omega)
-    total[ends] = numbers[0] - zeros.sum() + poles.sum()
-    return total
-
-
-def _section(omega: Vector, log_rate: float) -> Vector:
-    """Return log |j omega / rate + 1|; at infinity it is left to the caller."""
+    """Return log |d|, a sum of log |j omega / rate + 1|; at infinity only ratios of rates count."""
+    rates, signs = numbers[1:], _signs(numbers)
     finite = np.where(np.isfinite(omega), omega, 0.0)
-    return 0.5 * np.log1p((finite * np.exp(-log_rate)) ** 2)
+    sections = 0.5 * np.log1p((finite[:, None] * np.exp(-rates)) ** 2)
+    return numbers[0] + np.where(np.isfinite(omega), sections @ signs, -(rates @ signs))
 
 
 def _slopes(numbers: Vector, omega: Vector) -> Array:
-    order = (len(numbers) - 1) // 2
-    columns = [np.ones(len(omega))]
-    for i, log_rate in enumerate(numbers[1:]):
-        finite = np.where(np.isfinite(omega), omega, 0.0)
-        square = (finite * np.exp(-log_rate)) ** 2
-        share = np.where(np.isfinite(omega), square / (1 + square), 1.0)
-        columns.append(-share if i < order else share)
-    return np.array(columns).T
+    """Return the derivatives of the logarithms over the numbers."""
+    with np.errstate(divide="ignore"):
+        shares = 1 / (1 + (np.exp(numbers[1:]) / omega[:, None]) ** 2)
+    return np.hstack([np.ones((len(omega), 1)), -shares * _signs(numbers)])
 
 
 def fitted(omega: Vector, logs: Vector, weights: Vector, most: int) -> list[Filter]:
@@ -261,27 +178,19 @@ def fitted(omega: Vector, logs: Vector, weights: Vector, most: int) -> list[Filt
     numbers = np.array([np.average(logs, weights=weights**2)])
     found = [_filter(numbers)]
     limits = np.log(inner[0] / 10), np.log(inner[-1] * 10)
-    for _ in range(most):
+    for order in range(most):
         rest = logs - _logs(numbers, omega)
         tried: list[tuple[float, Vector]] = []
-        for place in places:
-            basis = _slopes(np.array([0.0, np.log(place)]), omega)
+        for place in np.log(places):
+            basis = _slopes(np.array([0.0, place]), omega)
             coefficients: Any = np.linalg.lstsq(
                 basis * weights[:, None], rest * weights, rcond=None
             )[0]
             left = float(np.linalg.norm((rest - basis @ coefficients) * weights))
             ratio = float(np.clip(coefficients[1], -np.log(_FARTHEST), np.log(_FARTHEST)))
-            zero, pole = np.log(place) + ratio / 2, np.log(place) - ratio / 2
-            order = (len(numbers) - 1) // 2
-            start = np.concatenate(
-                [
-                    [numbers[0] + coefficients[0]],
-                    numbers[1 : 1 + order],
-                    [zero],
-                    numbers[1 + order :],
-                    [pole],
-                ]
-            )
+            ends = [place + ratio / 2, place - ratio / 2]
+            start = np.insert(numbers, [1 + order, len(numbers)], ends)
+            start[0] += coefficients[0]
             tried.append((left, start))
         tried.sort(key=lambda pair: pair[0])
         results = [_adjusted(start, omega, logs, weights, limits) for _, start in tried[:3]]
@@ -290,17 +199,13 @@ def fitted(omega: Vector, logs: Vector, weights: Vector, most: int) -> list[Filt
     return found
 
 
-def _weighted_slopes(numbers: Vector, omega: Vector, weights: Vector) -> Array:
-    return _slopes(numbers, omega) * weights[:, None]
-
-
 def _adjusted(
     start: Vector, omega: Vector, logs: Vector, weights: Vector, limits: tuple[float, float]
 ) -> tuple[float, Vector]:
     low = np.concatenate([[-np.inf], np.full(len(start) - 1, limits[0])])
     high = np.concatenate([[np.inf], np.full(len(start) - 1, limits[1])])
     # The type stubs know only the names of finite differences here.
-    slopes: Any = functools.partial(_weighted_slopes, omega=omega, weights=weights)
+    slopes: Any = lambda v: _slopes(v, omega) * weights[:, None]  # noqa: E731
     found = least_squares(
         lambda v: (_logs(v, omega) - logs) * weights,
         np.clip(start, low + 1e-6, high - 1e-6),
@@ -312,23 +217,15 @@ def _adjusted(
 
 
 def _filter(numbers: Vector) -> Filter:
-    order = (len(numbers) - 1) // 2
-    rates = np.exp(numbers[1:])
-    return Filter(float(np.exp(numbers[0])), rates[:order], rates[order:])
+    gain, *rates = np.exp(numbers)
+    zeros, poles = np.array(rates).reshape(2, -1)
+    return Filter(float(gain), zeros, poles)
 
 
 def repeated_filters(filters: Sequence[Filter], times: Sequence[int]) -> Controller:
     """Return filters side by side, each so many times."""
     parts = [f.matrices for f, count in zip(filters, times, strict=True) for _ in range(count)]
-    n, m = sum(len(p.A) for p in parts), len(parts)
-    A, B, C, D = np.zeros((n, n)), np.zeros((n, m)), np.zeros((m, n)), np.zeros((m, m))
-    first = 0
-    for i, part in enumerate(parts):
-        own = slice(first, first + len(part.A))
-        A[own, own], B[own, i], C[i, own] = part.A, part.B[:, 0], part.C[0]
-        D[i, i] = part.D[0, 0]
-        first += len(part.A)
-    return Controller(A, B, C, D)
+    return Controller(*(block_diag(*each) for each in zip(*parts, strict=True)))
 
 
 def scaled_norms(M: AnyArray, left: Matrix, right: Matrix) -> Vector:
@@ -336,34 +233,22 @@ def scaled_norms(M: AnyArray, left: Matrix, right: Matrix) -> Vector:
     return np.linalg.norm(left[:, :, None] * M / right[:, None, :], 2, axis=(1, 2))
 
 
-# The D step: scalings of low order for a controller, and the plant with scalings around it.
+# The D step: scalings of low order, and the plant with these scalings.
 
 
-@dataclass(frozen=True)
-class DStepPolicy:
-    """How scalings are fitted.
-
-    Attributes
-    ----------
-    orders : int
-        Largest order of one.
-    near : float
-        A fit is good if it raises the level of no frequency by more than this share.
-    low : float
-        Levels below this share of the peak count as so much: there a fit matters little.
-    """
-
-    orders: int = 4
-    near: float = 0.01
-    low: float = 0.5
-
-
-D_STEP_POLICY = DStepPolicy()
+# Largest order of a scaling.
+_ORDERS = 4
+# A fit is good if it raises the level of no frequency by more than this share.
+_NEAR = 0.01
+# Levels below this share of the peak count as so much: there a fit matters little.
+_LOW = 0.5
+# No scaling.
+_ONE = Filter(1.0, np.zeros(0), np.zeros(0))
 
 
 def unit_scalings(problem: RobustProblem) -> list[Filter]:
     """Return the scalings to begin with: none."""
-    return [Filter(1.0, np.zeros(0), np.zeros(0))] * len(problem.as_complex.blocks)
+    return [_ONE] * len(problem.as_complex.blocks)
 
 
 def scaled_plant(problem: RobustProblem, filters: Sequence[Filter]) -> PlantMatrices:
@@ -399,28 +284,28 @@ def scalings_of(problem: RobustProblem, found: MuBounds, M: AnyArray) -> list[Fi
     sizes = found.diagonals()
     weights = (found.values / found.peak) ** 2 + 1e-3
     offered = [
-        fitted(found.omega, np.log(sizes[:, k]), weights, D_STEP_POLICY.orders)
-        for k in range(len(blocks) - 1)
+        fitted(found.omega, np.log(sizes[:, k]), weights, _ORDERS) for k in range(len(blocks) - 1)
     ]
-    last = Filter(1.0, np.zeros(0), np.zeros(0))
-    wanted = np.maximum(found.values, D_STEP_POLICY.low * found.peak)
+    wanted = np.maximum(found.values, _LOW * found.peak)
 
     def loss(orders: list[int]) -> float:
-        chosen = [one[order] for one, order in zip(offered, orders, strict=True)] + [last]
+        chosen = [one[order] for one, order in zip(offered, orders, strict=True)] + [_ONE]
         logs = np.array([f.sizes(found.omega) for f in chosen]).T
         left = np.exp(np.repeat(logs, [b.columns for b in blocks], axis=1))
         right = np.exp(np.repeat(logs, [b.rows for b in blocks], axis=1))
         return float((scaled_norms(M, left, right) / wanted).max())
 
-    losses = [loss([order] * len(offered)) for order in range(D_STEP_POLICY.orders + 1)]
-    enough = max(min(losses), 1 + D_STEP_POLICY.near)
+    losses = [loss([order] * len(offered)) for order in range(_ORDERS + 1)]
+    enough = max(min(losses), 1 + _NEAR)
     order = next(k for k, value in enumerate(losses) if value <= enough)
     orders = [order] * len(offered)
     for k in range(len(offered)):
         while orders[k] and loss([*orders[:k], orders[k] - 1, *orders[k + 1 :]]) <= enough:
             orders[k] -= 1
-    return [one[order] for one, order in zip(offered, orders, strict=True)] + [last]
+    return [one[order] for one, order in zip(offered, orders, strict=True)] + [_ONE]
 
+
+# Order reduction of a controller, judged by the scalings of the one of full order.
 
 # The share of its usual work that a search for fixed order gets, and its safety net in seconds.
 _EFFORT = 0.1
@@ -452,13 +337,11 @@ def of_order(problem: RobustProblem, order: int, budget: Budget) -> Controller |
     return Controller(*matrices_of(design.controller))
 
 
-def mu_bound_with(problem: RobustProblem, K: Controller, known: MuBounds) -> float:
-    """Return the largest level of a controller at frequencies, by the scalings of another one."""
+def level_of(problem: RobustProblem, K: Controller, omega: Vector, weights: Array) -> float:
+    """Return the largest level that scalings prove of a controller at frequencies."""
     loop = problem.loop(K)
     if loop is None or not loop.stable:
         return float(np.inf)
-    M = LoopResponses.of(loop, known.omega).M
-    scalings = Scalings(known.space.structure)
-    weights = np.array([scalings.of_weights(f.x, known.space, 1.0) for f in known.found])
-    squares = np.linalg.eigvalsh(ScaledGain(scalings, weights, M).H)[:, -1]
+    M = LoopResponses.of(loop, omega).M
+    squares = ScaledGain(Scalings(problem.structure), weights, M).squares
     return float(np.sqrt(max(squares.max(), 0.0)))

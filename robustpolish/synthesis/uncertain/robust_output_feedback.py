@@ -41,9 +41,15 @@ from robustpolish.synthesis.uncertain.scenarios import (
     UnstructuredSearch,
     with_structure,
 )
-from robustpolish.synthesis.uncertain.search import POLICY, ScalingSearch
+from robustpolish.synthesis.uncertain.search import (
+    AGREES,
+    PROOFS,
+    SCENARIO_SHARE,
+    WORK,
+    ScalingSearch,
+)
 
-# What robust synthesis returns: a controller with its proof, or the reason why there is none.
+# The result: a controller with its proof, or the reason why there is none.
 
 Status = Literal["robust", "limited", "time_limit", "not proven", "no controller"]
 Method = Literal["scalings", "scenarios"]
@@ -375,7 +381,7 @@ def robust_output_feedback(
     """
     system, ny, nu = _sorted(plant, measurements, controls)
     gamma, effort = positive("gamma", gamma), positive("effort", effort)
-    budget = Budget(effort * POLICY.work, positive("time_limit", time_limit, "s"))
+    budget = Budget(effort * WORK, positive("time_limit", time_limit, "s"))
     most = None if order is None else checked_order(order)
     mask = None if structure is None else _mask(structure, most or 0, ny, nu)
     problem = RobustProblem.of(system, ny, nu, gamma)
@@ -414,7 +420,7 @@ def _without_structure(
     budget: Budget,
 ) -> tuple[RobustCandidate | None, list[dict[str, Any]]]:
     """Search in two ways and keep the best that is proven, of those there was time for."""
-    free = UnstructuredSearch(machines, order, budget.share(POLICY.scenarios))
+    free = UnstructuredSearch(machines, order, budget.share(SCENARIO_SHARE))
     search, offered = ScalingSearch(problem, order, budget), list[RobustCandidate]()
     try:
         for candidate in _candidates(problem, machines, free, search, gamma):
@@ -466,15 +472,15 @@ def _by_scalings(
     """Search by scalings, and prove until the proof and the search agree."""
     found = search.run()
     best: RobustCandidate | None = None
-    for count in range(POLICY.proofs):
+    for count in range(PROOFS):
         controller = problem.controller(found.controller)
         if controller is None:
             break
         performance = robust_performance(system.lft(controller), gamma)
         if best is None or performance.lower > best.performance.lower:
             best = RobustCandidate(controller, performance)
-        agreed = found.level * (1 + POLICY.agrees)
-        if performance.mu[1] <= agreed or search.budget.over or count + 1 == POLICY.proofs:
+        agreed = found.level * (1 + AGREES)
+        if performance.mu[1] <= agreed or search.budget.over or count + 1 == PROOFS:
             break
         found = search.with_refined_frequencies(found)
     return best

@@ -1,4 +1,4 @@
-r"""The level that scalings prove at many frequencies, as a smooth function of M and of them.
+r"""The scaled gain: the bound of mu by D and G scalings, as a smooth function of M and of them.
 
 With D = T* T per block, G = T* g T and ``N = T_z M T_w^-1``, the inequality ::
 
@@ -25,21 +25,26 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import schur
 
-from robustpolish.base.arrays import AnyArray, AnyMatrix, Array, Vector
+from robustpolish.base.arrays import AnyArray, Array, Vector
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.linear.arithmetic.realisation import power_of_two
 from robustpolish.plants.blocks import named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.robust.coverage import Coverage, cover
-from robustpolish.robust.loop_model import DeltaBlock, DeltaStructure, LoopModel, structure_of
+from robustpolish.robust.loop_model import (
+    DeltaBlock,
+    DeltaStructure,
+    Kind,
+    LoopModel,
+    structure_of,
+)
 from robustpolish.robust.scalings import (
     Inequality,
     ScaledBound,
     Space,
-    at,
+    best_scalings,
     initial_scalings,
-    reduce_level,
 )
 from robustpolish.synthesis.problem.matrices import (
     Controller,
@@ -50,7 +55,7 @@ from robustpolish.synthesis.problem.matrices import (
 )
 from robustpolish.synthesis.problem.scaling import SolverPlant
 
-# The level that the best scalings prove, frequency by frequency, and where to look.
+# Mu bounds over a grid of frequencies.
 
 # Frequencies per decade, and how far they reach beyond the rates of the loop.
 _DENSITY = 9.0
@@ -82,15 +87,11 @@ class MuBounds:
 
     def diagonals(self) -> Array:
         """Return the square roots of the diagonal of D per copy, the last one 1; shape (k, n)."""
-        rows = []
-        for level in self.found:
-            row = []
-            for kind, numbers, units in self.space.pieces:
-                if kind == "D":
-                    D = np.tensordot(level.x[numbers], units, 1)
-                    row += np.sqrt(np.real(np.diag(D))).tolist()
-            rows.append(np.array(row) / row[-1])
-        return np.array(rows)
+        pieces = [self.space.blocks_of(level.x) for level in self.found]
+        D = [np.concatenate([_diagonal(M) for (kind, _), M in each.items() if kind == "D"])
+             for each in pieces]  # fmt: skip
+        roots = np.sqrt(D)
+        return roots / roots[:, -1:]
 
 
 def mu_bounds(structure: DeltaStructure, omega: Vector, M: AnyArray, best: bool = True) -> MuBounds:
@@ -104,20 +105,15 @@ def mu_bounds(structure: DeltaStructure, omega: Vector, M: AnyArray, best: bool 
     best : bool, optional
         Neighbours then help each other.
     """
-    space = Space(structure, (False,) * len(structure.blocks))
+    space = Space(structure)
     found: list[ScaledBound] = []
     for one in M:
         inequality = Inequality(space, one[None])
-        if not best:
-            found.append(initial_scalings(inequality))
-            continue
-        starts = [
-            initial_scalings(inequality),
-            *(at(inequality, ScaledBound(0.0, f.x)) for f in found[-1:]),
-        ]
-        start = min(starts, key=lambda level: level.square)
-        found.append(reduce_level(inequality, start) if math.isfinite(start.square) else start)
-    values = np.array([math.sqrt(max(level.square, 0.0)) for level in found])
+        others = [level.x for level in found[-1:]]
+        found.append(
+            best_scalings(inequality, others=others) if best else initial_scalings(inequality)
+        )
+    values = np.array([level.level for level in found])
     return MuBounds(omega, values, tuple(found), space)
 
 
@@ -137,7 +133,7 @@ def grid(poles: Iterable[AnyArray], more: Iterable[float] = ()) -> Vector:
     return np.array([0.0, *kept, np.inf])
 
 
-# What robust synthesis works on: the plant in scaled units, with the blocks of Delta on it.
+# The robust synthesis problem: the plant in scaled units, and the structure of Delta.
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,8 +190,8 @@ class RobustProblem:
         """
         found = []
         for block in self.structure.blocks:
-            single = DeltaBlock("complex" if block.is_scalar else "full", 1, *_sizes(block))
-            found += [single] * block.copies
+            kind: Kind = "complex" if block.is_scalar else "full"
+            found += [DeltaBlock(kind, 1, block.rows, block.columns)] * block.copies
         return DeltaStructure(tuple(found))
 
     def loop(self, K: Controller) -> StaticLoop | None:
@@ -205,16 +201,12 @@ class RobustProblem:
     def cover(self, loop: StaticLoop, level: float) -> tuple[Coverage, LoopModel]:
         """Prove a level of a stable loop, raised as far as it has to be."""
         model = LoopModel.around((loop.A, loop.B, loop.C, loop.D), 0, self.structure)
-        space = Space(self.structure, (False,) * len(self.structure.blocks))
+        space = Space(self.structure)
         return cover(model, space, level / model.gain, model.seeds()), model
 
     def controller(self, K: Controller) -> control.StateSpace | None:
         """Return a controller in the plant's units; None if its loop is not well posed."""
         return self.part.controller(K)
-
-
-def _sizes(block: DeltaBlock) -> tuple[int, int]:
-    return block.rows, block.columns
 
 
 def controller_matrix(K: Controller) -> Matrix:
@@ -336,7 +328,7 @@ def _pairs(n: int) -> NDArray[np.bool_]:
     return place[:, None] == place
 
 
-# A loop at many frequencies at once, and how gradients travel from there back to K.
+# Frequency responses of a loop, and the chain rule from them back to K.
 
 
 @dataclass(frozen=True, eq=False)
@@ -432,32 +424,27 @@ class Scalings:
             first += count
         return tuple(found)
 
-    def of_weights(self, x: Vector, space: Space, gain: float) -> Vector:
-        """Return the numbers of the scalings that the analysis found.
+    def of_bounds(self, bounds: Sequence[ScaledBound], gain: float = 1.0) -> Array:
+        """Return the numbers of scalings that the analysis found, a row for each.
 
         Parameters
         ----------
-        x : ndarray
-            A vector of `space`, of a model whose gains times `gain` are those of M.
-        space : Space
-        gain : float
+        bounds : sequence of ScaledBound
+            Of a model whose gains times `gain` are those of M.
+        gain : float, optional
         """
-        pieces = {}
-        for (kind, k), (_, numbers, units) in zip(space.layout, space.pieces, strict=True):
-            pieces[kind, k] = np.tensordot(x[numbers], units, 1)
-        last = float(np.real(pieces["D", len(self.structure.blocks) - 1][0, 0]))
-        roots = {k: np.conj(np.linalg.cholesky(D / last).T) for (kind, k), D in pieces.items()
-                 if kind == "D"}  # fmt: skip
-        found = np.zeros(self.size)
-        for start, stop, kind, k in self.places:
-            T = roots[k]
-            if kind == "T":
-                found[start:stop] = _of_triangle(T)
-            else:
-                inverse = np.linalg.inv(T)
-                found[start:stop] = _of_hermitian(
-                    gain * np.conj(inverse.T) @ (pieces["G", k] / last) @ inverse
-                )
+        found = np.zeros((len(bounds), self.size))
+        for row, bound in zip(found, bounds, strict=True):
+            pieces = Space(self.structure).blocks_of(bound.x)
+            last = float(np.real(pieces["D", len(self.structure.blocks) - 1][0, 0]))
+            for start, stop, kind, k in self.places:
+                T = np.conj(np.linalg.cholesky(pieces["D", k] / last).T)
+                if kind == "T":
+                    row[start:stop] = _packed(T, np.log(_diagonal(T)))
+                else:
+                    inverse = np.linalg.inv(T)
+                    g = gain * np.conj(inverse.T) @ (pieces["G", k] / last) @ inverse
+                    row[start:stop] = _packed(g, _diagonal(g))
         return found
 
     def split(self, theta: Array) -> tuple[dict[int, AnyArray], dict[int, AnyArray]]:
@@ -520,6 +507,11 @@ class ScaledGain:
         turned = 1j * (self._whole[2] @ self.N)
         return _adjoint(self.N) @ self.N + turned + _adjoint(turned)
 
+    @property
+    def squares(self) -> Vector:
+        """The beta^2 that they prove at each frequency."""
+        return np.linalg.eigvalsh(self.H)[:, -1]
+
     def back(self, weights: AnyArray) -> tuple[AnyArray, Array]:
         """Return derivatives of sum tr(weights_k H_k).
 
@@ -548,10 +540,12 @@ class ScaledGain:
             if kind == "T":
                 Q = _summed(turned[:, z, z], block, block.columns)
                 Q = Q - _summed(before[:, w, w], block, block.rows)
-                on_theta[:, start:stop] = _back_triangle(np.linalg.solve(T[k], Q), T[k])
+                # Re tr(dT P) over the numbers of T, whose diagonal is that of exponentials.
+                P = np.linalg.solve(T[k], Q)
+                on_theta[:, start:stop] = _packed(_adjoint(P), _diagonal(P) * _diagonal(T[k]))
             else:
                 Y = gram[:, z, w] + _adjoint(gram[:, z, w])
-                on_theta[:, start:stop] = _back_hermitian(Y)
+                on_theta[:, start:stop] = _packed(np.conj(Y), _diagonal(Y), 2.0)
         return Tw @ X @ Tz, on_theta
 
 
@@ -577,64 +571,42 @@ def _summed(Q: AnyArray, block: DeltaBlock, times: int) -> AnyArray:
     return np.einsum("kaibi->kab", Q.reshape(count, n, times, n, times))
 
 
-def _upper(n: int) -> tuple[Sequence[int], Sequence[int]]:
-    rows, columns = np.triu_indices(n, 1)
-    return rows.tolist(), columns.tolist()
+def _packed(M: AnyArray, diagonal: Array, twice: float = 1.0) -> Array:
+    """Return numbers for the diagonal, then real and imaginary parts of what is above it."""
+    off = M[..., *np.triu_indices(M.shape[-1], 1)]
+    return np.concatenate([diagonal, twice * np.real(off), twice * np.imag(off)], axis=-1)
+
+
+def _diagonal(M: AnyArray) -> Array:
+    return np.real(np.diagonal(M, axis1=-2, axis2=-1))
+
+
+def _above(values: Array, n: int) -> AnyArray:
+    """Return the matrices that are zero but above the diagonal, from packed numbers."""
+    found = np.zeros((len(values), n, n), complex)
+    real, imag = np.split(values[:, n:], 2, axis=1)
+    found[:, *np.triu_indices(n, 1)] = real + 1j * imag
+    return found
 
 
 def _triangle(values: Array, n: int) -> AnyArray:
-    T = np.zeros((len(values), n, n), complex)
+    T = _above(values, n)
     T[:, range(n), range(n)] = np.exp(np.clip(values[:, :n], -_STEEP, _STEEP))
-    rows, columns = _upper(n)
-    half = len(rows)
-    T[:, rows, columns] = values[:, n : n + half] + 1j * values[:, n + half :]
     return T
 
 
-def _of_triangle(T: AnyMatrix) -> Vector:
-    off = T[_upper(len(T))]
-    return np.concatenate([np.log(np.real(np.diag(T))), np.real(off), np.imag(off)])
-
-
-def _back_triangle(P: AnyArray, T: AnyArray) -> Array:
-    """Turn Re tr(dT P) into derivatives over the numbers of T."""
-    n = T.shape[-1]
-    own = np.real(P[:, range(n), range(n)] * T[:, range(n), range(n)])
-    rows, columns = _upper(n)
-    off = P[:, columns, rows]
-    return np.concatenate([own, np.real(off), -np.imag(off)], axis=1)
-
-
 def _hermitian(values: Array, n: int) -> AnyArray:
-    g = np.zeros((len(values), n, n), complex)
+    g = _above(values, n)
+    g = g + _adjoint(g)
     g[:, range(n), range(n)] = values[:, :n]
-    rows, columns = _upper(n)
-    half = len(rows)
-    off = values[:, n : n + half] + 1j * values[:, n + half :]
-    g[:, rows, columns], g[:, columns, rows] = off, np.conj(off)
     return g
 
 
-def _of_hermitian(g: AnyMatrix) -> Vector:
-    off = g[_upper(len(g))]
-    return np.concatenate([np.real(np.diag(g)), np.real(off), np.imag(off)])
-
-
-def _back_hermitian(Y: AnyArray) -> Array:
-    """Turn tr(dg Y) of Hermitian matrices into derivatives over the numbers of g."""
-    n = Y.shape[-1]
-    rows, columns = _upper(n)
-    off = Y[:, columns, rows]
-    return np.concatenate(
-        [np.real(Y[:, range(n), range(n)]), 2 * np.real(off), -2 * np.imag(off)], axis=1
-    )
-
-
-# Where a level rises between the frequencies of a set: holes that a descent has found.
+# Frequency refinement: where the bound rises between the frequencies of a set.
 
 # Frequencies that are looked at between two of the set, and beyond its ends in decades.
 _BETWEEN = 12
-_BEYOND_HOLES = 3.0
+_BEYOND_SET = 3.0
 # Share of its rate by which a lightly damped pole is looked at on both sides.
 _BESIDE = np.array([-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0])
 # Peaks that are looked at closely in one go.
@@ -659,23 +631,16 @@ def unproven_frequencies(
     """
     dense, between = _dense(loop, omega, weights)
     M = LoopResponses.of(loop, dense).M
-    squares = np.linalg.eigvalsh(ScaledGain(scalings, between, M).H)[:, -1]
-    found_omega, found_weights = [], []
-    space = Space(scalings.structure, (False,) * len(scalings.structure.blocks))
+    squares = ScaledGain(scalings, between, M).squares
+    space, found = Space(scalings.structure), dict[float, ScaledBound]()
     high = squares > level**2
     peaks = [i for i in np.flatnonzero(high).tolist() if _is_local_maximum(squares, i)]
     peaks.sort(key=lambda i: -squares[i])
     for i in peaks[:_MOST]:
-        inequality = Inequality(space, M[i][None])
-        start = initial_scalings(inequality)
-        if not math.isfinite(start.square):
-            continue
-        best: ScaledBound = reduce_level(inequality, start, level**2)
-        if best.square > level**2 * (1 - 1e-9):
-            found_omega.append(dense[i])
-            found_weights.append(scalings.of_weights(best.x, space, 1.0))
-    shape = len(found_omega), scalings.size
-    return np.array(found_omega), np.array(found_weights).reshape(shape)
+        best = best_scalings(Inequality(space, M[i][None]), level**2)
+        if level**2 * (1 - 1e-9) < best.square < math.inf:
+            found[float(dense[i])] = best
+    return np.array([*found]), scalings.of_bounds([*found.values()])
 
 
 def _is_local_maximum(squares: Vector, i: int) -> bool:
@@ -691,7 +656,7 @@ def _dense(loop: StaticLoop, omega: Vector, weights: Array) -> tuple[Vector, Arr
     logs, values = np.log(omega[inner]), weights[inner]
     steps = np.linspace(0, 1, _BETWEEN + 1, endpoint=False)[1:]
     found = [logs[:-1] + step * np.diff(logs) for step in steps]
-    ends = np.linspace(0, _BEYOND_HOLES * np.log(10), 3 * _BETWEEN)[1:]
+    ends = np.linspace(0, _BEYOND_SET * np.log(10), 3 * _BETWEEN)[1:]
     poles = loop.poles[loop.poles.imag > 0]
     beside = poles.imag[:, None] + poles.real[:, None] * _BESIDE
     beside = np.log(beside[beside > 0])

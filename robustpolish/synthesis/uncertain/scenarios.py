@@ -1,11 +1,11 @@
-"""Controllers by worst cases: descents on the machines that proofs and corners say are worst."""
+"""Scenario-based design: structured descents on a growing set of worst-case samples, and proofs."""
 
 from __future__ import annotations
 
 import itertools
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,7 +13,6 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
-from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.arrays import AnyVector, Vector
 from robustpolish.base.budget import Budget, step_cost
 from robustpolish.errors import InfeasibleError, InvalidInputError, SolverError
@@ -22,8 +21,8 @@ from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.elements import RealElement
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.robust.questions import WorstCaseGain, system_at_witness, worst_case_gain
-from robustpolish.synthesis.nonsmooth.descent import Measure, Problem, bfgs, minimax
-from robustpolish.synthesis.nonsmooth.measures import HinfMeasure, MaxMeasure, StabilityMeasure
+from robustpolish.synthesis.nonsmooth.descent import Measure
+from robustpolish.synthesis.nonsmooth.measures import HinfMeasure, MaxMeasure
 from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
 from robustpolish.synthesis.problem.matrices import PlantMatrices, augmented
 from robustpolish.synthesis.problem.scaling import ScaledPlant, whole_plant
@@ -32,95 +31,68 @@ from robustpolish.synthesis.structured.search import (
     PartProblem,
     SearchEffort,
     descend_from,
-    stabilise,
 )
 from robustpolish.synthesis.structured.structures import StaticStructure, scaled_matrix
 from robustpolish.synthesis.uncertain.scaled_gain import ModalGain, controller_from_matrix
 
-# Descents on the largest norm of one controller with several machines.
+# The largest norm of one controller with several machines, for the structured search.
 
-# Steps of a descent on a set that is still to grow, and on one that seems to be complete.
-_QUICK = 50
-_THOROUGH = 150
-# Price of a violated requirement, of which there are none here.
-_PRICE = 3.0
+# A descent on a set that is still to grow, and one on a set that seems to be complete.
+_QUICK = SearchEffort(descents=1, fewest=1, smooth_first=False, steps=50)
+_THOROUGH = SearchEffort(descents=1, fewest=1)
 
 
 @dataclass(frozen=True, eq=False)
-class WorstCaseObjective:
-    """The largest norm over a set of machines, as a function of the controller's free numbers.
+class WorstCaseProblem(PartProblem):
+    """The search for a controller whose largest norm over a set of machines is small.
 
     Attributes
     ----------
-    part : PartProblem
-        The nominal plant in scaled units, with the free numbers and where to start.
     machines : tuple of PlantMatrices
-        In the same units.
+        In the scaled units of the nominal plant.
     """
 
-    part: PartProblem
-    machines: tuple[PlantMatrices, ...]
+    machines: tuple[PlantMatrices, ...] = ()
+
+    @classmethod
+    def of(cls, part: PartProblem, machines: Iterable[PlantMatrices]) -> WorstCaseProblem:
+        """Return the search of a nominal plant with a set of machines in place of it."""
+        own = {field.name: getattr(part, field.name) for field in fields(PartProblem)}
+        return cls(**own, machines=tuple(machines))
+
+    @property
+    def stable_loops(self) -> tuple[PlantMatrices, ...]:
+        """The loops of all machines."""
+        return tuple(augmented(machine, self.order) for machine in self.machines)
 
     @cached_property
-    def problem(self) -> Problem:
-        """What is minimised."""
-        loops = (augmented(machine, self.part.order) for machine in self.machines)
-        worst = MaxMeasure(tuple(HinfMeasure(loop) for loop in loops))
-        return Problem(self.part.parametrisation, worst, (), STRUCTURED.ceilings[0])
+    def objective(self) -> Measure:
+        """The largest of their norms."""
+        return MaxMeasure(tuple(HinfMeasure(loop) for loop in self.stable_loops))
 
-    @cached_property
-    def stability(self) -> Measure:
-        """Negative where all loops are stable."""
-        return MaxMeasure(tuple(self._stability(machine) for machine in self.machines))
-
-    def _stability(self, machine: PlantMatrices) -> Measure:
-        loop = augmented(machine, self.part.order)
-        return StabilityMeasure.of(loop, float(np.linalg.norm(loop.A, 2)) or 1.0)
-
-    def instability_or_norm(
-        self, K: Matrix, machine: PlantMatrices, budget: Budget
-    ) -> tuple[bool, float]:
-        """Return whether a loop is unstable, and how much so, or its norm: larger is worse."""
-        norm = HinfMeasure(augmented(machine, self.part.order))
-        budget.spend(norm.work)
-        pieces = norm.pieces(K, 0.0, ())
-        if pieces:
-            return False, pieces[0].value
-        pieces = self._stability(machine).pieces(K, 0.0, ())
-        return True, pieces[0].value if pieces else np.inf
-
-    def lower(self, theta: AnyVector, budget: Budget, thorough: bool) -> tuple[AnyVector, float]:
-        """Return better free numbers and their largest norm; infinite if some loop is unstable."""
-        # Line searches try gains so wild that numbers overflow; such gains count as infinite.
-        with np.errstate(over="ignore", invalid="ignore"):
-            if self.problem.model(theta) is None:
-                theta, _ = stabilise(self.problem, self.stability, theta, budget)
-                if self.problem.model(theta) is None:
-                    return theta, np.inf
-            ended = minimax(self.problem, theta, budget, _QUICK)
-            if thorough and ended.reason != "stationary":
-                steps = STRUCTURED.iterations(theta.size)
-                smooth = bfgs(
-                    lambda x: self.problem.penalised(x, _PRICE),
-                    ended.point, budget, self.problem.work, steps,
-                )  # fmt: skip
-                ended = minimax(self.problem, smooth.point, budget, _THOROUGH)
-        return ended.point, float(np.exp(ended.value))
+    def instability_or_norm(self, theta: AnyVector, budget: Budget) -> tuple[bool, float]:
+        """Return whether a loop is unstable, and how much so, or the norm: larger is worse."""
+        K = self.parametrisation.gain(theta)
+        budget.spend(self.objective.work)
+        norms = self.objective.pieces(K, 0.0, ())
+        found = norms or self.stability.pieces(K, 0.0, ())
+        return not norms, found[0].value if found else np.inf
 
     def search(
         self, starts: Iterable[AnyVector], effort: SearchEffort, budget: Budget
-    ) -> tuple[AnyVector, float] | None:
-        """Return the best of several descents; None if none made all loops stable."""
+    ) -> ScenarioResult | None:
+        """Return the best of some descents; None if none made all loops stable."""
+        problem, random = self.below(STRUCTURED.ceilings[0]), np.random.default_rng(0)
+        # Line searches try gains so wild that numbers overflow; such gains count as infinite.
         with np.errstate(over="ignore", invalid="ignore"):
-            found = descend_from(
-                starts, self.problem, self.stability, effort, budget, np.random.default_rng(0)
-            )
+            found = descend_from(starts, problem, self.stability, effort, budget, random)
         if found.point is None or not np.isfinite(found.value):
             return None
-        return found.point, float(np.exp(found.value))
+        stationary = found.history[-1]["outcome"] == "stationary"
+        return ScenarioResult(self, found.point, float(np.exp(found.value)), stationary)
 
 
-# The machines of an uncertain plant: at given values, at the corners, and farther out.
+# Samples of an uncertain plant: at given values, at the corners, and farther out.
 
 Values = Mapping[str, Any]
 
@@ -212,42 +184,21 @@ class UncertainSamples:
         return GeneralizedPlant(machine, self.ny, self.nu)
 
 
-# The search over scenarios: descend on a set of machines, find a worse one, add it, prove.
+# The scenario search: descend on a set of samples, find a worse one, add it, prove.
 
+# Most machines of a set.
+_MACHINES = 24
+# Proofs at most: each takes as long as many descents.
+_PROOFS = 8
+# A machine joins the set if its norm is above that of the set by this share.
+_WORSE = 1e-3
+# A proof so far above the set, relative, ends the search: intervals need 0.2 % alone.
+_AGREES = 0.005
+# Share of the work that is left for descents from several starts.
+_SEVERAL = 0.4
+# Descents for the first set where the structure is prescribed, and for the last one.
 _FIRST = SearchEffort(descents=16, fewest=4, patience=6)
 _AGAIN = SearchEffort(descents=4, fewest=2, patience=2)
-
-
-@dataclass(frozen=True)
-class ScenarioPolicy:
-    """How far a search goes.
-
-    Attributes
-    ----------
-    machines : int
-        Most of them in a set.
-    proofs : int
-        Proofs at most: each takes as long as many descents.
-    worse : float
-        A machine joins the set if its norm is above that of the set by this share.
-    agrees : float
-        A proof so far above the set, relative, ends the search: intervals need 0.2 % alone.
-    several : float
-        Share of the work that is left for descents from several starts.
-    first, again : Effort
-        Descents for the first set where the structure is prescribed, and for the last one.
-    """
-
-    machines: int = 24
-    proofs: int = 8
-    worse: float = 1e-3
-    agrees: float = 0.005
-    several: float = 0.4
-    first: SearchEffort = _FIRST
-    again: SearchEffort = _AGAIN
-
-
-POLICY = ScenarioPolicy()
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,11 +212,14 @@ class ScenarioResult:
         Its free numbers.
     level : float
         The largest norm over the set, in scaled units.
+    stationary : bool
+        Whether the last descent ended where no direction lowers it.
     """
 
     part: PartProblem
     theta: AnyVector
     level: float
+    stationary: bool
 
     @property
     def controller(self) -> control.StateSpace:
@@ -276,212 +230,6 @@ class ScenarioResult:
     def gain(self) -> float:
         """The largest norm over the set, in the plant's units."""
         return self.part.scaled.norm(self.level)
-
-
-@dataclass(frozen=True, eq=False)
-class VerifiedController:
-    """A controller with the largest gain of all machines.
-
-    Attributes
-    ----------
-    controller : control.StateSpace
-    worst : WorstCaseGain
-        Proven.
-    """
-
-    controller: control.StateSpace
-    worst: WorstCaseGain
-
-
-class ScenarioSearch:
-    """One search; its set of machines grows and serves every controller that is tried.
-
-    Parameters
-    ----------
-    machines : UncertainSamples
-    scaled : ScaledPlant
-        The nominal plant, whose units all machines are in.
-    budget : Budget
-    """
-
-    def __init__(self, machines: UncertainSamples, scaled: ScaledPlant, budget: Budget) -> None:
-        self.machines, self.scaled, self.budget = machines, scaled, budget
-        self.history: list[dict[str, Any]] = []
-        corners = [(values, self._matrices(values)) for values in machines.corners()]
-        self._corners = [(v, m) for v, m in corners if m is not None]
-        self.known: list[tuple[Values, PlantMatrices]] = []
-        self._add({})
-
-    def descent(self, part: PartProblem) -> WorstCaseObjective:
-        """Return the descent over the set of now."""
-        return WorstCaseObjective(part, tuple(m for _, m in self.known))
-
-    def settled(
-        self, part: PartProblem, theta: AnyVector, thorough: bool = True, goal: float = 0.0
-    ) -> ScenarioResult | None:
-        """Descend from a point until no corner is worse.
-
-        Parameters
-        ----------
-        part : PartProblem
-        theta : ndarray
-        thorough : bool, optional
-            Whether long descents follow the short ones with which the set grows.
-        goal : float, optional
-            A level for which short ones will do.
-
-        Returns
-        -------
-        Settled or None
-            None if a loop stays unstable.
-        """
-        before = 0.0
-        while True:
-            theta, level = self.descent(part).lower(theta, self.budget, thorough=False)
-            if not np.isfinite(level):
-                return None
-            if self.budget.over:
-                break
-            if self._add_corner(part, theta, level):
-                continue
-            if not thorough or level <= max(goal, before * (1 + POLICY.worse)):
-                break
-            theta, before = self.descent(part).lower(theta, self.budget, thorough=True)
-            level = before
-            self.tell("descent", ScenarioResult(part, theta, level))
-            if self.budget.over or not self._add_corner(part, theta, level):
-                break
-        return ScenarioResult(part, theta, level)
-
-    def searched(
-        self,
-        part: PartProblem,
-        starts: Iterable[AnyVector],
-        effort: SearchEffort,
-        below: float = np.inf,
-    ) -> ScenarioResult | None:
-        """Descend from several points, and go on from the best one until no corner is worse.
-
-        Where that one cannot be made stable on all machines, others are tried on the larger set;
-        `starts` may be without an end. None if no level comes below one in the plant's units.
-        """
-        source = iter(starts)
-        own = self.budget.share(POLICY.several)
-        found = self.descent(part).search(source, effort, own)
-        while found is not None and not self.budget.over:
-            if part.scaled.norm(found[1]) >= below:
-                return None
-            if not self._add_corner(part, *found):
-                break
-            descent = self.descent(part)
-            theta, level = descent.lower(found[0], self.budget, thorough=False)
-            stable = bool(np.isfinite(level))
-            found = (theta, level) if stable else descent.search(source, effort, own)
-        if found is None:
-            return None
-        best = ScenarioResult(part, *found)
-        self.tell("descents", best)
-        return self.settled(part, best.theta) or best
-
-    def proven(self, found: ScenarioResult) -> VerifiedController | None:
-        """Prove a controller; where a proof finds a worse machine, add it and descend again."""
-        best: VerifiedController | None = None
-        for _ in range(POLICY.proofs):
-            controller = found.controller
-            worst = worst_case_gain(self.machines.system.lft(controller))
-            self.budget.spend(100 * step_cost(len(controller.A) + self.machines.nominal.nx))
-            self.tell("proof", found, worst.upper)
-            if worst.proven and (best is None or worst.upper < best.worst.upper):
-                best = VerifiedController(controller, worst)
-            enough = worst.upper <= found.gain * (1 + POLICY.agrees)
-            if enough or self.budget.over or not self._add_witness(worst, found):
-                break
-            again = self.settled(found.part, found.theta)
-            if again is None:
-                break
-            found = again
-        return best
-
-    def tell(self, what: str, found: ScenarioResult, gain: float | None = None) -> None:
-        """Write a step into the history."""
-        self.history.append(
-            {
-                "step": f"scenarios: {what}",
-                "states": found.part.order,
-                "machines": len(self.known),
-                "gain": found.gain if gain is None else gain,
-                "work": self.budget.spent,
-            }
-        )
-
-    def worst_samples(
-        self, found: ScenarioResult
-    ) -> list[tuple[int, tuple[Values, PlantMatrices]]]:
-        """Return the machines of the set with their places in it, the worst one first."""
-        K, descent = found.part.parametrisation.gain(found.theta), self.descent(found.part)
-        judged = [
-            (descent.instability_or_norm(K, m, self.budget), -i)
-            for i, (_, m) in enumerate(self.known)
-        ]
-        return [(-i, self.known[-i]) for _, i in sorted(judged, reverse=True)]
-
-    def _add_corner(self, part: PartProblem, theta: AnyVector, level: float) -> bool:
-        """Add the worst corner, if it is worse than the set."""
-        if not self._corners or len(self.known) >= POLICY.machines:
-            return False
-        K, descent = part.parametrisation.gain(theta), self.descent(part)
-        judged = [
-            descent.instability_or_norm(K, matrices, self.budget) for _, matrices in self._corners
-        ]
-        worst = max(range(len(judged)), key=lambda i: (judged[i], -i))
-        unstable, norm = judged[worst]
-        worse = unstable or norm > level * (1 + POLICY.worse)
-        return worse and self._add(self._corners[worst][0])
-
-    def _add_witness(self, worst: WorstCaseGain, found: ScenarioResult) -> bool:
-        """Add the machine at a witness: of unstable ones the farthest one that is unstable, too."""
-        if not worst.witness or len(self.known) >= POLICY.machines:
-            return False
-        omega = worst.critical_frequency
-        if np.isfinite(worst.lower):
-            return self._add(worst.witness, omega)
-        far = self.machines.moved_to_bounds(worst.witness)
-        matrices = self._matrices(far, omega)
-        K = found.part.parametrisation.gain(found.theta)
-        worse = matrices is not None and self.descent(found.part).instability_or_norm(
-            K, matrices, self.budget
-        )[0]  # fmt: skip
-        return self._add(far if worse else worst.witness, omega)
-
-    def _add(self, values: Values, omega: float = np.nan) -> bool:
-        """Add a machine; False if it is there already, or not well posed."""
-        matrices = self._matrices(values, omega)
-        if matrices is None:
-            return False
-        if any(matrices.fingerprint == known.fingerprint for _, known in self.known):
-            return False
-        self.known.append((values, matrices))
-        return True
-
-    def _matrices(self, values: Values, omega: float = np.nan) -> PlantMatrices | None:
-        plant = self.machines.at(values, omega)
-        return None if plant is None else self.scaled.in_units(PlantMatrices.of(plant))
-
-
-# Where searches over scenarios start, and how short their controllers may be.
-
-# A controller is shortened as long as its level rises by less than this share, as in D-K.
-_SHORTENED = 0.02
-# A worst gain so far above what no controller beats, relative, cannot be improved.
-_NEAR = 0.01
-# Machines of the set whose own smallest gain is asked for, the worst ones first.
-_ASKED = 2
-# The share of its usual work that a nominal search for fixed order gets.
-_EFFORT = 0.1
-# The safety net of a search for a single machine, in seconds.
-_SECONDS = 300.0
-# What it gets when that is nearly reached: no search ends at once.
-_LEAST = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -508,6 +256,190 @@ class ScenarioDesign:
         return self.worst.upper <= self.lower_bound * (1 + _NEAR)
 
 
+class ScenarioSearch:
+    """One search; its set of machines grows and serves every controller that is tried.
+
+    Parameters
+    ----------
+    machines : UncertainSamples
+    scaled : ScaledPlant
+        The nominal plant, whose units all machines are in.
+    budget : Budget
+    """
+
+    def __init__(self, machines: UncertainSamples, scaled: ScaledPlant, budget: Budget) -> None:
+        self.machines, self.scaled, self.budget = machines, scaled, budget
+        self.history: list[dict[str, Any]] = []
+        corners = [(values, self._matrices(values)) for values in machines.corners()]
+        self._corners = [(v, m) for v, m in corners if m is not None]
+        self.known: list[tuple[Values, PlantMatrices]] = []
+        self._add({})
+
+    def problem(self, part: PartProblem) -> WorstCaseProblem:
+        """Return the search over the set of now."""
+        return WorstCaseProblem.of(part, (m for _, m in self.known))
+
+    def judged(
+        self, found: ScenarioResult, machines: Iterable[PlantMatrices]
+    ) -> list[tuple[bool, float]]:
+        """Return whether the loop of each machine is unstable, and how much so, or its norm."""
+        alone = (WorstCaseProblem.of(found.part, [machine]) for machine in machines)
+        return [one.instability_or_norm(found.theta, self.budget) for one in alone]
+
+    def settled(
+        self, part: PartProblem, theta: AnyVector, thorough: bool = True, goal: float = 0.0
+    ) -> ScenarioResult | None:
+        """Descend from a point until no corner is worse.
+
+        Parameters
+        ----------
+        part : PartProblem
+        theta : ndarray
+        thorough : bool, optional
+            Whether long descents follow the short ones with which the set grows.
+        goal : float, optional
+            A level for which short ones will do.
+
+        Returns
+        -------
+        Settled or None
+            None if a loop stays unstable.
+        """
+        before = 0.0
+        while True:
+            found = self.problem(part).search([theta], _QUICK, self.budget)
+            if found is None or self.budget.over:
+                return found
+            theta = found.theta
+            if self._add_corner(found):
+                continue
+            if not thorough or found.level <= max(goal, before * (1 + _WORSE)):
+                return found
+            if not found.stationary:
+                found = self.problem(part).search([theta], _THOROUGH, self.budget) or found
+            theta, before = found.theta, found.level
+            self.tell("descent", found)
+            if self.budget.over or not self._add_corner(found):
+                return found
+
+    def searched(
+        self,
+        part: PartProblem,
+        starts: Iterable[AnyVector],
+        effort: SearchEffort,
+        below: float = np.inf,
+    ) -> ScenarioResult | None:
+        """Descend from several points, and go on from the best one until no corner is worse.
+
+        Where that one cannot be made stable on all machines, others are tried on the larger set;
+        `starts` may be without an end. None if no level comes below one in the plant's units.
+        """
+        source = iter(starts)
+        own = self.budget.share(_SEVERAL)
+        found = self.problem(part).search(source, effort, own)
+        while found is not None and not self.budget.over:
+            if found.gain >= below:
+                return None
+            if not self._add_corner(found):
+                break
+            problem = self.problem(part)
+            again = problem.search([found.theta], _QUICK, self.budget)
+            found = again or problem.search(source, effort, own)
+        if found is None:
+            return None
+        self.tell("descents", found)
+        return self.settled(part, found.theta) or found
+
+    def proven(self, found: ScenarioResult) -> ScenarioDesign | None:
+        """Prove a controller; where a proof finds a worse machine, add it and descend again."""
+        best: ScenarioDesign | None = None
+        for _ in range(_PROOFS):
+            controller = found.controller
+            worst = worst_case_gain(self.machines.system.lft(controller))
+            self.budget.spend(100 * step_cost(len(controller.A) + self.machines.nominal.nx))
+            self.tell("proof", found, worst.upper)
+            if worst.proven and (best is None or worst.upper < best.worst.upper):
+                best = ScenarioDesign(controller, worst)
+            enough = worst.upper <= found.gain * (1 + _AGREES)
+            if enough or self.budget.over or not self._add_witness(worst, found):
+                break
+            again = self.settled(found.part, found.theta)
+            if again is None:
+                break
+            found = again
+        return best
+
+    def tell(self, what: str, found: ScenarioResult, gain: float | None = None) -> None:
+        """Write a step into the history."""
+        self.history.append(
+            {
+                "step": f"scenarios: {what}",
+                "states": found.part.order,
+                "machines": len(self.known),
+                "gain": found.gain if gain is None else gain,
+                "work": self.budget.spent,
+            }
+        )
+
+    def worst_samples(self, found: ScenarioResult) -> list[int]:
+        """Return the places of the machines in the set, that of the worst one first."""
+        judged = self.judged(found, (m for _, m in self.known))
+        return sorted(range(len(judged)), key=lambda i: judged[i], reverse=True)
+
+    def _add_corner(self, found: ScenarioResult) -> bool:
+        """Add the worst corner, if it is worse than the set."""
+        if not self._corners or len(self.known) >= _MACHINES:
+            return False
+        judged = self.judged(found, (m for _, m in self._corners))
+        worst = max(range(len(judged)), key=lambda i: (judged[i], -i))
+        unstable, norm = judged[worst]
+        worse = unstable or norm > found.level * (1 + _WORSE)
+        return worse and self._add(self._corners[worst][0])
+
+    def _add_witness(self, worst: WorstCaseGain, found: ScenarioResult) -> bool:
+        """Add the machine at a witness: of unstable ones the farthest one that is unstable, too."""
+        if not worst.witness or len(self.known) >= _MACHINES:
+            return False
+        omega = worst.critical_frequency
+        if np.isfinite(worst.lower):
+            return self._add(worst.witness, omega)
+        far = self.machines.moved_to_bounds(worst.witness)
+        matrices = self._matrices(far, omega)
+        judged = [] if matrices is None else self.judged(found, [matrices])
+        worse = any(unstable for unstable, _ in judged)
+        return self._add(far if worse else worst.witness, omega)
+
+    def _add(self, values: Values, omega: float = np.nan) -> bool:
+        """Add a machine; False if it is there already, or not well posed."""
+        matrices = self._matrices(values, omega)
+        if matrices is None:
+            return False
+        if any(matrices.fingerprint == known.fingerprint for _, known in self.known):
+            return False
+        self.known.append((values, matrices))
+        return True
+
+    def _matrices(self, values: Values, omega: float = np.nan) -> PlantMatrices | None:
+        plant = self.machines.at(values, omega)
+        return None if plant is None else self.scaled.in_units(PlantMatrices.of(plant))
+
+
+# Starts of the scenario search, and order reduction of what it finds.
+
+# A controller is shortened as long as its level rises by less than this share, as in D-K.
+_SHORTENED = 0.02
+# A worst gain so far above what no controller beats, relative, cannot be improved.
+_NEAR = 0.01
+# Machines of the set whose own smallest gain is asked for, the worst ones first.
+_ASKED = 2
+# The share of its usual work that a nominal search for fixed order gets.
+_EFFORT = 0.1
+# The safety net of a search for a single machine, in seconds.
+_SECONDS = 300.0
+# What it gets when that is nearly reached: no search ends at once.
+_LEAST = 0.01
+
+
 def with_structure(
     machines: UncertainSamples, order: int, mask: NDArray[np.bool_], budget: Budget
 ) -> tuple[ScenarioDesign | None, list[dict[str, Any]]]:
@@ -523,17 +455,18 @@ def with_structure(
         return None, []
     search = ScenarioSearch(machines, part.scaled, budget)
     starts = part.proposals(budget.share(0.5), np.random.default_rng(0))
-    found = search.searched(part, starts, POLICY.first)
+    found = search.searched(part, starts, _FIRST)
     best = None if found is None else search.proven(found)
     if best is None:
         return None, search.history
     # Then once more from other starts, on all machines that were worst for the first ones.
     others = part.proposals(budget.share(0.5), np.random.default_rng(1))
-    enough = best.worst.lower * (1 - POLICY.agrees)
-    again = search.searched(part, others, POLICY.again, enough)
+    enough = best.worst.lower * (1 - _AGREES)
+    again = search.searched(part, others, _AGAIN, enough)
     if again is not None:
-        best = _better(best, search.proven(again))
-    return ScenarioDesign(best.controller, best.worst), search.history
+        others = search.proven(again)
+        best = min(best, others or best, key=lambda one: one.worst.upper)
+    return best, search.history
 
 
 class UnstructuredSearch:
@@ -580,12 +513,12 @@ class UnstructuredSearch:
         if found is None:
             return None
         bound = self._lower_bound(found)
-        if found.gain > bound * (1 + POLICY.agrees):
+        if found.gain > bound * (1 + _AGREES):
             found = self.search.settled(part, found.theta) or found
             bound = max(bound, self._lower_bound(found))
         found = self._shorter(found, bound)
         proven = self.search.proven(found)
-        return None if proven is None else ScenarioDesign(proven.controller, proven.worst, bound)
+        return proven and replace(proven, lower_bound=bound)
 
     def _part(self, order: int) -> PartProblem | None:
         plant = self.machines.nominal
@@ -613,7 +546,7 @@ class UnstructuredSearch:
             enough = found.level * (1 + _SHORTENED)
             if short is None or short.level > 2 * enough:
                 continue
-            goal = found.level / found.gain * bound * (1 + POLICY.agrees)
+            goal = found.level / found.gain * bound * (1 + _AGREES)
             short = self.search.settled(part, short.theta, goal=goal)
             if short is not None and short.level <= enough:
                 return short
@@ -622,25 +555,18 @@ class UnstructuredSearch:
     def _nearest(self, part: PartProblem, points: list[AnyVector]) -> AnyVector | None:
         """Return the point whose worst loop of the set is best."""
         assert self.search is not None
-        descent, gain = self.search.descent(part), part.parametrisation.gain
-        judged = [
-            (
-                max(
-                    descent.instability_or_norm(gain(p), m, self.budget)
-                    for _, m in self.search.known
-                ),
-                i,
-            )
-            for i, p in enumerate(points)
-        ]
+        machines = [m for _, m in self.search.known]
+        starts = [ScenarioResult(part, point, np.inf, False) for point in points]
+        judged = [(max(self.search.judged(one, machines)), i) for i, one in enumerate(starts)]
         return points[min(judged)[1]] if judged else None
 
     def _lower_bound(self, found: ScenarioResult) -> float:
         """Return the largest of the smallest gains that single machines of the set can have."""
         assert self.search is not None
         bounds = [0.0]
-        for place, (values, _) in self.search.worst_samples(found)[:_ASKED]:
+        for place in self.search.worst_samples(found)[:_ASKED]:
             if place not in self._bounds:
+                values, _ = self.search.known[place]
                 self._bounds[place] = _smallest_gain(self.machines.at(values), self.budget)
             bounds.append(self._bounds[place])
         return max(bounds)
@@ -669,7 +595,3 @@ def _point(part: PartProblem, controller: control.StateSpace) -> AnyVector:
     K = controller_from_matrix(scaled_matrix(controller, part.scaled), controller.nstates)
     form, theta = ModalGain.of(K)
     return form.gain(theta)[np.ones(form.shape, bool)]
-
-
-def _better(one: VerifiedController, other: VerifiedController | None) -> VerifiedController:
-    return one if other is None or one.worst.upper <= other.worst.upper else other

@@ -1,4 +1,4 @@
-"""The search for a robust controller: K steps, D steps and polishes, then the proof."""
+"""Mu synthesis: D-K iteration, then a descent over controller and scalings at once."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget, step_cost
 from robustpolish.errors import SolverError
 from robustpolish.robust.loop_model import DeltaStructure
-from robustpolish.robust.scalings import Space
 from robustpolish.synthesis.nonsmooth.descent import bfgs
 from robustpolish.synthesis.nonsmooth.parametrisations import Parametrisation
 from robustpolish.synthesis.problem.matrices import (
@@ -25,7 +24,7 @@ from robustpolish.synthesis.problem.matrices import (
 )
 from robustpolish.synthesis.uncertain.dk_iteration import (
     k_step,
-    mu_bound_with,
+    level_of,
     of_order,
     reduced_controllers,
     scaled_plant,
@@ -45,7 +44,7 @@ from robustpolish.synthesis.uncertain.scaled_gain import (
     unproven_frequencies,
 )
 
-# A controller polished without fits: its numbers and the scalings of each frequency at once.
+# The descent over the numbers of a controller and the scalings of each frequency at once.
 
 # Least damping of a pole: what is narrower would fall between the frequencies of a set. A loop that
 # has less to begin with may keep half of its own.
@@ -58,23 +57,8 @@ _FENCE = 1e-2
 _LARGEST = 1e5
 
 
-@dataclass(frozen=True, eq=False)
-class MuDescentPoint:
-    """Where a descent stands.
-
-    Attributes
-    ----------
-    theta : ndarray
-        Numbers of the controller.
-    weights : ndarray, shape (k, scalings.size)
-        Those of the scalings at each frequency.
-    level : float
-        The largest beta that they prove at the frequencies.
-    """
-
-    theta: Vector
-    weights: Array
-    level: float
+MuDescentPoint = tuple[Vector, Array, float]
+"""Numbers of the controller, those of the scalings at each frequency, and the largest beta."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +95,7 @@ class MuDescent:
         if loop is None:
             return np.full(len(self.omega), np.inf)
         M = LoopResponses.of(loop, self.omega).M
-        return np.linalg.eigvalsh(ScaledGain(self.scalings, weights, M).H)[:, -1]
+        return ScaledGain(self.scalings, weights, M).squares
 
     def lower(
         self, start: MuDescentPoint, powers: tuple[float, ...], budget: Budget, steps: int
@@ -127,21 +111,21 @@ class MuDescent:
         steps : int
             Most steps of each descent.
         """
-        size, cost = len(start.theta), step_cost(self.plant.nx)
+        theta, weights, level = start
+        size, cost = len(theta), step_cost(self.plant.nx)
         for power in powers:
             if budget.over:
                 break
-            unit = start.level**2
             found = bfgs(
-                lambda x, p=power, u=unit: self._value(x, size, p, u),
-                np.concatenate([start.theta, start.weights.ravel()]),
+                lambda x, p=power, u=level**2: self._value(x, size, p, u),
+                np.concatenate([theta, weights.ravel()]),
                 budget, cost, steps, tolerance=0.02 / power,
             )  # fmt: skip
-            theta, weights = found.point[:size], found.point[size:].reshape(start.weights.shape)
-            level = float(np.sqrt(max(self.squares(theta, weights).max(), 0.0)))
-            if level < start.level:
-                start = MuDescentPoint(theta, weights, level)
-        return start
+            point = found.point[:size], found.point[size:].reshape(weights.shape)
+            lower = float(np.sqrt(max(self.squares(*point).max(), 0.0)))
+            if lower < level:
+                theta, weights, level = *point, lower
+        return theta, weights, level
 
     def _value(self, x: Vector, size: int, power: float, unit: float) -> tuple[float, Vector]:
         theta, weights = x[:size], x[size:].reshape(len(self.omega), -1)
@@ -203,56 +187,33 @@ def damping(loop: StaticLoop) -> float:
     return min(max(0.5 * least, _LEAST), _DAMPED)
 
 
-@dataclass(frozen=True)
-class ScalingSearchPolicy:
-    """How far a search goes.
-
-    Attributes
-    ----------
-    work : float
-        Steps of descents and Riccati equations, weighted by their size.
-    scenarios : float
-        Share of it for the search by scenarios, where there are real numbers.
-    rounds : int
-        K steps at most.
-    worthwhile : float
-        A round that lowers the level by less than this share is the last.
-    quick, full : tuple of float
-        Powers of the sums that descents lower: between K steps, and at the end.
-    quick_steps, full_steps : int
-        Most steps of each.
-    sets : int
-        How often frequencies join the set of the last descent.
-    hole : float
-        Level of a frequency above that of the set, relative, from which on it joins.
-    room : float
-        By how much the proof may lie above the set's level: with less, intervals are narrow where
-        the level is flat, as it is at an optimum.
-    agrees : float
-        A proof so far above the set's level, relative, is good enough.
-    proofs : int
-        How often a proof may add frequencies.
-    shortened : float
-        A controller is shortened as long as its level rises by less than this share.
-    """
-
-    work: float = 60_000.0
-    scenarios: float = 0.5
-    rounds: int = 4
-    worthwhile: float = 0.01
-    quick: tuple[float, ...] = (30.0, 100.0)
-    full: tuple[float, ...] = (100.0, 400.0, 2000.0)
-    quick_steps: int = 400
-    full_steps: int = 1200
-    sets: int = 6
-    hole: float = 0.002
-    room: float = 0.003
-    agrees: float = 0.005
-    proofs: int = 4
-    shortened: float = 0.02
-
-
-POLICY = ScalingSearchPolicy()
+# Steps of descents and Riccati equations, weighted by their size.
+WORK = 60_000.0
+# Share of it for the search by scenarios, where there are real numbers.
+SCENARIO_SHARE = 0.5
+# K steps at most.
+_ROUNDS = 4
+# A round that lowers the level by less than this share is the last.
+_WORTHWHILE = 0.01
+# Powers of the sums that descents lower: between K steps, and at the end.
+_QUICK = (30.0, 100.0)
+_FULL = (100.0, 400.0, 2000.0)
+# Most steps of each.
+_QUICK_STEPS = 400
+_FULL_STEPS = 1200
+# How often frequencies join the set of the last descent.
+_SETS = 6
+# Level of a frequency above that of the set, relative, from which on it joins.
+_HOLE = 0.002
+# By how much the proof may lie above the set's level: with less, intervals are narrow where the
+# level is flat, as it is at an optimum.
+_ROOM = 0.003
+# A proof so far above the set's level, relative, is good enough.
+AGREES = 0.005
+# How often a proof may add frequencies.
+PROOFS = 4
+# A controller is shortened as long as its level rises by less than this share.
+_SHORTENED = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -308,7 +269,7 @@ class ScalingSearch:
             If the first K step finds none, or none of the order asked for is stable.
         """
         level, filters = 1.0, unit_scalings(self.problem)
-        for count in range(POLICY.rounds):
+        for count in range(_ROUNDS):
             try:
                 full = k_step(scaled_plant(self.problem, filters), level, self.budget)
             except SolverError:
@@ -320,18 +281,18 @@ class ScalingSearch:
             found = self._started(full)
             if found is None:
                 break
-            found = self._lowered(found, POLICY.quick, POLICY.quick_steps, 1)
+            found = self._lowered(found, _QUICK, _QUICK_STEPS, 1)
             self._record_step("descent", found.controller, level=found.level)
             if self.best is None or found.level < self.best.level:
                 self.best = found
-            if self.budget.over or not found.level < before * (1 - POLICY.worthwhile):
+            if self.budget.over or not found.level < before * (1 - _WORTHWHILE):
                 break
             level = found.level
             known, M = self._levels(found.controller, self.problem.as_complex, best=True)
             filters = scalings_of(self.problem, known, M)
         if self.best is None:
             raise SolverError("No stable loop was found with so few states.")
-        found = self._lowered(self.best, POLICY.full, POLICY.full_steps, POLICY.sets)
+        found = self._lowered(self.best, _FULL, _FULL_STEPS, _SETS)
         self._record_step("last descent", found.controller, level=found.level)
         return found
 
@@ -359,10 +320,11 @@ class ScalingSearch:
             return None
         known, _ = self._levels(full, self.problem.structure, best=False)
         orders = [self.order] if self.order is not None else range(1, len(full.A) + 1)
-        enough = known.peak * (1 + POLICY.shortened)
+        enough = known.peak * (1 + _SHORTENED)
+        weights = self.scalings.of_bounds(known.found)
         for order in orders:
             tried = [
-                (mu_bound_with(self.problem, K, known), i, K)
+                (level_of(self.problem, K, known.omega, weights), i, K)
                 for i, K in enumerate(reduced_controllers(self.problem, full, order))
             ]
             if not tried and self.order is not None and self.best is None:
@@ -373,17 +335,10 @@ class ScalingSearch:
             level, _, K = min(tried)
             if self.order is not None or level <= enough:
                 own, _ = self._levels(K, self.problem.structure, best=False)
-                weights = np.array(
-                    [self.scalings.of_weights(f.x, own.space, 1.0) for f in own.found]
+                return AnalysedController(
+                    K, own.peak, own.omega, self.scalings.of_bounds(own.found)
                 )
-                return AnalysedController(K, own.peak, own.omega, weights)
         return None
-
-    def _polish(self, found: AnalysedController, form: ModalGain) -> MuDescent:
-        plant = augmented(self.problem.matrices, form.order)
-        loop = self.problem.loop(found.controller)
-        assert loop is not None
-        return MuDescent(plant, form, self.scalings, found.omega, damping(loop))
 
     def _lowered(
         self, found: AnalysedController, powers: tuple[float, ...], steps: int, sets: int
@@ -391,15 +346,19 @@ class ScalingSearch:
         """Lower the level at the set, and add frequencies where it has risen in between."""
         for _ in range(sets):
             form, theta = ModalGain.of(found.controller)
-            polish = self._polish(found, form)
-            state = MuDescentPoint(theta, found.weights, found.level)
-            state = polish.lower(state, powers, self.budget, steps)
-            loop = polish.loop(state.theta)
+            plant, begun = augmented(self.problem.matrices, form.order), form.gain(theta)
+            start = close_static_loop(plant, begun)
+            assert start is not None
+            descent = MuDescent(plant, form, self.scalings, found.omega, damping(start))
+            theta, weights, level = descent.lower(
+                (theta, found.weights, found.level), powers, self.budget, steps
+            )
+            loop = descent.loop(theta)
             if loop is None:
                 return found
-            K = controller_from_matrix(form.gain(state.theta), form.order)
-            found = replace(found, controller=K, weights=state.weights, level=state.level)
-            high = state.level * (1 + POLICY.hole)
+            K = controller_from_matrix(form.gain(theta), form.order)
+            found = replace(found, controller=K, weights=weights, level=level)
+            high = level * (1 + _HOLE)
             more = unproven_frequencies(loop, self.scalings, found.omega, found.weights, high)
             if not len(more[0]):
                 break
@@ -416,26 +375,22 @@ class ScalingSearch:
             omega=np.concatenate([found.omega, omega]),
             weights=np.vstack([found.weights, weights]),
         )
-        form, theta = ModalGain.of(found.controller)
-        squares = self._polish(found, form).squares(theta, found.weights)
-        return replace(found, level=float(np.sqrt(max(squares.max(), 0.0))))
+        level = level_of(self.problem, found.controller, found.omega, found.weights)
+        return replace(found, level=level)
 
     def with_refined_frequencies(self, found: AnalysedController) -> AnalysedController:
         """Look for frequencies at which a proof needs more than the set, and lower these too."""
         loop = self.problem.loop(found.controller)
         if loop is None or self.budget.over:
             return found
-        space = Space(self.problem.structure, (False,) * len(self.problem.structure.blocks))
-        coverage, model = self.problem.cover(loop, found.level * (1 + POLICY.room))
+        coverage, model = self.problem.cover(loop, found.level * (1 + _ROOM))
         self.budget.spend(len(coverage.intervals) * step_cost(2 * len(loop.A)))
         self._record_step("proof", found.controller, level=coverage.level * model.gain)
         if not coverage.peaks:
             return found
         omega = np.array([model.omega(peak[0]) for peak in coverage.peaks])
-        weights = np.array(
-            [self.scalings.of_weights(p[2].x, space, model.gain) for p in coverage.peaks]
-        )
+        weights = self.scalings.of_bounds([peak[2] for peak in coverage.peaks], model.gain)
         found = self._joined(found, omega, weights)
-        found = self._lowered(found, POLICY.full[1:], POLICY.full_steps, POLICY.sets)
+        found = self._lowered(found, _FULL[1:], _FULL_STEPS, _SETS)
         self._record_step("descent after the proof", found.controller, level=found.level)
         return found

@@ -1,10 +1,24 @@
-"""Loop shaping against textbooks, python-control and its own certificates."""
+"""Loop shaping: gamma, certificates, targets and what plants do not permit."""
 
 import control
 import numpy as np
 import pytest
 
 import robustpolish as rp
+from robustpolish.errors import InvalidInputError
+from robustpolish.synthesis.loop_shaping.coprime import (
+    consistent_matrices,
+    coprime,
+    in_series,
+    loop_plant,
+)
+from robustpolish.synthesis.loop_shaping.loop_shaping import (
+    TargetLoop,
+    limits_in_words,
+    reduce_in_gap_metric,
+    target_weight,
+)
+from robustpolish.synthesis.problem.matrices import SystemMatrices
 
 
 def book_plant():
@@ -210,3 +224,153 @@ def test_a_target_that_the_plant_does_not_permit_is_told():
 def test_bad_targets(arguments, words):
     with pytest.raises(rp.InvalidInputError, match=words):
         rp.loop_shaping(control.tf([1], [1, 1]), **arguments)
+
+
+def random_controller(seed, dt=0):
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((5, 5)) * (0.4 if dt else 1)
+    shapes = ((5, 2), (3, 5), (3, 2))
+    return control.ss(A, *(rng.standard_normal(shape) for shape in shapes), dt)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_fewer_states_stay_within_the_bound_of_the_gap(seed):
+    # The nu-gap to the truncated one is at most the error of the factors, and that at most twice
+    # the sum of the Hankel singular values left out.
+    K = random_controller(seed)
+    gaps = [
+        rp.uncertain.nu_gap(K, control.ss(*reduce_in_gap_metric(K, order), 0))
+        for order in (5, 4, 3)
+    ]
+    assert gaps[0] < 1e-5
+    assert gaps[0] <= gaps[1] + 1e-9
+    assert reduce_in_gap_metric(K, 3).A.shape == (3, 3)
+    factors = control.ss(*coprime(loop_plant("K", K)).right(), 0)
+    hankel = np.sort(control.hankel_singular_values(factors))
+    for gap, left_out in zip(gaps[1:], (1, 2), strict=True):
+        assert gap <= 2 * hankel[:left_out].sum() + 1e-6
+
+
+def test_states_that_do_not_matter_cannot_be_kept():
+    idle = control.ss(np.diag([-1.0, -2.0]), [[1.0], [0.0]], [[1.0, 0.0]], 0)
+    with pytest.raises(rp.SolverError, match="fewer than 2 states"):
+        reduce_in_gap_metric(idle, 2)
+    assert reduce_in_gap_metric(idle, 1).A.shape == (1, 1)
+
+
+s = control.tf("s")
+
+
+def wanted(system, dt=0, band_hz=None):
+    return TargetLoop.checked(consistent_matrices(control.ss(system)), dt, band_hz)
+
+
+def test_crossovers_and_band_follow_from_the_target():
+    found = wanted(10 / s)
+    assert found.crossovers == pytest.approx((10, 10))
+    assert found.band == pytest.approx((0.1, 100))
+    two = wanted(control.ss(np.zeros((2, 2)), np.diag([1.0, 20.0]), np.eye(2), 0))
+    assert two.crossovers == pytest.approx((1, 20))
+    assert two.band == pytest.approx((0.01, 200))
+    assert wanted(10 / s, band_hz=(1, 2)).band == pytest.approx((2 * np.pi, 4 * np.pi))
+
+
+def test_the_band_of_a_discrete_target_ends_at_half_the_sample_rate():
+    found = wanted(control.c2d(control.ss(10 / s), 0.1), 0.1)
+    assert found.crossovers[0] == pytest.approx(10, rel=0.1)
+    assert found.band[1] == pytest.approx(np.pi / 0.1, rel=1e-5)
+
+
+def test_distance_counts_both_ways_and_shortfall_only_what_harms():
+    target = wanted(10 / s)
+    more = consistent_matrices(control.ss(20 / s))
+    assert target.distance_of(more)[0] == pytest.approx(2)
+    # Twice the gain helps below 10 rad/s and harms above.
+    factor, where = target.shortfall_of(more)
+    assert factor == pytest.approx(2)
+    assert where > 10
+    assert target.shortfall_of(consistent_matrices(control.ss(5 / s)))[1] < 10
+    lagged = consistent_matrices(control.ss(10 / s / (0.01 * s + 1)))
+    assert target.distance_of(lagged)[0] == pytest.approx(np.sqrt(2), rel=1e-6)
+    assert target.shortfall_of(lagged)[0] < 1.006
+
+
+@pytest.mark.parametrize(
+    ("target", "words"),
+    [
+        (10 / (s - 1), "unstable system.*mirror the pole"),
+        (1 / (s + 2), "never falls from above 1"),
+        (control.tf([5], [1]), "never falls from above 1"),
+    ],
+)
+def test_targets_that_no_loop_can_have(target, words):
+    with pytest.raises(InvalidInputError, match=f"(?s)target: got .*{words}"):
+        wanted(target)
+
+
+@pytest.mark.parametrize("band", [(2, 1), (0, 1), 5, (1, np.inf), "ab", (1, 2, 3)])
+def test_bands_that_are_none(band):
+    with pytest.raises(InvalidInputError, match=r"band_hz: got .*\(low, high\)"):
+        wanted(10 / s, band_hz=band)
+
+
+s = control.tf("s")
+A = np.random.default_rng(0).standard_normal((5, 5))
+WIDE = np.random.default_rng(1).standard_normal((5, 3))
+
+
+def pieces(G, crossover=10.0, dt=0):
+    G = control.ss(G)
+    one = control.ss(crossover / s)
+    if dt:
+        G, one = control.c2d(G, dt), control.c2d(one, dt)
+    count = min(G.ninputs, G.noutputs)
+    shape = SystemMatrices(*(np.kron(np.eye(count), M) for M in consistent_matrices(one)))
+    return consistent_matrices(G), TargetLoop.checked(shape, dt, None)
+
+
+@pytest.mark.parametrize("dt", [0, 0.01])
+@pytest.mark.parametrize(
+    "plant",
+    [
+        1 / (s + 1) ** 2,
+        1 / s**2,
+        1 / (s - 1),
+        (3 - s) / (s + 1) ** 2,
+        control.ss([[0, 1], [-400, -0.02]], [[0], [1]], [[1, 0]], 0),
+        control.ss(A, WIDE[:, :2], WIDE.T[:2], 0),
+        control.ss(A, WIDE, WIDE.T[:2], 0),
+        control.ss(A, WIDE[:, :2], WIDE.T, 0),
+    ],
+)
+def test_the_shaped_plant_has_the_gain_of_the_target_within_a_percent(plant, dt):
+    G, wanted = pieces(plant, dt=dt)
+    W = target_weight(G, wanted)
+    assert wanted.distance_of(in_series(W, G))[0] < 1.01
+    # The weight has no unstable poles; those on the boundary are the target's.
+    poles = np.linalg.eigvals(W.A)
+    assert (np.abs(poles) < 1 + 1e-9 if dt else poles.real < 1e-9).all()
+
+
+def test_a_matrix_target_gives_each_singular_value_its_own_gain():
+    G = consistent_matrices(control.ss(-np.eye(2), np.eye(2), [[1, 2], [3, 1]], 0))
+    shape = consistent_matrices(control.ss(np.zeros((2, 2)), np.diag([1.0, 10.0]), np.eye(2), 0))
+    wanted = TargetLoop.checked(shape, 0, None)
+    assert wanted.distance_of(in_series(target_weight(G, wanted), G))[0] < 1.01
+
+
+def test_what_a_plant_does_not_permit_is_said():
+    said = limits_in_words(*pieces((3 - s) / (s + 1) ** 2))
+    assert "zero in the right half plane at 3 rad/s" in said
+    assert "the target has 10 rad/s" in said
+    assert limits_in_words(*pieces((3 - s) / (s + 1) ** 2, 1.0)) == ""
+    assert "unstable pole at 8 rad/s" in limits_in_words(*pieces(1 / (s - 8)))
+    assert limits_in_words(*pieces(1 / (s - 2))) == ""
+    discrete = limits_in_words(*pieces(1 / (s - 8), dt=0.01))
+    assert "unstable pole at 8 rad/s" in discrete
+
+
+def test_a_plant_without_gain_is_refused():
+    G, wanted = pieces(control.ss(-1, 1, 0, 0))
+    with pytest.raises(InvalidInputError, match="plant without gain in the band"):
+        target_weight(G, wanted)

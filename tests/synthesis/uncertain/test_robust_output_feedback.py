@@ -164,3 +164,65 @@ def test_distillation_column_has_a_proven_mu_below_one_with_twelve_states():
     assert design.performance.proven
     assert design.mu[1] <= 1.0
     assert np.isfinite(design.certificate.achieved)
+
+
+def test_a_design_shows_what_is_proven():
+    design = rp.robust_output_feedback(lag(), "y", "u", gamma=1.5, order=1, effort=0.05)
+    shown = repr(design)
+    assert shown.startswith("Robust design: robust")
+    assert "mu at most" in shown
+    assert design.reason in shown
+    assert design.margin == design.performance.lower
+    assert design.mu == design.performance.mu
+
+
+def test_without_a_controller_the_reason_is_all():
+    design = rp.results.RobustDesign(
+        lag(), None, None, 1.0, "no controller", "Nothing stabilises it."
+    )
+    assert repr(design) == "Robust design: no controller\n  Nothing stabilises it."
+    assert design.order is None
+    assert design.margin == 0
+    assert design.mu == (float("inf"), float("inf"))
+
+
+@pytest.mark.slow
+def test_a_worst_machine_between_the_corners_is_found_by_the_proof():
+    """The damping is a parabola of a number: the middle is worst, and what it allows is reached."""
+    b = rp.uncertain.real("b", 0.2, range=(-1.0, 1.0))
+    plant = rp.uncertain.system(
+        [[-0.1 - b * b]], [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]],
+        [[0, 0, 0], [0, 0, 0.5], [0, 0.1, 0]],
+    )  # fmt: skip
+    design = rp.robust_output_feedback(plant, 1, 1, gamma=2.0, structure=[[1]], effort=0.1)
+    assert design.worst_case.proven
+    middle = rp.output_feedback(rp.GeneralizedPlant(plant.at({"b": 0.0}), 1, 1))
+    assert design.worst_case.upper <= 1.01 * middle.certificate.achieved
+
+
+def test_the_lower_bound_is_what_one_machine_allows():
+    design = rp.robust_output_feedback(lag(), "y", "u", gamma=1.5)
+    weak = rp.output_feedback(rp.GeneralizedPlant(lag().at({"b": 0.8}), 1, 1))
+    assert design.lower_bound == weak.lower_bound <= design.worst_case.lower * (1 + 1e-9)
+
+
+def test_a_pattern_that_moves_nothing_is_told():
+    k = rp.uncertain.real("k", 1.0, percent=10)
+    # The control that moves the unstable state stays zero.
+    plant = rp.uncertain.system(
+        [[k, 0], [0, -1.0]], [[1, 1, 0], [1, 0, 1]], [[1, 1], [0, 1], [1, 0]], 0
+    )
+    design = rp.robust_output_feedback(plant, 2, 2, structure=[[0, 0], [1, 1]])
+    assert (design.status, design.controller) == ("no controller", None)
+
+
+def test_too_few_states_are_told():
+    # An unstable oscillator that no gain on its position stabilises.
+    k = rp.uncertain.complex("k", 1.0, radius=0.1)
+    plant = rp.uncertain.system(
+        [[0, 1], [-k, 0.1]], [[0, 0, 0], [1, 0, 1]], [[1, 0], [0, 0], [1, 0]],
+        [[0, 0, 0], [0, 0, 1], [0, 1, 0]],
+    )  # fmt: skip
+    design = rp.robust_output_feedback(plant, 1, 1, order=0, effort=0.03)
+    assert design.status == "no controller"
+    assert "few states" in design.reason

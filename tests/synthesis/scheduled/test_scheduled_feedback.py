@@ -1,4 +1,4 @@
-"""Scheduled controllers against what simulations with moving numbers show."""
+"""Controllers that follow measured numbers: their bound, their mixtures and their simulation."""
 
 from dataclasses import replace
 
@@ -8,6 +8,10 @@ import pytest
 import xarray as xr
 
 import robustpolish as rp
+from robustpolish.synthesis.scheduled.polytope import (
+    affine_warps,
+    polytope,
+)
 
 k = rp.uncertain.real("k", 5.0, range=(1.0, 9.0))
 PRICE, NOISE = 1.0, 0.1
@@ -144,3 +148,79 @@ def test_refusals(scheduled):
         scheduled.at({"k": 10.0})
     with pytest.raises(rp.InvalidInputError, match="no k"):
         scheduled.at({})
+
+
+PLANT = rp.uncertain.system([[0, 1], [-k, -0.1]], [[0, 0], [1, 1]], [[1, 0]], 0)
+
+
+@pytest.fixture(scope="module")
+def design():
+    return rp.scheduled_feedback(PLANT, controls=1, control_weight=1.0)
+
+
+def test_at_rest_the_simulation_is_that_of_the_frozen_loop(design):
+    t = np.linspace(0, 2, 101)
+    push = xr.Dataset({"u[0]": ("time", np.sin(t))}, coords={"time": t})
+    moved = design.simulate(push, {"k": np.full(t.size, 3.0)})
+    still = rp.simulate(design.closed_loop({"k": 3.0}), push)
+    for name in still:
+        assert moved[name].to_numpy() == pytest.approx(still[name].to_numpy(), abs=1e-13)
+
+
+def test_names_are_those_of_the_plant(design):
+    controller = design.at({"k": 2.0})
+    assert controller.output_labels == ["u[1]"]
+    assert controller.input_labels == ["measured_x[0]", "measured_x[1]"]
+    assert "k" in repr(design)
+    assert "1 to 9, jumps" in repr(design)
+    assert [dict(point) for point in design.points] == [{"k": 1.0}, {"k": 9.0}]
+
+
+def test_wrong_signals_are_told(design):
+    t = np.linspace(0, 1, 11)
+    push = xr.Dataset({"u[0]": ("time", t)}, coords={"time": t})
+    with pytest.raises(rp.InvalidInputError, match="11 as of time"):
+        design.simulate(push, {"k": [3.0]})
+    with pytest.raises(rp.InvalidInputError, match="unknown key"):
+        design.simulate(push.rename({"u[0]": "F"}), {"k": np.full(11, 3.0)})
+    with pytest.raises(rp.InvalidInputError, match="within its range only"):
+        design.simulate(push, {"k": np.full(11, 0.5)})
+
+
+m = rp.uncertain.real("m", 1.0, percent=50)
+
+
+def spring_mass(stiffness, mass=1.0):
+    return rp.uncertain.system(
+        [[0, 1], [-stiffness / mass, -0.1 / mass]], [[0, 0], [1 / mass, 1 / mass]], [[1, 0]], 0
+    )
+
+
+@pytest.mark.parametrize(
+    ("system", "known"),
+    [
+        (spring_mass(k), True),
+        # Affine in k and in 1 / m, the other held.
+        (spring_mass(k, m), True),
+        # A nominal value beside the middle is a fraction of the delta, and the number itself.
+        (spring_mass(rp.uncertain.real("k", 2.0, range=(1.0, 9.0))), True),
+        (spring_mass(k * k), False),
+        (spring_mass(k + 1 / k), False),
+    ],
+)
+def test_mixtures_of_corners(system, known):
+    bends = affine_warps(system.matrices)
+    assert (bends is not None) == known
+    if not known:
+        return
+    whole = polytope(system, 1, None)
+    # The weights of a point inside, by the bent numbers: the plant there is that mixture.
+    random = np.random.default_rng(1)
+    for _ in range(5):
+        elements = list(system.elements.values())
+        values = {e.name: random.uniform(e.low, e.high) for e in elements}
+        weights = whole.weights(values)
+        assert weights.sum() == pytest.approx(1)
+        assert (weights >= 0).all()
+        mixed = sum(w * p.A for w, p in zip(weights, whole.plants, strict=True))
+        assert mixed == pytest.approx(np.asarray(system.at(values).A), abs=1e-12)

@@ -109,3 +109,50 @@ def test_refusals():
     with pytest.raises(rp.SolverError, match=r"For \d+ % of it") as caught:
         rp.robust_state_feedback(lag, controls=1, control_weight=1.0)
     assert "scheduled_feedback" in str(caught.value)
+
+
+def test_it_lists_its_vertices():
+    design = rp.robust_state_feedback([held_mass(1.0), held_mass(9.0)], "h2")
+    text = repr(design)
+    assert text.startswith("Robust state feedback: proven")
+    assert all(f"{norm:.4g}" in text for norm in design.vertex_norms)
+    assert "unless they change with time" in text
+
+
+def test_a_vertex_without_control_is_named():
+    plants = [
+        rp.GeneralizedPlant.from_matrices(
+            [[1.0]], [[1.0]], [[gain]], [[1.0], [0.0]], [[1.0]], D12=[[0.0], [1.0]]
+        )
+        for gain in (1.0, 0.0)
+    ]
+    with pytest.raises(rp.InfeasibleError, match=r"vertex plants\[1\].*uncontrollable") as caught:
+        rp.robust_state_feedback(plants)
+    assert caught.value.modes == pytest.approx((1.0,))
+
+
+def test_sampled_plants():
+    plants = [
+        rp.GeneralizedPlant.from_matrices(
+            [[1.1, a], [0, 0.9]], [[0], [1]], [[0], [1]], [[1, 0], [0, 0]], [[1, 0]],
+            D12=[[0], [1]], dt=True,
+        )
+        for a in (0.3, 0.9)
+    ]  # fmt: skip
+    # A direct search over F ends at 2.400, and no gain for one of them is below 1.889.
+    assert 2.399 < rp.robust_state_feedback(plants).bound < 2.65
+
+
+def test_plants_that_do_not_fit_are_refused():
+    one = held_mass(1.0)
+    more = one.replace(B1=np.eye(2), D11=np.zeros((2, 2)), disturbances=["a", "b"])
+    mass = uncertain_mass(k, 1.0)
+    for given, controls, says in (
+        ([one, more], None, r"plant\[1\]: got nw = 2"),
+        (mass, None, "controls"),
+        (mass * (1 + 0.1 * rp.uncertain.dynamics("d", 2)), 1, "real numbers only"),
+        ([one], 1, "no choice of signals"),
+        (one, None, "list of GeneralizedPlant"),
+    ):
+        with pytest.raises(rp.InvalidInputError, match=says):
+            rp.robust_state_feedback(given, controls=controls)
