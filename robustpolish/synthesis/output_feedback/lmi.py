@@ -18,6 +18,14 @@ import numpy as np
 
 from robustpolish.base.budget import Budget, step_cost
 from robustpolish.synthesis.backends.slycot_backend import synthesise
+from robustpolish.synthesis.engine import (
+    POLICY,
+    Candidate,
+    Engine,
+    EngineResult,
+    Task,
+    check_candidate,
+)
 from robustpolish.synthesis.lmi.output_feedback import (
     LmiValues,
     LmiVariables,
@@ -33,14 +41,6 @@ from robustpolish.synthesis.lmi.output_feedback import (
     well_conditioned_controllers,
 )
 from robustpolish.synthesis.lmi.program import ProgramSolver, SemidefiniteProgram
-from robustpolish.synthesis.output_feedback.engine import (
-    POLICY,
-    Candidate,
-    Engine,
-    EngineResult,
-    Task,
-    check_candidate,
-)
 from robustpolish.synthesis.problem.matrices import (
     Controller,
     PlantMatrices,

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from robustpolish.base.budget import Budget, step_cost
-from robustpolish.synthesis.output_feedback.engine import (
+from robustpolish.synthesis.engine import (
     POLICY,
     Candidate,
     Engine,

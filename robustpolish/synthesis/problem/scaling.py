@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import control
@@ -25,6 +25,7 @@ from robustpolish.synthesis.problem.matrices import (
     balanced,
     to_continuous,
     to_discrete,
+    with_measured_states,
 )
 
 # Split a plant into parts that share no signal, and put their controllers together.
@@ -322,7 +323,7 @@ class SolverPlant:
     feedback: Matrix
 
     @classmethod
-    def of(cls, plant: GeneralizedPlant, mapped: bool) -> SolverPlant:
+    def of(cls, plant: GeneralizedPlant, mapped: bool, full_state: bool = False) -> SolverPlant:
         """Prepare a plant.
 
         Parameters
@@ -331,9 +332,16 @@ class SolverPlant:
         mapped : bool
             Whether to map a discrete-time plant to continuous time, which keeps the H-infinity
             norm but not the H2 norm.
+        full_state : bool
+            Whether y is x, which is then measured in the units of the states.
         """
         feedback = np.zeros((plant.nu, plant.ny))
         scaled = scale_plant(plant)
+        if full_state:
+            scaled = replace(scaled, measurement=scaled.state)
+            return cls(
+                plant, scaled, with_measured_states(PlantMatrices.of(scaled.plant)), feedback
+            )
         if plant.is_discrete and mapped:
             gain = scaled.output_gain(np.ones_like(feedback))
             image, feedback = to_continuous(plant, scaled.state, gain)

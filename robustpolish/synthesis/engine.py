@@ -1,9 +1,9 @@
-"""What every engine of output feedback is given and returns: one problem, one kind of findings."""
+"""The protocol of the engines of feedback synthesis: the task of one part, and what they find."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -14,12 +14,14 @@ from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget, step_cost
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
-from robustpolish.synthesis.certificate import ANY_NORM, Norm, NormTarget
+from robustpolish.synthesis.certificate import ANY_NORM, Certificate, Norm, NormTarget
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, balanced, close
+from robustpolish.synthesis.problem.pole_regions import PoleRegion
+from robustpolish.synthesis.problem.scaling import ScaledPlant
 from robustpolish.synthesis.proofs.achieved_norm import estimate_norm
 from robustpolish.synthesis.riccati.gamma import LowerBound
 
-# The thresholds of output feedback in one place, each with its reason.
+# The thresholds of the driver and of output feedback in one place, each with its reason.
 
 
 @dataclass(frozen=True)
@@ -144,7 +146,26 @@ POLICY = OutputSearchPolicy()
 
 @dataclass(frozen=True)
 class Settings:
-    """What the user asks of the engines."""
+    """What the user asks of the engines.
+
+    Attributes
+    ----------
+    norm, method, backend, solver, tolerance, wanted
+        As in the public functions.
+    engines : tuple of type
+        Called one after the other until the goal is reached.
+    full_state : bool
+        State feedback: y = x, and a static gain is wanted.
+    regions : tuple of PoleRegion
+        Where the closed-loop poles have to lie, in the plant's unit of time.
+    gain_bound : float or None
+        Bound on the largest singular value of a static gain, in the plant's units.
+    reference : float
+        A norm of the whole plant beside which one that falls without end counts as zero.
+    relaxations : tuple of float
+        Factors on the tolerance of the engines, the next one where no controller of the one before
+        could be certified.
+    """
 
     norm: Norm
     method: str
@@ -152,6 +173,12 @@ class Settings:
     solver: str | None
     tolerance: float
     wanted: NormTarget = ANY_NORM
+    engines: tuple[type[Engine], ...] = ()
+    full_state: bool = False
+    regions: tuple[PoleRegion, ...] = ()
+    gain_bound: float | None = None
+    reference: float = 0.0
+    relaxations: tuple[float, ...] = (1.0,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,6 +198,8 @@ class Task:
         A norm below which no controller comes, in scaled units; None if none is known.
     wanted : NormTarget
         What was asked for, in scaled units.
+    scaled : ScaledPlant or None
+        The units of the part, for state feedback.
     """
 
     plant: PlantMatrices
@@ -179,6 +208,7 @@ class Task:
     tolerance: float
     bound: LowerBound | None
     wanted: NormTarget = ANY_NORM
+    scaled: ScaledPlant | None = None
 
     @property
     def goal(self) -> float:
@@ -263,6 +293,12 @@ class EngineResult:
         Whether the norm was still falling when the search met a limit of gain or accuracy.
     remarks : list of str
         What the user should know, such as a solver's false claim.
+    bound : LowerBound or None
+        A norm that no controller falls below, where the engine looked for it.
+    constrained : bool
+        Whether a demand of which the bound knows nothing keeps a norm from being called optimal.
+    objections : callable
+        Given a controller in the plant's units and its certificate, tells what else it breaks.
     """
 
     method: str
@@ -271,6 +307,9 @@ class EngineResult:
     history: list[dict[str, Any]] = field(default_factory=list)
     falling: bool = False
     remarks: list[str] = field(default_factory=list)
+    bound: LowerBound | None = None
+    constrained: bool = False
+    objections: Callable[[control.StateSpace, Certificate], tuple[str, ...]] = lambda K, proof: ()
 
     @property
     def best(self) -> float:
