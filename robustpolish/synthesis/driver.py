@@ -123,9 +123,12 @@ def choose_controller(
             problem, candidate, _reduction_limit(problem, candidate, limit), budget
         )
         for each in (short, candidate) if short is not candidate else (candidate,):
-            budget.spend(POLICY.certificate_work * step_cost(part.matrices.nx + each.order))
+            # Work of one certificate, in steps on the loop's size.
+            budget.spend(20.0 * step_cost(part.matrices.nx + each.order))
             try:
-                with partial_deadline(1.0 if last else POLICY.first_proof):
+                # Share of the time left that a certificate may take while a gentler controller
+                # could follow.
+                with partial_deadline(1.0 if last else 2 / 3):
                     found = _certified(part, each, problem, reasons)
             except DeadlineError:
                 reasons.append("the time was over before its certificate was complete")
@@ -158,7 +161,8 @@ def _best(certified: Sequence[ChosenController]) -> ChosenController | None:
 def _limit(problem: Task, best: float) -> float:
     """Return the norm up to which a smaller gain is preferred to a smaller norm."""
     if problem.norm == "h2":
-        return best * (1 + min(problem.tolerance, POLICY.h2_tolerance))
+        # How much of the H2 norm may be given away: the optimum is known exactly, so little.
+        return best * (1 + min(problem.tolerance, 2e-5))
     if best <= problem.goal:
         return problem.goal
     # What is given away counts from the infimum: beyond the tolerance nothing is.
@@ -381,7 +385,8 @@ class PartSearch:
         shorten : bool
             Whether states that hardly count may be left out of a large plant.
         """
-        norm, work = settings.norm, budget.share(POLICY.search_share)
+        # Share of the work that engines may spend; the rest shortens controllers.
+        norm, work = settings.norm, budget.share(0.7)
         part = SolverPlant.of(plant, norm == "hinf", settings.full_state)
         wanted = settings.wanted.in_unit(part.norm(1.0, norm))
         stated = _PlantWithBound(part.matrices, None)
@@ -407,7 +412,9 @@ class PartSearch:
         if work.exhausted:
             searches[-1].remarks.append("The work allowed was spent; allow more with effort.")
         best = min(found.best for found in searches)
-        if bound is not None and best < bound.value * (1 - POLICY.spoilt):
+        # A norm this much, relative, below an estimate of the infimum shows that rounding spoilt
+        # it.
+        if bound is not None and best < bound.value * (1 - 1e-5):
             problem = replace(problem, bound=None)
         if settings.full_state:
             problem = replace(problem, bound=searches[-1].bound)
@@ -458,7 +465,8 @@ def _with_lower_bound(
     if settings.norm == "h2":
         plant, feedback = cancel_feedthrough(plant)
         return _PlantWithBound(plant, h2_lower_bound(plant), feedback)
-    accuracy = POLICY.bound_accuracy * min(settings.tolerance, 1e-2)
+    # How finely the lower bound is searched, as a share of the tolerance.
+    accuracy = 0.03 * min(settings.tolerance, 1e-2)
     if shorten and plant.nx > POLICY.truncated_states:
         short = _truncated_plant(plant, settings.tolerance, accuracy, budget)
         if short is not None:
@@ -689,7 +697,8 @@ def _solve_parts(
         lambda P, share: PartSearch.of(with_dummy_signals(P), settings, diagnosis, share),
     )
     # No part has to be much better than the one that decides the norm of the whole.
-    enough = POLICY.enough * max((s.best for s in searched.values()), default=0.0)
+    # No part has to be better than this share of the norm of the whole.
+    enough = 0.01 * max((s.best for s in searched.values()), default=0.0)
     chosen = {key: _choose(search, diagnosis, enough) for key, search in searched.items()}
     return [None if key is None else chosen[key] for key in keys]
 

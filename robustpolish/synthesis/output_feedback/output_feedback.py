@@ -220,7 +220,9 @@ def output_feedback(
         )
     engines = ENGINE_ORDER[norm, method]
     settings = Settings(norm, method, backend, solver, tolerance, wanted, engines)
-    work = max(POLICY.work, POLICY.attempts * step_cost(plant.nx))
+    # Steps on the size of the plant that a call may spend at least: a search over gamma of a
+    # plant of 120 states takes 40, where `work` would leave one of 250 states seven.
+    work = max(POLICY.work, 80.0 * step_cost(plant.nx))
     budget = Budget.with_certificate_reserve(effort * work, seconds)
     diagnosis = check_solvability(plant)
     exact = [mode for mode in diagnosis.fixed_modes if mode.exact]
@@ -230,9 +232,8 @@ def output_feedback(
     parts = decoupled_parts(plant) if split else (whole_plant(plant.without_delays()),)
     with progress_bar("Designing an output feedback"), enforce_deadline(budget):
         found = design_by_parts(plant, parts, settings, diagnosis, budget)
-    if plant.nx <= POLICY.zero_states and not (
-        diagnosis.regular_feedthrough and found.status == "optimal"
-    ):
+    # Up to so many states of a plant its zeros on the axis are looked for, to explain a result.
+    if plant.nx <= 30 and not (diagnosis.regular_feedthrough and found.status == "optimal"):
         diagnosis = diagnosis.with_zeros(plant)
     bound = found.bound if found.known else None
     details = {

@@ -129,12 +129,15 @@ class _BoundedSearch:
             if achieved < value:
                 best, value = F, achieved
         # Small gains that cancel a disturbance are found from small gains only.
-        limit = POLICY.small_start * self.bound.bound
+        # Starts below this share of the bound are small: gains that cancel a disturbance are
+        # found from them only (displacement actuation of the bearing).
+        limit = 0.5 * self.bound.bound
         small = [F for F in starts if 0 < self.bound.size(F) < limit]
         for start in small[: POLICY.bound_starts]:
             F = self.nonsmooth_descent(start, balanced=False)
             achieved = self.norm(F)
-            if achieved < value * (1 - POLICY.worthwhile):
+            # Share by which a descent from a small gain has to be better to be preferred.
+            if achieved < value * (1 - 1e-3):
                 best, value = F, achieved
         if best is None or not math.isfinite(value):
             return None
@@ -175,7 +178,8 @@ class _BoundedSearch:
         programs = StatePrograms(p, self.engine, self.budget, self.history)
         held = (self.bound.left / self.bound.bound, self.bound.right)
         F, value = start, programs.loop_norm_of(start)
-        for _ in range(POLICY.bound_rounds):
+        # Rounds of inequalities, descents on the true norm, and steps of one descent.
+        for _ in range(15):
             if self.budget.over or not value > 0:
                 break
             coordinates = Coordinates.plain(p, value)
@@ -203,7 +207,7 @@ class _BoundedSearch:
         """Descend on the true norm, if asked in states in which the last loop is balanced."""
         p, bound = self.plant, self.bound
         F, value = start, self.norm(start)
-        for _ in range(POLICY.descents):
+        for _ in range(3):
             if self.budget.over:
                 break
             T, V = _coordinates(p, F) if balanced else (np.eye(p.nx), np.eye(p.nu))
@@ -262,7 +266,8 @@ def least_control_norm(plant: PlantMatrices, norm: str) -> float:
     idle = state_gain_norm(plant, np.zeros((plant.nu, plant.nx)), norm)
     if math.isfinite(idle):
         return idle
-    least = lqr_gain(minimum_effort_problem(plant, POLICY.stabilising))
+    # Weight of the states against the controls where only stability is asked for.
+    least = lqr_gain(minimum_effort_problem(plant, 1e-3))
     return state_gain_norm(plant, least, norm)
 
 
@@ -329,7 +334,8 @@ class _PenaltyDescent:
             rungs.append(rung)
             if rung.achieved <= self.target:
                 return self.told(self.landed(rung, price), False), True
-            low = price <= POLICY.low_price and len(rungs) > 1
+            # Only below it can a norm have reached its limit: above it is the norm of no control.
+            low = price <= 1e-4 and len(rungs) > 1
             if low and self.has_converged(rungs[-2], rungs[-1]):
                 settled = True
                 break
@@ -356,7 +362,8 @@ class _PenaltyDescent:
         low, high = math.log(price), math.log(price * POLICY.price_step)
         if price == POLICY.prices[0]:
             high += 3 * math.log(POLICY.price_step)
-        for _ in range(POLICY.landings):
+        # Halvings between the last two prices, to meet the target with a small gain.
+        for _ in range(4):
             if self.budget.over:
                 break
             middle = (low + high) / 2
@@ -370,7 +377,8 @@ class _PenaltyDescent:
     def has_converged(self, before: StateGain, after: StateGain) -> bool:
         """Return whether neither norm nor gain still moved."""
         same_norm = before.achieved < after.achieved * (1 + POLICY.converged)
-        return same_norm and self.size(after.F) < POLICY.gain_growth * self.size(before.F)
+        # ... if the gain grows by less than this factor: norms can rest on a plateau.
+        return same_norm and self.size(after.F) < 1.2 * self.size(before.F)
 
     def told(self, rung: StateGain, settled: bool) -> StateGain:
         """Return a rung with the history of all and its status."""
@@ -501,7 +509,8 @@ class StateSearch(Engine):
             said = violated_regions(settings.regions, proof.poles)
             if most is not None and size > most:
                 said.append(f"the gain {size:.8g} exceeds {most:.8g}")
-            promise = unit * found.claimed * (1 + POLICY.rounding * tolerance)
+            # Share of the tolerance by which a claim may be missed in the plant's own units.
+            promise = unit * found.claimed * (1 + 0.3 * tolerance)
             if proof.achieved > promise > 0:
                 said.append("the gain is so large that rounding changes the norm")
             return tuple(said)
@@ -621,7 +630,9 @@ class _PartSearch:
 
     def singular(self, enough: float) -> StateGain:
         """Follow the infimum of a norm for which control is free, down to `enough`."""
-        vanished = POLICY.vanished * self.settings.reference
+        # A norm that keeps falling is followed down to this share of what almost no control
+        # gives; the thesis's plant without a price would fall until gains overflow.
+        vanished = 1e-4 * self.settings.reference
         target = max(self.scaled.scaled_norm(vanished, self.task.norm), enough)
         found = solve_singular(self.engine, self.plant, target, self.limits.size, self.budget)
         if found is None:
