@@ -31,9 +31,7 @@ from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.polishing.air_bearing import AirBearingParameters
 from robustpolish.polishing.hardware import PolishingHardware, polishing_plant
 from robustpolish.polishing.ideal import BrushDesign
-from robustpolish.synthesis.design import Design
-from robustpolish.synthesis.given import given_controller
-from robustpolish.synthesis.largest_period import largest_period
+from robustpolish.synthesis.design import Design, given_controller, largest_period
 from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
 
 # The controller of one axis that can be built: the fastest that keeps its margins.

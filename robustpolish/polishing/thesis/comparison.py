@@ -19,8 +19,7 @@ from robustpolish.polishing.thesis.published_controllers import (
     PUBLISHED_CONTROLLERS,
     published_gain,
 )
-from robustpolish.synthesis.design import Design
-from robustpolish.synthesis.given import given_controller
+from robustpolish.synthesis.design import Design, given_controller
 from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
 from robustpolish.synthesis.state_feedback.state_feedback import state_feedback
 from robustpolish.synthesis.structured.methods import observer_feedback, static_output_feedback

@@ -29,14 +29,14 @@ class StatePolicy:
         plant takes 13 000 of them, everything else on it less than 1 000, and one program for 40
         states 15 000.
     coarse : float
-        Tolerance where a design only serves as a start or shows a trend; `given_away` of it is a
+        Tolerance where a design only serves as a start or shows a trend; a fifth of it is a
         tenth of the norm, which keeps gains small.
     bracket : float
         Final width of the bisection on gamma over the slack that is given away afterwards.
     price_step : float
         Factor between two prices on u.
-    price_exponents : range
-        Prices are ``price_step`` to these powers: from "no control" to rounding errors.
+    prices : tuple of float
+        Prices on u, falling by ``price_step``: from "no control" to rounding errors.
     converged : float
         A norm that moves by less than this share from price to price has reached its limit ...
     solver_tolerance, eased_tolerance : float
@@ -51,10 +51,10 @@ class StatePolicy:
         With more slack than this the gain of least effort is taken as it is.
     bound_starts : int
         Starts from which each search under a bound on the gain is run.
-    bound_prices : range
-        Powers of ``price_step`` for those starts.
+    starting_prices : tuple of float
+        Prices on u, falling, whose designs are those starts.
     iterations : int
-        Rounds of inequalities, descents on the true norm, and steps of one descent.
+        Steps of one descent on the true norm.
     gained : float
         A step that gains less than this share ends a search.
     bound_margin : float
@@ -67,7 +67,7 @@ class StatePolicy:
     coarse: float = 0.5
     bracket: float = 1e-2
     price_step: float = 10.0
-    price_exponents: range = range(3, -9, -1)
+    prices: tuple[float, ...] = tuple(10.0**k for k in range(3, -9, -1))
     converged: float = 3e-4
     solver_tolerance: float = 1e-9
     eased_tolerance: float = 1e-7
@@ -75,21 +75,11 @@ class StatePolicy:
     smallest_share: float = 1e-13
     coarse_slack: float = 1e-2
     bound_starts: int = 2
-    bound_prices: range = range(4, -10, -1)
+    starting_prices: tuple[float, ...] = tuple(10.0**k for k in range(4, -10, -1))
     iterations: int = 150
     gained: float = 1e-5
     bound_margin: float = 1e-9
     bound_noise: float = 1e-3
-
-    @property
-    def prices(self) -> tuple[float, ...]:
-        """Prices on u, falling."""
-        return tuple(self.price_step**k for k in self.price_exponents)
-
-    @property
-    def starting_prices(self) -> tuple[float, ...]:
-        """Prices on u whose designs are starts under a bound on the gain, falling."""
-        return tuple(self.price_step**k for k in self.bound_prices)
 
     @staticmethod
     def gain_work(states: int) -> float:
@@ -176,7 +166,3 @@ class StateEngine(ABC):
     def with_least_tolerance(self, tolerance: float) -> StateEngine:
         """Return the engine with at least this tolerance."""
         return replace(self, tolerance=max(self.tolerance, tolerance))
-
-    def in_unit_of_time(self, seconds: float) -> StateEngine:
-        """Return the engine for a plant whose time is counted in units of `seconds`."""
-        return replace(self, regions=tuple(r.in_unit_of_time(seconds) for r in self.regions))

@@ -178,7 +178,6 @@ class _BoundedSearch:
         programs = StatePrograms(p, self.engine, self.budget, self.history)
         held = (self.bound.left / self.bound.bound, self.bound.right)
         F, value = start, programs.loop_norm_of(start)
-        # Rounds of inequalities, descents on the true norm, and steps of one descent.
         for _ in range(15):
             if self.budget.over or not value > 0:
                 break
