@@ -196,7 +196,7 @@ from .synthesis.compare import (
 from .synthesis.compare import (
     trade_off as trade_off,
 )
-from .synthesis.given import (
+from .synthesis.design import (
     given_controller as given_controller,
 )
 from .synthesis.loop_shaping.loop_shaping import (

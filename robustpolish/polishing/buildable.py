@@ -35,9 +35,7 @@ from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.polishing.air_bearing import AirBearingParameters
 from robustpolish.polishing.hardware import PolishingHardware, polishing_plant
 from robustpolish.polishing.ideal import BrushDesign
-from robustpolish.synthesis.design import Design
-from robustpolish.synthesis.given import given_controller
-from robustpolish.synthesis.largest_period import largest_period
+from robustpolish.synthesis.design import Design, given_controller, largest_period
 from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
 
 # Controller of one axis: the largest bandwidth that keeps the margins.

@@ -22,10 +22,10 @@ from .compare import (
 from .design import (
     Design as Design,
 )
-from .given import (
+from .design import (
     given_controller as given_controller,
 )
-from .largest_period import (
+from .design import (
     largest_period as largest_period,
 )
 from .loop_shaping.coprime import (

@@ -13,7 +13,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from robustpolish.base.checks import described, instance_of, invalid
+from robustpolish.base.budget import Budget
+from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
 from robustpolish.base.results import Card, Displayed, Table, quantities
 from robustpolish.base.saved import (
     NORM_TOLERANCE,
@@ -23,11 +24,15 @@ from robustpolish.base.saved import (
     read_saved,
     write_saved,
 )
+from robustpolish.errors import SolverError
+from robustpolish.implementation.certify_sampled import checked_plant, longest_period
 from robustpolish.implementation.discretize import discretized
-from robustpolish.implementation.sampled.certificate import AntiAliasing
+from robustpolish.implementation.emulation import METHODS
+from robustpolish.implementation.sampled.certificate import AntiAliasing, filter_system, with_filter
 from robustpolish.implementation.sampled_design import SampledDesign
 from robustpolish.linear.norms.singular_values import singular_values
 from robustpolish.linear.stability import stability
+from robustpolish.plants.controllers import GivenController, controller_system
 from robustpolish.plants.plant import (
     GeneralizedPlant,
     check_size,
@@ -614,4 +619,136 @@ def checked_design(argument: str, value: Any) -> Design:
     own = "given_controller(plant, K) for a controller K of your own"
     return instance_of(
         argument, value, Design, "a Design", f"Pass what a synthesis returned, or {own}."
+    )
+
+
+# A controller that somebody else designed, and how slowly any design may be sampled.
+
+
+def given_controller(
+    plant: GeneralizedPlant,
+    controller: GivenController,
+    norm: Literal["hinf", "h2"] = "hinf",
+) -> Design:
+    """Certify a given controller and return it as a design, to be simulated and compared.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+        Its measurements y are what the controller reads; for a state feedback pass
+        ``plant.with_full_state()``.
+    controller : control.StateSpace, control.TransferFunction or array_like, shape (nu, ny)
+        K in u = K y (positive sign): a system or a gain.
+    norm : {"hinf", "h2"}, optional
+        The norm that is certified.
+
+    Returns
+    -------
+    Design
+        With status "suboptimal", since nothing was optimised.
+
+    Raises
+    ------
+    InvalidInputError
+        If plant and controller do not fit.
+    SolverError
+        If the loop cannot be certified, for instance because it is unstable.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+    >>> rp.given_controller(plant, [[-3.0]]).certificate.valid
+    True
+    """
+    clock = Budget()
+    controller = controller_system(plant, controller)
+    certificate = certify(plant, controller, norm)
+    if not certificate.valid:
+        raise SolverError(
+            "controller: not certified, because "
+            + "; ".join(certificate.reasons)
+            + ". Check its sign (u = K y) and its units."
+        )
+    return Design(
+        plant=plant,
+        controller=controller,
+        closed_loop=plant.closed_loop(controller),
+        norm=norm,
+        status="suboptimal",
+        message="This controller was given; it is certified, not optimised.",
+        certificate=certificate,
+        method="given",
+        backend="none",
+        elapsed=clock.elapsed,
+    )
+
+
+def largest_period(
+    design: Design,
+    delay: float = 0.0,
+    *,
+    delay_periods: float = 0.0,
+    method: str = "tustin",
+    prewarp_hz: float | None = None,
+    anti_aliasing: AntiAliasing = None,
+) -> float:
+    """Return the longest period up to which a design may be sampled without losing stability.
+
+    Parameters
+    ----------
+    design : Design
+        Of a continuous plant.
+    delay : float, optional
+        Seconds from a sample until its control acts, whatever the period.
+    delay_periods : float, optional
+        Delay in periods, which is added: 1.0 for a computer that needs the whole of each.
+    method : str, optional
+        How the controller is imitated; see :meth:`Design.discretize`. Not "matched", whose
+        polynomials lose their digits at short periods.
+    prewarp_hz : float, optional
+        Where "tustin" is exact, in Hz.
+    anti_aliasing : float, (int, float) or control system, optional
+        Analogue filter before the samplers; see :meth:`Design.discretize`.
+
+    Returns
+    -------
+    float
+        In s; infinite if no period makes the loop unstable, 0 if none was found that keeps it
+        stable: the delay is too long, or fast and slow poles differ by more than 1e9 or so, which
+        doubles cannot tell apart at samples. At this period the loop is about to become unstable:
+        sample several times faster.
+
+    Raises
+    ------
+    InvalidInputError
+        If an argument is wrong.
+
+    Notes
+    -----
+    Periods are tried upwards, each 8 % longer than the one before, and the limit is bisected.
+
+    Examples
+    --------
+    x' = x + u with u = -3 x, held for h, is stable while exp(h) - 3 (exp(h) - 1) > -1.
+
+    >>> import robustpolish as rp
+    >>> plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+    >>> design = rp.given_controller(plant, [[-3.0]])
+    >>> round(rp.synthesis.largest_period(design), 4)
+    0.6931
+    >>> round(rp.synthesis.largest_period(design, delay_periods=1.0), 4)
+    0.2877
+    """
+    checked_design("design", design)
+    plant = checked_plant(design.plant)
+    known = [*(m for m in METHODS if m != "matched"), "bilinear", "euler", "backward_diff"]
+    one_of("method", method, known, "Short periods spoil the polynomials of 'matched'.")
+    return longest_period(
+        with_filter(plant, filter_system(anti_aliasing, plant.ny)),
+        design.controller,
+        positive("delay", delay, "s", zero=True),
+        delay_periods=positive("delay_periods", delay_periods, zero=True),
+        method=method,
+        prewarp_hz=None if prewarp_hz is None else positive("prewarp_hz", prewarp_hz, "Hz"),
     )

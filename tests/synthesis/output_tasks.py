@@ -5,7 +5,7 @@ import numpy as np
 from robustpolish.base.budget import Budget
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import Norm
-from robustpolish.synthesis.output_feedback.engine import Settings, Task
+from robustpolish.synthesis.engine import Settings, Task
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.riccati.gamma import has_full_rank, lower_bound
 from robustpolish.synthesis.riccati.lqg import h2_lower_bound

@@ -17,8 +17,7 @@ from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
 from robustpolish.polishing.ideal import DEFAULT_CONTROL_WEIGHT
 from robustpolish.polishing.simulate import simulate_brush
 from robustpolish.polishing.thesis.listing import Workaround, listing_response
-from robustpolish.synthesis.design import Design
-from robustpolish.synthesis.given import given_controller
+from robustpolish.synthesis.design import Design, given_controller
 from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
 from robustpolish.synthesis.state_feedback.state_feedback import state_feedback
 from robustpolish.synthesis.structured.methods import observer_feedback, static_output_feedback

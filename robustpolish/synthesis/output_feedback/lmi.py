@@ -18,6 +18,14 @@ import numpy as np
 
 from robustpolish.base.budget import Budget, step_cost
 from robustpolish.synthesis.backends.slycot_backend import synthesise
+from robustpolish.synthesis.engine import (
+    POLICY,
+    Candidate,
+    Engine,
+    EngineResult,
+    Task,
+    check_candidate,
+)
 from robustpolish.synthesis.lmi.output_feedback import (
     LmiValues,
     LmiVariables,
@@ -33,14 +41,6 @@ from robustpolish.synthesis.lmi.output_feedback import (
     well_conditioned_controllers,
 )
 from robustpolish.synthesis.lmi.program import ProgramSolver, SemidefiniteProgram
-from robustpolish.synthesis.output_feedback.engine import (
-    POLICY,
-    Candidate,
-    Engine,
-    EngineResult,
-    Task,
-    check_candidate,
-)
 from robustpolish.synthesis.problem.matrices import (
     Controller,
     PlantMatrices,
@@ -50,47 +50,13 @@ from robustpolish.synthesis.problem.matrices import (
 )
 from robustpolish.synthesis.riccati.gamma import Attempt, has_full_rank, normalise, search_gamma
 
-
-@dataclass(frozen=True)
-class LmiPolicy:
-    """Thresholds of the inequalities.
-
-    Attributes
-    ----------
-    aim : float
-        Share of the tolerance above the lower bound at which the equations of a regularised plant
-        have to have a solution; the inequalities are posed nearer to the tolerance.
-    shifts : tuple of float
-        By how much the axis is moved where there are a price and a noise too.
-    least : tuple of (float, float)
-        What counts as small in X and XY (:func:`balanced_states`), one choice after the other:
-        no single one suits weights with poles over six decades and AC6.
-    rungs : int
-        Regularisations that are tried where a controller is missed.
-    first, step : float
-        How far above the lower bound gamma starts where the goal itself is not reached, and the
-        share of the distance that is left after one step.
-    wider : float
-        Growth of a first gamma that is not reached either.
-    steps, failures : int
-        The most programs of one descent, and the most of them that find nothing.
-    back_off : float
-        How far above its optimum a regularised plant is asked for where no lower bound tells.
-    """
-
-    aim: float = 0.7
-    shifts: tuple[float, ...] = (0.0, 1e-5, 1e-7)
-    least: tuple[tuple[float, float], ...] = ((1e-2, 1e-2), (1e-1, 1e-2), (1e-4, 1e-4), (1.0, 1.0))
-    rungs: int = 2
-    first: float = 1.03
-    step: float = 0.3
-    wider: float = 1.02
-    steps: int = 9
-    failures: int = 3
-    back_off: float = 1.01
-
-
-_POLICY = LmiPolicy()
+# By how much the axis is moved where there are a price and a noise too.
+_SHIFTS = (0.0, 1e-5, 1e-7)
+# What counts as small in X and XY (:func:`balanced_states`), one choice after the other: no single
+# one suits weights with poles over six decades and AC6.
+_LEAST = ((1e-2, 1e-2), (1e-1, 1e-2), (1e-4, 1e-4), (1.0, 1.0))
+# How far above its optimum a regularised plant is asked for where no lower bound tells.
+_ABOVE_OPTIMUM = 1.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,10 +92,13 @@ class LmiHinf(Engine):
         """Aim at the goal on the plants that are regularised the most; tell whether it is met."""
         problem, found = descent.problem, descent.found
         bound = 0.0 if problem.bound is None else problem.bound.value
-        level = max(bound * (1 + _POLICY.aim * problem.tolerance), problem.asked * (1 - 1e-3))
+        # Share of the tolerance above the lower bound at which the equations of a regularised plant
+        # have to have a solution; the inequalities are posed nearer to the tolerance.
+        level = max(bound * (1 + 0.7 * problem.tolerance), problem.asked * (1 - 1e-3))
         rungs = _feasible(problem.plant, level, descent.budget)
-        for rung in islice(rungs, _POLICY.rungs):
-            for least in _POLICY.least:
+        # Regularisations that are tried where a controller is missed.
+        for rung in islice(rungs, 2):
+            for least in _LEAST:
                 descent.run(rung, problem.goal, least)
                 if found.best <= problem.goal:
                     return True
@@ -150,7 +119,7 @@ class LmiHinf(Engine):
                 continue
             start = rung.gamma
             before = found.best
-            for least in _POLICY.least[:2]:
+            for least in _LEAST[:2]:
                 descent.run(rung, rung.gamma, least)
                 if found.best < before:
                     break
@@ -182,22 +151,26 @@ class _GammaDescent:
         start = _KnownSolution(_in_unit(frame, goal), None)
         if self._solved(start, 1.0, goal, rung) is not None:
             return
-        gamma, failures = _POLICY.first, 0
+        # How far above the lower bound gamma starts where the goal itself is not reached.
+        gamma, failures = 1.03, 0
         known, reached = start, np.inf
-        for _ in range(_POLICY.steps):
+        # The most programs of one descent, of which three may find nothing.
+        for _ in range(9):
             after = self._solved(known, gamma, goal, rung)
             if after is None:
                 failures += 1
-                if failures > _POLICY.failures or self.budget.over:
+                if failures > 3 or self.budget.over:
                     return
-                higher = gamma * _POLICY.wider
+                # Growth of a first gamma that is not reached either.
+                higher = gamma * 1.02
                 gamma = (gamma + reached) / 2 if np.isfinite(reached) else higher
                 continue
             known, reached = after, gamma
             if gamma <= 1.0:
                 return
             # What is nearly there is asked for at once.
-            lower = 1 + _POLICY.step * (gamma - 1)
+            # Three tenths of the distance are left after one step.
+            lower = 1 + 0.3 * (gamma - 1)
             gamma = lower if lower > 1 + 1e-3 else 1.0
 
     def _solved(
@@ -245,7 +218,7 @@ def _in_unit(plant: PlantMatrices, unit: float) -> PlantMatrices:
 
 def _feasible(plant: PlantMatrices, gamma: float, budget: Budget) -> Iterator[_RegularisedSolution]:
     """Yield regularised plants whose equations have solutions at a gamma, the strongest first."""
-    pairs = [(epsilon, shift) for epsilon in POLICY.epsilons for shift in _POLICY.shifts]
+    pairs = [(epsilon, shift) for epsilon in POLICY.epsilons for shift in _SHIFTS]
     if has_full_rank(plant):
         pairs = [(0.0, shift) for shift in (0.0, *POLICY.shifts)] + pairs
     for epsilon, shift in pairs:
@@ -266,11 +239,11 @@ def _optimal(
     Of all shifts that with the smallest optimum: a smaller one leaves zeros too near the axis.
     """
     best: _RegularisedSolution | None = None
-    for shift in _POLICY.shifts:
+    for shift in _SHIFTS:
         regular = shifted(with_penalty_and_noise(plant, epsilon), shift)
         halves = normalise(regular).halves
-        bracket = search_gamma(halves, start, _POLICY.back_off - 1, budget)
-        gamma = np.inf if bracket is None else bracket.upper * _POLICY.back_off
+        bracket = search_gamma(halves, start, _ABOVE_OPTIMUM - 1, budget)
+        gamma = np.inf if bracket is None else bracket.upper * _ABOVE_OPTIMUM
         if best is None or gamma < best.gamma:
             solution = halves.attempt(gamma) if np.isfinite(gamma) else None
             if solution is not None and solution.feasible:

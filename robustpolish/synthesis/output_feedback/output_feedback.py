@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Literal
 
-import control
-import numpy as np
 from numpy.typing import ArrayLike
 
 from robustpolish.base.budget import (
@@ -20,45 +17,21 @@ from robustpolish.base.budget import (
 )
 from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
 from robustpolish.errors import SolverError
-from robustpolish.linear.norms.h2 import h2_norm
-from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.certificate import (
-    ANY_NORM,
-    Certificate,
-    Gamma,
-    Norm,
-    NormTarget,
-    certify,
-    norm_in_words,
-    unreachable_norm_error,
-)
+from robustpolish.synthesis.certificate import Gamma, Norm, NormTarget, norm_in_words
 from robustpolish.synthesis.design import Design
-from robustpolish.synthesis.output_feedback.engine import POLICY, Settings
-from robustpolish.synthesis.output_feedback.search import (
-    METHODS,
-    ChosenController,
-    PartSearch,
-    choose_controller,
-)
-from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.synthesis.driver import JoinedController, design_by_parts, time_limit_note
+from robustpolish.synthesis.engine import POLICY, Engine, Settings
+from robustpolish.synthesis.output_feedback.lmi import LmiH2, LmiHinf, Slycot
+from robustpolish.synthesis.output_feedback.riccati import Lqg, RegularisedRiccati
 from robustpolish.synthesis.problem.preflight import (
     SolvabilityCheck,
     check_solvability,
     infeasible_modes_error,
-    refuse_unstable,
     with_control_penalty,
     with_measurement_noise,
 )
-from robustpolish.synthesis.problem.scaling import (
-    PlantPart,
-    decoupled_parts,
-    joined_controller,
-    whole_plant,
-    with_dummy_signals,
-)
-from robustpolish.synthesis.problem.status import Status, worst_status
-from robustpolish.synthesis.riccati.lqg import no_finite_h2_norm
+from robustpolish.synthesis.problem.scaling import decoupled_parts, whole_plant
 from robustpolish.synthesis.structured.methods import (
     StructuredOptions,
     checked_order,
@@ -68,6 +41,23 @@ from robustpolish.synthesis.structured.methods import (
 from robustpolish.synthesis.structured.search import TIME_LIMIT
 
 Method = Literal["auto", "riccati", "lmi", "slycot"]
+
+# The order in which each method calls the engines. To add one, write a subclass of
+# :class:`~robustpolish.synthesis.engine.Engine` in a file of its own and name it here.
+
+METHODS = ("auto", "riccati", "lmi", "slycot")
+ENGINE_ORDER: Mapping[tuple[Norm, str], tuple[type[Engine], ...]] = MappingProxyType(
+    {
+        ("hinf", "auto"): (RegularisedRiccati, LmiHinf),
+        ("hinf", "riccati"): (RegularisedRiccati,),
+        ("hinf", "lmi"): (LmiHinf,),
+        ("hinf", "slycot"): (Slycot,),
+        ("h2", "auto"): (Lqg,),
+        ("h2", "riccati"): (Lqg,),
+        ("h2", "lmi"): (LmiH2,),
+        ("h2", "slycot"): (Slycot,),
+    }
+)
 
 
 @single_threaded_blas
@@ -228,8 +218,11 @@ def output_feedback(
         plant = with_measurement_noise(
             with_control_penalty(plant, control_weight), measurement_noise
         )
-    settings = Settings(norm, method, backend, solver, tolerance, wanted)
-    work = max(POLICY.work, POLICY.attempts * step_cost(plant.nx))
+    engines = ENGINE_ORDER[norm, method]
+    settings = Settings(norm, method, backend, solver, tolerance, wanted, engines)
+    # Steps on the size of the plant that a call may spend at least: a search over gamma of a
+    # plant of 120 states takes 40, where `work` would leave one of 250 states seven.
+    work = max(POLICY.work, 80.0 * step_cost(plant.nx))
     budget = Budget.with_certificate_reserve(effort * work, seconds)
     diagnosis = check_solvability(plant)
     exact = [mode for mode in diagnosis.fixed_modes if mode.exact]
@@ -238,48 +231,20 @@ def output_feedback(
     # Delays are approximated in the parts; the whole is certified with them as they are.
     parts = decoupled_parts(plant) if split else (whole_plant(plant.without_delays()),)
     with progress_bar("Designing an output feedback"), enforce_deadline(budget):
-        chosen = _solve_parts(parts, settings, diagnosis, budget)
-        controller = joined_controller(plant, parts, [c.controller if c else None for c in chosen])
-        idle = _open_loop_norms(parts, chosen, norm)
-        certificate = _certificate(plant, parts, controller, norm, chosen, idle)
-    done = [c for c in chosen if c is not None]
-    known = _has_lower_bound(done)
-    bound = _combined_norm([*(c.bound.value if c.bound else 0.0 for c in done), *idle], norm)
-    _require_target(wanted, certificate, bound, done)
-    status = _overall_status(done, certificate, bound, tolerance, budget)
-    if plant.nx <= POLICY.zero_states and not (
-        diagnosis.regular_feedthrough and status == "optimal"
-    ):
+        found = design_by_parts(plant, parts, settings, diagnosis, budget)
+    # Up to so many states of a plant its zeros on the axis are looked for, to explain a result.
+    if plant.nx <= 30 and not (diagnosis.regular_feedthrough and found.status == "optimal"):
         diagnosis = diagnosis.with_zeros(plant)
-    return Design(
-        plant=plant,
-        controller=controller,
-        closed_loop=plant.closed_loop(controller),
-        norm=norm,
-        status=status,
-        message=_message(status, diagnosis, certificate, done, bound, budget, wanted),
-        certificate=certificate,
-        method=" and ".join(dict.fromkeys(c.findings.method for c in done)) or method,
-        backend=" and ".join(dict.fromkeys(c.findings.backend for c in done)) or "scipy",
-        elapsed=budget.elapsed,
-        history=tuple(
-            MappingProxyType({"part": i, **note})
-            for i, c in enumerate(chosen)
-            for note in (c.findings.history if c else ())
-        ),
-        details=MappingProxyType(
-            {
-                "diagnosis": diagnosis,
-                "parts": tuple(part.states for part in parts),
-                "part_norms": tuple(c.certificate.achieved if c else None for c in chosen),
-                "gamma": (wanted.enough, wanted.below) if wanted.is_requested else None,
-                "claim": _combined_norm([c.claim for c in done], norm),
-                "work": budget.spent,
-                "estimated_infimum": None if known or not bound else bound,
-            }
-        ),
-        lower_bound=bound if known else None,
-    )
+    bound = found.bound if found.known else None
+    details = {
+        "diagnosis": diagnosis,
+        "parts": tuple(part.states for part in parts),
+        "part_norms": tuple(c.certificate.achieved if c else None for c in found.chosen),
+        "claim": found.combined([c.claim for c in found.done]),
+        "work": budget.spent,
+        "estimated_infimum": None if found.known or not found.bound else found.bound,
+    }
+    return found.design(_message(found, diagnosis), bound, details)
 
 
 def _check(
@@ -315,181 +280,26 @@ def _check(
         )
 
 
-def _solve_parts(
-    parts: Sequence[PlantPart], settings: Settings, diagnosis: SolvabilityCheck, budget: Budget
-) -> list[ChosenController | None]:
-    """Solve every decoupled part with its share of the work; identical ones once."""
-    searched: dict[tuple[bytes, ...], PartSearch] = {}
-    keys: list[tuple[bytes, ...] | None] = []
-    weights = [p.plant.nx**2 + 1 if p.plant.nu and p.plant.ny else 0 for p in parts]
-    for i, part in enumerate(parts):
-        P = part.plant
-        if not (P.nu and P.ny):
-            refuse_unstable(P)
-            if settings.norm == "h2" and not P.is_discrete and P.D11.any():
-                raise no_finite_h2_norm()
-            keys.append(None)
-            continue
-        key = PlantMatrices.of(P).fingerprint
-        keys.append(key)
-        if key not in searched:
-            share = budget.share(weights[i] / sum(weights[i:]))
-            # Norms of parts add up for the H2 norm, so that only a single one can be told.
-            alone = settings.norm == "hinf" or len(parts) == 1
-            own = settings if alone else replace(settings, wanted=ANY_NORM)
-            searched[key] = PartSearch.of(with_dummy_signals(P), own, diagnosis, share)
-    # No part has to be much better than the one that decides the norm of the whole.
-    enough = POLICY.enough * max((s.best for s in searched.values()), default=0.0)
-    chosen = {key: _choose(search, diagnosis, enough) for key, search in searched.items()}
-    return [None if key is None else chosen[key] for key in keys]
-
-
-def _require_target(
-    wanted: NormTarget, certificate: Certificate, bound: float, done: Sequence[ChosenController]
-) -> None:
-    """Refuse a controller that does not keep what was asked for."""
-    if certificate.bound <= wanted.below:
-        return
-    kind = norm_in_words(certificate.norm)
-    how = " and ".join(dict.fromkeys(c.bound.how for c in done if c.bound is not None))
-    if bound > wanted.below and _has_lower_bound(done):
-        raise unreachable_norm_error(wanted, bound, certificate.norm, how)
-    floor = _lower_bound_note(bound, how, done) or "no lower bound is known"
-    raise SolverError(
-        f"No controller with {wanted.in_words()} was found; the best one that is certified "
-        f"has the {kind} norm {certificate.achieved:.6g}, and {floor}. Ask for a larger gamma, or "
-        "allow more work with effort."
-    )
-
-
-def _choose(search: PartSearch, diagnosis: SolvabilityCheck, enough: float) -> ChosenController:
-    chosen, reasons = choose_controller(
-        search.part, search.problem, search.searches, enough, search.budget
-    )
-    if chosen is not None:
-        return chosen
-    if search.shortened:
-        return _choose(search.with_all_states(), diagnosis, enough)
-    why = "; ".join(dict.fromkeys(reasons)) or "no engine found a stabilising controller"
-    remarks = [remark for found in search.searches for remark in found.remarks]
-    original = search.part.original
-    if search.problem.norm == "h2" and not original.is_discrete and original.D11.any():
-        remarks.append(
-            "The feedthrough D11 can be cancelled up to rounding only, which leaves the H2 norm "
-            "infinite. Filter w or z so that D11 vanishes, or use norm='hinf'."
-        )
-    remarks += [f"It has the {mode}." for mode in diagnosis.fixed_modes]
-    more = _time_limit_note(search.budget)
-    raise SolverError(" ".join([f"No certified controller was found: {why}.{more}", *remarks]))
-
-
-def _time_limit_note(budget: Budget) -> str:
-    """Say that the safety net was reached, if it was, and what to do about it."""
-    if not budget.was_late:
-        return ""
-    return (
-        f" The safety net of {budget.seconds:g} s stopped the search, so that another machine "
-        "may find something else; allow more with time_limit."
-    )
-
-
-def _open_loop_norms(
-    parts: Sequence[PlantPart], chosen: Sequence[ChosenController | None], norm: Norm
-) -> list[float]:
-    """Return the norms of the parts without control, except those in which nothing happens."""
-    size = hinf_norm if norm == "hinf" else h2_norm
-    idle = [part.plant for part, c in zip(parts, chosen, strict=True) if c is None]
-    return [float(size(P.open_loop)) for P in idle if P.nw and P.nz and (P.nx or P.D11.any())]
-
-
-def _certificate(
-    plant: GeneralizedPlant,
-    parts: Sequence[PlantPart],
-    controller: control.StateSpace,
-    norm: Norm,
-    chosen: Sequence[ChosenController | None],
-    idle: Sequence[float],
-) -> Certificate:
-    """Certify the whole loop, which for a single part has been done."""
-    done = [c for c in chosen if c is not None]
-    own = [part.plant.nx for part, c in zip(parts, chosen, strict=True) if c is not None]
-    if own == [plant.nx] and not idle and not plant.delays:
-        return done[0].certificate
-    claims = [*(c.certificate.claimed or 0.0 for c in done), *idle]
-    certificate = certify(plant, controller, norm, _combined_norm(claims, norm))
-    if not certificate.valid:
-        raise SolverError(
-            "The controllers of the parts are certified, the whole is not: "
-            + "; ".join(certificate.reasons)
-        )
-    return certificate
-
-
-def _combined_norm(norms: Sequence[float], norm: Norm) -> float:
-    """Return the norm of a whole from those of its decoupled parts."""
-    return float(max(norms, default=0.0) if norm == "hinf" else np.linalg.norm(norms))
-
-
-def _overall_status(
-    done: Sequence[ChosenController],
-    certificate: Certificate,
-    bound: float,
-    tolerance: float,
-    budget: Budget,
-) -> Status:
-    """Return the status of the whole: that of the parts that decide its norm."""
-    if budget.was_late:
-        return "time_limit"
-    if _has_lower_bound(done) and certificate.achieved <= bound * (1 + tolerance):
-        return "optimal"
-    largest = max((c.certificate.achieved for c in done), default=0.0)
-    return worst_status(
-        c.status
-        for c in done
-        if certificate.norm == "h2" or c.certificate.achieved >= 0.99 * largest
-    )
-
-
-def _has_lower_bound(done: Sequence[ChosenController]) -> bool:
-    """Tell whether the infimum of some part is bounded from below, and of none only estimated."""
-    bounds = [c.bound for c in done if c.bound is not None]
-    return bool(bounds) and all(b.proven for b in bounds)
-
-
-def _lower_bound_note(bound: float, how: str, done: Sequence[ChosenController]) -> str:
-    """Say how low the norm can be; nothing if that is not known."""
-    if not how:
-        return ""
-    if _has_lower_bound(done):
-        return f"no controller comes below {bound:.6g}, {how}"
-    return f"the infimum may be near {bound:.6g}, {how}, which is no bound"
-
-
-def _message(
-    status: Status,
-    diagnosis: SolvabilityCheck,
-    certificate: Certificate,
-    done: Sequence[ChosenController],
-    bound: float,
-    budget: Budget,
-    wanted: NormTarget,
-) -> str:
-    kind = norm_in_words(certificate.norm)
-    achieved = certificate.achieved
-    how = " and ".join(dict.fromkeys(c.bound.how for c in done if c.bound is not None))
-    floor = _lower_bound_note(bound, how, done)
-    if bound > 0 and status == "suboptimal" and _has_lower_bound(done):
+def _message(found: JoinedController, diagnosis: SolvabilityCheck) -> str:
+    achieved, bound, floor = found.certificate.achieved, found.bound, found.lower_bound_note
+    wanted, status = found.settings.wanted, found.status
+    if bound > 0 and status == "suboptimal" and found.known:
         floor = f"that is at most {achieved / bound - 1:.2g} of it above the infimum: {floor}"
-    text = {
-        "optimal": f"The {kind} norm is {achieved:.6g}; {floor}.",
-        "suboptimal": f"The {kind} norm is {achieved:.6g}; "
-        f"{floor if bound > 0 else 'it is not known how far above the infimum that is'}.",
-        "infimum_not_attained": f"The {kind} norm is {achieved:.6g} and could still be "
-        "lowered by ever larger gains: the infimum is not attained. Price u (D12) and add noise "
-        "to y (D21) to choose how much gain is worth it.",
-        "time_limit": f"The {kind} norm is {achieved:.6g}{f'; {floor}' if bound > 0 else ''}.",
-    }[status]
+    text = (
+        f"The {norm_in_words(found.settings.norm)} norm is {achieved:.6g}"
+        + {
+            "optimal": f"; {floor}.",
+            "suboptimal": "; "
+            + (floor if bound > 0 else "it is not known how far above the infimum that is")
+            + ".",
+            "infimum_not_attained": " and could still be lowered by ever larger gains: the "
+            "infimum is not attained. Price u (D12) and add noise to y (D21) to choose how much "
+            "gain is worth it.",
+            "time_limit": f"; {floor}." if bound > 0 else ".",
+        }[status]
+    )
     if wanted.is_requested:
         text += f" It was asked for {wanted.in_words()}."
-    remarks = [remark for c in done for remark in c.findings.remarks]
-    return " ".join([text + _time_limit_note(budget), *diagnosis.findings, *dict.fromkeys(remarks)])
+    remarks = [remark for c in found.done for remark in c.findings.remarks]
+    text += time_limit_note(found.budget)
+    return " ".join([text, *diagnosis.findings, *dict.fromkeys(remarks)])

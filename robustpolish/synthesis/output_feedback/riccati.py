@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from robustpolish.base.budget import Budget, step_cost
-from robustpolish.synthesis.output_feedback.engine import (
+from robustpolish.synthesis.engine import (
     POLICY,
     Candidate,
     Engine,
@@ -53,14 +53,16 @@ class Lqg(Engine):
             return found
         quiet = 0
         norms: list[float] = []
-        for epsilon in POLICY.h2_epsilons:
+        # Rungs for singular H2 problems, whose equations bear half a decade less regularisation.
+        for epsilon in tuple(10.0 ** (-k / 2) for k in range(2, 19)):
             if budget.over:
                 break
             before = found.best
             if not _try(problem, epsilon, found, budget):
                 continue
             norms.append(found.best)
-            quiet = quiet + 1 if found.best > before * (1 - POLICY.h2_settled) else 0
+            # A relative fall of the H2 norm that is none.
+            quiet = quiet + 1 if found.best > before * (1 - 1e-6) else 0
             if quiet >= 2:
                 return found
         found.falling = len(norms) > 4 and norms[-1] < POLICY.falling * norms[-5]
@@ -123,7 +125,10 @@ class _RegularisationDescent:
         self.found = EngineResult("riccati", "scipy")
         self.gamma = 1.0
         # Where every rung takes long, what keeps the tolerance is near enough.
-        self.many = self.plant.nx > POLICY.refined_states
+        # Beyond so many states of a plant the first controller that keeps the tolerance ends the
+        # search, and none at further distances from the optimum is tried: each takes as long as
+        # all the rest of a rung.
+        self.many = self.plant.nx > 100
         self.near = problem.goal if self.many else problem.near
         # A finer tolerance than the usual one asks for finer steps.
         fineness = min(1.0, problem.tolerance / 4e-3)
@@ -157,7 +162,8 @@ class _RegularisationDescent:
             note = self._noted(rung, self.gamma)
             # Where a norm is costly, loops are not checked while gamma falls fast.
             first = len(found.history) == regular + 1
-            if self.costly and (first or self.gamma < (1 - POLICY.quick_drop) * before[0]):
+            # Where checks are costly, none is made on rungs where gamma falls by more than this.
+            if self.costly and (first or self.gamma < (1 - 0.03) * before[0]):
                 waiting = normal, bracket, rung
                 continue
             waiting = None
@@ -167,7 +173,8 @@ class _RegularisationDescent:
                 continue
             failures = 0
             self._take(candidate, note)
-            if candidate.achieved <= self.near or candidate.gain > POLICY.largest_gain:
+            # Entries of a controller above it cannot be verified in double precision.
+            if candidate.achieved <= self.near or candidate.gain > 1e10:
                 break
             if candidate.achieved <= before[1] * 1.1:
                 quiet = quiet + 1 if candidate.achieved > before[1] * (1 - self.settled) else 0
@@ -239,7 +246,8 @@ class _RegularisationDescent:
         """Go on from what is known of this plant, or if its axis was moved, look near by first."""
         start = 1.0
         if moved and known is not None:
-            start, near = known.upper * (1 + POLICY.nearby), POLICY.nearby
+            # How far the optimal gamma is expected to move with the axis; looked at first.
+            start, near = known.upper * (1 + 0.02), 0.02
             known = search_gamma(normal.halves, start, near, self.budget, near)
         return search_gamma(normal.halves, start, self.settled, self.budget, known=known)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import control
@@ -25,6 +25,7 @@ from robustpolish.synthesis.problem.matrices import (
     balanced,
     to_continuous,
     to_discrete,
+    with_measured_states,
 )
 
 # Split a plant into parts that share no signal, and put their controllers together.
@@ -322,7 +323,7 @@ class SolverPlant:
     feedback: Matrix
 
     @classmethod
-    def of(cls, plant: GeneralizedPlant, mapped: bool) -> SolverPlant:
+    def of(cls, plant: GeneralizedPlant, mapped: bool, full_state: bool = False) -> SolverPlant:
         """Prepare a plant.
 
         Parameters
@@ -331,9 +332,16 @@ class SolverPlant:
         mapped : bool
             Whether to map a discrete-time plant to continuous time, which keeps the H-infinity
             norm but not the H2 norm.
+        full_state : bool
+            Whether y is x, which is then measured in the units of the states.
         """
         feedback = np.zeros((plant.nu, plant.ny))
         scaled = scale_plant(plant)
+        if full_state:
+            scaled = replace(scaled, measurement=scaled.state)
+            return cls(
+                plant, scaled, with_measured_states(PlantMatrices.of(scaled.plant)), feedback
+            )
         if plant.is_discrete and mapped:
             gain = scaled.output_gain(np.ones_like(feedback))
             image, feedback = to_continuous(plant, scaled.state, gain)
@@ -411,31 +419,6 @@ def _power_of_two(size: ArrayLike) -> Matrix:
 # Leave out the states of a large plant that nothing sees or reaches, before a search.
 
 
-@dataclass(frozen=True)
-class TruncationPolicy:
-    """When it is worth it.
-
-    Attributes
-    ----------
-    share : float
-        The Hankel bound that is allowed, over the largest singular value. Gains multiply it: with
-        1e-6 and gains of 3e3 a chain of 150 masses has a norm of 110, where 96 was seen.
-    worth : float
-        Share of the states that may be left at most: half of them take an eighth of the time, so
-        that little is lost where the whole plant has to be searched after all.
-    slowest : float
-        What decays less, over the largest entry of A, is kept as what is unstable: rounding makes
-        poles of this size of double ones at zero, on both sides of the axis.
-    """
-
-    share: float = 1e-8
-    worth: float = 0.5
-    slowest: float = 1e-6
-
-
-_POLICY = TruncationPolicy()
-
-
 class Truncated(NamedTuple):
     """A plant of fewer states, and how far its response from w, u to z, y is from the whole's."""
 
@@ -474,8 +457,12 @@ def truncated(plant: PlantMatrices) -> Truncated | None:
         return None
     left_out = 2 * np.cumsum(values[::-1])[::-1]
     rest = plant.nx - stable
-    kept = int(np.count_nonzero(~(left_out <= _POLICY.share * values.max(initial=0.0))))
-    if kept + rest > _POLICY.worth * plant.nx or not 0 < kept < stable:
+    # The Hankel bound that is allowed, over the largest singular value. Gains multiply it: with
+    # 1e-6 and gains of 3e3 a chain of 150 masses has a norm of 110, where 96 was seen.
+    kept = int(np.count_nonzero(~(left_out <= 1e-8 * values.max(initial=0.0))))
+    # Half of the states take an eighth of the time, so that little is lost where the whole plant
+    # has to be searched after all.
+    if kept + rest > 0.5 * plant.nx or not 0 < kept < stable:
         return None
     others: Any = np.eye(rest)
     into, back = linalg.block_diag(Ti[:kept], others), linalg.block_diag(T[:, :kept], others)
@@ -484,7 +471,9 @@ def truncated(plant: PlantMatrices) -> Truncated | None:
 
 def _split(A: AnyMatrix) -> tuple[AnyMatrix, AnyMatrix, int]:
     """Return coordinates, and back, in which the stable states stand first, alone."""
-    least = _POLICY.slowest * float(np.abs(A).max())
+    # What decays less is kept as what is unstable: rounding makes poles of this size of double
+    # ones at zero, on both sides of the axis.
+    least = 1e-6 * float(np.abs(A).max())
     T, Z, count = linalg.schur(A, output="real", sort=lambda re, im: re < -least)  # type: ignore[misc]
     n, turn = len(A), np.eye(len(A))
     if 0 < count < n:

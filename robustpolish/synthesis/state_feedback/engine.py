@@ -28,84 +28,33 @@ class StatePolicy:
         Steps that one design may take, a few milliseconds each. A bound on the gain of the brush's
         plant takes 13 000 of them, everything else on it less than 1 000, and one program for 40
         states 15 000.
-    given_away : float
-        Share of the tolerance that is given away for a smaller gain: the gain often grows without
-        limit towards the optimum (force actuation, H-infinity: 1.7e8 at 2e-5 from the optimum).
-    relaxations : tuple of float
-        Factors on the tolerance, one after the other: gains next to the optimum can be too
-        large to certify (random plants in wild units).
-    rounding : float
-        Share of the tolerance by which a claim may be missed in the plant's own units.
     coarse : float
-        Tolerance where a design only serves as a start or shows a trend; `given_away` of it is a
+        Tolerance where a design only serves as a start or shows a trend; a fifth of it is a
         tenth of the norm, which keeps gains small.
     bracket : float
         Final width of the bisection on gamma over the slack that is given away afterwards.
-    retreats : tuple of float
-        Multiples of the slack at which the Riccati equation is solved in the end: next to
-        the optimum its solution can be too inaccurate to keep its claim.
-    newton_steps : int
-        Refinements of a Riccati solution; more do not help doubles.
-    nearest_bound, bound_step : float
-        A lower bound is looked for below the norm by this share of the tolerance, then by a
-        distance larger by the second factor, and so on.
-    axis : float
-        Eigenvalues this near to the imaginary axis, over their size, count as on it: no solution.
-        Just below the optimum they are simple and known to 1e-13; the lightest damping
-        of the bearing is 1e-5.
-    doubt : float
-        A solution counts as not positive if it is so by this many rounding errors, as seen in
-        its asymmetry. Next to an optimum that needs infinite gain only that tells on which side
-        gamma is: the random plants 1 and 3 had "optimal" designs 5e-4 above the optimum.
     price_step : float
         Factor between two prices on u.
-    price_exponents : range
-        Prices are ``price_step`` to these powers: from "no control" to rounding errors.
-    landings : int
-        Halvings between the last two prices, to meet the target with a small gain.
-    low_price : float
-        Only below it can a norm have reached its limit: above it is the norm of no control.
+    prices : tuple of float
+        Prices on u, falling by ``price_step``: from "no control" to rounding errors.
     converged : float
         A norm that moves by less than this share from price to price has reached its limit ...
-    gain_growth : float
-        ... if the gain grows by less than this factor: norms can rest on a plateau.
-    vanished : float
-        A norm that keeps falling is followed down to this share of what almost no control gives;
-        the thesis's plant without a price would fall until gains overflow.
-    stabilising : float
-        Weight of the states against the controls where only stability is asked for.
     solver_tolerance, eased_tolerance : float
         Of interior-point solvers; the second where the first makes them break down.
-    tightest_stay : float
-        Largest solver tolerance, over the slack, where gains next to the edge are wrong.
     noise : tuple of float
         One round of inequalities each, with this disturbance on all states over the one
         that is there, for the H2 norm. Without it Y is singular where w excites little (one axis of
         the bearing at rest), and without a pole region the optimal gain does not depend on it.
-    higher_prices : tuple of float
-        Easier problems by whose coordinates a hard one is approached.
     smallest_share : float
         Eigenvalues below this share of the largest are rounding errors of a solver.
-    agreement : float
-        Rounds agree within this many slacks; within a tenth of a slack they are settled.
     coarse_slack : float
         With more slack than this the gain of least effort is taken as it is.
-    halvings : int
-        Points on the line from the best gain to one of less effort.
-    region_margin : float
-        Poles are asked to lie inside their region by this share of its size, so that
-        rounding errors of the solver leave them inside.
     bound_starts : int
         Starts from which each search under a bound on the gain is run.
-    bound_prices : range
-        Powers of ``price_step`` for those starts.
-    bound_rounds, descents, iterations : int
-        Rounds of inequalities, descents on the true norm, and steps of one descent.
-    small_start : float
-        Starts below this share of the bound are small: gains that cancel a disturbance are found
-        from them only (displacement actuation of the bearing).
-    worthwhile : float
-        Share by which a descent from a small gain has to be better to be preferred.
+    starting_prices : tuple of float
+        Prices on u, falling, whose designs are those starts.
+    iterations : int
+        Steps of one descent on the true norm.
     gained : float
         A step that gains less than this share ends a search.
     bound_margin : float
@@ -115,55 +64,22 @@ class StatePolicy:
     """
 
     work: float = 1e5
-    given_away: float = 0.2
-    relaxations: tuple[float, ...] = (1.0, 10.0, 100.0)
-    rounding: float = 0.3
     coarse: float = 0.5
     bracket: float = 1e-2
-    retreats: tuple[float, ...] = (1.0, 2.5, 5.0)
-    newton_steps: int = 3
-    nearest_bound: float = 0.25
-    bound_step: float = 1.5
-    axis: float = 1e-10
-    doubt: float = 10.0
     price_step: float = 10.0
-    price_exponents: range = range(3, -9, -1)
-    landings: int = 4
-    low_price: float = 1e-4
+    prices: tuple[float, ...] = tuple(10.0**k for k in range(3, -9, -1))
     converged: float = 3e-4
-    gain_growth: float = 1.2
-    vanished: float = 1e-4
-    stabilising: float = 1e-3
     solver_tolerance: float = 1e-9
     eased_tolerance: float = 1e-7
-    tightest_stay: float = 0.1
     noise: tuple[float, ...] = (1e-1, 1e-2, 1e-3, 1e-4, 1e-4)
-    higher_prices: tuple[float, ...] = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
     smallest_share: float = 1e-13
-    agreement: float = 5.0
     coarse_slack: float = 1e-2
-    halvings: int = 14
-    region_margin: float = 1e-6
     bound_starts: int = 2
-    bound_prices: range = range(4, -10, -1)
-    bound_rounds: int = 15
-    descents: int = 3
+    starting_prices: tuple[float, ...] = tuple(10.0**k for k in range(4, -10, -1))
     iterations: int = 150
-    small_start: float = 0.5
-    worthwhile: float = 1e-3
     gained: float = 1e-5
     bound_margin: float = 1e-9
     bound_noise: float = 1e-3
-
-    @property
-    def prices(self) -> tuple[float, ...]:
-        """Prices on u, falling."""
-        return tuple(self.price_step**k for k in self.price_exponents)
-
-    @property
-    def starting_prices(self) -> tuple[float, ...]:
-        """Prices on u whose designs are starts under a bound on the gain, falling."""
-        return tuple(self.price_step**k for k in self.bound_prices)
 
     @staticmethod
     def gain_work(states: int) -> float:
@@ -242,12 +158,11 @@ class StateEngine(ABC):
     @property
     def slack(self) -> float:
         """Relative distance from the optimum that is given away for a smaller gain."""
-        return POLICY.given_away * self.tolerance
+        # Share of the tolerance that is given away for a smaller gain: the gain often grows
+        # without limit towards the optimum (force actuation, H-infinity: 1.7e8 at 2e-5 from the
+        # optimum).
+        return 0.2 * self.tolerance
 
     def with_least_tolerance(self, tolerance: float) -> StateEngine:
         """Return the engine with at least this tolerance."""
         return replace(self, tolerance=max(self.tolerance, tolerance))
-
-    def in_unit_of_time(self, seconds: float) -> StateEngine:
-        """Return the engine for a plant whose time is counted in units of `seconds`."""
-        return replace(self, regions=tuple(r.in_unit_of_time(seconds) for r in self.regions))

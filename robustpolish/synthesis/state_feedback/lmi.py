@@ -211,7 +211,9 @@ def region_inequalities(
     """Require the poles to lie in every one of `regions`, given in the problem's unit of time."""
     S = p.A @ Y + p.B2 @ M
     for region in regions:
-        L = region.L + POLICY.region_margin * np.linalg.norm(region.L, 2) * np.eye(len(region.L))
+        # Poles are asked to lie inside their region by this share of its size, so that rounding
+        # errors of the solver leave them inside.
+        L = region.L + 1e-6 * np.linalg.norm(region.L, 2) * np.eye(len(region.L))
         program.positive(region_matrix(L, region.M, Y, S))
 
 
@@ -475,11 +477,13 @@ def _iterate(programs: StatePrograms, coordinates: Coordinates) -> _LmiIteration
         settled = best is not None and _has_converged(solved.gain, best.gain, engine)
         if achieved > claimed * (1 + engine.slack):
             # The solver went so near the edge that its gain is wrong: stay further inside.
-            tolerance = min(30 * tolerance, POLICY.tightest_stay * engine.slack)
+            # Largest solver tolerance, over the slack, where gains next to the edge are wrong.
+            tolerance = min(30 * tolerance, 0.1 * engine.slack)
         near = best.gain.achieved if best is not None and engine.norm == "h2" else claimed
         if achieved == 0:  # nothing is below that
             return _LmiIteration(solved, coordinates, 0.0, True)
-        agreed = agreed or settled or abs(near / achieved - 1) < POLICY.agreement * engine.slack
+        # Rounds agree within this many slacks; within a tenth of a slack they are settled.
+        agreed = agreed or settled or abs(near / achieved - 1) < 5.0 * engine.slack
         if best is None or achieved < best.gain.achieved:
             best = solved
         if settled:
@@ -513,7 +517,8 @@ def _solve_with_fallback(
 
 def _coordinates_by_continuation(programs: StatePrograms, coordinates: Coordinates) -> Coordinates:
     """Return coordinates for a hard problem from easier ones, in which u has a higher price."""
-    for price in POLICY.higher_prices:
+    # Easier problems by whose coordinates a hard one is approached.
+    for price in (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6):
         easier = compressed_outputs(with_small_penalty(programs.plant, price))
         unit = state_gain_norm(easier, lqr_gain(easier), programs.engine.norm)
         if not 0 < unit < math.inf or programs.budget.over:
@@ -593,7 +598,8 @@ def _line_search(
     # A norm below the optimum is a rounding error of a loop with too large a gain.
     floor = base * (1 - slack)
     chosen, low, high, share = best.gain, 0.0, 1.0, 1.0
-    for _ in range(POLICY.halvings):
+    # Points on the line from the best gain to one of less effort.
+    for _ in range(14):
         Y = (1 - share) * best.Y + share * end.Y
         M = (1 - share) * best.gain.F @ best.Y + share * end.gain.F @ end.Y
         try:

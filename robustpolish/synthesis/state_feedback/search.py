@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import control
 import numpy as np
 from scipy import linalg
 
@@ -14,11 +15,13 @@ from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget
 from robustpolish.errors import SolverError
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.certificate import ANY_NORM, NormTarget
+from robustpolish.synthesis.certificate import Certificate, Norm
+from robustpolish.synthesis.engine import Candidate, Engine, EngineResult, Settings, Task
 from robustpolish.synthesis.nonsmooth.descent import Problem, Requirement, minimax
 from robustpolish.synthesis.nonsmooth.measures import GainMeasure, H2Measure, HinfMeasure
 from robustpolish.synthesis.nonsmooth.parametrisations import MaskedGain
 from robustpolish.synthesis.problem.matrices import (
+    Controller,
     PlantMatrices,
     compressed_outputs,
     in_states,
@@ -26,18 +29,18 @@ from robustpolish.synthesis.problem.matrices import (
     minimum_effort_problem,
     stabilises,
     state_gain_norm,
-    with_measured_states,
     with_noise,
     with_small_penalty,
 )
-from robustpolish.synthesis.problem.pole_regions import Disk
-from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
-from robustpolish.synthesis.problem.status import Status
+from robustpolish.synthesis.problem.pole_regions import Disk, violated_regions
+from robustpolish.synthesis.problem.scaling import ScaledPlant, SolverPlant
 from robustpolish.synthesis.riccati.equations import solve_lyapunov
+from robustpolish.synthesis.riccati.gamma import LowerBound
 from robustpolish.synthesis.state_feedback.engine import POLICY, StateEngine, StateGain
 from robustpolish.synthesis.state_feedback.lmi import (
     Coordinates,
     Demand,
+    LmiStateEngine,
     SolvedProgram,
     StatePrograms,
 )
@@ -126,12 +129,15 @@ class _BoundedSearch:
             if achieved < value:
                 best, value = F, achieved
         # Small gains that cancel a disturbance are found from small gains only.
-        limit = POLICY.small_start * self.bound.bound
+        # Starts below this share of the bound are small: gains that cancel a disturbance are
+        # found from them only (displacement actuation of the bearing).
+        limit = 0.5 * self.bound.bound
         small = [F for F in starts if 0 < self.bound.size(F) < limit]
         for start in small[: POLICY.bound_starts]:
             F = self.nonsmooth_descent(start, balanced=False)
             achieved = self.norm(F)
-            if achieved < value * (1 - POLICY.worthwhile):
+            # Share by which a descent from a small gain has to be better to be preferred.
+            if achieved < value * (1 - 1e-3):
                 best, value = F, achieved
         if best is None or not math.isfinite(value):
             return None
@@ -172,7 +178,7 @@ class _BoundedSearch:
         programs = StatePrograms(p, self.engine, self.budget, self.history)
         held = (self.bound.left / self.bound.bound, self.bound.right)
         F, value = start, programs.loop_norm_of(start)
-        for _ in range(POLICY.bound_rounds):
+        for _ in range(15):
             if self.budget.over or not value > 0:
                 break
             coordinates = Coordinates.plain(p, value)
@@ -200,7 +206,7 @@ class _BoundedSearch:
         """Descend on the true norm, if asked in states in which the last loop is balanced."""
         p, bound = self.plant, self.bound
         F, value = start, self.norm(start)
-        for _ in range(POLICY.descents):
+        for _ in range(3):
             if self.budget.over:
                 break
             T, V = _coordinates(p, F) if balanced else (np.eye(p.nx), np.eye(p.nu))
@@ -251,83 +257,6 @@ def _coordinates(p: PlantMatrices, F: Matrix) -> tuple[Matrix, Matrix]:
     return T, np.diag(np.maximum(size, 1e-3 * largest))
 
 
-# What a state feedback says about itself: status and message.
-
-
-def message(
-    status: Status,
-    achieved: float,
-    lower_bound: float,
-    gain: float,
-    tolerance: float,
-    gain_bound: float | None,
-    has_region: bool,
-    exhausted: bool,
-    history: Sequence[Mapping[str, Any]],
-    wanted: NormTarget = ANY_NORM,
-) -> str:
-    """Say what happened and what to try next.
-
-    Parameters
-    ----------
-    status : str
-    achieved, lower_bound, gain : float
-        Norm of the loop, what none falls below, and largest singular value of F, in the plant's
-        units.
-    tolerance : float
-    gain_bound : float or None
-    has_region : bool
-    exhausted : bool
-        Whether the search ended with its work and not by itself.
-    history : sequence of mapping
-        The trade-off is read from the entries with a price.
-    wanted : WantedNorm, optional
-    """
-    found = f"Norm {achieved:.6g} with a gain of {gain:.4g} (largest singular value)."
-    if lower_bound > 0:
-        found += f" No state feedback has a norm below {lower_bound:.6g}."
-    if status == "optimal":
-        return f"{found} That is within {tolerance:.0e} of it: the design is optimal."
-    if status == "time_limit":
-        return (
-            f"{found} Time ran out before the search ended: another run may find another gain. "
-            "Raise time_limit for a better one."
-        )
-    if status == "infimum_not_attained":
-        return (
-            f"{found} The infimum is not attained: smaller norms need ever larger gains"
-            f"{_trade_off(history)}. Set control_weight, gain_bound or pole_region to ask for a "
-            "problem that has an optimum."
-        )
-    if exhausted:
-        return f"{found} The search ended with its work, because the plant is large."
-    if wanted.is_requested:
-        found += f" It was asked for {wanted.in_words()}."
-        if achieved <= wanted.enough:
-            return found + " What lies below that was given away for a smaller gain."
-    if gain_bound is not None:
-        return (
-            f"{found} The bound {gain_bound:.6g} on the gain is kept. It makes the problem "
-            "nonconvex: this is a local optimum, and a better gain is not ruled out."
-        )
-    if has_region:
-        return (
-            f"{found} The poles lie in the region. One Lyapunov matrix serves norm and region, "
-            "which is sufficient but not necessary: a better gain is not ruled out."
-        )
-    return (
-        f"{found} It could not be shown to be within {tolerance:.0e} of the optimum: gains next to "
-        "it are too large to compute with, or a control has no price. Try the other method, or set "
-        "control_weight."
-    )
-
-
-def _trade_off(history: Sequence[Mapping[str, Any]]) -> str:
-    rungs = [e for e in history if "price" in e and e.get("part") == 0]
-    shown = [f"{e['achieved']:.2g} at {e['gain']:.2g}" for e in rungs if "gain" in e]
-    return f" (norm at gain of the first part: {', '.join(shown[:12])})" if shown else ""
-
-
 # Problems in which control is free: a price on u and x shrinks until the norm stops falling.
 
 
@@ -336,7 +265,8 @@ def least_control_norm(plant: PlantMatrices, norm: str) -> float:
     idle = state_gain_norm(plant, np.zeros((plant.nu, plant.nx)), norm)
     if math.isfinite(idle):
         return idle
-    least = lqr_gain(minimum_effort_problem(plant, POLICY.stabilising))
+    # Weight of the states against the controls where only stability is asked for.
+    least = lqr_gain(minimum_effort_problem(plant, 1e-3))
     return state_gain_norm(plant, least, norm)
 
 
@@ -403,7 +333,8 @@ class _PenaltyDescent:
             rungs.append(rung)
             if rung.achieved <= self.target:
                 return self.told(self.landed(rung, price), False), True
-            low = price <= POLICY.low_price and len(rungs) > 1
+            # Only below it can a norm have reached its limit: above it is the norm of no control.
+            low = price <= 1e-4 and len(rungs) > 1
             if low and self.has_converged(rungs[-2], rungs[-1]):
                 settled = True
                 break
@@ -430,7 +361,8 @@ class _PenaltyDescent:
         low, high = math.log(price), math.log(price * POLICY.price_step)
         if price == POLICY.prices[0]:
             high += 3 * math.log(POLICY.price_step)
-        for _ in range(POLICY.landings):
+        # Halvings between the last two prices, to meet the target with a small gain.
+        for _ in range(4):
             if self.budget.over:
                 break
             middle = (low + high) / 2
@@ -444,7 +376,8 @@ class _PenaltyDescent:
     def has_converged(self, before: StateGain, after: StateGain) -> bool:
         """Return whether neither norm nor gain still moved."""
         same_norm = before.achieved < after.achieved * (1 + POLICY.converged)
-        return same_norm and self.size(after.F) < POLICY.gain_growth * self.size(before.F)
+        # ... if the gain grows by less than this factor: norms can rest on a plateau.
+        return same_norm and self.size(after.F) < 1.2 * self.size(before.F)
 
     def told(self, rung: StateGain, settled: bool) -> StateGain:
         """Return a rung with the history of all and its status."""
@@ -468,20 +401,15 @@ class SmallestGain:
     engine : StateEngine
     plant : PlantMatrices
         Scaled.
-    left, right : ndarray
-        left F right is a gain in the plant's units.
+    units : GainBound
+        Of the gain.
     budget : Budget
     """
 
     engine: StateEngine
     plant: PlantMatrices
-    left: Matrix
-    right: Matrix
+    units: GainBound
     budget: Budget
-
-    def size(self, F: Matrix) -> float:
-        """Return the largest singular value of a gain in the plant's units."""
-        return float(np.linalg.norm(self.left @ F @ self.right, 2)) if F.size else 0.0
 
     def within(self, target: float, found: StateGain) -> StateGain:
         """Give what lies between the norm of a gain and a target away for a smaller gain.
@@ -498,7 +426,7 @@ class SmallestGain:
         StateGain
         """
         kept = [g for g in (found, *self._others(target)) if g.achieved <= target]
-        smallest = min(kept, key=lambda g: self.size(g.F))
+        smallest = min(kept, key=lambda g: self.units.size(g.F))
         history = found.history + smallest.history if smallest is not found else found.history
         smallest = replace(smallest, status="suboptimal", history=history)
         # A descent leaves poles where they need not be in a region, and a norm that is not zero.
@@ -517,7 +445,7 @@ class SmallestGain:
             )
             if central is not None:
                 yield central
-        priced = solve_singular(self.engine, self.plant, target, self.size, self.budget)
+        priced = solve_singular(self.engine, self.plant, target, self.units.size, self.budget)
         if priced is not None:
             yield priced
 
@@ -533,12 +461,12 @@ class SmallestGain:
         p = self.plant
         norm = HinfMeasure(p) if self.engine.norm == "hinf" else H2Measure(p)
         gains = MaskedGain(np.ones(start.F.shape, dtype=bool))
-        measure = GainMeasure(self.left, self.right)
+        measure = GainMeasure(self.units.left, self.units.right)
         problem = Problem(gains, measure, (Requirement(norm, target * (1 - POLICY.bound_margin)),))
         descent = minimax(problem, gains.coordinates(start.F), self.budget, POLICY.iterations)
         F = gains.gain(descent.point)
         achieved = state_gain_norm(p, F, self.engine.norm)
-        if achieved > target or self.size(F) >= self.size(start.F):
+        if achieved > target or self.units.size(F) >= self.units.size(start.F):
             return start
         told = {"step": "descent on the gain", "achieved": achieved, "ended": descent.reason}
         return replace(
@@ -546,141 +474,139 @@ class SmallestGain:
         )
 
 
-# The search on one decoupled part of a plant: scaled, solved, brought back to its own units.
+# The search on one decoupled part of a plant, which the driver has scaled.
 
 
-def solve_parts(
-    plants: Sequence[GeneralizedPlant],
-    engine: StateEngine,
-    tolerance: float,
-    gain_bound: float | None,
-    budget: Budget,
-    wanted: NormTarget = ANY_NORM,
-) -> list[StateGain]:
-    """Minimise the norm of every part.
+class StateSearch(Engine):
+    """The static gain u = F x of one part, made by Riccati equations or by inequalities.
 
-    Parameters
-    ----------
-    plants : sequence of GeneralizedPlant
-    engine : StateEngine
-        With regions in the plants' unit of time.
-    tolerance : float
-        Distance from the lower bound within which a gain is "optimal"; the engine's own may
-        be relaxed.
-    gain_bound : float or None
-        Bound on the largest singular value of every gain in the plants' units.
-    budget : Budget
-    wanted : WantedNorm, optional
-        A norm that will do for every part, in the plants' units.
-
-    Returns
-    -------
-    list of StateGain
-        In the plants' units.
-
-    Raises
-    ------
-    SolverError
-        If no verified gain was found for one of them.
+    Where control has no price, the norm is followed downwards by prices that shrink; a bound on the
+    gain has a search of its own; and where a norm was asked for that is not the smallest one, the
+    rest is given away for a smaller gain.
     """
-    parts = [_Part.of(plant, engine, budget) for plant in plants]
-    references = [part.reference() for part in parts]
-    reference = max(references) if engine.norm == "hinf" else math.hypot(*references)
-    # Machines are symmetric: equal parts are solved once.
-    known: dict[tuple[bytes, ...], StateGain] = {}
+
+    solver: type[StateEngine]
+
+    def search(self, problem: Task, budget: Budget) -> EngineResult:
+        """Minimise the norm; the only candidate is a static controller."""
+        settings, scaled = self.settings, problem.scaled
+        assert scaled is not None
+        tolerance = settings.relaxations[0] * settings.tolerance
+        regions = tuple(region.in_unit_of_time(scaled.time) for region in settings.regions)
+        solver = self.solver(settings.norm, tolerance, regions, settings.backend, settings.solver)
+        found = _PartSearch(problem, solver, settings, budget, scaled).run()
+        unit = scaled.norm(1.0, settings.norm)
+        nu, nx = found.F.shape
+        K = Controller(np.zeros((0, 0)), np.zeros((0, nx)), np.zeros((nu, 0)), found.F)
+        bound = None
+        if found.lower_bound > 0 or found.achieved == 0:
+            bound = LowerBound(found.lower_bound, "which Riccati equations tell")
+
+        def objections(K: control.StateSpace, proof: Certificate) -> tuple[str, ...]:
+            """Tell what a certificate does not see: bound, regions and rounding errors."""
+            size, most = float(np.linalg.norm(K.D, 2)), settings.gain_bound
+            said = violated_regions(settings.regions, proof.poles)
+            if most is not None and size > most:
+                said.append(f"the gain {size:.8g} exceeds {most:.8g}")
+            # Share of the tolerance by which a claim may be missed in the plant's own units.
+            promise = unit * found.claimed * (1 + 0.3 * tolerance)
+            if proof.achieved > promise > 0:
+                said.append("the gain is so large that rounding changes the norm")
+            return tuple(said)
+
+        return EngineResult(
+            settings.method,
+            settings.backend if settings.method == "lmi" else "scipy",
+            [Candidate(K, found.achieved, found.claimed, settings.method)],
+            [
+                entry | {key: entry[key] * unit for key in _NORMS if key in entry}
+                for entry in found.history
+            ],
+            falling=found.status == "infimum_not_attained",
+            bound=bound,
+            constrained=bool(regions) and found.status != "optimal",
+            objections=objections,
+        )
+
+
+class RiccatiStateSearch(StateSearch):
+    """Gains by Riccati equations."""
+
+    solver = RiccatiStateEngine
+
+
+class LmiStateSearch(StateSearch):
+    """Gains by linear matrix inequalities."""
+
+    solver = LmiStateEngine
+
+
+def reference_norm(parts: Iterable[GeneralizedPlant], norm: Norm) -> float:
+    """Return the norm, with almost no control, of the parts that have no optimum."""
+    known: dict[tuple[bytes, ...], float] = {}
+    norms = []
     for part in parts:
-        if part.fingerprint not in known:
-            known[part.fingerprint] = part.solve(reference, gain_bound, tolerance, wanted)
-    return [known[part.fingerprint] for part in parts]
+        key = PlantMatrices.of(part).fingerprint
+        if key not in known and part.nu and part.nx:
+            prepared = SolverPlant.of(part, mapped=False, full_state=True)
+            p = prepared.matrices
+            free = not (is_idle(p) or is_regular(p))
+            value = least_control_norm(p, norm) if free else 0.0
+            known[key] = prepared.norm(value, norm) if math.isfinite(value) else 0.0
+        norms.append(known.get(key, 0.0))
+    return max(norms, default=0.0) if norm == "hinf" else math.hypot(*norms)
+
+
+def is_idle(p: PlantMatrices) -> bool:
+    """Return whether nothing is to be minimised: no disturbance, or no performance output."""
+    return not p.B1.any() or not (p.C1.any() or p.D12.any() or p.D11.any())
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
-    """A part in its own and in scaled units, and who searches it.
+class _PartSearch:
+    """The search on one part in scaled units."""
 
-    Attributes
-    ----------
-    scaled : ScaledPlant
-    plant : PlantMatrices
-        Of the scaled plant.
-    engine : StateEngine
-        With regions in the scaled unit of time.
-    budget : Budget
-    """
-
-    scaled: ScaledPlant
-    plant: PlantMatrices
+    task: Task
     engine: StateEngine
+    settings: Settings
     budget: Budget
-
-    @classmethod
-    def of(cls, plant: GeneralizedPlant, engine: StateEngine, budget: Budget) -> _Part:
-        """Scale a plant and the regions of the engine."""
-        scaled = scale_plant(plant)
-        inside = engine.in_unit_of_time(scaled.time)
-        return cls(scaled, with_measured_states(PlantMatrices.of(scaled.plant)), inside, budget)
+    scaled: ScaledPlant
 
     @property
-    def fingerprint(self) -> tuple[bytes, ...]:
-        """What is the same for parts with the same matrices."""
-        return PlantMatrices.of(self.scaled.original).fingerprint
+    def plant(self) -> PlantMatrices:
+        return self.task.plant
 
     @property
-    def is_idle(self) -> bool:
-        """Whether nothing is to be minimised: no disturbance, or no performance output."""
-        p = self.plant
-        return not p.B1.any() or not (p.C1.any() or p.D12.any() or p.D11.any())
+    def limits(self) -> GainBound:
+        """The units of a gain, and its bound."""
+        bound = self.settings.gain_bound
+        left, right = np.diag(self.scaled.control), np.diag(1 / self.scaled.state)
+        return GainBound(left, right, math.inf if bound is None else bound)
 
-    @property
-    def is_direct(self) -> bool:
-        """Whether the inequalities have an optimum without a price on u."""
+    def run(self) -> StateGain:
+        """Minimise the norm, and bound it from below."""
+        p, norm, tolerance = self.plant, self.task.norm, self.task.tolerance
+        if is_idle(p):
+            return self.stabilised()
+        enough = self.task.wanted.limited(0.0)
         bounded = any(isinstance(region, Disk) for region in self.engine.regions)
-        return is_regular(self.plant) or bounded
-
-    def reference(self) -> float:
-        """Return the norm with almost no control if the part has no optimum; 0 otherwise."""
-        if self.plant.nu == 0 or self.is_idle or self.is_direct:
-            return 0.0
-        value = least_control_norm(self.plant, self.engine.norm)
-        return self.scaled.norm(value, self.engine.norm) if math.isfinite(value) else 0.0
-
-    def solve(
-        self, reference: float, gain_bound: float | None, tolerance: float, wanted: NormTarget
-    ) -> StateGain:
-        """Minimise the norm.
-
-        Parameters
-        ----------
-        reference : float
-            Norm of the whole with almost no control: what a vanishing norm is small against.
-        gain_bound : float or None
-        tolerance : float
-        wanted : NormTarget
-        """
-        p = self.plant
-        if p.nu == 0 or self.is_idle:
-            return self.in_units(self.stabilised())
-        norm = self.engine.norm
-        enough = wanted.in_unit(self.scaled.norm(1.0, norm)).limited(0.0)
-        if gain_bound is not None:
-            found = self.bounded(gain_bound)
-        else:
-            found = self.engine.search(p, self.budget) if self.is_direct else None
-            found = self.singular(reference, enough) if found is None else found
+        found = None
+        if self.settings.gain_bound is not None:
+            found = self.bounded()
+        elif is_regular(p) or bounded:  # an optimum without a price on u
+            found = self.engine.search(p, self.budget)
+        if found is None:
+            found = self.singular(enough)
         if found.achieved <= enough:
-            left, right = np.diag(self.scaled.control), np.diag(1 / self.scaled.state)
-            found = SmallestGain(self.engine, p, left, right, self.budget).within(enough, found)
+            found = SmallestGain(self.engine, p, self.limits, self.budget).within(enough, found)
         least = state_norm_lower_bound(p, norm, found.achieved, tolerance, self.budget)
-        # With regions it says no more than that the region costs nothing visible.
-        if found.achieved <= least * (1 + tolerance) and not self.engine.regions:
-            found = replace(found, status="optimal")
-        return self.in_units(replace(found, lower_bound=least))
+        return replace(found, lower_bound=least)
 
     def stabilised(self) -> StateGain:
         """Stabilise a part whose norm no control changes, with little effort."""
         p, engine = self.plant, self.engine
         none = np.zeros((p.nu, p.nx))
-        if p.nu == 0 or (not engine.regions and stabilises(p, none)):
+        if not engine.regions and stabilises(p, none):
             found = StateGain(none, 0.0, 0.0)
         else:
             effort = minimum_effort_problem(p, 1.0)
@@ -690,47 +616,28 @@ class _Part:
         norm = state_gain_norm(p, found.F, engine.norm)
         return replace(found, claimed=norm, achieved=norm, lower_bound=norm, status="optimal")
 
-    def bounded(self, bound: float) -> StateGain:
+    def bounded(self) -> StateGain:
         """Minimise the norm under a bound on the gain."""
-        gain = GainBound(np.diag(self.scaled.control), np.diag(1 / self.scaled.state), bound)
-        found = minimise_bounded(self.engine, self.plant, gain, self.budget)
+        found = minimise_bounded(self.engine, self.plant, self.limits, self.budget)
         if found is None:
             raise SolverError(
-                f"No stabilising gain with a largest singular value of at most {bound:.6g} was "
-                "found. That none exists is not proven. Raise gain_bound, or set control_weight "
-                "instead."
+                f"No stabilising gain with a largest singular value of at most "
+                f"{self.limits.bound:.6g} was found. That none exists is not proven. Raise "
+                "gain_bound, or set control_weight instead."
             )
         return found
 
-    def singular(self, reference: float, enough: float) -> StateGain:
+    def singular(self, enough: float) -> StateGain:
         """Follow the infimum of a norm for which control is free, down to `enough`."""
-        norm, regions = self.engine.norm, self.engine.regions
-        target = max(self.scaled.scaled_norm(POLICY.vanished * reference, norm), enough)
-        found = solve_singular(self.engine, self.plant, target, self.gain_size, self.budget)
+        # A norm that keeps falling is followed down to this share of what almost no control
+        # gives; the thesis's plant without a price would fall until gains overflow.
+        vanished = 1e-4 * self.settings.reference
+        target = max(self.scaled.scaled_norm(vanished, self.task.norm), enough)
+        found = solve_singular(self.engine, self.plant, target, self.limits.size, self.budget)
         if found is None:
             raise self.no_gain_error()
         fell = found.achieved <= target
-        return replace(found, status="suboptimal") if regions and not fell else found
-
-    def gain_size(self, F: Matrix) -> float:
-        """Return the largest singular value of a scaled gain in the plant's units."""
-        return float(np.linalg.norm(self.scaled.state_gain(F), 2)) if F.size else 0.0
-
-    def in_units(self, found: StateGain) -> StateGain:
-        """Bring an answer back to the plant's units."""
-        unit = self.scaled.norm(1.0, self.engine.norm)
-        history = tuple(
-            entry | {key: entry[key] * unit for key in _NORMS if key in entry}
-            for entry in found.history
-        )
-        return replace(
-            found,
-            F=self.scaled.state_gain(found.F),
-            claimed=found.claimed * unit,
-            achieved=found.achieved * unit,
-            lower_bound=found.lower_bound * unit,
-            history=history,
-        )
+        return replace(found, status="suboptimal") if self.engine.regions and not fell else found
 
     def no_gain_error(self) -> SolverError:
         """Return the error for a part without an answer."""

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,35 +11,30 @@ from numpy.typing import ArrayLike
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget, enforce_deadline, progress_bar, single_threaded_blas
 from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
-from robustpolish.errors import InfeasibleError, SolverError
+from robustpolish.errors import InfeasibleError
 from robustpolish.linear.controllability import controllability
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.certificate import (
-    Certificate,
-    Gamma,
-    NormTarget,
-    certify,
-    norm_in_words,
-    unreachable_norm_error,
-)
+from robustpolish.synthesis.certificate import Gamma, NormTarget
 from robustpolish.synthesis.design import Design
+from robustpolish.synthesis.driver import JoinedController, design_by_parts
+from robustpolish.synthesis.engine import Settings
 from robustpolish.synthesis.lmi.program import BACKENDS
-from robustpolish.synthesis.problem.pole_regions import (
-    PoleRegion,
-    checked_regions,
-    violated_regions,
+from robustpolish.synthesis.problem.pole_regions import PoleRegion, checked_regions
+from robustpolish.synthesis.problem.preflight import SolvabilityCheck, with_control_penalty
+from robustpolish.synthesis.problem.scaling import decoupled_parts, whole_plant
+from robustpolish.synthesis.state_feedback.engine import POLICY
+from robustpolish.synthesis.state_feedback.search import (
+    LmiStateSearch,
+    RiccatiStateSearch,
+    StateSearch,
+    reference_norm,
 )
-from robustpolish.synthesis.problem.preflight import with_control_penalty
-from robustpolish.synthesis.problem.scaling import PlantPart, decoupled_parts, whole_plant
-from robustpolish.synthesis.problem.status import Status, worst_status
-from robustpolish.synthesis.state_feedback.engine import POLICY, StateEngine
-from robustpolish.synthesis.state_feedback.lmi import LmiStateEngine
-from robustpolish.synthesis.state_feedback.riccati import RiccatiStateEngine
-from robustpolish.synthesis.state_feedback.search import message, solve_parts
 
-ENGINES: Mapping[str, type[StateEngine]] = {"lmi": LmiStateEngine, "riccati": RiccatiStateEngine}
+ENGINES: Mapping[str, type[StateSearch]] = {"lmi": LmiStateSearch, "riccati": RiccatiStateSearch}
+# What is fixed has been refused, and no engine of a static gain asks for ranks of D12 and D21.
+_SOLVABLE = SolvabilityCheck((), 0, 0, True, True)
 
 
 @single_threaded_blas
@@ -161,46 +153,33 @@ def state_feedback(
     _refuse_infeasible(whole, norm)
     together = not split or (wanted.is_requested and norm == "h2")
     pieces = (whole_plant(whole),) if together else decoupled_parts(whole)
-    engine = ENGINES[method](norm, tolerance, regions, backend, solver)
-    with progress_bar("Designing a state feedback"), enforce_deadline(budget):
-        found = _certified(whole, pieces, engine, gain_bound, budget, wanted)
-    _require_target(wanted, found)
-    size = float(np.linalg.norm(found.F, 2))
-    controller = whole.static_controller(found.F)
-    return Design(
-        plant=whole,
-        controller=controller,
-        closed_loop=whole.closed_loop(controller),
-        norm=norm,
-        status=found.status,
-        message=message(
-            found.status,
-            found.certificate.achieved,
-            found.lower_bound,
-            size,
-            tolerance,
-            gain_bound,
-            bool(regions),
-            budget.exhausted,
-            found.history,
-            wanted,
-        ),
-        certificate=found.certificate,
-        method=method,
-        backend=backend if method == "lmi" else "scipy",
-        elapsed=budget.elapsed,
-        history=found.history,
-        lower_bound=found.lower_bound if found.lower_bound > 0 else None,
-        details=MappingProxyType(
-            {
-                "performance_norm": _performance_norm(plant, found.F, norm),
-                "largest_singular_value": size,
-                "parts": tuple(piece.plant.states for piece in pieces),
-                "pole_regions": regions,
-                "gamma": (wanted.enough, wanted.below) if wanted.is_requested else None,
-            }
-        ),
+    settings = Settings(
+        norm,
+        method,
+        backend,
+        solver,
+        tolerance,
+        wanted,
+        engines=(ENGINES[method],),
+        full_state=True,
+        regions=regions,
+        gain_bound=gain_bound,
+        reference=reference_norm([piece.plant for piece in pieces], norm),
+        # Factors on the tolerance, one after the other: gains next to the optimum can be too
+        # large to certify (random plants in wild units).
+        relaxations=(1.0, 10.0, 100.0),
     )
+    with progress_bar("Designing a state feedback"), enforce_deadline(budget):
+        found = design_by_parts(whole, pieces, settings, _SOLVABLE, budget)
+    F = np.asarray(found.controller.D)
+    details = {
+        "performance_norm": _performance_norm(plant, F, norm),
+        "largest_singular_value": float(np.linalg.norm(F, 2)),
+        "parts": tuple(piece.plant.states for piece in pieces),
+        "pole_regions": regions,
+    }
+    least = min(found.bound, found.certificate.achieved)
+    return found.design(_message(found), least if least > 0 else None, details)
 
 
 def _checked(
@@ -254,98 +233,6 @@ def _refuse_infeasible(plant: GeneralizedPlant, norm: str) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class _CertifiedGain:
-    """A certified gain for the whole plant."""
-
-    F: Matrix
-    certificate: Certificate
-    lower_bound: float
-    status: Status
-    history: tuple[Mapping[str, Any], ...]
-
-
-def _certified(
-    whole: GeneralizedPlant,
-    pieces: Sequence[PlantPart],
-    engine: StateEngine,
-    gain_bound: float | None,
-    budget: Budget,
-    wanted: NormTarget,
-) -> _CertifiedGain:
-    """Solve the parts and certify the whole, with a relaxed tolerance where it fails."""
-    reasons: tuple[str, ...] = ()
-    for relaxation in POLICY.relaxations:
-        relaxed = engine.with_least_tolerance(relaxation * engine.tolerance)
-        plants = [piece.plant for piece in pieces]
-        gains = solve_parts(plants, relaxed, engine.tolerance, gain_bound, budget, wanted)
-        late = budget.late
-        F = np.zeros((whole.nu, whole.nx))
-        for piece, gain in zip(pieces, gains, strict=True):
-            F[np.ix_(piece.controls, piece.states)] = gain.F
-        together = max if engine.norm == "hinf" else math.hypot
-        claimed = together(*(gain.claimed for gain in gains), 0.0)
-        certificate = certify(whole, F, engine.norm, claimed)
-        least = together(*(gain.lower_bound for gain in gains), 0.0)
-        lower_bound = min(least, certificate.achieved)
-        reasons = certificate.reasons + _violations(F, certificate, engine.regions, gain_bound)
-        slip = -POLICY.rounding * relaxed.tolerance
-        if not reasons and certificate.gap is not None and certificate.gap < slip:
-            reasons = ("the gain is so large that rounding changes the norm",)
-        if not reasons:
-            status = worst_status([gain.status for gain in gains])
-            near = certificate.achieved <= lower_bound * (1 + engine.tolerance)
-            if late:
-                status = "time_limit"
-            elif status == "optimal" and not near:
-                status = "suboptimal"
-            history = tuple(
-                MappingProxyType({"part": number, **entry})
-                for number, gain in enumerate(gains)
-                for entry in gain.history
-            )
-            return _CertifiedGain(F, certificate, lower_bound, status, history)
-        if budget.over:
-            break
-    raise SolverError(
-        f"A gain was found, but its certificate fails: {'; '.join(reasons)}. "
-        "Try the other method or backend, a larger control_weight or a gain_bound."
-    )
-
-
-def _require_target(wanted: NormTarget, found: _CertifiedGain) -> None:
-    """Refuse a gain that does not keep what was asked for."""
-    certificate = found.certificate
-    if certificate.bound <= wanted.below:
-        return
-    if found.lower_bound > wanted.below:
-        how = "which Riccati equations tell"
-        raise unreachable_norm_error(wanted, found.lower_bound, certificate.norm, how)
-    floor = (
-        f"none comes below {found.lower_bound:.6g}"
-        if found.lower_bound > 0
-        else "no lower bound is known"
-    )
-    raise SolverError(
-        f"No gain with {wanted.in_words()} was found; the best one that is certified has the "
-        f"{norm_in_words(certificate.norm)} norm {certificate.achieved:.6g}, and {floor}. Ask for "
-        "a larger gamma, or leave out what else is asked for (gain_bound, pole_region)."
-    )
-
-
-def _violations(
-    F: Matrix,
-    certificate: Certificate,
-    regions: Sequence[PoleRegion],
-    gain_bound: float | None,
-) -> tuple[str, ...]:
-    """Return what the certificate does not see: bound and regions, in the plant's units."""
-    reasons = []
-    if gain_bound is not None and np.linalg.norm(F, 2) > gain_bound:
-        reasons.append(f"the gain {np.linalg.norm(F, 2):.8g} exceeds {gain_bound:.8g}")
-    return (*reasons, *violated_regions(regions, certificate.poles))
-
-
 def _performance_norm(plant: GeneralizedPlant, F: Matrix, norm: str) -> float:
     loop = plant.state_feedback_loop(F)
     return float(hinf_norm(loop) if norm == "hinf" else h2_norm(loop))
@@ -353,3 +240,58 @@ def _performance_norm(plant: GeneralizedPlant, F: Matrix, norm: str) -> float:
 
 def _shown(value: complex) -> str:
     return f"{value.real:.6g}" if value.imag == 0 else f"{value:.6g}"
+
+
+def _message(found: JoinedController) -> str:
+    """Say what happened and what to try next."""
+    settings, status, achieved = found.settings, found.status, found.certificate.achieved
+    wanted, tolerance = settings.wanted, settings.tolerance
+    size = float(np.linalg.norm(found.controller.D, 2))
+    least = min(found.bound, achieved)
+    text = f"Norm {achieved:.6g} with a gain of {size:.4g} (largest singular value)."
+    if least > 0:
+        text += f" No state feedback has a norm below {least:.6g}."
+    if status == "optimal":
+        return f"{text} That is within {tolerance:.0e} of it: the design is optimal."
+    if status == "time_limit":
+        return (
+            f"{text} Time ran out before the search ended: another run may find another gain. "
+            "Raise time_limit for a better one."
+        )
+    if status == "infimum_not_attained":
+        return (
+            f"{text} The infimum is not attained: smaller norms need ever larger gains"
+            f"{_trade_off(found)}. Set control_weight, gain_bound or pole_region to ask for a "
+            "problem that has an optimum."
+        )
+    if any(c.findings.remarks for c in found.done):  # all of it was spent
+        return f"{text} The search ended with its work, because the plant is large."
+    if wanted.is_requested:
+        text += f" It was asked for {wanted.in_words()}."
+        if achieved <= wanted.enough:
+            return text + " What lies below that was given away for a smaller gain."
+    if settings.gain_bound is not None:
+        return (
+            f"{text} The bound {settings.gain_bound:.6g} on the gain is kept. It makes the problem "
+            "nonconvex: this is a local optimum, and a better gain is not ruled out."
+        )
+    if settings.regions:
+        return (
+            f"{text} The poles lie in the region. One Lyapunov matrix serves norm and region, "
+            "which is sufficient but not necessary: a better gain is not ruled out."
+        )
+    return (
+        f"{text} It could not be shown to be within {tolerance:.0e} of the optimum: gains next to "
+        "it are too large to compute with, or a control has no price. Try the other method, or set "
+        "control_weight."
+    )
+
+
+def _trade_off(found: JoinedController) -> str:
+    """Return how the norm of the first part falls with the gain, from the steps with a price."""
+    first = found.chosen[0]
+    steps = first.findings.history if first else ()
+    shown = [
+        f"{e['achieved']:.2g} at {e['gain']:.2g}" for e in steps if "price" in e and "gain" in e
+    ]
+    return f" (norm at gain of the first part: {', '.join(shown[:12])})" if shown else ""

@@ -20,6 +20,7 @@ from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import certify
 from robustpolish.synthesis.design import Design
+from robustpolish.synthesis.driver import solve_each_once
 from robustpolish.synthesis.problem.pole_regions import Place
 from robustpolish.synthesis.problem.preflight import (
     refuse_unstable,
@@ -39,7 +40,6 @@ from robustpolish.synthesis.structured.search import (
     ControllerStructure,
     Norm,
     PartDesign,
-    PartProblem,
     design_part,
 )
 from robustpolish.synthesis.structured.structures import (
@@ -124,7 +124,12 @@ def design_structured(
         if problem is None:
             refuse_unstable(part.plant)
     with progress_bar("Searching a controller"), enforce_deadline(orders.budget):
-        designs = _design_parts(problems, orders)
+        done = solve_each_once(
+            [(p.key, p.objective.work, p) for p in problems if p is not None],
+            orders.budget,
+            lambda problem, budget: design_part(problem, budget, orders.seed, orders.target),
+        )
+        designs = [None if problem is None else done[problem.key] for problem in problems]
     late = orders.budget.late
     controller, details = structure.join(whole, parts, designs)
     found = [design for design in designs if design is not None]
@@ -164,20 +169,6 @@ def design_structured(
         ),
         lower_bound=0.0 if certificate.achieved == 0 else None,
     )
-
-
-def _design_parts(
-    problems: Sequence[PartProblem | None], orders: StructuredOptions
-) -> list[PartDesign | None]:
-    """Solve identical problems once, each with the share of the work that its size asks for."""
-    different = {problem.key: problem for problem in problems if problem is not None}
-    left = sum(problem.objective.work for problem in different.values())
-    done: dict[tuple[bytes, ...], PartDesign] = {}
-    for key, problem in different.items():
-        budget = orders.budget.share(problem.objective.work / left)
-        done[key] = design_part(problem, budget, orders.seed, orders.target)
-        left -= problem.objective.work
-    return [None if problem is None else done[problem.key] for problem in problems]
 
 
 def _verdict(designs: Sequence[PartDesign], achieved: float, late: bool) -> tuple[Status, str]:

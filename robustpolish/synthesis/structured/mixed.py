@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Literal
@@ -35,39 +35,26 @@ from robustpolish.synthesis.structured.structures import MixedStructure
 # One design under several specifications, static or dynamic, from its checked arguments.
 
 
-def design_mixed(
+def _design_mixed(
     plant: GeneralizedPlant,
-    *,
     static: bool,
     minimise: Norm,
-    hinf_channel: Channel | None,
-    h2_channel: Channel | None,
-    hinf_bound: float | None,
-    h2_bound: float | None,
+    channels: Mapping[str, Channel | None],
+    bounds: Mapping[str, float | None],
     pole_region: PoleRegion | Sequence[PoleRegion] | None,
     gain_bound: float | None,
-    control_weight: ArrayLike | None,
-    measurement_noise: ArrayLike | None = None,
-    backend: str,
-    solver: str | None,
-    time_limit: float,
-    seed: int,
+    whole: GeneralizedPlant,
+    solver: tuple[str, str | None],
+    limits: tuple[float, int],
 ) -> Design:
     """Check the specifications, search part by part and certify every one of them.
 
-    Parameters
-    ----------
-    plant : GeneralizedPlant
-    static : bool
-        u = F y instead of a controller of full order.
-    minimise, hinf_channel, h2_channel, hinf_bound, h2_bound, pole_region, gain_bound, \
-    control_weight, measurement_noise, backend, solver, time_limit, seed
-        As in :func:`mixed_output_feedback`.
+    `static` asks for u = F y instead of a controller of full order; `whole` is the plant with
+    prices and noise, `solver` backend and solver, `limits` seconds and seed.
     """
     one_of("minimise", minimise, ("hinf", "h2"))
-    one_of("backend", backend, BACKENDS)
-    orders = StructuredOptions.checked(minimise, time_limit, seed)
-    bounds = {"hinf": hinf_bound, "h2": h2_bound}
+    one_of("backend", solver[0], BACKENDS)
+    orders = StructuredOptions.checked(minimise, *limits)
     if bounds[minimise] is not None:
         raise invalid(
             f"{minimise}_bound",
@@ -81,16 +68,12 @@ def design_mixed(
         bound = positive(f"{other}_bound", bound)
     gain_bound = checked_bound(gain_bound)
     regions = checked_regions("pole_region", pole_region)
-    whole = with_measurement_noise(with_control_penalty(plant, control_weight), measurement_noise)
-    given = {"hinf": hinf_channel, "h2": h2_channel}
-    goal = _channel(plant, whole, given[minimise], f"{minimise}_channel")
-    side = None if bound is None else _channel(plant, whole, given[other], f"{other}_channel")
+    goal = _channel(plant, whole, channels[minimise], f"{minimise}_channel")
+    side = None if bound is None else _channel(plant, whole, channels[other], f"{other}_channel")
 
     # A bound on the H2 norm joins the parts: it is their root mean square that counts.
     parts = (whole_plant(whole),) if side is not None else decoupled_parts(whole)
-    structure = MixedStructure(
-        minimise, goal, static, side, bound, regions, gain_bound, backend, solver
-    )
+    structure = MixedStructure(minimise, goal, static, side, bound, regions, gain_bound, *solver)
     design = design_structured(goal, goal, parts, structure, minimise, orders)
     controller = design.controller
     certificates = {minimise: design.certificate}
@@ -216,23 +199,13 @@ def mixed_output_feedback(
     >>> bool(design.certificate.poles.real.max() < -2)
     True
     """
-    return design_mixed(
-        plant,
-        minimise=minimise,
-        hinf_channel=hinf_channel,
-        h2_channel=h2_channel,
-        hinf_bound=hinf_bound,
-        h2_bound=h2_bound,
-        pole_region=pole_region,
-        gain_bound=gain_bound,
-        control_weight=control_weight,
-        measurement_noise=measurement_noise,
-        static=False,
-        backend=backend,
-        solver=solver,
-        time_limit=time_limit,
-        seed=seed,
+    channels, bounds = (
+        {"hinf": hinf_channel, "h2": h2_channel},
+        {"hinf": hinf_bound, "h2": h2_bound},
     )
+    whole = with_measurement_noise(with_control_penalty(plant, control_weight), measurement_noise)
+    given = minimise, channels, bounds, pole_region, gain_bound, whole
+    return _design_mixed(plant, False, *given, (backend, solver), (time_limit, seed))
 
 
 @single_threaded_blas
@@ -319,19 +292,11 @@ def mixed_state_feedback(
     >>> bool(design.certificate.poles.real.max() < -2)
     True
     """
-    return design_mixed(
-        plant.with_full_state(),
-        minimise=minimise,
-        hinf_channel=hinf_channel,
-        h2_channel=h2_channel,
-        hinf_bound=hinf_bound,
-        h2_bound=h2_bound,
-        pole_region=pole_region,
-        gain_bound=gain_bound,
-        control_weight=control_weight,
-        static=True,
-        backend=backend,
-        solver=solver,
-        time_limit=time_limit,
-        seed=seed,
+    channels, bounds = (
+        {"hinf": hinf_channel, "h2": h2_channel},
+        {"hinf": hinf_bound, "h2": h2_bound},
     )
+    plant = plant.with_full_state()
+    whole = with_control_penalty(plant, control_weight)
+    given = minimise, channels, bounds, pole_region, gain_bound, whole
+    return _design_mixed(plant, True, *given, (backend, solver), (time_limit, seed))

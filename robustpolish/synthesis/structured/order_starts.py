@@ -57,7 +57,9 @@ class AugmentedStarts:
         self, earlier: Sequence[Vector], budget: Budget, rng: np.random.Generator
     ) -> Iterator[Vector]:
         """Propose the best shorter controller with several draws of what is added."""
-        own = budget.share(POLICY.grown_share)
+        # Share of the work for a controller of fewer states to start from, and how many draws of
+        # the states that are added to it.
+        own = budget.share(0.35)
         found = descend_from(
             self.shorter.proposals(own, rng),
             self.shorter.below(POLICY.ceilings[0]),
@@ -69,7 +71,7 @@ class AugmentedStarts:
         if found.point is None:
             return
         K = self.shorter.parametrisation.gain(found.point)
-        for _ in range(POLICY.growths):
+        for _ in range(3):
             yield self.coordinates(self._augmented(K, rng))
 
     def _augmented(self, K: Matrix, rng: np.random.Generator) -> Matrix:
@@ -81,7 +83,9 @@ class AugmentedStarts:
         old_columns = np.r_[:k, k + more : columns + more]
         grown[np.ix_(old_rows, old_columns)] = K
         new = slice(k, k + more)
-        rates = 10 ** rng.uniform(*POLICY.rates, size=more)
+        # Decimal logarithms of the slowest and the fastest added state, in the plant's unit of
+        # time.
+        rates = 10 ** rng.uniform(*(-1.0, 1.0), size=more)
         grown[new, new] = np.diag(np.exp(-rates) if discrete else -rates)
         grown[new, old_columns] = rng.normal(size=(more, columns))
         return grown
@@ -141,7 +145,8 @@ class ReducedStarts:
         for value, i in sorted(judged):
             # Several ways of reduction often give the same controller.
             alike = any(
-                value[0] == other[0] and abs(value[1] - other[1]) <= POLICY.alike * abs(value[1])
+                # Starts whose norms differ by less than this share count as the same.
+                value[0] == other[0] and abs(value[1] - other[1]) <= 1e-3 * abs(value[1])
                 for other in kept
             )
             if alike or not np.isfinite(value[1]):

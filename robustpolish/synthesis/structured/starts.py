@@ -88,7 +88,9 @@ class StabilisingStart:
         if self.loop.nx > POLICY.stabilising_states:
             return
         solver = ProgramSolver("cvxpy", None, budget.share(POLICY.start_share), accuracy=1e-7)
-        gain = stabilising_gain(self.loop, self.mask, solver, POLICY.decay, POLICY.linearisations)
+        # Decay rate asked of a stabilising gain, relative to the plant's size.
+        # Most semidefinite programs on the way to a stabilising gain.
+        gain = stabilising_gain(self.loop, self.mask, solver, 1e-3, 15)
         if gain is not None:
             yield self.coordinates(gain)
 

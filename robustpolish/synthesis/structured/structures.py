@@ -157,7 +157,9 @@ class PassiveStructure(ControllerStructure):
             bounds=(bottom, top),
             open_ended=np.isinf(limits),
             size=FrobeniusMeasure(),
-            slack=POLICY.passive_slack,
+            # Share of the norm that is given away for a smaller gain, and for smaller springs and
+            # dampers, whose norm is flat where several do the same.
+            slack=1e-3,
             extra=local.tobytes() + limits.tobytes(),
         )
 
@@ -444,10 +446,13 @@ class InequalityStart:
         own = budget.share(POLICY.start_share)
         if self.order:
             solver = ProgramSolver(self.backend, self.solver, own, accuracy=1e-8)
-            K = mixed_start(self.specifications, self.regions, solver, POLICY.output_back_off)
+            # How far the norm backs off from the optimum of shared inequalities before the
+            # controller is made small; a dynamic controller needs more room for its change of
+            # variables.
+            K = mixed_start(self.specifications, self.regions, solver, 1.05)
         else:
             solver = ProgramSolver(self.backend, self.solver, own)
-            K = mixed_state_start(self.specifications, self.regions, solver, POLICY.state_back_off)
+            K = mixed_state_start(self.specifications, self.regions, solver, 1.01)
         if K is not None:
             yield self.coordinates(K)
 
@@ -469,7 +474,8 @@ def _region(loop: PlantMatrices, region: PoleRegion) -> RegionMeasure:
         v = np.asarray(vectors)[:, -1]
         moved = complex(v.conj() @ region.M @ v)
         # The derivatives over real and imaginary part of s M + conj(s) M'.
-        return float(values[-1]) + POLICY.inside * scale, complex(2 * moved.real, -2 * moved.imag)
+        # Poles are asked so far inside their region, relative to the plant's size.
+        return float(values[-1]) + 1e-7 * scale, complex(2 * moved.real, -2 * moved.imag)
 
     return RegionMeasure(loop, distance, scale)
 

@@ -8,13 +8,13 @@ from output_tasks import unstable_lag
 
 from robustpolish.base.budget import Budget
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.output_feedback.engine import (
+from robustpolish.synthesis.driver import choose_controller
+from robustpolish.synthesis.engine import (
     Candidate,
     EngineResult,
     Task,
     check_candidate,
 )
-from robustpolish.synthesis.output_feedback.search import choose_controller
 from robustpolish.synthesis.problem.matrices import Controller
 from robustpolish.synthesis.problem.scaling import SolverPlant
 from robustpolish.synthesis.riccati.gamma import LowerBound

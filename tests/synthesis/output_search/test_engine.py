@@ -6,7 +6,7 @@ from output_tasks import settings, task, unstable_lag
 
 from robustpolish.base.budget import Budget
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.output_feedback.engine import (
+from robustpolish.synthesis.engine import (
     Candidate,
     EngineResult,
     Task,

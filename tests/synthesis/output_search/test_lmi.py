@@ -11,7 +11,7 @@ from small_plants import regular_plant
 import robustpolish as rp
 from robustpolish.base.budget import Budget
 from robustpolish.synthesis.certificate import NormTarget
-from robustpolish.synthesis.output_feedback.engine import POLICY, EngineResult
+from robustpolish.synthesis.engine import POLICY, EngineResult
 from robustpolish.synthesis.output_feedback.lmi import LmiHinf
 
 

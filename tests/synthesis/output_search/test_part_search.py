@@ -7,8 +7,7 @@ import pytest
 from hard_plants import heat_rod
 
 import robustpolish as rp
-from robustpolish.synthesis.output_feedback import output_feedback as module
-from robustpolish.synthesis.output_feedback import search as part_search
+from robustpolish.synthesis import driver
 
 POINTS = 80
 
@@ -16,8 +15,8 @@ POINTS = 80
 @pytest.fixture
 def small_is_large(monkeypatch):
     def limits(**changed):
-        policy = replace(part_search.POLICY, truncated_states=POINTS - 1, **changed)
-        monkeypatch.setattr(part_search, "POLICY", policy)
+        policy = replace(driver.POLICY, truncated_states=POINTS - 1, **changed)
+        monkeypatch.setattr(driver, "POLICY", policy)
 
     return limits
 
@@ -58,13 +57,13 @@ def test_all_states_are_searched_where_leaving_some_out_does_harm(small_is_large
 
 def test_all_states_are_searched_where_the_bound_does_not_hold(small_is_large, monkeypatch):
     small_is_large()
-    monkeypatch.setattr(part_search, "is_out_of_reach", lambda plant, gamma: False)
+    monkeypatch.setattr(driver, "is_out_of_reach", lambda plant, gamma: False)
     assert "Hankel" not in priced_rod().message
 
 
 def test_all_states_are_searched_where_no_certificate_is_had(small_is_large, monkeypatch):
     small_is_large()
-    choose, refused = module.choose, []
+    choose, refused = driver.choose_controller, []
 
     def refusing(part, problem, searches, enough, budget):
         if problem.plant.nx < part.matrices.nx:
@@ -72,7 +71,7 @@ def test_all_states_are_searched_where_no_certificate_is_had(small_is_large, mon
             return None, ["it was refused"]
         return choose(part, problem, searches, enough, budget)
 
-    monkeypatch.setattr(module, "choose_controller", refusing)
+    monkeypatch.setattr(driver, "choose_controller", refusing)
     design = priced_rod()
     assert len(refused) == 1
     assert design.certificate.valid

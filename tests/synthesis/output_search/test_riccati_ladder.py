@@ -7,7 +7,7 @@ from output_tasks import LAG_HINF, settings, task, unstable_lag
 from published_plants import scherer_1997
 
 from robustpolish.base.budget import Budget
-from robustpolish.synthesis.output_feedback.engine import POLICY
+from robustpolish.synthesis.engine import POLICY
 from robustpolish.synthesis.output_feedback.riccati import RegularisedRiccati
 
 

@@ -7,8 +7,8 @@ from output_tasks import LAG_H2, LAG_HINF, settings, task, unstable_lag
 from robustpolish.base.budget import Budget
 from robustpolish.synthesis.backends.slycot_backend import SlycotAnswer
 from robustpolish.synthesis.certificate import Norm
+from robustpolish.synthesis.engine import POLICY
 from robustpolish.synthesis.output_feedback import lmi as slycot
-from robustpolish.synthesis.output_feedback.engine import POLICY
 
 
 def search(norm: Norm = "hinf", plant=None):

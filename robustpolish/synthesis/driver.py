@@ -1,11 +1,17 @@
-"""The search on one decoupled part of a plant: scaled, shortened where it is large, solved."""
+"""The driver of feedback synthesis: split, scale, search, choose, certify, join.
+
+State feedback is the same task with y = x and a static gain. Every part of the plant that shares
+no signal with the others is searched alone by the engines of
+:class:`~robustpolish.synthesis.engine.Engine`; one certified controller is chosen for it, and the
+whole is certified afresh in the plant's own units.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import control
 import numpy as np
@@ -13,30 +19,48 @@ from scipy import linalg
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget, DeadlineError, partial_deadline, step_cost
+from robustpolish.errors import SolverError
+from robustpolish.linear.norms.h2 import h2_norm
+from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.certificate import Certificate, Norm, certify, unreachable_norm_error
-from robustpolish.synthesis.output_feedback.engine import (
+from robustpolish.synthesis.certificate import (
+    ANY_NORM,
+    Certificate,
+    Norm,
+    certify,
+    norm_in_words,
+    unreachable_norm_error,
+)
+from robustpolish.synthesis.design import Design
+from robustpolish.synthesis.engine import (
     POLICY,
     Candidate,
-    Engine,
     EngineResult,
     Settings,
     Task,
     check_candidate,
 )
-from robustpolish.synthesis.output_feedback.lmi import LmiH2, LmiHinf, Slycot
-from robustpolish.synthesis.output_feedback.riccati import Lqg, RegularisedRiccati
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
-from robustpolish.synthesis.problem.preflight import SolvabilityCheck
-from robustpolish.synthesis.problem.scaling import SolverPlant, truncated
-from robustpolish.synthesis.problem.status import Status
+from robustpolish.synthesis.problem.preflight import SolvabilityCheck, refuse_unstable
+from robustpolish.synthesis.problem.scaling import (
+    PlantPart,
+    SolverPlant,
+    joined_controller,
+    truncated,
+    with_dummy_signals,
+)
+from robustpolish.synthesis.problem.status import Status, worst_status
 from robustpolish.synthesis.riccati.gamma import (
     LowerBound,
     estimated_lower_bound,
     is_out_of_reach,
     lower_bound,
 )
-from robustpolish.synthesis.riccati.lqg import cancel_feedthrough, h2_lower_bound
+from robustpolish.synthesis.riccati.lqg import (
+    cancel_feedthrough,
+    h2_lower_bound,
+    no_finite_h2_norm,
+)
 
 # From the findings of the engines to one certified controller for a part of a plant.
 
@@ -99,15 +123,20 @@ def choose_controller(
             problem, candidate, _reduction_limit(problem, candidate, limit), budget
         )
         for each in (short, candidate) if short is not candidate else (candidate,):
-            budget.spend(POLICY.certificate_work * step_cost(part.matrices.nx + each.order))
+            # Work of one certificate, in steps on the loop's size.
+            budget.spend(20.0 * step_cost(part.matrices.nx + each.order))
             try:
-                with partial_deadline(1.0 if last else POLICY.first_proof):
+                # Share of the time left that a certificate may take while a gentler controller
+                # could follow.
+                with partial_deadline(1.0 if last else 2 / 3):
                     found = _certified(part, each, problem, reasons)
             except DeadlineError:
                 reasons.append("the time was over before its certificate was complete")
                 budget.update_late()
                 continue
-            if found is None:
+            objections = owner.objections(*found) if found is not None else ()
+            if found is None or objections:
+                reasons += objections
                 continue
             claim = part.norm(candidate.promise, problem.norm)
             unit = part.norm(1.0, problem.norm)
@@ -132,7 +161,8 @@ def _best(certified: Sequence[ChosenController]) -> ChosenController | None:
 def _limit(problem: Task, best: float) -> float:
     """Return the norm up to which a smaller gain is preferred to a smaller norm."""
     if problem.norm == "h2":
-        return best * (1 + min(problem.tolerance, POLICY.h2_tolerance))
+        # How much of the H2 norm may be given away: the optimum is known exactly, so little.
+        return best * (1 + min(problem.tolerance, 2e-5))
     if best <= problem.goal:
         return problem.goal
     # What is given away counts from the infimum: beyond the tolerance nothing is.
@@ -202,6 +232,7 @@ def _zero_level(searches: Sequence[EngineResult], enough: float) -> float:
 def _status(problem: Task, searches: Sequence[EngineResult], achieved: float) -> Status:
     bound = problem.bound
     near = bound is not None and achieved <= bound.value * (1 + problem.tolerance)
+    near = near and not any(found.constrained for found in searches)
     # An estimate of the infimum may lie above it.
     if bound is not None and bound.proven and near:
         return "optimal"
@@ -309,24 +340,7 @@ def _truncate_modes(
     yield Controller(T[slow, slow], B_slow, C[:, slow], D)
 
 
-# The engines of output feedback, and the order in which each method calls them.
-#
-# To add one, write a subclass of :class:`~robustpolish.synthesis.output_feedback.engine.Engine` in
-# a file of its own and name it here.
-
-METHODS = ("auto", "riccati", "lmi", "slycot")
-ENGINE_ORDER: Mapping[tuple[Norm, str], tuple[type[Engine], ...]] = MappingProxyType(
-    {
-        ("hinf", "auto"): (RegularisedRiccati, LmiHinf),
-        ("hinf", "riccati"): (RegularisedRiccati,),
-        ("hinf", "lmi"): (LmiHinf,),
-        ("hinf", "slycot"): (Slycot,),
-        ("h2", "auto"): (Lqg,),
-        ("h2", "riccati"): (Lqg,),
-        ("h2", "lmi"): (LmiH2,),
-        ("h2", "slycot"): (Slycot,),
-    }
-)
+# The search on one decoupled part: scaled, shortened where it is large, solved.
 
 
 @dataclass(frozen=True, eq=False)
@@ -371,19 +385,22 @@ class PartSearch:
         shorten : bool
             Whether states that hardly count may be left out of a large plant.
         """
-        norm, work = settings.norm, budget.share(POLICY.search_share)
-        part = SolverPlant.of(plant, mapped=norm == "hinf")
+        # Share of the work that engines may spend; the rest shortens controllers.
+        norm, work = settings.norm, budget.share(0.7)
+        part = SolverPlant.of(plant, norm == "hinf", settings.full_state)
         wanted = settings.wanted.in_unit(part.norm(1.0, norm))
-        stated = _with_lower_bound(part.matrices, settings, work, shorten)
+        stated = _PlantWithBound(part.matrices, None)
+        if not settings.full_state:
+            stated = _with_lower_bound(part.matrices, settings, work, shorten)
         bound = stated.bound
         if bound is not None and bound.value > wanted.below and bound.proven:
             raise unreachable_norm_error(
                 settings.wanted, part.norm(bound.value, norm), norm, bound.how
             )
         regular, tolerance = diagnosis.regular_feedthrough, settings.tolerance
-        problem = Task(stated.plant, norm, regular, tolerance, bound, wanted)
+        problem = Task(stated.plant, norm, regular, tolerance, bound, wanted, part.scaled)
         searches: list[EngineResult] = []
-        for engine in (kind(settings) for kind in ENGINE_ORDER[norm, settings.method]):
+        for engine in (kind(settings) for kind in settings.engines):
             if any(found.best <= problem.goal for found in searches):
                 break
             if engine.is_useful(problem, searches):
@@ -395,8 +412,12 @@ class PartSearch:
         if work.exhausted:
             searches[-1].remarks.append("The work allowed was spent; allow more with effort.")
         best = min(found.best for found in searches)
-        if bound is not None and best < bound.value * (1 - POLICY.spoilt):
+        # A norm this much, relative, below an estimate of the infimum shows that rounding spoilt
+        # it.
+        if bound is not None and best < bound.value * (1 - 1e-5):
             problem = replace(problem, bound=None)
+        if settings.full_state:
+            problem = replace(problem, bound=searches[-1].bound)
         if stated.feedback is not None and stated.feedback.any():
             problem = replace(problem, plant=part.matrices)
             for found in searches:
@@ -405,14 +426,17 @@ class PartSearch:
                 ]
         return cls(part, settings, diagnosis, budget, problem, tuple(searches))
 
-    @property
-    def shortened(self) -> bool:
-        """Whether states were left out."""
-        return self.problem.plant.nx < self.part.matrices.nx
+    def again(self) -> PartSearch | None:
+        """Search with the states that were left out, or further away from the optimum.
 
-    def with_all_states(self) -> PartSearch:
-        """Search again, with the states that were left out."""
-        given = self.part.original, self.settings, self.diagnosis, self.budget
+        None if nothing else is left to be tried.
+        """
+        settings = self.settings
+        if self.problem.plant.nx == self.part.matrices.nx:
+            settings = replace(settings, relaxations=settings.relaxations[1:])
+            if not settings.relaxations or self.budget.over:
+                return None
+        given = self.part.original, settings, self.diagnosis, self.budget
         return PartSearch.of(*given, shorten=False)
 
     @property
@@ -441,7 +465,8 @@ def _with_lower_bound(
     if settings.norm == "h2":
         plant, feedback = cancel_feedthrough(plant)
         return _PlantWithBound(plant, h2_lower_bound(plant), feedback)
-    accuracy = POLICY.bound_accuracy * min(settings.tolerance, 1e-2)
+    # How finely the lower bound is searched, as a share of the tolerance.
+    accuracy = 0.03 * min(settings.tolerance, 1e-2)
     if shorten and plant.nx > POLICY.truncated_states:
         short = _truncated_plant(plant, settings.tolerance, accuracy, budget)
         if short is not None:
@@ -481,4 +506,290 @@ def _truncation_is_harmless(
     seen = check_candidate(true, best.controller, best.claimed, best.origin, budget)
     return seen is not None and (
         abs(seen.achieved - best.achieved) <= POLICY.harmless * best.achieved
+    )
+
+
+# From the parts to the whole: search every part, join their controllers, certify.
+
+_Problem = TypeVar("_Problem")
+_Answer = TypeVar("_Answer")
+_Key = tuple[bytes, ...]
+
+
+def solve_each_once(
+    problems: Iterable[tuple[_Key, float, _Problem]],
+    budget: Budget,
+    solve: Callable[[_Problem, Budget], _Answer],
+) -> dict[_Key, _Answer]:
+    """Solve problems of the same key once, for machines are symmetric.
+
+    Parameters
+    ----------
+    problems : iterable of (key, weight, problem)
+        The weight says how much of the work that is left a problem may use, beside the others.
+    budget : Budget
+    solve : callable
+        Given a problem and its share of the budget.
+    """
+    different: dict[_Key, tuple[float, _Problem]] = {}
+    for key, weight, problem in problems:
+        different.setdefault(key, (weight, problem))
+    left = sum(weight for weight, _ in different.values())
+    answers = {}
+    for key, (weight, problem) in different.items():
+        answers[key] = solve(problem, budget.share(weight / left))
+        left -= weight
+    return answers
+
+
+@dataclass(frozen=True, eq=False)
+class JoinedController:
+    """The certified controller of a whole plant.
+
+    Attributes
+    ----------
+    plant : GeneralizedPlant
+    parts : sequence of PlantPart
+    settings : Settings
+    budget : Budget
+    chosen : list of ChosenController or None
+        One for each part; None for a part without controls or measurements.
+    controller : control.StateSpace
+    certificate : Certificate
+    bound : float
+        A norm below which no controller comes, if that is known; or an estimate of the infimum.
+    """
+
+    plant: GeneralizedPlant
+    parts: Sequence[PlantPart]
+    settings: Settings
+    budget: Budget
+    chosen: Sequence[ChosenController | None]
+    controller: control.StateSpace
+    certificate: Certificate
+    bound: float
+
+    @property
+    def done(self) -> list[ChosenController]:
+        """The controllers of the parts that have one."""
+        return [c for c in self.chosen if c is not None]
+
+    @property
+    def known(self) -> bool:
+        """Whether the infimum of some part is bounded from below, and of none only estimated."""
+        bounds = [c.bound for c in self.done if c.bound is not None]
+        return bool(bounds) and all(b.proven for b in bounds)
+
+    @property
+    def how(self) -> str:
+        """How the bound is known; "" if there is none."""
+        bounds = [c.bound for c in self.done if c.bound is not None]
+        return " and ".join(dict.fromkeys(b.how for b in bounds))
+
+    @property
+    def lower_bound_note(self) -> str:
+        """How low the norm can be, in words; "" if that is not known."""
+        if not self.how:
+            return ""
+        if self.known:
+            kind = "gain" if self.settings.full_state else "controller"
+            return f"no {kind} comes below {self.bound:.6g}, {self.how}"
+        return f"the infimum may be near {self.bound:.6g}, {self.how}, which is no bound"
+
+    @property
+    def status(self) -> Status:
+        """The status of the whole: that of the parts that decide its norm."""
+        achieved, done = self.certificate.achieved, self.done
+        if self.budget.was_late:
+            return "time_limit"
+        near = achieved <= self.bound * (1 + self.settings.tolerance)
+        if self.settings.full_state:
+            worst = worst_status(c.status for c in done)
+            return "suboptimal" if worst == "optimal" and not near else worst
+        if self.known and near:
+            return "optimal"
+        largest = max((c.certificate.achieved for c in done), default=0.0)
+        return worst_status(
+            c.status
+            for c in done
+            if self.settings.norm == "h2" or c.certificate.achieved >= 0.99 * largest
+        )
+
+    def combined(self, norms: Iterable[float]) -> float:
+        """Return the norm of the whole from those of its decoupled parts."""
+        return _combined_norm(norms, self.settings.norm)
+
+    def design(self, message: str, lower_bound: float | None, details: dict[str, Any]) -> Design:
+        """Return the design, with what its method tells."""
+        wanted, done = self.settings.wanted, self.done
+        told = {"gamma": (wanted.enough, wanted.below) if wanted.is_requested else None}
+        return Design(
+            plant=self.plant,
+            controller=self.controller,
+            closed_loop=self.plant.closed_loop(self.controller),
+            norm=self.settings.norm,
+            status=self.status,
+            message=message,
+            certificate=self.certificate,
+            method=" and ".join(dict.fromkeys(c.findings.method for c in done))
+            or self.settings.method,
+            backend=" and ".join(dict.fromkeys(c.findings.backend for c in done)) or "scipy",
+            elapsed=self.budget.elapsed,
+            history=tuple(
+                MappingProxyType({"part": i, **note})
+                for i, c in enumerate(self.chosen)
+                for note in (c.findings.history if c else ())
+            ),
+            details=MappingProxyType({**details, **told}),
+            lower_bound=lower_bound,
+        )
+
+
+def design_by_parts(
+    plant: GeneralizedPlant,
+    parts: Sequence[PlantPart],
+    settings: Settings,
+    diagnosis: SolvabilityCheck,
+    budget: Budget,
+) -> JoinedController:
+    """Design a controller for every part of a plant, and certify them together.
+
+    Raises
+    ------
+    InfeasibleError
+        If a part without control is unstable, or no controller has the norm that was asked for.
+    SolverError
+        If no controller was found, none could be certified, or none has that norm.
+    """
+    chosen = _solve_parts(parts, settings, diagnosis, budget)
+    controller = joined_controller(plant, parts, [c.controller if c else None for c in chosen])
+    idle = _open_loop_norms(parts, chosen, settings.norm)
+    certificate = _certificate(plant, parts, controller, settings.norm, chosen, idle)
+    bounds = [c.bound.value if c and c.bound else 0.0 for c in chosen]
+    bound = _combined_norm([*bounds, *idle], settings.norm)
+    whole = JoinedController(plant, parts, settings, budget, chosen, controller, certificate, bound)
+    _require_target(whole)
+    return whole
+
+
+def _solve_parts(
+    parts: Sequence[PlantPart], settings: Settings, diagnosis: SolvabilityCheck, budget: Budget
+) -> list[ChosenController | None]:
+    """Solve every decoupled part with its share of the work; identical ones once."""
+    problems: list[tuple[_Key, float, GeneralizedPlant]] = []
+    keys: list[_Key | None] = []
+    for part in parts:
+        P = part.plant
+        if P.nu and P.ny:
+            keys.append(PlantMatrices.of(P).fingerprint)
+            problems.append((keys[-1] or (), P.nx**2 + 1, P))
+            continue
+        refuse_unstable(P)
+        if settings.norm == "h2" and not P.is_discrete and P.D11.any():
+            raise no_finite_h2_norm()
+        keys.append(None)
+    # Norms of parts add up for the H2 norm, so that only a single one can be told.
+    if settings.norm == "h2" and len(parts) > 1:
+        settings = replace(settings, wanted=ANY_NORM)
+    searched = solve_each_once(
+        problems,
+        budget,
+        lambda P, share: PartSearch.of(with_dummy_signals(P), settings, diagnosis, share),
+    )
+    # No part has to be much better than the one that decides the norm of the whole.
+    # No part has to be better than this share of the norm of the whole.
+    enough = 0.01 * max((s.best for s in searched.values()), default=0.0)
+    chosen = {key: _choose(search, diagnosis, enough) for key, search in searched.items()}
+    return [None if key is None else chosen[key] for key in keys]
+
+
+def _choose(search: PartSearch, diagnosis: SolvabilityCheck, enough: float) -> ChosenController:
+    chosen, reasons = choose_controller(
+        search.part, search.problem, search.searches, enough, search.budget
+    )
+    if chosen is not None:
+        return chosen
+    again = search.again()
+    if again is not None:
+        return _choose(again, diagnosis, enough)
+    why = "; ".join(dict.fromkeys(reasons)) or "no engine found a stabilising controller"
+    if search.settings.full_state:
+        raise SolverError(
+            f"A gain was found, but its certificate fails: {why}. "
+            "Try the other method or backend, a larger control_weight or a gain_bound."
+        )
+    remarks = [remark for found in search.searches for remark in found.remarks]
+    original = search.part.original
+    if search.problem.norm == "h2" and not original.is_discrete and original.D11.any():
+        remarks.append(
+            "The feedthrough D11 can be cancelled up to rounding only, which leaves the H2 norm "
+            "infinite. Filter w or z so that D11 vanishes, or use norm='hinf'."
+        )
+    remarks += [f"It has the {mode}." for mode in diagnosis.fixed_modes]
+    more = time_limit_note(search.budget)
+    raise SolverError(" ".join([f"No certified controller was found: {why}.{more}", *remarks]))
+
+
+def time_limit_note(budget: Budget) -> str:
+    """Say that the safety net was reached, if it was, and what to do about it."""
+    if not budget.was_late:
+        return ""
+    return (
+        f" The safety net of {budget.seconds:g} s stopped the search, so that another machine "
+        "may find something else; allow more with time_limit."
+    )
+
+
+def _open_loop_norms(
+    parts: Sequence[PlantPart], chosen: Sequence[ChosenController | None], norm: Norm
+) -> list[float]:
+    """Return the norms of the parts without control, except those in which nothing happens."""
+    size = hinf_norm if norm == "hinf" else h2_norm
+    idle = [part.plant for part, c in zip(parts, chosen, strict=True) if c is None]
+    return [float(size(P.open_loop)) for P in idle if P.nw and P.nz and (P.nx or P.D11.any())]
+
+
+def _certificate(
+    plant: GeneralizedPlant,
+    parts: Sequence[PlantPart],
+    controller: control.StateSpace,
+    norm: Norm,
+    chosen: Sequence[ChosenController | None],
+    idle: Sequence[float],
+) -> Certificate:
+    """Certify the whole loop, which for a single part has been done."""
+    done = [c for c in chosen if c is not None]
+    own = [part.plant.nx for part, c in zip(parts, chosen, strict=True) if c is not None]
+    if own == [plant.nx] and not idle and not plant.delays:
+        return done[0].certificate
+    claims = [*(c.certificate.claimed or 0.0 for c in done), *idle]
+    certificate = certify(plant, controller, norm, _combined_norm(claims, norm))
+    if not certificate.valid:
+        raise SolverError(
+            "The controllers of the parts are certified, the whole is not: "
+            + "; ".join(certificate.reasons)
+        )
+    return certificate
+
+
+def _combined_norm(norms: Iterable[float], norm: Norm) -> float:
+    """Return the norm of a whole from those of its decoupled parts."""
+    return float(max(norms, default=0.0) if norm == "hinf" else np.linalg.norm([*norms]))
+
+
+def _require_target(whole: JoinedController) -> None:
+    """Refuse a controller that does not keep what was asked for."""
+    wanted, certificate = whole.settings.wanted, whole.certificate
+    if certificate.bound <= wanted.below:
+        return
+    if whole.bound > wanted.below and whole.known:
+        raise unreachable_norm_error(wanted, whole.bound, certificate.norm, whole.how)
+    kind, remedy = "controller", "allow more work with effort"
+    if whole.settings.full_state:
+        kind, remedy = "gain", "leave out what else is asked for (gain_bound, pole_region)"
+    raise SolverError(
+        f"No {kind} with {wanted.in_words()} was found; the best one that is certified has the "
+        f"{norm_in_words(certificate.norm)} norm {certificate.achieved:.6g}, and "
+        f"{whole.lower_bound_note or 'no lower bound is known'}. Ask for a larger gamma, or "
+        f"{remedy}."
     )

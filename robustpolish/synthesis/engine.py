@@ -1,9 +1,9 @@
-"""What every engine of output feedback is given and returns: one problem, one kind of findings."""
+"""The protocol of the engines of feedback synthesis: the task of one part, and what they find."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -14,12 +14,14 @@ from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget, step_cost
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
-from robustpolish.synthesis.certificate import ANY_NORM, Norm, NormTarget
+from robustpolish.synthesis.certificate import ANY_NORM, Certificate, Norm, NormTarget
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, balanced, close
+from robustpolish.synthesis.problem.pole_regions import PoleRegion
+from robustpolish.synthesis.problem.scaling import ScaledPlant
 from robustpolish.synthesis.proofs.achieved_norm import estimate_norm
 from robustpolish.synthesis.riccati.gamma import LowerBound
 
-# The thresholds of output feedback in one place, each with its reason.
+# The thresholds of the driver and of output feedback in one place, each with its reason.
 
 
 @dataclass(frozen=True)
@@ -31,15 +33,6 @@ class OutputSearchPolicy:
     work : float
         Steps that one call may spend before `effort` is applied: about ten times what the
         slowest of 24 COMPleib plants needs, and a few seconds.
-    attempts : float
-        Steps on the size of the plant that a call may spend at least: a search over gamma of a
-        plant of 120 states takes 40, where `work` would leave one of 250 states seven.
-    search_share : float
-        Share of the work that engines may spend; the rest shortens controllers.
-    bound_accuracy : float
-        How finely the lower bound is searched, as a share of the tolerance.
-    spoilt : float
-        A norm this much, relative, below an estimate of the infimum shows that rounding spoilt it.
     near : float
         The ladder ends within this share of the tolerance above the lower bound. The rest of the
         tolerance buys smaller gains and fewer states.
@@ -57,31 +50,14 @@ class OutputSearchPolicy:
         Further distances from the optimum, tried on rungs that came close.
     settled : float
         A relative fall of the norm that is none.
-    nearby : float
-        How far the optimal gamma is expected to move with the axis; looked at first.
     quiet : int
         Rungs without a fall after which a ladder without a lower bound to aim at ends.
     falling : float
         A norm that two decades of the ladder have lowered to less than this share falls on.
-    largest_gain : float
-        Entries of a controller above it cannot be verified in double precision.
     costly_states : int
         More states than this make every check of a loop take long, so that fewer are made.
-    refined_states : int
-        Beyond so many states of a plant the first controller that keeps the tolerance ends the
-        search, and none at further distances from the optimum is tried: each takes as long as all
-        the rest of a rung.
-    quick_drop : float
-        Where checks are costly, none is made on rungs where gamma falls by more than this.
     lmi_states : int
         Inequalities for more states take longer than a call of "auto" is expected to.
-    modal_loop_states : int
-        Beyond so many states of a loop its norm comes from its modes, at the expense of a step on
-        the plant.
-    exact_loop_states : int
-        Up to so many states of a loop an exact norm is quick where doubles cannot tell.
-    zero_states : int
-        Up to so many states of a plant its zeros on the axis are looked for, to explain a result.
     truncated_states : int
         With more states than this the equations take so long that fewer are tried first.
     harmless : float
@@ -89,53 +65,24 @@ class OutputSearchPolicy:
     as_good_as_zero : float
         An infimum that is approached without end counts as zero below this share of the norm at
         the start of the descent; smaller norms would cost gain for nothing (AC1, UWV).
-    enough : float
-        No part has to be better than this share of the norm of the whole.
-    h2_epsilons : tuple of float
-        Rungs for singular H2 problems, whose equations bear half a decade less regularisation.
-    h2_settled : float
-        A relative fall of the H2 norm that is none.
-    h2_tolerance : float
-        How much of the H2 norm may be given away: the optimum is known exactly, so little.
-    certificate_work : float
-        Work of one certificate, in steps on the loop's size.
-    first_proof : float
-        Share of the time left that a certificate may take while a gentler controller could follow.
     slycot_epsilon : float
         Regularisation for SLICOT's routines, which refuse singular plants.
     """
 
     work: float = 20_000.0
-    attempts: float = 80.0
-    search_share: float = 0.7
-    bound_accuracy: float = 0.03
-    spoilt: float = 1e-5
     near: float = 0.25
     epsilons: tuple[float, ...] = tuple(10.0 ** (-k / 2) for k in range(2, 18))
     shifts: tuple[float, ...] = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
     back_offs: tuple[float, ...] = (1.003, 1.0005, 1.01, 1.03)
     refinements: tuple[float, ...] = (1.0005, 1.001, 1.006)
     settled: float = 3e-4
-    nearby: float = 0.02
     quiet: int = 3
     falling: float = 0.9
-    largest_gain: float = 1e10
     costly_states: int = 24
-    refined_states: int = 100
-    quick_drop: float = 0.03
     lmi_states: int = 14
-    modal_loop_states: int = 100
-    exact_loop_states: int = 16
-    zero_states: int = 30
     truncated_states: int = 100
     harmless: float = 3e-4
     as_good_as_zero: float = 1e-6
-    enough: float = 0.01
-    h2_epsilons: tuple[float, ...] = tuple(10.0 ** (-k / 2) for k in range(2, 19))
-    h2_settled: float = 1e-6
-    h2_tolerance: float = 2e-5
-    certificate_work: float = 20.0
-    first_proof: float = 2 / 3
     slycot_epsilon: float = 1e-4
 
 
@@ -144,7 +91,26 @@ POLICY = OutputSearchPolicy()
 
 @dataclass(frozen=True)
 class Settings:
-    """What the user asks of the engines."""
+    """What the user asks of the engines.
+
+    Attributes
+    ----------
+    norm, method, backend, solver, tolerance, wanted
+        As in the public functions.
+    engines : tuple of type
+        Called one after the other until the goal is reached.
+    full_state : bool
+        State feedback: y = x, and a static gain is wanted.
+    regions : tuple of PoleRegion
+        Where the closed-loop poles have to lie, in the plant's unit of time.
+    gain_bound : float or None
+        Bound on the largest singular value of a static gain, in the plant's units.
+    reference : float
+        A norm of the whole plant beside which one that falls without end counts as zero.
+    relaxations : tuple of float
+        Factors on the tolerance of the engines, the next one where no controller of the one before
+        could be certified.
+    """
 
     norm: Norm
     method: str
@@ -152,6 +118,12 @@ class Settings:
     solver: str | None
     tolerance: float
     wanted: NormTarget = ANY_NORM
+    engines: tuple[type[Engine], ...] = ()
+    full_state: bool = False
+    regions: tuple[PoleRegion, ...] = ()
+    gain_bound: float | None = None
+    reference: float = 0.0
+    relaxations: tuple[float, ...] = (1.0,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,6 +143,8 @@ class Task:
         A norm below which no controller comes, in scaled units; None if none is known.
     wanted : NormTarget
         What was asked for, in scaled units.
+    scaled : ScaledPlant or None
+        The units of the part, for state feedback.
     """
 
     plant: PlantMatrices
@@ -179,6 +153,7 @@ class Task:
     tolerance: float
     bound: LowerBound | None
     wanted: NormTarget = ANY_NORM
+    scaled: ScaledPlant | None = None
 
     @property
     def goal(self) -> float:
@@ -263,6 +238,12 @@ class EngineResult:
         Whether the norm was still falling when the search met a limit of gain or accuracy.
     remarks : list of str
         What the user should know, such as a solver's false claim.
+    bound : LowerBound or None
+        A norm that no controller falls below, where the engine looked for it.
+    constrained : bool
+        Whether a demand of which the bound knows nothing keeps a norm from being called optimal.
+    objections : callable
+        Given a controller in the plant's units and its certificate, tells what else it breaks.
     """
 
     method: str
@@ -271,6 +252,9 @@ class EngineResult:
     history: list[dict[str, Any]] = field(default_factory=list)
     falling: bool = False
     remarks: list[str] = field(default_factory=list)
+    bound: LowerBound | None = None
+    constrained: bool = False
+    objections: Callable[[control.StateSpace, Certificate], tuple[str, ...]] = lambda K, proof: ()
 
     @property
     def best(self) -> float:
@@ -306,7 +290,9 @@ def check_candidate(
         return None
     K = balanced(K)
     states = problem.plant.nx + len(K.A)
-    modal = states > POLICY.modal_loop_states and problem.norm == "hinf"
+    # Beyond so many states of a loop its norm comes from its modes, at the expense of a step on
+    # the plant.
+    modal = states > 100 and problem.norm == "hinf"
     budget.spend(step_cost(problem.plant.nx if modal else states))
     achieved = _loop_norm(problem.plant, K, problem.norm)
     return Candidate(K, achieved, claimed, origin) if np.isfinite(achieved) else None
@@ -328,7 +314,8 @@ def _loop_norm(plant: PlantMatrices, K: Controller, norm: Norm) -> float:
         return 0.0
     if norm == "hinf" and not plant.discrete:
         found = estimate_norm(*loop)
-        if found.settled or len(loop.A) > POLICY.exact_loop_states:
+        # Up to so many states of a loop an exact norm is quick where doubles cannot tell.
+        if found.settled or len(loop.A) > 16:
             return found.value
     system = control.StateSpace(*loop, plant.discrete)
     if norm == "h2":
