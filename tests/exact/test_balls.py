@@ -8,7 +8,6 @@ from robustpolish.linear.arithmetic.balls import (
     ball,
     block,
     identity,
-    is_positive_definite,
     magnitude,
     midpoint,
     precision,
@@ -16,6 +15,7 @@ from robustpolish.linear.arithmetic.balls import (
     symmetric,
     zeros,
 )
+from robustpolish.linear.proofs.definite import is_definite
 
 
 def test_doubles_are_enclosed_exactly():
@@ -62,15 +62,15 @@ def test_definiteness_is_proven_far_beyond_doubles():
     with precision(300):
         n, small = 12, flint.arb(10) ** -16
         hilbert = flint.arb_mat([[1 / flint.arb(i + j + 1) for j in range(n)] for i in range(n)])
-        assert is_positive_definite(hilbert - identity(n) * small)
-        assert not is_positive_definite(hilbert - identity(n) * (2 * small))
+        assert is_definite(hilbert - identity(n) * small)
+        assert not is_definite(hilbert - identity(n) * (2 * small))
 
 
 def test_an_enclosure_that_holds_an_indefinite_matrix_is_not_proven():
     wide = flint.arb(1, 2)  # between -1 and 3
-    assert not is_positive_definite(flint.arb_mat([[wide]]))
-    assert not is_positive_definite(ball([[1.0, 2.0], [2.0, 1.0]]))
-    assert is_positive_definite(zeros(0, 0))
+    assert not is_definite(flint.arb_mat([[wide]]))
+    assert not is_definite(ball([[1.0, 2.0], [2.0, 1.0]]))
+    assert is_definite(zeros(0, 0))
 
 
 def test_rows_and_columns_are_scaled_without_rounding():

@@ -3,8 +3,13 @@
 import numpy as np
 import pytest
 
-from robustpolish.linear.arithmetic.balls import ball, independent_first, midpoint, precision
-from robustpolish.linear.arithmetic.balls import columns_of as part
+from robustpolish.linear.arithmetic.balls import (
+    ball,
+    independent_first,
+    midpoint,
+    part,
+    precision,
+)
 
 
 @pytest.mark.parametrize("rank", [0, 1, 2, 3])

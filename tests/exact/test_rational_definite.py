@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.linear.arithmetic.rational import is_positive_definite
+from robustpolish.linear import is_positive_definite
 
 
 def test_the_last_bit_decides():

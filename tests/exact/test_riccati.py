@@ -6,7 +6,7 @@ import pytest
 from scipy import linalg
 
 from robustpolish.linear.arithmetic.balls import ball, midpoint, precision
-from robustpolish.linear.arithmetic.riccati import (
+from robustpolish.linear.proofs.riccati import (
     UndecidedError,
     has_eigenvalue_below,
     is_surely_not_semidefinite,

@@ -1,19 +1,16 @@
 import numpy as np
 import pytest
 
-from robustpolish.linear.arithmetic.balls import precision
+from robustpolish.linear.arithmetic.balls import complex_ball, precision
 from robustpolish.linear.arithmetic.realisation import Realisation
-from robustpolish.robust.coverage import (
-    BallScalings,
-    ProvenModel,
-    complex_ball,
-    is_definite,
-    proves_inequality,
-)
+from robustpolish.linear.proofs.bounded_real import BallSystem
+from robustpolish.robust.coverage import BallScalings, proven_interval, proves_inequality
 from robustpolish.robust.loop_model import read_structure
 from robustpolish.robust.scalings import Inequality, Space
 
-LAG = Realisation(np.array([[-1.0]]), np.array([[1.0]]), np.array([[2.0]]), np.zeros((1, 1)), False)
+LAG = BallSystem.of(
+    Realisation(np.array([[-1.0]]), np.array([[1.0]]), np.array([[2.0]]), np.zeros((1, 1)), False)
+)
 SPACE = Space(read_structure(["complex"]), (False,))
 
 
@@ -21,23 +18,17 @@ def weights(level):
     return BallScalings.of(SPACE, np.array([0.5]), level)
 
 
-def test_definite():
-    with precision(100):
-        assert is_definite(complex_ball(np.array([[2, 1j], [-1j, 1]])))
-        assert not is_definite(complex_ball(np.array([[1, 2j], [-2j, 1]])))
-
-
 @pytest.mark.parametrize("level", [1.0, 1.9])
 def test_interval_ends_where_the_gain_is_the_level(level):
-    low, high = ProvenModel.of(LAG).interval(weights(level), 10.0)
+    low, high = proven_interval(LAG, weights(level), 10.0)
     edge = np.sqrt(4 / level**2 - 1)
     assert edge <= low == pytest.approx(edge, rel=1e-9)
     assert high == np.inf
-    assert ProvenModel.of(LAG).interval(weights(level), 0.9 * edge) is None
+    assert proven_interval(LAG, weights(level), 0.9 * edge) is None
 
 
 def test_level_above_the_peak_covers_everything():
-    assert ProvenModel.of(LAG).interval(weights(2.001), 1.0) == (0.0, np.inf)
+    assert proven_interval(LAG, weights(2.001), 1.0) == (0.0, np.inf)
 
 
 def test_negative_scalings_prove_nothing():

@@ -17,8 +17,9 @@ from scipy.optimize import minimize_scalar
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.arrays import Array, Vector
 from robustpolish.base.budget import check_deadline
+from robustpolish.linear.arithmetic.balls import joined_rows
 from robustpolish.linear.arithmetic.powers_of_two import bracket
-from robustpolish.linear.arithmetic.rational import ExactModel, fraction, identity, joined, transfer
+from robustpolish.linear.arithmetic.rational import ExactModel, fraction, identity, transfer
 from robustpolish.linear.arithmetic.realisation import Realisation, rescaled
 from robustpolish.linear.eigen import EPS, Eigensystem, eigensystem
 from robustpolish.linear.norms.modal_form import modal_form
@@ -121,7 +122,7 @@ def _pencil(model: ExactModel, square: fmpq) -> tuple[fmpz_mat, fmpz_mat]:
         [zero(p, n), zero(p, n), zero(p, m), zero(p, p)],
         [zero(m, n), zero(m, n), zero(m, m), zero(m, p)],
     ]
-    return _whole_rows(joined(states + outputs).table(), joined(slopes + still).table())
+    return _whole_rows(joined_rows(states + outputs), joined_rows(slopes + still))
 
 
 def _whole_rows(first: list[list[fmpq]], second: list[list[fmpq]]) -> tuple[fmpz_mat, fmpz_mat]:

@@ -6,6 +6,7 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.linear.arithmetic import balls
+from robustpolish.linear.proofs.definite import is_definite
 from robustpolish.synthesis.certificate import certify
 from robustpolish.synthesis.proofs.bounded_real import (
     cayley,
@@ -173,9 +174,9 @@ def test_definiteness_in_balls_is_never_wrong():
         for n in (1, 4, 12):
             X = rng.standard_normal((n, n))
             definite = X @ X.T + 1e-10 * np.eye(n)
-            assert balls.is_positive_definite(balls.ball(definite))
+            assert is_definite(balls.ball(definite))
             lowest = np.linalg.eigvalsh(definite)[0]
-            assert not balls.is_positive_definite(balls.ball(definite - 1.01 * lowest * np.eye(n)))
+            assert not is_definite(balls.ball(definite - 1.01 * lowest * np.eye(n)))
 
 
 def test_hilbert_matrices_are_eliminated_in_balls():
@@ -183,8 +184,8 @@ def test_hilbert_matrices_are_eliminated_in_balls():
     with balls.precision(300):
         entries = [[1 / balls.flint.arb(i + j + 1) for j in range(n)] for i in range(n)]
         hilbert = balls.flint.arb_mat(entries)
-        assert balls.is_positive_definite(hilbert)
-        assert not balls.is_positive_definite(hilbert - balls.identity(n) * balls.flint.arb(1e-15))
+        assert is_definite(hilbert)
+        assert not is_definite(hilbert - balls.identity(n) * balls.flint.arb(1e-15))
 
 
 def test_stability_alone_can_be_proven():

@@ -6,7 +6,6 @@ the factor of its unstable ones, and Newton's method makes it as exact as the ar
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import flint
@@ -17,50 +16,30 @@ from robustpolish.linear.arithmetic.balls import (
     Ball,
     ball,
     block,
-    columns_of,
     identity,
+    part,
     symmetric,
     zeros,
 )
+from robustpolish.linear.proofs.bounded_real import hamiltonian
 
-
-@dataclass(frozen=True)
-class MultiprecisionPolicy:
-    """What decides in long arithmetic; every size is 2^-(bits / share).
-
-    Attributes
-    ----------
-    apart : float
-        By so much the coefficients of the characteristic polynomial are changed, so that equal
-        eigenvalues, as twins have them, come apart by its root and can be found.
-    axis : float
-        Eigenvalues so near to the axis, relative to their size, lie on it: equal ones that were
-        split count too, and none of a plant whose zeros lie 1e-8 beside the axis does.
-    residual : float
-        A solution whose equation holds so well, relative to its terms, is exact.
-    nothing : float
-        Beside the largest entry of a solution, in balanced units, smaller eigenvalues are rounding.
-    refinements : int
-        Newton steps; each doubles the digits, and the first solution has a tenth of them.
-    progress : float
-        A step that leaves more of the error ends them: rounding has taken over.
-    roots : int
-        Bits that finding the roots may take, over those of the arithmetic. Where two nearly agree
-        they come bit by bit.
-    """
-
-    apart: float = 2.0
-    axis: float = 9.6
-    residual: float = 3.0
-    nothing: float = 4.0
-    refinements: int = 6
-    progress: float = 1e-3
-    roots: int = 64
-
-
-_POLICY = MultiprecisionPolicy()
-# So much longer twice the bits take, at most.
-_TWICE_THE_BITS = 4.0
+# What decides in long arithmetic; every size is 2^-(bits / share), with these shares.
+# By so much the coefficients of the characteristic polynomial are changed, so that equal
+# eigenvalues, as twins have them, come apart by its root and can be found.
+_APART = 2.0
+# Eigenvalues so near to the axis, relative to their size, lie on it: equal ones that were split
+# count too, and none of a plant whose zeros lie 1e-8 beside the axis does.
+_AXIS = 9.6
+# A solution whose equation holds so well, relative to its terms, is exact.
+_RESIDUAL = 3.0
+# Beside the largest entry of a solution, in balanced units, smaller eigenvalues are rounding.
+_NOTHING = 4.0
+# Newton steps; each doubles the digits, and the first solution has a tenth of them. A step that
+# leaves more of the error than this ends them: rounding has taken over.
+_REFINEMENTS, _PROGRESS = 6, 1e-3
+# Bits that finding the roots may take, over those of the arithmetic: where two nearly agree they
+# come bit by bit. So much longer twice the bits take, at most.
+_MOST_BITS, _TWICE_THE_BITS = 64, 4.0
 
 
 class UndecidedError(ArithmeticError):
@@ -82,32 +61,32 @@ def stabilising_solution(A: Ball, R: Ball, Q: Ball) -> Ball | None:
 
     Raises
     ------
-    UndecidedError
+    UndecidedError, ZeroDivisionError
         If the digits do not suffice.
     """
     n = A.nrows()
     if n == 0:
         return zeros(0, 0)
     A, R, Q = map(_cleaned, (A, R, Q))
-    H = block([[A, R], [-1 * Q, -1 * A.transpose()]])
+    H = hamiltonian(A, R, Q)
     unstable = _unstable_factor(H)
     if unstable is None:
         return None
     # Any matrix of full rank will do, as its columns' shares of the unstable part go.
     start = ball(np.random.default_rng(0).standard_normal((2 * n, n)))
     X, before = _graph(_applied(unstable, H, start)), flint.arb("inf")
-    for _ in range(_POLICY.refinements):
+    for _ in range(_REFINEMENTS):
         closed = (A + R * X).mid()
-        if not largest(Q) > 0 and not largest(X * R) > largest(A) * _tiny(_POLICY.residual):
+        if not largest(Q) > 0 and not largest(X * R) > largest(A) * _tiny(_RESIDUAL):
             return zeros(n, n)  # what is left is rounding, however small
         error = (A.transpose() * X + X * A + X * R * X + Q).mid()
         terms = max(largest(X * A), largest(X * R * X), largest(Q))
         share = largest(error) / terms
-        if not share > _tiny(_POLICY.residual):
+        if not share > _tiny(_RESIDUAL):
             if is_surely_stable(closed):
                 return X
             break
-        if share > before * _POLICY.progress:
+        if share > before * _PROGRESS:
             break
         before = share
         X = (X + _lyapunov(closed, error)).mid()
@@ -143,20 +122,12 @@ def is_surely_not_semidefinite(X: Ball) -> bool:
     if not X.nrows():
         return False
     diagonal = [float(abs(X[i, i]).upper()) for i in range(X.nrows())]
-    return has_eigenvalue_below(X, -largest(X) * _tiny(_POLICY.nothing)) if any(diagonal) else False
+    return has_eigenvalue_below(X, -largest(X) * _tiny(_NOTHING)) if any(diagonal) else False
 
 
 def largest(M: Ball) -> Any:
     """Return the largest absolute value of a matrix's entries."""
     return max((abs(entry).mid() for entry in M.entries()), default=flint.arb(0))
-
-
-def inverse(M: Ball) -> Ball:
-    """Return the inverse, enclosed."""
-    try:
-        return M.inv()
-    except ZeroDivisionError as error:
-        raise UndecidedError from error
 
 
 def _cleaned(M: Ball) -> Ball:
@@ -178,7 +149,7 @@ def _unstable_factor(H: Ball) -> list[Any] | None:
     enclosed_squares = flint.arb_poly(H.charpoly().coeffs()[::2])
     squares = flint.acb_poly(
         [
-            flint.acb(c.mid() * (1 + _tiny(_POLICY.apart) * int(draw.integers(1, 1000))))
+            flint.acb(c.mid() * (1 + _tiny(_APART) * int(draw.integers(1, 1000))))
             for c in enclosed_squares.coeffs()
         ]
     )
@@ -189,7 +160,7 @@ def _unstable_factor(H: Ball) -> list[Any] | None:
         for _ in range(2 * int(np.log2(flint.ctx.prec))):
             root = (root - squares(root) / slope(root)).mid()
         value = root.sqrt().mid()
-        if not abs(value.real) > abs(value) * _tiny(_POLICY.axis):
+        if not abs(value.real) > abs(value) * _tiny(_AXIS):
             if _has_root_beside(enclosed_squares, root.real):
                 return None
             raise UndecidedError
@@ -200,7 +171,7 @@ def _unstable_factor(H: Ball) -> list[Any] | None:
 def _roots(polynomial: Any) -> list[Any]:
     """Enclose the roots with twice the bits again and again, as long as there is time for it."""
     bits, spent = flint.ctx.prec, 0.0
-    while bits <= _POLICY.roots * flint.ctx.prec:
+    while bits <= _MOST_BITS * flint.ctx.prec:
         check_deadline(_TWICE_THE_BITS * spent)
         begins = now()
         try:
@@ -212,7 +183,7 @@ def _roots(polynomial: Any) -> list[Any]:
 
 def _has_root_beside(polynomial: Any, where: Any) -> bool:
     """Tell whether a real polynomial surely has a real root there: it changes its sign."""
-    beside = abs(where) * _tiny(_POLICY.axis)
+    beside = abs(where) * _tiny(_AXIS)
     below, above = polynomial(where - beside), polynomial(where + beside)
     return bool(where + beside < 0 and ((below < 0 and above > 0) or (below > 0 and above < 0)))
 
@@ -228,18 +199,14 @@ def _applied(polynomial: list[Any], H: Ball, start: Ball) -> Ball:
 def _graph(basis: Ball) -> Ball:
     """Return the symmetric X of the subspace [I; X]."""
     n = basis.ncols()
-    upper, lower = columns_of(basis, rows=slice(0, n)), columns_of(basis, rows=slice(n, None))
-    try:
-        X = upper.transpose().solve(lower.transpose(), algorithm="approx")
-    except ZeroDivisionError as error:
-        raise UndecidedError from error
-    return symmetric(X).mid()
+    upper, lower = part(basis, slice(0, n)), part(basis, slice(n, None))
+    return symmetric(upper.transpose().solve(lower.transpose(), algorithm="approx")).mid()
 
 
 def _lyapunov(A: Ball, Q: Ball) -> Ball:
     """Return X of A'X + XA + Q = 0, from the eigenvalues of -A' without finding them."""
     n = A.nrows()
-    H = block([[A, zeros(n, n)], [-1 * Q, -1 * A.transpose()]])
+    H = hamiltonian(A, zeros(n, n), Q)
     start = block([[identity(n)], [zeros(n, n)]])
     unstable = (-1 * A).charpoly().coeffs()
     return _graph(_applied([c.mid() for c in unstable], H, start))
