@@ -21,6 +21,7 @@ from robustpolish.linear.arithmetic.balls import joined_rows
 from robustpolish.linear.arithmetic.powers_of_two import bracket
 from robustpolish.linear.arithmetic.rational import ExactModel, fraction, identity, transfer
 from robustpolish.linear.arithmetic.realisation import Realisation, rescaled
+from robustpolish.linear.delays.systems import resolvent_response
 from robustpolish.linear.eigen import EPS, Eigensystem, eigensystem
 from robustpolish.linear.norms.modal_form import modal_form
 from robustpolish.linear.stability import positive_roots
@@ -246,17 +247,10 @@ def gains(model: Realisation, frequencies: Vector) -> Vector:
     x = frequencies[finite]
     for start in range(0, x.size, 64):  # bounds the memory for large systems
         part = x[start : start + 64]
-        resolvent = np.broadcast_to(-model.A, (part.size, *model.A.shape)).astype(complex)
-        diagonal = np.arange(model.states)
-        resolvent[:, diagonal, diagonal] += 1j * part[:, None]
-        B = np.broadcast_to(model.B.astype(complex), (part.size, *model.B.shape))
-        try:
-            G = model.C @ np.linalg.solve(resolvent, B) + model.D
-        except np.linalg.LinAlgError:  # a pole on the axis to rounding
-            result[finite] = 0.0
-            return result
+        G = resolvent_response(*model.matrices.values(), 1j * part)
+        G[~np.isfinite(G).all(axis=(1, 2))] = 0.0  # a pole on the axis to rounding
         where = np.flatnonzero(finite)[start : start + 64]
-        result[where] = np.nan_to_num(np.linalg.svd(G, compute_uv=False)[:, 0])
+        result[where] = np.linalg.svd(G, compute_uv=False)[:, 0]
     return result
 
 

@@ -15,6 +15,7 @@ from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.realisation import Realisation
+from robustpolish.linear.delays.systems import resolvent_response
 from robustpolish.linear.eigen import eigensystem
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import HinfNorm, hinf_norm
@@ -146,28 +147,20 @@ def _gains(A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array) -> Ar
         values[-1] = np.linalg.norm(D, 2)
     n = len(A)
     if n and finite.size:
-        found = _quick_responses(A, B, C, D, finite)
-        if found is None or not np.isfinite(found).all():
+        found = _responses(A, B, C, D, finite)
+        if not np.isfinite(found).all():
             return np.full(frequencies.size, np.inf)
         values[: finite.size] = np.linalg.svd(found, compute_uv=False)[:, 0]
     return values
 
 
-def _quick_responses(
-    A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array
-) -> AnyArray | None:
-    """Return the frequency response, or None if a pole is hit."""
-    n = len(A)
-    if n > _MODAL and frequencies.size > _FEW:
+def _responses(A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array) -> AnyArray:
+    """Return the frequency response, which is not finite where a pole is hit."""
+    if len(A) > _MODAL and frequencies.size > _FEW:
         from robustpolish.synthesis.proofs.frequency_response import responses
 
         return responses(A, B, C, D, frequencies)
-    shifted = 1j * frequencies[:, None, None] * np.eye(n) - A
-    try:
-        states = np.linalg.solve(shifted, np.broadcast_to(B, (frequencies.size, *B.shape)))
-    except np.linalg.LinAlgError:
-        return None
-    return C @ states + D
+    return resolvent_response(A, B, C, D, 1j * frequencies)
 
 
 def _crossings(A: Matrix, B: Matrix, C: Matrix, D: Matrix, gamma: float) -> Array | None:

@@ -1,16 +1,20 @@
-"""Controllability and observability: verdicts, names, distances, units."""
+"""Controllability and observability, mode by mode."""
 
 import control
 import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
+from robustpolish.linear.arithmetic.realisation import Realisation
 from robustpolish.linear.controllability import (
     controllability,
+    deficiencies,
     is_detectable,
     is_stabilizable,
     observability,
 )
+
+# The test of Popov, Belevitch and Hautus.
 
 NAMES = ["u", "q", "theta"]
 
@@ -117,3 +121,38 @@ def test_bad_input_is_refused():
         controllability([[np.nan]], [[1.0]])
     with pytest.raises(InvalidInputError, match="C: got a matrix beside a system"):
         observability(control.ss([[-1]], [[1]], [[1]], 0), [[1.0]])
+
+
+# Distances.
+
+
+def modes_of(A, B, tolerance=None, discrete=False):
+    A, B = np.array(A, dtype=float), np.array(B, dtype=float)
+    model = Realisation(A, B, np.zeros((0, len(A))), np.zeros((0, B.shape[1])), discrete)
+    return sorted(deficiencies(model, tolerance), key=lambda mode: mode.eigenvalue.real)
+
+
+def test_the_exact_answer_does_not_depend_on_the_tolerance():
+    modes = modes_of([[1, 0], [1, -2]], [[0], [1]], tolerance=0.0)
+    assert [mode.deficient for mode in modes] == [False, True]
+    unreachable = modes[1]
+    assert (unreachable.eigenvalue, unreachable.distance, unreachable.stable) == (1, 0.0, False)
+
+
+def test_almost_equal_modes_under_one_input_are_almost_unreachable():
+    near = modes_of([[-1, 0], [0, -1.001]], [[1], [1]])
+    far = modes_of([[-1, 0], [0, -2]], [[1], [1]])
+    assert 0 < near[0].distance < 0.01 * far[0].distance
+    assert not near[0].deficient
+
+
+def test_a_pair_is_told_once_and_stability_by_the_side():
+    modes = modes_of([[0, 1], [-4, 0]], [[0], [1]])
+    assert len(modes) == 1
+    assert modes[0].eigenvalue == pytest.approx(2j)
+    assert not modes[0].stable
+    assert modes_of([[0.5]], [[1]], discrete=True)[0].stable
+    assert not modes_of([[-1.0]], [[1]], discrete=True)[0].stable
+
+
+#
