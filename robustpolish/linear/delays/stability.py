@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from scipy import linalg
-from scipy.linalg import block_diag
 
 from robustpolish.base.arrays import AnyArray, AnyMatrix, AnyVector, Matrix, Vector
 from robustpolish.base.checks import instance_of
@@ -20,6 +19,7 @@ from robustpolish.linear.delays.systems import (
     DelayedSystem,
     DelayLine,
     pade,
+    pade_sections,
     resolvent_response,
 )
 from robustpolish.plots.poles import plot_poles
@@ -283,7 +283,7 @@ class _Loop(NamedTuple):
     @classmethod
     def of(cls, system: DelayedSystem) -> _Loop:
         A, B, C, D = system.ports()
-        Ap, Bp, Cp, Dp = _block(system)
+        Ap, Bp, Cp, Dp = pade_sections(system.lines)
         inner = np.linalg.inv(np.eye(len(D)) - Dp @ D)
         # d = Pade(v) + e = inner (Cp xp + Dp C x + e), v = C x + D d
         x, p = inner @ Dp @ C, inner @ Cp
@@ -334,12 +334,6 @@ class _Loop(NamedTuple):
         return phases[0] - phases[1]
 
 
-def _block(system: DelayedSystem) -> list[Matrix]:
-    """Return the Pade approximations of all lines as one system."""
-    models = [pade(line.seconds, line.order) for line in system.lines]
-    return [np.asarray(block_diag(*M)) for M in zip(*models, strict=True)]
-
-
 def _orders(system: DelayedSystem) -> tuple[DelayLine, ...] | None:
     """Return lines whose Pade model is well posed and has no pole on the axis."""
     for more in range(6):
@@ -348,7 +342,7 @@ def _orders(system: DelayedSystem) -> tuple[DelayLine, ...] | None:
         )
         trial = replace(system, lines=lines)
         D = system.ports()[3]
-        Dp = _block(trial)[3]
+        Dp = pade_sections(lines)[3]
         if np.linalg.cond(np.eye(len(D)) - Dp @ D) > 1e8:
             continue
         poles = np.linalg.eigvals(_Loop.of(trial).A)
