@@ -1,6 +1,3 @@
-from .arithmetic.rational import (
-    is_positive_definite as is_positive_definite,
-)
 from .controllability import (
     Feasibility as Feasibility,
 )
@@ -69,6 +66,9 @@ from .norms.lmi import (
 )
 from .norms.singular_values import (
     singular_values as singular_values,
+)
+from .proofs.definite import (
+    is_positive_definite as is_positive_definite,
 )
 from .response import (
     Response as Response,

@@ -5,24 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
 
 import flint
 import numpy as np
 
-from robustpolish.base.arrays import AnyMatrix, Matrix, Vector
+from robustpolish.base.arrays import AnyMatrix, Vector
 from robustpolish.base.budget import check_deadline
-from robustpolish.linear.arithmetic.balls import (
-    ball,
-    block,
-    is_positive_definite,
-    joined_rows,
-    midpoint,
-    precision,
-    symmetric,
-)
+from robustpolish.linear.arithmetic.balls import Ball, complex_ball, precision
 from robustpolish.linear.arithmetic.realisation import Realisation
+from robustpolish.linear.proofs.bounded_real import (
+    BallSystem,
+    adjoint,
+    hamiltonian,
+    riccati_terms,
+)
+from robustpolish.linear.proofs.covering import interval_without_eigenvalues
+from robustpolish.linear.proofs.definite import is_definite
 from robustpolish.robust.loop_model import LoopModel
 from robustpolish.robust.scalings import (
     Inequality,
@@ -44,26 +42,7 @@ from robustpolish.robust.scalings import (
 # .. [1] G. Ferreres, J.-F. Magni, J.-M. Biannic, "Robustness analysis of flexible structures:
 #    practical algorithms", International Journal of Robust and Nonlinear Control 13 (2003) 715-733.
 
-Ball = Any  # flint.acb_mat; python-flint ships no stubs for it
-
 _BITS = 160
-# What the ends of discs are moved outwards, relative, for their rounding to doubles.
-_ROUNDING = 1e-14
-# Relative length of an interval that is worth eigenvectors of more digits.
-_SHORT = 0.1
-
-
-def complex_ball(matrix: AnyMatrix) -> Ball:
-    """Enclose a complex matrix of doubles, exactly."""
-    array = np.asarray(matrix, dtype=complex)
-    return flint.acb_mat(array.shape[0], array.shape[1], array.ravel().tolist())
-
-
-def is_definite(matrix: Ball) -> bool:
-    """Prove that every Hermitian matrix that a complex ball holds is positive definite."""
-    real = flint.arb_mat([[entry.real for entry in row] for row in matrix.tolist()])
-    imag = flint.arb_mat([[entry.imag for entry in row] for row in matrix.tolist()])
-    return is_positive_definite(symmetric(block([[real, -imag], [imag, real]])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,128 +76,46 @@ def _commuting(space: Space, matrices: tuple[AnyMatrix, ...]) -> tuple[AnyMatrix
 
 def proves_inequality(M: Ball, weights: BallScalings) -> bool:
     """Prove the inequality at a matrix."""
-    star = M.conjugate().transpose()
     turned = weights.G * M * flint.acb(0, 1)
-    return is_definite(weights.E - star * weights.Dz * M - turned - turned.conjugate().transpose())
+    return is_definite(weights.E - adjoint(M) * weights.Dz * M - turned - adjoint(turned))
 
 
-@dataclass(frozen=True, eq=False)
-class ProvenModel:
-    """A stable continuous system as balls, for intervals of frequency.
+def proven_interval(
+    model: BallSystem, weights: BallScalings, omega: float
+) -> tuple[float, float] | None:
+    """Prove the inequality around a frequency, as far as it holds.
 
-    Attributes
+    Parameters
     ----------
-    real : tuple of arb_mat
-        A, B, C and D: what is proven holds for all that they enclose.
+    model : BallSystem
+        Stable and continuous.
+    weights : BallScalings
+    omega : float
+        In rad/s; infinity is allowed.
+
+    Returns
+    -------
+    (low, high) or None
+        It holds between, both included; None if it is not proven at `omega`.
     """
-
-    real: tuple[Ball, Ball, Ball, Ball]
-
-    @classmethod
-    def of(cls, model: Realisation) -> ProvenModel:
-        """Return a system whose matrices are taken as exact."""
-        return cls((ball(model.A), ball(model.B), ball(model.C), ball(model.D)))
-
-    @cached_property
-    def _balls(self) -> tuple[Ball, Ball, Ball, Ball]:
-        return tuple(flint.acb_mat(M) for M in self.real)  # type: ignore
-
-    def response(self, omega: float) -> Ball:
-        """Return M at a frequency, infinity included."""
-        A, B, C, D = self._balls
-        n = A.nrows()
-        if not n or not math.isfinite(omega):
-            return D
-        shifted = complex_ball(1j * omega * np.eye(n))
-        return D + C * (shifted - A).solve(B)
-
-    def interval(self, weights: BallScalings, omega: float) -> tuple[float, float] | None:
-        """Prove the inequality around a frequency, as far as it holds.
-
-        Parameters
-        ----------
-        weights : BallScalings
-        omega : float
-            In rad/s; infinity is allowed.
-
-        Returns
-        -------
-        low, high : float
-            It holds between, both included; None if it is not proven at `omega`.
-        """
-        with precision(_BITS):
-            try:
-                if not proves_inequality(self.response(omega), weights):
-                    return None
-                if not self.real[0].nrows():
-                    return 0.0, math.inf
-                H = self._hamiltonian(weights)
-                found = _clear(*gershgorin_discs(H, _double_basis(H)), omega)
-                if found is None or found[1] - found[0] < _SHORT * found[0]:
-                    found = _clear(
-                        *gershgorin_discs(H, H.eig(right=True, algorithm="approx")[1]), omega
-                    )
-                return found
-            except (ZeroDivisionError, ValueError, np.linalg.LinAlgError):
+    with precision(_BITS):
+        try:
+            if not proves_inequality(model.response(omega), weights):
                 return None
-
-    def _hamiltonian(self, weights: BallScalings) -> Ball:
-        A, B, C, D = self._balls
-        Dz, G, E = weights.Dz, weights.G, weights.E
-        star = [M.conjugate().transpose() for M in (A, B, C, D)]
-        turned = G * D * flint.acb(0, 1)
-        R = star[3] * Dz * D + turned + turned.conjugate().transpose() - E
-        Q = star[2] * Dz * C
-        S = star[2] * (Dz * D - G.conjugate().transpose() * flint.acb(0, 1))
-        RS, RB = R.solve(S.conjugate().transpose()), R.solve(star[1])
-        closed = A - B * RS
-        top = (closed, -(B * RB))
-        bottom = (-(Q - S * RS), -(closed.conjugate().transpose()))
-        return flint.acb_mat(joined_rows([top, bottom]))
+            if not model.A.nrows():
+                return 0.0, math.inf
+            return interval_without_eigenvalues(_hamiltonian(model, weights), omega)
+        except (ZeroDivisionError, ValueError, np.linalg.LinAlgError):
+            return None
 
 
-def _clear(centres: AnyMatrix, radii: Vector, omega: float) -> tuple[float, float] | None:
-    """Return the frequencies around one that no disc touches."""
-    near = np.abs(np.real(centres)) <= radii
-    reach = radii[near] + _ROUNDING * np.abs(centres[near])
-    heights = np.imag(centres)[near]
-    low, high = heights - reach, heights + reach
-    if not np.isfinite(low).all() or ((low <= omega) & (omega <= high)).any():
-        return None
-    below, above = high[high < omega], low[low > omega]
-    return (
-        max(0.0, math.nextafter(float(below.max(initial=-1.0)), math.inf)),
-        math.nextafter(float(above.min()), 0.0) if above.size else math.inf,
-    )
-
-
-def gershgorin_discs(H: Ball, basis: Ball) -> tuple[AnyMatrix, Vector]:
-    """Return discs that hold all eigenvalues of a matrix, by Gershgorin in a basis."""
-    turned = basis.solve(H * basis)
-    n = turned.nrows()
-    centres = np.diagonal(midpoint(turned)).copy()
-    radii = np.zeros(n)
-    for i in range(n):
-        rest = sum((abs(turned[i, j]) for j in range(n) if j != i), flint.arb(0))
-        rest += abs(turned[i, i] - turned[i, i].mid())
-        radii[i] = float(rest.abs_upper()) * (1 + _ROUNDING)
-    return centres, radii + _ROUNDING * np.abs(centres)
-
-
-def _double_basis(H: Ball) -> Ball:
-    """Return the eigenvectors in double precision: quick, and good enough for most."""
-    balanced, units = _balanced(midpoint(H))
-    vectors = np.linalg.eig(balanced)[1] * units[:, None]
-    return complex_ball(vectors / np.linalg.norm(vectors, axis=0))
-
-
-def _balanced(H: AnyMatrix) -> tuple[AnyMatrix, Matrix]:
-    """Return H in units of its states and co-states that make its halves alike, and the units."""
-    n = len(H) // 2
-    up, down = np.linalg.norm(H[:n, n:]), np.linalg.norm(H[n:, :n])
-    ratio = math.sqrt(up / down) if up > 0 and down > 0 else 1.0
-    units = np.concatenate([np.full(n, 1.0), np.full(n, 1 / ratio)])
-    return H * units / units[:, None], units
+def _hamiltonian(model: BallSystem, weights: BallScalings) -> Ball:
+    A, B, C, D = map(flint.acb_mat, model)
+    seen = adjoint(C) * weights.Dz
+    turned = weights.G * D * flint.acb(0, 1)
+    R = adjoint(D) * weights.Dz * D + turned + adjoint(turned) - weights.E
+    S = adjoint(C) * (weights.Dz * D - adjoint(weights.G) * flint.acb(0, 1))
+    return hamiltonian(*riccati_terms(A, B, seen * C, S, R))
 
 
 @dataclass(frozen=True)
@@ -290,7 +187,7 @@ class _CoverageState:
     def __init__(self, loop: LoopModel, space: Space, level: float, slack: float):
         self.model, self.space, self.slack = loop.model, space, slack
         self.level = level * (1 + slack)
-        self.proven = ProvenModel(loop.balls)
+        self.proven = BallSystem(*loop.balls)
         self.peaks: list[tuple[float, float, ScaledBound]] = []
         self.last: list[Vector] = []
 
@@ -366,7 +263,7 @@ def cover(
         interval = None
         if found is not None:
             weights = BallScalings.of(space, found.x, state.level)
-            interval = weights and state.proven.interval(weights, omega)
+            interval = weights and proven_interval(state.proven, weights, omega)
         if interval is None or interval[1] <= interval[0] * (1 + POLICY.narrow):
             if found is None or not math.isfinite(state.level):
                 return Coverage(math.inf, (), False, tuple(state.peaks))

@@ -14,7 +14,7 @@ import numpy as np
 
 from robustpolish.base.arrays import AnyArray, AnyMatrix, Matrix, Vector
 from robustpolish.base.checks import described, invalid
-from robustpolish.linear.arithmetic.balls import ball, identity, midpoint, precision
+from robustpolish.linear.arithmetic.balls import ball, cayley, midpoint, precision
 from robustpolish.linear.arithmetic.realisation import Realisation, power_of_two, size, typical_rate
 from robustpolish.plants.uncertain.elements import RealElement, UncertainBlock
 from robustpolish.plants.uncertain.system import UncertainSystem
@@ -336,8 +336,9 @@ def canonical(matrices: Matrices, discrete: bool, w: Sequence[int], z: Sequence[
     Canonical
     """
     with precision(BITS):
-        given = tuple(ball(M) if M.size else flint.arb_mat(*M.shape) for M in matrices)
-        A, B, C, D = _cayley(given) if discrete and len(matrices[0]) else given
+        A, B, C, D = map(ball, matrices)
+        if discrete and len(matrices[0]):
+            A, B, C, D = cayley(A, B, C, D)
         rough = tuple(map(midpoint, (A, B, C, D)))
         time = _rate(rough[0])
         states, copies, b, c = _units(rough, time, w, z)
@@ -356,14 +357,6 @@ def rounded(balls: Balls) -> Realisation:
     """Return the continuous model of the nearest doubles."""
     A, B, C, D = map(midpoint, balls)
     return Realisation(A, B, C, D, False)
-
-
-def _cayley(given: tuple[Any, ...]) -> Balls:
-    """Return the continuous model with the same gains."""
-    A, B, C, D = given
-    one, root = identity(A.nrows()), flint.arb(2).sqrt()
-    inverse = (A + one).inv()
-    return inverse * (A - one), inverse * B * root, C * inverse * root, D - C * inverse * B
 
 
 def _diagonal(scales: Vector) -> Any:

@@ -12,8 +12,8 @@ import numpy as np
 import scipy.linalg as sla
 
 from robustpolish.base.arrays import AnyVector, Matrix, Vector
-from robustpolish.linear.arithmetic.balls import identity, part, precision
-from robustpolish.robust.coverage import Ball, complex_ball, gershgorin_discs
+from robustpolish.linear.arithmetic.balls import Ball, complex_ball, identity, part, precision
+from robustpolish.linear.proofs.covering import gershgorin_discs
 from robustpolish.robust.loop_model import DeltaStructure, LoopModel, signal_positions
 
 # The exact stability margin of one repeated real parameter, with a proof.

@@ -14,11 +14,11 @@ from robustpolish.base.arrays import AnyMatrix
 from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import described, invalid, positive
 from robustpolish.base.results import Card, quantities
-from robustpolish.linear.arithmetic.balls import precision
+from robustpolish.linear.arithmetic.balls import complex_ball, precision
 from robustpolish.plants.blocks import as_state_space, matrices_of
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.robust.bounds import EVERYWHERE, GAP, bounds
-from robustpolish.robust.coverage import BallScalings, complex_ball, proves_inequality
+from robustpolish.robust.coverage import BallScalings, proves_inequality
 from robustpolish.robust.loop_model import DeltaStructure, LoopModel, check_shape, read_structure
 from robustpolish.robust.questions import (
     AnalysedLoop,

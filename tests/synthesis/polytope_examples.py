@@ -5,8 +5,8 @@ import numpy as np
 import robustpolish as rp
 from robustpolish.base.budget import Budget
 from robustpolish.linear.arithmetic import balls
+from robustpolish.linear.proofs.bounded_real import BallSystem
 from robustpolish.synthesis.lmi.program import ProgramSolver
-from robustpolish.synthesis.scheduled.proof import BallLoop
 
 
 def solver():
@@ -16,12 +16,12 @@ def solver():
 def oscillator(stiffness, damping=0.5):
     """A mass on a spring, pushed, seen."""
     matrices = ([[0, 1], [-stiffness, -damping]], [[0], [1.0]], [[1.0, 0]], [[0.0]])
-    return BallLoop(*(balls.ball(np.array(M, float)) for M in matrices))
+    return BallSystem(*(balls.ball(np.array(M, float)) for M in matrices))
 
 
 def sampled(gain):
     matrices = ([[0.5, gain], [-gain, 0.3]], [[0], [1.0]], [[1.0, 0]], [[0.2]])
-    return BallLoop(*(balls.ball(np.array(M, float)) for M in matrices))
+    return BallSystem(*(balls.ball(np.array(M, float)) for M in matrices))
 
 
 def held_mass(stiffness, mass=1.0, price=0.3):

@@ -15,21 +15,22 @@ from robustpolish.implementation.sampled.induced_norm import (
     GainTest,
     check_gain,
     halvings,
-    hamiltonian,
 )
+from robustpolish.implementation.sampled.induced_norm import hamiltonian as double_hamiltonian
 from robustpolish.implementation.sampled.lifting import Phase, ScaledMap
 from robustpolish.linear.arithmetic import balls
+from robustpolish.linear.arithmetic.balls import Ball
+from robustpolish.linear.proofs.bounded_real import BallSystem, hamiltonian
+from robustpolish.linear.proofs.definite import is_definite
 
 # Stretches of a sampled loop in ball arithmetic: what doubles found, computed again with proof.
-
-Ball = Any  # flint.arb_mat; python-flint ships no stubs for it
 
 _SPARE_BITS = 140
 """Bits beyond those that doublings use up; loops of stiff machines lose 60 in inversions."""
 
 
 class BallSection(NamedTuple):
-    """A, G and Q of a stretch, enclosed; see `energy_section.Section`."""
+    """A, G and Q of a stretch, enclosed; see `induced_norm.EnergySection`."""
 
     A: Ball
     G: Ball
@@ -40,7 +41,7 @@ def bits_needed(loop: ScaledMap, gamma: float) -> int:
     """Return the precision for a period: each doubling of a short step costs a bit or two."""
     most = 0
     for phase in loop.phases:
-        H = hamiltonian(phase, gamma)
+        H = double_hamiltonian(phase, gamma)
         most = max(most, 0 if H is None else halvings(H, phase.length))
     return _SPARE_BITS + 3 * most
 
@@ -75,9 +76,7 @@ def prove_joined_gain(first: BallSection, second: BallSection) -> bool:
     if size * heavy * (1 + 1e-12) < 1:
         return True
     S = first.G + balls.identity(n) * flint.arb(size * 2.0**-40)
-    return balls.is_positive_definite(S) and balls.is_positive_definite(
-        balls.symmetric(S - S * second.Q * S)
-    )
+    return is_definite(S) and is_definite(balls.symmetric(S - S * second.Q * S))
 
 
 def phase_balls(phase: Phase, flow: Vector, gamma: float, doublings: int | None = None) -> Any:
@@ -100,27 +99,18 @@ def phase_balls(phase: Phase, flow: Vector, gamma: float, doublings: int | None 
     """
     n = phase.A.shape[0]
     root = flint.arb(gamma).sqrt()
-    into, back = balls.ball(np.diag(1 / flow)), balls.ball(np.diag(flow))
-    A, B = into * balls.ball(phase.A) * back, into * _over(phase.B, root)
-    C, D = _over(phase.C, root) * back, _over(phase.D, flint.arb(gamma))
-    R, S = (
-        balls.identity(D.ncols()) - D.transpose() * D,
-        balls.identity(D.nrows()) - D * D.transpose(),
-    )
-    if not (balls.is_positive_definite(R) and balls.is_positive_definite(S)):
+    own = BallSystem.of(phase).transformed(*_diagonal(1 / flow, flow))
+    own = BallSystem(own.A, own.B / root, own.C / root, own.D / flint.arb(gamma))
+    if not is_definite(balls.identity(own.D.ncols()) - own.D.transpose() * own.D):
         raise ZeroDivisionError
-    weight = R.inv()
-    A = A + B * weight * D.transpose() * C
-    G, Q = B * weight * B.transpose(), C.transpose() * S.inv() * C
-    H = balls.block([[A, G], [Q * flint.arb(-1), A.transpose() * flint.arb(-1)]])
+    H = hamiltonian(*own.riccati_terms())
     length = flint.arb(phase.length)
     size = float(balls.magnitude(H * length).sum(axis=0).max())
     times = max(0, math.ceil(math.log2(size / SMALL_STEP))) if size > SMALL_STEP else 0
     Phi = (H * (length * flint.arb(2) ** -times)).exp()
-    table = Phi.tolist()
+    upper, lower = range(n), range(n, 2 * n)
     F12, F21, F22 = (
-        flint.arb_mat([row[c : c + n] for row in table[r : r + n]])
-        for r, c in ((0, n), (n, 0), (n, n))
+        balls.part(Phi, *block) for block in ((upper, lower), (lower, upper), (lower, lower))
     )
     inverse = F22.inv()
     found = BallSection(
@@ -135,9 +125,8 @@ def phase_balls(phase: Phase, flow: Vector, gamma: float, doublings: int | None 
     return found, sound
 
 
-def _over(matrix: Any, by: Any) -> Ball:
-    found = balls.ball(matrix) if matrix.size else balls.zeros(*matrix.shape)
-    return found * (1 / by)
+def _diagonal(*scales: Vector) -> tuple[Ball, ...]:
+    return tuple(balls.ball(np.diag(scale)) for scale in scales)
 
 
 def period_balls(loop: ScaledMap, gamma: float) -> tuple[BallSection, bool]:
@@ -152,24 +141,19 @@ def period_balls(loop: ScaledMap, gamma: float) -> tuple[BallSection, bool]:
             own = joined_balls(found, own)
         found = own
     assert found is not None
-    return at_samples(loop, found), sound
+    return at_samples(loop, *found), sound
 
 
-def at_samples(loop: ScaledMap, flow: BallSection) -> BallSection:
+def at_samples(loop: ScaledMap, A: Ball, reached: Ball, seen: Ball) -> BallSection:
     """Return what the flow of a period means for the states at its samples."""
-    L, N = loop.map.connected(_ball, lambda a, b: a * b)
-    into, back = balls.ball(np.diag(1 / loop.sample)), balls.ball(np.diag(loop.sample))
-    L = balls.ball(np.diag(1 / loop.flow)) * L * back
-    M = into * balls.ball(loop.map.M) * balls.ball(np.diag(loop.flow))
+    L, N = loop.map.connected(balls.ball, lambda a, b: a * b)
+    into, back, out, flow = _diagonal(1 / loop.sample, loop.sample, 1 / loop.flow, loop.flow)
+    L, M = out * L * back, into * balls.ball(loop.map.M) * flow
     return BallSection(
-        into * N * back + M * flow.A * L,
-        balls.symmetric(M * flow.G * M.transpose()),
-        balls.symmetric(L.transpose() * flow.Q * L),
+        into * N * back + M * A * L,
+        balls.symmetric(M * reached * M.transpose()),
+        balls.symmetric(L.transpose() * seen * L),
     )
-
-
-def _ball(matrix: Any) -> Ball:
-    return balls.ball(matrix) if matrix.size else balls.zeros(*matrix.shape)
 
 
 # The H2 norm of a sampled loop: the root of the average power of z under white noise w.
@@ -218,7 +202,7 @@ def average_power(loop: ScaledMap) -> tuple[float, float] | None:
             own = _phase(loop, phase, halved)
             flow = own if flow is None else _joined(flow, own)
         assert flow is not None
-        A, W, Q = _at_samples(loop, flow)
+        A, W, Q = at_samples(loop, flow.A, flow.W, flow.Q)
         upper = _covariance_above(A, W)
         if upper is None:
             return None
@@ -241,9 +225,7 @@ def _halvings(loop: ScaledMap, phase: Phase) -> int:
 
 
 def _phase(loop: ScaledMap, phase: Phase, times: int) -> PowerSection:
-    into, back = balls.ball(np.diag(1 / loop.flow)), balls.ball(np.diag(loop.flow))
-    A = into * balls.ball(phase.A) * back
-    B, C = into * _ball(phase.B), _ball(phase.C) * back
+    A, B, C, _ = BallSystem.of(phase).transformed(*_diagonal(1 / loop.flow, loop.flow))
     step = flint.arb(phase.length) * flint.arb(2) ** -times
     weight, source = C.transpose() * C, B * B.transpose()
     W, Q = source * step, weight * step
@@ -279,19 +261,6 @@ def _joined(first: PowerSection, second: PowerSection) -> PowerSection:
     )
 
 
-def _at_samples(loop: ScaledMap, flow: PowerSection) -> tuple[Ball, Ball, Ball]:
-    """Return state map, covariance and output energy of a period in the states at its samples."""
-    L, N = loop.map.connected(_ball, lambda a, b: a * b)
-    into, back = balls.ball(np.diag(1 / loop.sample)), balls.ball(np.diag(loop.sample))
-    L = balls.ball(np.diag(1 / loop.flow)) * L * back
-    M = into * balls.ball(loop.map.M) * balls.ball(np.diag(loop.flow))
-    return (
-        into * N * back + M * flow.A * L,
-        balls.symmetric(M * flow.W * M.transpose()),
-        balls.symmetric(L.transpose() * flow.Q * L),
-    )
-
-
 def _covariance_above(A: Ball, W: Ball) -> Ball | None:
     """Return an S with S > A S A' + W, which proves stability and bounds the covariance."""
     step, source = balls.midpoint(A), balls.midpoint(W)
@@ -307,7 +276,7 @@ def _covariance_above(A: Ball, W: Ball) -> Ball | None:
             return None
         ball = balls.symmetric(balls.ball(S))
         rest = balls.symmetric(ball - A * ball * A.transpose() - W)
-        if balls.is_positive_definite(rest) and balls.is_positive_definite(ball):
+        if is_definite(rest) and is_definite(ball):
             return ball
     return None
 
@@ -405,9 +374,9 @@ def _lyapunov_sum(through: Matrix, rest: Matrix) -> Matrix | None:
 def _dissipates(section: BallSection, P: Ball, after: Ball) -> bool:
     """Prove P > 0, P^-1 > G and P > Q + A'(P^-1 - G)^-1 A."""
     return (
-        balls.is_positive_definite(balls.symmetric(P - section.Q - after))
-        and balls.is_positive_definite(P)
-        and balls.is_positive_definite(balls.symmetric(P - P * section.G * P))
+        is_definite(balls.symmetric(P - section.Q - after))
+        and is_definite(P)
+        and is_definite(balls.symmetric(P - P * section.G * P))
     )
 
 
@@ -465,7 +434,7 @@ def _pair(loop: ScaledMap, test: GainTest) -> tuple[BallSection, BallSection]:
     if test.phase == len(phases):
         return parts[0], parts[1]
     whole = parts[0] if len(parts) == 1 else joined_balls(parts[0], parts[1])
-    section = at_samples(loop, whole)
+    section = at_samples(loop, *whole)
     for _ in range(test.stage):
         section = joined_balls(section, section)
     return section, section

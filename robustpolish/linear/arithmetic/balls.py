@@ -7,7 +7,7 @@ the certificates are checked in balls throughout rather than with hand-made erro
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -16,14 +16,8 @@ import numpy as np
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.arrays import Vector
-from robustpolish.base.budget import check_deadline
 
-Ball = Any  # flint.arb_mat; python-flint ships no stubs for it
-
-# Beside the strongest direction, doubles see those above this; a pass of the proof of definiteness
-# brings up the weaker ones by its inverse, about so many bits.
-_WEAK = 1e-13
-_BITS_PER_PASS = 40
+Ball = Any  # flint.arb_mat or flint.acb_mat; python-flint ships no stubs for them
 
 
 @contextmanager
@@ -40,7 +34,13 @@ def precision(bits: int) -> Iterator[None]:
 def ball(matrix: Matrix) -> Ball:
     """Enclose a matrix of doubles, exactly."""
     array = np.atleast_2d(np.asarray(matrix, dtype=float))
-    return flint.arb_mat(array.shape[0], array.shape[1], array.ravel().tolist())
+    return flint.arb_mat(*array.shape, array.ravel().tolist())
+
+
+def complex_ball(matrix: Matrix) -> Ball:
+    """Enclose a complex matrix of doubles, exactly."""
+    array = np.asarray(matrix, dtype=complex)
+    return flint.acb_mat(*array.shape, array.ravel().tolist())
 
 
 def zeros(rows: int, columns: int) -> Ball:
@@ -50,20 +50,27 @@ def zeros(rows: int, columns: int) -> Ball:
 
 def identity(n: int) -> Ball:
     """Return the identity matrix."""
-    return ball(np.eye(n)) if n else zeros(0, 0)
+    return ball(np.eye(n))
 
 
-def block(rows: Sequence[Sequence[Ball]]) -> Ball:
-    """Assemble a matrix of blocks."""
-    table = joined_rows(rows)
-    columns = sum(part.ncols() for part in rows[0])
-    return flint.arb_mat(table) if table and columns else zeros(len(table), columns)
+def block(rows: Sequence[Sequence[Any]]) -> Any:
+    """Assemble a matrix of blocks: balls, real or complex, or rational numbers."""
+    table, columns = joined_rows(rows), sum(part.ncols() for part in rows[0])
+    entries = [entry for row in table for entry in row]
+    return type(rows[0][0])(len(table), columns, entries)
 
 
-def part(matrix: Ball, rows: Sequence[int], columns: Sequence[int]) -> Ball:
+def part(
+    matrix: Ball,
+    rows: Sequence[int] | slice = slice(None),
+    columns: Sequence[int] | slice = slice(None),
+) -> Ball:
     """Return the entries of some rows and columns of a real matrix."""
-    entries = [matrix[i, j] for i in rows for j in columns]
-    return flint.arb_mat(len(rows), len(columns), entries)
+    i, j = (
+        range(size)[chosen] if isinstance(chosen, slice) else chosen
+        for size, chosen in ((matrix.nrows(), rows), (matrix.ncols(), columns))
+    )
+    return flint.arb_mat(len(i), len(j), [matrix[a, b] for a in i for b in j])
 
 
 def joined_rows(blocks: Sequence[Sequence[Any]]) -> list[list[Any]]:
@@ -108,58 +115,55 @@ def scaled(matrix: Ball, rows: Vector, columns: Vector) -> Ball:
     )
 
 
-def is_positive_definite(matrix: Ball) -> bool:
-    """Prove that every symmetric matrix enclosed by `matrix` is positive definite.
+# Systems of four real matrices.
 
-    M > 0 follows from G M G' > 0 for any square G, whatever it is. G is made of the eigenvectors
-    of M in doubles and turns M into a matrix near the identity, up to directions that are too weak
-    beside the others for doubles; in these it is repeated. A matrix whose distance from the
-    identity has a row-sum norm below one is positive definite.
+
+def transfer_matrix(
+    A: Ball, B: Ball, C: Ball, D: Ball, s: Any, solve: Callable[[Ball, Ball], Ball] | None = None
+) -> Ball:
+    """Return D + C (s - A)^-1 B.
 
     Parameters
     ----------
-    matrix : flint.arb_mat
-        Encloses a symmetric matrix.
+    A, B, C, D : flint.arb_mat
+    s : flint.acb or None
+        None is infinity.
+    solve : callable, optional
+        Solves M X = B; flint by default, which encloses X.
 
     Returns
     -------
-    bool
-        True is a proof; False says only that no proof was found.
+    flint.acb_mat
+
+    Raises
+    ------
+    ZeroDivisionError
+        If s is a pole as far as the balls can tell.
     """
-    n = matrix.nrows()
-    if n == 0:
-        return True
-    diagonal = np.array([float(matrix[i, i].lower()) for i in range(n)])
-    if not (np.isfinite(diagonal).all() and (diagonal > 0).all()):
-        return False
-    # Powers of two bring the diagonal to about one without rounding.
-    scale = np.exp2(-np.round(np.log2(diagonal) / 2))
-    turned = scaled(matrix, scale, scale)
-    for _ in range(flint.ctx.prec // _BITS_PER_PASS + 1):
-        check_deadline()
-        centre = midpoint(turned)
-        if not np.isfinite(centre).all():
-            return False
-        values, vectors = np.linalg.eigh((centre + centre.T) / 2)
-        if values[0] < -100 * _WEAK * values[-1]:
-            return False
-        G = ball((vectors / np.sqrt(np.maximum(values, _WEAK * values[-1]))).T)
-        turned = G * turned * G.transpose()
-        rest = magnitude(identity(n) - turned)
-        # The factor covers the rounding errors of the sums, which are taken in doubles.
-        if np.isfinite(rest).all() and (rest.sum(axis=1) * (1 + 1e-12)).max() < 1:
-            return True
-    return False
+    n, direct = A.nrows(), flint.acb_mat(D)
+    if s is None or not n:
+        return direct
+    resolvent, into = -flint.acb_mat(A), flint.acb_mat(B)
+    for i in range(n):
+        resolvent[i, i] += s
+    states = resolvent.solve(into) if solve is None else solve(resolvent, into)
+    return direct + flint.acb_mat(C) * states
+
+
+def cayley(A: Ball, B: Ball, C: Ball, D: Ball) -> tuple[Ball, Ball, Ball, Ball]:
+    """Map a discrete system by z = (1 + s)/(1 - s), which keeps gains, stability and Gramians.
+
+    Raises
+    ------
+    ZeroDivisionError
+        If A + I is singular, in which case the system is not stable.
+    """
+    one, root = identity(A.nrows()), flint.arb(2).sqrt()
+    inverse = (A + one).inv()
+    return inverse * (A - one), inverse * B * root, C * inverse * root, D - C * inverse * B
 
 
 # Which columns of a matrix in ball arithmetic depend on the others, by elimination.
-
-
-def columns_of(M: Ball, rows: slice = slice(None), columns: slice = slice(None)) -> Ball:
-    """Return the block of some rows and columns."""
-    table = [row[columns] for row in M.tolist()][rows]
-    width = len(range(*columns.indices(M.ncols())))
-    return flint.arb_mat(len(table), width, [entry for row in table for entry in row])
 
 
 def independent_first(M: Ball) -> tuple[Ball, int]:

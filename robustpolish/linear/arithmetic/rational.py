@@ -10,10 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from flint import acb, acb_mat, arb, arb_mat, fmpq, fmpq_mat, fmpz, fmpz_mat, nmod, nmod_mat
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from robustpolish.base.checks import described, invalid, square
-from robustpolish.linear.arithmetic.balls import joined_rows, precision
+from robustpolish.linear.arithmetic.balls import precision, transfer_matrix
 from robustpolish.linear.arithmetic.realisation import Realisation
 
 _PRIME = 4611686018427387847  # the largest below 2^62
@@ -46,11 +45,6 @@ def to_float(M: fmpq_mat) -> NDArray[np.float64]:
 def identity(n: int) -> fmpq_mat:
     """Return the n x n identity."""
     return fmpq_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
-
-
-def joined(blocks: list[list[fmpq_mat]]) -> fmpq_mat:
-    """Join rows of blocks into one matrix; blocks without columns are passed over."""
-    return fmpq_mat(joined_rows(blocks))
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,66 +178,7 @@ def transfer(model: ExactModel, x: fmpq | None) -> tuple[NDArray[np.complex128],
 
 
 def _transfer(model: ExactModel, x: fmpq | None) -> acb_mat:
-    D = acb_mat(arb_mat(model.D))
-    n = model.states
-    if n == 0 or (x is None and not model.discrete):
-        return D
-    one = acb(1)
-    z = acb(-1) if x is None else acb(0, x)
-    if model.discrete and x is not None:
-        z = (one + z) / (one - z)
-    resolvent = -acb_mat(arb_mat(model.A))
-    for i in range(n):
-        resolvent[i, i] += z
-    return D + acb_mat(arb_mat(model.C)) * resolvent.solve(acb_mat(arb_mat(model.B)))
-
-
-def is_positive_definite(M: ArrayLike) -> bool:
-    r"""Decide without rounding whether a symmetric matrix is positive definite.
-
-    The eigenvalues are real, so by Descartes' rule of signs all are positive exactly if the
-    coefficients of the characteristic polynomial alternate in sign; they are computed in
-    rational arithmetic. There is no tolerance: a singular matrix is not definite.
-
-    Parameters
-    ----------
-    M : array_like, shape (n, n)
-        Symmetric to the last bit.
-
-    Returns
-    -------
-    bool
-        True for n = 0.
-
-    Raises
-    ------
-    InvalidInputError
-        If it is not square, not finite or not symmetric.
-
-    Examples
-    --------
-    >>> from robustpolish.linear import is_positive_definite
-    >>> is_positive_definite([[1.0, 1.0], [1.0, 1.0 + 2**-52]])
-    True
-    >>> is_positive_definite([[1.0, 1.0], [1.0, 1.0]])
-    False
-    """
-    array = square("M", M)
-    if not np.array_equal(array, array.T):
-        gap = float(np.abs(array - array.T).max())
-        raise invalid(
-            "M",
-            described(f"entries that differ by {gap:.3g} from their mirror images"),
-            "a symmetric matrix",
-            "Pass (M + M.T) / 2.",
-        )
-    return exactly_positive_definite(rational(array))
-
-
-def exactly_positive_definite(M: fmpq_mat) -> bool:
-    """Decide it for a symmetric rational matrix."""
-    if M.nrows() == 0:
-        return True
-    coefficients = M.charpoly().coeffs()
-    top = M.nrows()
-    return all(c * (-1) ** (top - k) > 0 for k, c in enumerate(coefficients))
+    s = None if x is None else acb(0, x)
+    if model.discrete:
+        s = acb(-1) if s is None else (1 + s) / (1 - s)
+    return transfer_matrix(*map(arb_mat, (model.A, model.B, model.C, model.D)), s)

@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from scipy import linalg
-from scipy.linalg import block_diag
 
 from robustpolish.base.arrays import AnyArray, AnyMatrix, AnyVector, Matrix, Vector
 from robustpolish.base.checks import instance_of
@@ -20,6 +19,7 @@ from robustpolish.linear.delays.systems import (
     DelayedSystem,
     DelayLine,
     pade,
+    pade_sections,
     resolvent_response,
 )
 from robustpolish.plots.poles import plot_poles
@@ -37,34 +37,15 @@ MOST_SIZE = 700
 """Largest matrix whose eigenvalues are computed; several seconds."""
 
 
-@dataclass(frozen=True)
-class RootPolicy:
-    """Thresholds of the search for roots.
-
-    Attributes
-    ----------
-    nodes : int
-        Least number of Chebyshev nodes along a line: roots of a few rad per delay come out to
-        twelve digits.
-    nodes_per_radian : float
-        More nodes per radian of delay at the highest frequency where a root can be unstable;
-        polynomials need pi per wavelength.
-    residual : float
-        Smallest over largest singular value of the characteristic matrix at what counts as a root.
-    steps : int
-        Newton steps; from the eigenvalues three are enough.
-    moved : float
-        How far, relative to its size and the unit of rate, Newton may move a start.
-    """
-
-    nodes: int = 20
-    nodes_per_radian: float = 1.5
-    residual: float = 1e-9
-    steps: int = 12
-    moved: float = 0.1
-
-
-POLICY = RootPolicy()
+# Chebyshev nodes along a line: roots of a few rad per delay come out to twelve digits with the
+# least number. More are taken per radian of delay at the highest frequency where a root can be
+# unstable; polynomials need pi per wavelength.
+_NODES, _NODES_PER_RADIAN = 20, 1.5
+# Smallest over largest singular value of the characteristic matrix at what counts as a root.
+_RESIDUAL = 1e-9
+# Newton steps; from the eigenvalues three are enough. How far, relative to its size and the unit of
+# rate, they may move a start.
+_NEWTON, _MOVED = 12, 0.1
 
 
 def rightmost_roots(
@@ -72,7 +53,6 @@ def rightmost_roots(
     seconds: Vector,
     highest: float,
     count: int = 6,
-    policy: RootPolicy = POLICY,
 ) -> AnyVector:
     """Return the rightmost roots that were confirmed, from right to left.
 
@@ -93,14 +73,14 @@ def rightmost_roots(
     """
     A, B, C, D, unit = _scaled(*ports)
     delays = seconds * unit
-    nodes = policy.nodes + int(np.ceil(policy.nodes_per_radian * highest * seconds.max()))
+    nodes = _NODES + int(np.ceil(_NODES_PER_RADIAN * highest * seconds.max()))
     if len(A) + len(seconds) * nodes > MOST_SIZE:
         return np.zeros(0, complex)
     starts = np.linalg.eigvals(_transport(A, B, C, D, delays, nodes))
     starts = starts[np.argsort(-starts.real)][: 3 * count]
     found: list[complex] = []
     for start in starts:
-        root = _root(A, B, C, D, delays, complex(start), policy)
+        root = _root(A, B, C, D, delays, complex(start))
         if root is not None and not any(abs(root - r) <= 1e-6 * (1 + abs(r)) for r in found):
             found.append(root)
     found.sort(key=lambda root: (-root.real, -root.imag))
@@ -158,11 +138,10 @@ def _root(
     D: Matrix,
     delays: Vector,
     start: complex,
-    policy: RootPolicy,
 ) -> complex | None:
     """Follow Newton's steps on the characteristic matrix; None if they end at no root."""
     s = start
-    for _ in range(policy.steps):
+    for _ in range(_NEWTON):
         T, slope = _characteristic(A, B, C, D, delays, s)
         if not np.isfinite(T).all():
             return None
@@ -176,10 +155,10 @@ def _root(
         if abs(step) <= 1e-14 * (1 + abs(s)):
             break
     T, _ = _characteristic(A, B, C, D, delays, s)
-    if not np.isfinite(T).all() or abs(s - start) > policy.moved * (1 + abs(start)):
+    if not np.isfinite(T).all() or abs(s - start) > _MOVED * (1 + abs(start)):
         return None
     sizes = np.linalg.svd(T, compute_uv=False)
-    return s if sizes[-1] <= policy.residual * sizes[0] else None
+    return s if sizes[-1] <= _RESIDUAL * sizes[0] else None
 
 
 def _characteristic(
@@ -207,42 +186,21 @@ def _characteristic(
 # How many roots of a system with delays are unstable: the argument principle, from Pade on.
 
 
-@dataclass(frozen=True)
-class WindingPolicy:
-    """Thresholds of the count.
-
-    Attributes
-    ----------
-    small : float
-        Where the gain through the delay lines is below it no delay whatever moves a root, so
-        that steps may be as wide as the system itself allows.
-    turn : float
-        Largest phase in rad between neighbours where it is not.
-    delay : float
-        Largest phase in rad of the longest delay between neighbours there.
-    per_decade : int
-        Points of the first grid; around each resonance there are more.
-    most_points : int
-        Points beyond which the count is given up: 5 s for 30 states.
-    whole : float
-        How far the count may lie from a whole number.
-    least : float
-        A determinant that comes so near to zero is a root on the axis, as far as doubles tell.
-    axis : float
-        How near to the axis, relative to its size, no eigenvalue of a Pade model may lie.
-    """
-
-    small: float = 0.8
-    turn: float = 0.4
-    delay: float = 0.3
-    per_decade: int = 60
-    most_points: int = 200_000
-    whole: float = 0.05
-    least: float = 1e-9
-    axis: float = 1e-9
-
-
-WINDING_POLICY = WindingPolicy()
+# Where the gain through the delay lines is below it no delay whatever moves a root, so that steps
+# may be as wide as the system itself allows.
+_QUIET = 0.8
+# Largest phases in rad between neighbours where it is not: of the determinant, the longest delay.
+_TURN, _DELAY = 0.4, 0.3
+# Points of the first grid per decade; around each resonance there are more.
+_PER_DECADE = 60
+MOST_POINTS = 200_000
+"""Points beyond which the count is given up: 5 s for 30 states."""
+# How far the count may lie from a whole number.
+_WHOLE = 0.05
+# A determinant that comes so near to zero is a root on the axis, as far as doubles tell.
+_LEAST = 1e-9
+# How near to the axis, relative to its size, no eigenvalue of a Pade model may lie.
+_AXIS = 1e-9
 
 
 class Counted(NamedTuple):
@@ -253,7 +211,7 @@ class Counted(NamedTuple):
     highest: float
 
 
-def count_unstable(system: DelayedSystem, policy: WindingPolicy = WINDING_POLICY) -> Counted:
+def count_unstable(system: DelayedSystem) -> Counted:
     """Count the characteristic roots to the right of the axis.
 
     Parameters
@@ -265,40 +223,40 @@ def count_unstable(system: DelayedSystem, policy: WindingPolicy = WINDING_POLICY
     -------
     Counted
     """
-    lines = _orders(system, policy)
+    lines = _orders(system)
     if lines is None:
         return Counted(None, "every Pade model has a pole on the axis", 0.0)
     system = replace(system, lines=lines)
     loop = _Loop.of(system)
     poles = np.concatenate([np.linalg.eigvals(loop.A), np.linalg.eigvals(loop.ports[0])])
     right = int((np.linalg.eigvals(loop.A).real > 0).sum())
-    omega = _grid(poles, system.seconds, policy)
+    omega = _grid(poles, system.seconds)
     for _ in range(8):  # until the lines are quiet at the end of the grid
-        if loop.gain(omega[-1:])[0] < policy.small:
+        if loop.gain(omega[-1:])[0] < _QUIET:
             break
-        omega = np.append(omega, omega[-1] * np.geomspace(1.05, 10, policy.per_decade))
+        omega = np.append(omega, omega[-1] * np.geomspace(1.05, 10, _PER_DECADE))
     else:
         return Counted(None, "the gain through the delays does not fall", float(omega[-1]))
     gain, value = loop.gain(omega), loop.value(omega)
-    widest = policy.delay / float(system.seconds.max())
+    widest = _DELAY / float(system.seconds.max())
     while True:
-        loud = (gain[:-1] >= policy.small) | (gain[1:] >= policy.small)
+        loud = (gain[:-1] >= _QUIET) | (gain[1:] >= _QUIET)
         with np.errstate(divide="ignore", invalid="ignore"):
             turn = np.abs(np.angle(value[1:] / value[:-1]))
-        wide = loud & ((np.diff(omega) > widest) | ~(turn <= policy.turn))
+        wide = loud & ((np.diff(omega) > widest) | ~(turn <= _TURN))
         wide &= np.diff(omega) > 1e-13 * omega[1:]
         if not wide.any():
             break
-        if omega.size + int(wide.sum()) > policy.most_points:
+        if omega.size + int(wide.sum()) > MOST_POINTS:
             return Counted(None, "too many frequencies would be needed", float(omega[-1]))
         at = np.flatnonzero(wide)
         new = (omega[at] + omega[at + 1]) / 2
         omega = np.insert(omega, at + 1, new)
         gain = np.insert(gain, at + 1, loop.gain(new))
         value = np.insert(value, at + 1, loop.value(new))
-    heard = np.flatnonzero(gain >= policy.small)
+    heard = np.flatnonzero(gain >= _QUIET)
     highest = float(omega[heard[-1]]) if heard.size else 0.0
-    if np.abs(value).min() < policy.least:
+    if np.abs(value).min() < _LEAST:
         return Counted(None, "a root lies on the axis, as far as can be told", highest)
     turned = np.angle(value[1:] / value[:-1])
     # Between quiet neighbours the phase is known by itself: no eigenvalue passes zero.
@@ -307,7 +265,7 @@ def count_unstable(system: DelayedSystem, policy: WindingPolicy = WINDING_POLICY
     turned[quiet] = np.diff(own)[quiet]
     unstable = right - (turned.sum() - own[-1]) / np.pi
     whole = round(unstable)
-    if abs(unstable - whole) > policy.whole or whole < 0:
+    if abs(unstable - whole) > _WHOLE or whole < 0:
         return Counted(None, f"the count of roots came out as {unstable:.3g}", highest)
     return Counted(whole, "", highest)
 
@@ -325,7 +283,7 @@ class _Loop(NamedTuple):
     @classmethod
     def of(cls, system: DelayedSystem) -> _Loop:
         A, B, C, D = system.ports()
-        Ap, Bp, Cp, Dp = _block(system)
+        Ap, Bp, Cp, Dp = pade_sections(system.lines)
         inner = np.linalg.inv(np.eye(len(D)) - Dp @ D)
         # d = Pade(v) + e = inner (Cp xp + Dp C x + e), v = C x + D d
         x, p = inner @ Dp @ C, inner @ Cp
@@ -376,13 +334,7 @@ class _Loop(NamedTuple):
         return phases[0] - phases[1]
 
 
-def _block(system: DelayedSystem) -> list[Matrix]:
-    """Return the Pade approximations of all lines as one system."""
-    models = [pade(line.seconds, line.order) for line in system.lines]
-    return [np.asarray(block_diag(*M)) for M in zip(*models, strict=True)]
-
-
-def _orders(system: DelayedSystem, policy: WindingPolicy) -> tuple[DelayLine, ...] | None:
+def _orders(system: DelayedSystem) -> tuple[DelayLine, ...] | None:
     """Return lines whose Pade model is well posed and has no pole on the axis."""
     for more in range(6):
         lines = tuple(
@@ -390,21 +342,21 @@ def _orders(system: DelayedSystem, policy: WindingPolicy) -> tuple[DelayLine, ..
         )
         trial = replace(system, lines=lines)
         D = system.ports()[3]
-        Dp = _block(trial)[3]
+        Dp = pade_sections(lines)[3]
         if np.linalg.cond(np.eye(len(D)) - Dp @ D) > 1e8:
             continue
         poles = np.linalg.eigvals(_Loop.of(trial).A)
-        if (np.abs(poles.real) > policy.axis * np.abs(poles).max(initial=0.0)).all():
+        if (np.abs(poles.real) > _AXIS * np.abs(poles).max(initial=0.0)).all():
             return lines
     return None
 
 
-def _grid(poles: Any, seconds: Vector, policy: WindingPolicy) -> Vector:
+def _grid(poles: Any, seconds: Vector) -> Vector:
     """Return frequencies from 0 to far beyond the fastest pole, dense around resonances."""
     rates = np.concatenate([np.abs(poles), 1 / seconds])
     rates = rates[rates > 1e-12 * rates.max()]
     low, high = rates.min() / 100, rates.max() * 100
-    many = int(np.ceil(policy.per_decade * np.log10(high / low)))
+    many = int(np.ceil(_PER_DECADE * np.log10(high / low)))
     grid = [np.zeros(1), np.geomspace(low, high, many)]
     for pole in poles[np.abs(poles.imag) > 0]:
         width = abs(pole.real / pole.imag)

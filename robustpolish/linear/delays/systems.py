@@ -20,6 +20,7 @@ from robustpolish.base.checks import (
     state_space,
 )
 from robustpolish.base.results import Card, Displayed, quantities
+from robustpolish.linear.arithmetic.realisation import realisation
 
 # The Pade approximation of a delay, as a chain of sections that pass all frequencies.
 
@@ -128,6 +129,13 @@ class DelayLine:
         pade(self.seconds, self.order)  # which checks both
 
 
+def pade_sections(lines: tuple[DelayLine, ...]) -> list[Matrix]:
+    """Return the Pade approximations of all lines as one system."""
+    empty = [(np.zeros((0, 0)),) * 4]
+    models = [pade(line.seconds, line.order) for line in lines] or empty
+    return [np.asarray(linalg.block_diag(*M)) for M in zip(*models, strict=True)]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class DelayedSystem(Displayed):
     r"""A system whose last outputs return to its last inputs after a delay.
@@ -201,14 +209,8 @@ class DelayedSystem(Displayed):
     @property
     def matrices(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:
         """A, B, C and D of H as plain arrays of consistent shapes."""
-        s = self.system
-        n, m, p = s.nstates, s.ninputs, s.noutputs
-        return (
-            np.array(s.A, dtype=float).reshape(n, n),
-            np.array(s.B, dtype=float).reshape(n, m),
-            np.array(s.C, dtype=float).reshape(p, n),
-            np.array(s.D, dtype=float).reshape(p, m),
-        )
+        A, B, C, D = realisation("system", self.system).matrices.values()
+        return A, B, C, D
 
     @property
     def seconds(self) -> Vector:
@@ -280,10 +282,7 @@ class DelayedSystem(Displayed):
         A, B, C, D = self.matrices
         k = len(self.lines)
         m, p = B.shape[1] - k, C.shape[0] - k
-        approximations = [pade(line.seconds, line.order) for line in self.lines]
-        empty = [(np.zeros((0, 0)),) * 4]
-        sections = zip(*(approximations or empty), strict=True)
-        Ap, Bp, Cp, Dp = (np.asarray(linalg.block_diag(*M)) for M in sections)
+        Ap, Bp, Cp, Dp = pade_sections(self.lines)
         inner = np.eye(k) - Dp @ D[p:, m:]
         if k and np.linalg.cond(inner) > 1 / np.finfo(float).eps:
             shown = described("a loop without solution at infinite frequency")

@@ -22,16 +22,11 @@ from numpy.typing import NDArray
 from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import described, invalid, one_of
 from robustpolish.base.results import Card, Displayed, quantities
-from robustpolish.linear.arithmetic.rational import (
-    ExactModel,
-    exactly_positive_definite,
-    fraction,
-    identity,
-    joined,
-    rational,
-)
+from robustpolish.linear.arithmetic.rational import ExactModel, fraction, rational
 from robustpolish.linear.arithmetic.realisation import Realisation, power_of_two, realisation
 from robustpolish.linear.norms.peak import ModalModel, largest_response, modal_model, rebased
+from robustpolish.linear.proofs.bounded_real import bounded_real
+from robustpolish.linear.proofs.definite import is_definite
 from robustpolish.linear.scaling import Scaling, equilibrating_scales, in_units, parts_with_indices
 
 # The thesis's analysis inequalities, handed to a solver in a basis that suits it.
@@ -128,50 +123,26 @@ def _solved(problem: Any, K: Any, model: ModalModel) -> tuple[NDArray[np.float64
 
 
 def proves_lmi(system: ExactModel, equation: Equation, K: NDArray, gamma: float) -> bool:
-    """Say whether K > 0 satisfies the equation with this gamma, without rounding."""
+    """Say whether K > 0 satisfies the equation with this gamma, without rounding.
+
+    All are the bounded-real inequality: (10.17) has its Schur complement, (10.15) no signals, and
+    (10.45) no outputs, with gamma in the place of its square.
+    """
     X, bound = rational(K), fraction(gamma)
-    if not exactly_positive_definite(X):
-        return False
+    A, B, C, D = system.A, system.B, system.C, system.D
+    n, m = A.nrows(), B.ncols()
     if equation == "10.15":
-        return exactly_positive_definite(-_lyapunov(system, X))
-    if equation == "10.17":
-        return exactly_positive_definite(-_three_rows(system, X, bound))
-    if equation == "10.44":
-        return exactly_positive_definite(-_two_rows(system, X, bound))
-    if not exactly_positive_definite(-_gramian_rows(system, X, bound)):
+        seen = fmpq_mat(n, 0), fmpq_mat(0, n), fmpq_mat(0, 0)
+    elif equation == "10.45":
+        seen = B, fmpq_mat(0, n), fmpq_mat(0, m)
+    else:
+        seen, bound = (B, C, D), bound * bound
+    if not (is_definite(X) and is_definite(bounded_real(X, A, *seen, bound))):
         return False
-    C = system.C  # the least trace of Z is that of C K^-1 C^T, approached from above
-    least = C * X.solve(C.transpose())
+    if equation != "10.45":
+        return True
+    least = C * X.solve(C.transpose())  # the least trace of Z, approached from above
     return bool(sum((least[i, i] for i in range(C.nrows())), fmpq(0)) < bound)
-
-
-def _lyapunov(G: ExactModel, K: fmpq_mat) -> fmpq_mat:
-    return G.A.transpose() * K + K * G.A
-
-
-def _three_rows(G: ExactModel, K: fmpq_mat, gamma: fmpq) -> fmpq_mat:
-    KB = K * G.B
-    m, p = G.B.ncols(), G.C.nrows()
-    return joined(
-        [
-            [_lyapunov(G, K), KB, G.C.transpose()],
-            [KB.transpose(), identity(m) * (-gamma * gamma), G.D.transpose()],
-            [G.C, G.D, -identity(p)],
-        ]
-    )
-
-
-def _two_rows(G: ExactModel, K: fmpq_mat, gamma: fmpq) -> fmpq_mat:
-    Ct, Dt = G.C.transpose(), G.D.transpose()
-    corner = K * G.B + Ct * G.D
-    below = Dt * G.D - identity(G.B.ncols()) * (gamma * gamma)
-    return joined([[_lyapunov(G, K) + Ct * G.C, corner], [corner.transpose(), below]])
-
-
-def _gramian_rows(G: ExactModel, K: fmpq_mat, gamma: fmpq) -> fmpq_mat:
-    KB = K * G.B
-    below = identity(G.B.ncols()) * (-gamma)
-    return joined([[_lyapunov(G, K), KB], [KB.transpose(), below]])
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -17,9 +17,11 @@ from scipy.optimize import minimize_scalar
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.arrays import Array, Vector
 from robustpolish.base.budget import check_deadline
+from robustpolish.linear.arithmetic.balls import joined_rows
 from robustpolish.linear.arithmetic.powers_of_two import bracket
-from robustpolish.linear.arithmetic.rational import ExactModel, fraction, identity, joined, transfer
+from robustpolish.linear.arithmetic.rational import ExactModel, fraction, identity, transfer
 from robustpolish.linear.arithmetic.realisation import Realisation, rescaled
+from robustpolish.linear.delays.systems import resolvent_response
 from robustpolish.linear.eigen import EPS, Eigensystem, eigensystem
 from robustpolish.linear.norms.modal_form import modal_form
 from robustpolish.linear.stability import positive_roots
@@ -121,7 +123,7 @@ def _pencil(model: ExactModel, square: fmpq) -> tuple[fmpz_mat, fmpz_mat]:
         [zero(p, n), zero(p, n), zero(p, m), zero(p, p)],
         [zero(m, n), zero(m, n), zero(m, m), zero(m, p)],
     ]
-    return _whole_rows(joined(states + outputs).table(), joined(slopes + still).table())
+    return _whole_rows(joined_rows(states + outputs), joined_rows(slopes + still))
 
 
 def _whole_rows(first: list[list[fmpq]], second: list[list[fmpq]]) -> tuple[fmpz_mat, fmpz_mat]:
@@ -245,17 +247,10 @@ def gains(model: Realisation, frequencies: Vector) -> Vector:
     x = frequencies[finite]
     for start in range(0, x.size, 64):  # bounds the memory for large systems
         part = x[start : start + 64]
-        resolvent = np.broadcast_to(-model.A, (part.size, *model.A.shape)).astype(complex)
-        diagonal = np.arange(model.states)
-        resolvent[:, diagonal, diagonal] += 1j * part[:, None]
-        B = np.broadcast_to(model.B.astype(complex), (part.size, *model.B.shape))
-        try:
-            G = model.C @ np.linalg.solve(resolvent, B) + model.D
-        except np.linalg.LinAlgError:  # a pole on the axis to rounding
-            result[finite] = 0.0
-            return result
+        G = resolvent_response(*model.matrices.values(), 1j * part)
+        G[~np.isfinite(G).all(axis=(1, 2))] = 0.0  # a pole on the axis to rounding
         where = np.flatnonzero(finite)[start : start + 64]
-        result[where] = np.nan_to_num(np.linalg.svd(G, compute_uv=False)[:, 0])
+        result[where] = np.linalg.svd(G, compute_uv=False)[:, 0]
     return result
 
 

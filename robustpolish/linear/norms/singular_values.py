@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from robustpolish.base.arrays import Vector
 from robustpolish.base.checks import described, invalid
 from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
+from robustpolish.linear.delays.systems import resolvent_response
 
 # Frequencies that show what a system does: an even background, and points at every resonance.
 
@@ -131,13 +132,10 @@ def _at(model: Realisation, angle: float) -> Vector:
     point = np.exp(1j * angle) if model.discrete else 1j * angle
     if 0 in model.D.shape:
         return np.zeros(0)
-    response = model.D.astype(complex)
-    if model.states and math.isfinite(angle):
-        try:
-            inner = np.linalg.solve(point * np.eye(model.states) - model.A, model.B.astype(complex))
-            response = response + model.C @ inner
-        except np.linalg.LinAlgError:
-            response = response + np.inf
-        if not np.isfinite(response).all():  # or a pole that it all but hits
-            return np.full(min(model.D.shape), np.inf)
+    response = model.D
+    if math.isfinite(angle):
+        matrices = model.matrices.values()
+        response = resolvent_response(*matrices, np.array([point]))[0]
+    if not np.isfinite(response).all():  # a pole, or one that it all but hits
+        return np.full(min(model.D.shape), np.inf)
     return np.asarray(np.linalg.svd(response, compute_uv=False), dtype=float)

@@ -15,6 +15,7 @@ from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.realisation import Realisation
+from robustpolish.linear.delays.systems import resolvent_response
 from robustpolish.linear.eigen import eigensystem
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import HinfNorm, hinf_norm
@@ -146,28 +147,20 @@ def _gains(A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array) -> Ar
         values[-1] = np.linalg.norm(D, 2)
     n = len(A)
     if n and finite.size:
-        found = _quick_responses(A, B, C, D, finite)
-        if found is None or not np.isfinite(found).all():
+        found = _responses(A, B, C, D, finite)
+        if not np.isfinite(found).all():
             return np.full(frequencies.size, np.inf)
         values[: finite.size] = np.linalg.svd(found, compute_uv=False)[:, 0]
     return values
 
 
-def _quick_responses(
-    A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array
-) -> AnyArray | None:
-    """Return the frequency response, or None if a pole is hit."""
-    n = len(A)
-    if n > _MODAL and frequencies.size > _FEW:
+def _responses(A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array) -> AnyArray:
+    """Return the frequency response, which is not finite where a pole is hit."""
+    if len(A) > _MODAL and frequencies.size > _FEW:
         from robustpolish.synthesis.proofs.frequency_response import responses
 
         return responses(A, B, C, D, frequencies)
-    shifted = 1j * frequencies[:, None, None] * np.eye(n) - A
-    try:
-        states = np.linalg.solve(shifted, np.broadcast_to(B, (frequencies.size, *B.shape)))
-    except np.linalg.LinAlgError:
-        return None
-    return C @ states + D
+    return resolvent_response(A, B, C, D, 1j * frequencies)
 
 
 def _crossings(A: Matrix, B: Matrix, C: Matrix, D: Matrix, gamma: float) -> Array | None:
@@ -341,42 +334,27 @@ def _largest_singular_values(
     if 0 in D.shape:
         return values
     nyquist = _nyquist_frequency(system)
-    solve = _solve_precisely if precise else np.linalg.solve
+    exact = [balls.ball(M) for M in (A, B, C, D)]
     for i, frequency in enumerate(frequencies):
         check_deadline()
-        response = D.astype(complex)
+        s: Any = None
         if np.isfinite(frequency):
             angle = np.pi * frequency / nyquist
             s = np.exp(1j * angle) if np.isfinite(nyquist) else 1j * frequency
-            try:
-                states = solve(s * np.eye(A.shape[0]) - A, B.astype(complex))
-            except (np.linalg.LinAlgError, ZeroDivisionError):
-                values[i] = np.inf
-                continue
-            response = response + _product(C, states) if precise else response + C @ states
+        try:
+            if precise:
+                with balls.precision(160):
+                    point = None if s is None else flint.acb(complex(s))
+                    response = balls.midpoint(balls.transfer_matrix(*exact, point))
+            elif s is None:
+                response = D
+            else:
+                response = D + C @ np.linalg.solve(s * np.eye(A.shape[0]) - A, B.astype(complex))
+        except (np.linalg.LinAlgError, ZeroDivisionError):
+            values[i] = np.inf
+            continue
         values[i] = np.linalg.svd(response, compute_uv=False)[0]
     return values
-
-
-def _solve_precisely(A: Any, B: Any) -> Any:
-    with balls.precision(160):
-        A, B = _complex_ball(A), _complex_ball(B)
-        try:
-            return A.solve(B, algorithm="lu").mid()
-        except ZeroDivisionError:  # slower, and succeeds on worse conditioned matrices
-            return A.solve(B, algorithm="precond").mid()
-
-
-def _product(C: Any, states: Any) -> Any:
-    """Multiply before rounding, for the terms may cancel."""
-    with balls.precision(160):
-        product = _complex_ball(C) * states
-        entries = [complex(float(z.real.mid()), float(z.imag.mid())) for z in product.entries()]
-    return np.array(entries).reshape(product.nrows(), product.ncols())
-
-
-def _complex_ball(M: Any) -> Any:
-    return flint.acb_mat(M.shape[0], M.shape[1], [complex(z) for z in M.ravel()])
 
 
 def _nyquist_frequency(system: control.StateSpace) -> float:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Literal, NamedTuple
 
-import control
 import flint
 import numpy as np
 from scipy.linalg import lapack as _lapack
@@ -18,14 +17,13 @@ from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.balls import Ball
 from robustpolish.linear.arithmetic.realisation import size
+from robustpolish.linear.proofs.bounded_real import BallSystem, bounded_real, hamiltonian
+from robustpolish.linear.proofs.definite import is_definite
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.proofs.achieved_norm import estimate_norm, state_scale
 from robustpolish.synthesis.riccati.equations import solve_lyapunov, solve_riccati
 
 # The closed loop of a plant and any controller, in ball arithmetic: an enclosure of the exact one.
-#
-# It offers what proofs ask of a loop: its gain at a frequency, the terms of its bounded-real
-# Riccati equation, its image in continuous time.
 
 lapack: Any = _lapack
 BITS = 240
@@ -34,72 +32,10 @@ BITS = 240
 # step is that much smaller than the one before, until one is so small beside the solution.
 _REFINED, _REFINEMENTS, _PROGRESS, _EXACT = 60, 12, 1e-3, 1e-30
 
-
-@dataclass(frozen=True, eq=False)
-class LoopBalls:
-    """The closed loop in balls, in scaled states: an enclosure of the exact interconnection."""
-
-    A: Ball
-    B: Ball
-    C: Ball
-    D: Ball
-    scale: Matrix
-
-    @property
-    def doubles(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-        """The centres as doubles."""
-        centre = balls.midpoint
-        return centre(self.A), centre(self.B), centre(self.C), centre(self.D)
-
-    def gain_at(self, frequency: float) -> float:
-        """Return the largest singular value at a frequency in rad/s, with the bits in force."""
-        A, B, C, D = (flint.acb_mat(M) for M in (self.A, self.B, self.C, self.D))
-        response = D
-        if math.isfinite(frequency) and A.nrows():
-            resolvent = -A
-            for i in range(A.nrows()):
-                resolvent[i, i] += flint.acb(0, frequency)
-            try:
-                states = _refined_solution(resolvent, B)
-                states = resolvent.solve(B) if states is None else states
-            except ZeroDivisionError:
-                return math.inf
-            response = D + C * states
-        return float(np.linalg.norm(balls.midpoint(response), 2))
-
-    def riccati_terms(self, alpha: float = 0.0, output: float = 1.0) -> tuple[Ball, Ball, Ball]:
-        """Return A, R and Q of the bounded-real equation A'P + PA + PRP + Q = 0 at gamma = 1.
-
-        The poles are shifted by `alpha` to the right and a little output is added.
-        """
-        A, B, C, D = self.A, self.B, self.C, self.D
-        n = A.nrows()
-        shift = balls.identity(n) * flint.arb(float(alpha))
-        extra = shift * flint.arb(float(0.1 * output))
-        if B.ncols() == 0:
-            return A + shift, balls.zeros(n, n), C.transpose() * C + extra
-        inner = (balls.identity(B.ncols()) - D.transpose() * D).inv()
-        outer = balls.identity(C.nrows()) + D * inner * D.transpose()
-        return (
-            A + B * inner * D.transpose() * C + shift,
-            B * inner * B.transpose(),
-            C.transpose() * outer * C + extra,
-        )
-
-    @property
-    def output_size(self) -> float:
-        """How large C'C is beside A, which P is likely to be."""
-        A, _, C, _ = self.doubles
-        return float(np.linalg.norm(C) ** 2 / np.linalg.norm(A)) or 1.0
+enclose_system = BallSystem.of
 
 
-def enclose_system(system: control.StateSpace) -> LoopBalls:
-    """Enclose a system, which has been connected before, as it is."""
-    A, B, C, D = (balls.ball(np.asarray(M)) for M in (system.A, system.B, system.C, system.D))
-    return LoopBalls(A, B, C, D, np.ones(A.nrows()))
-
-
-def enclose_loop(plant: GeneralizedPlant, controller: Any, bits: int = BITS) -> LoopBalls:
+def enclose_loop(plant: GeneralizedPlant, controller: Any, bits: int = BITS) -> BallSystem:
     """Connect u = K y without rounding errors and scale the loop's states by powers of two.
 
     Parameters
@@ -115,43 +51,19 @@ def enclose_loop(plant: GeneralizedPlant, controller: Any, bits: int = BITS) -> 
         If I - Dk D22 cannot be shown to be nonsingular.
     """
     with balls.precision(bits):
-        A, B1, B2 = (balls.ball(M) for M in (plant.A, plant.B1, plant.B2))
-        C1, C2, D11 = (balls.ball(M) for M in (plant.C1, plant.C2, plant.D11))
-        D12, D21, D22 = (balls.ball(M) for M in (plant.D12, plant.D21, plant.D22))
-        nk = controller.nstates or 0
-        shapes = (nk, nk), (nk, plant.ny), (plant.nu, nk), (plant.nu, plant.ny)
-        Ak, Bk, Ck, Dk = (
-            balls.ball(np.reshape(M, shape)) if 0 not in shape else balls.zeros(*shape)
-            for M, shape in zip(
-                (controller.A, controller.B, controller.C, controller.D), shapes, strict=True
-            )
+        A, B, C, D = BallSystem.closed_loop(plant, controller)
+        scale = state_scale(*map(balls.midpoint, (A, B, C)))
+        into, given, shown = 1 / scale, np.ones(B.ncols()), np.ones(C.nrows())
+        A, B, C = (
+            balls.scaled(A, into, scale),
+            balls.scaled(B, into, given),
+            balls.scaled(C, shown, scale),
         )
-        inverse = (balls.identity(plant.nu) - Dk * D22).inv()
-        on_x, on_k, on_w = inverse * Dk * C2, inverse * Ck, inverse * Dk * D21
-        Al = balls.block(
-            [
-                [A + B2 * on_x, B2 * on_k],
-                [Bk * (C2 + D22 * on_x), Ak + Bk * D22 * on_k],
-            ]
-        )
-        Bl = balls.block([[B1 + B2 * on_w], [Bk * (D21 + D22 * on_w)]])
-        Cl = balls.block([[C1 + D12 * on_x, D12 * on_k]])
-        Dl = D11 + D12 * on_w
-        scale = state_scale(*(balls.midpoint(M) for M in (Al, Bl, Cl)))
-        into, given, shown = 1 / scale, np.ones(Bl.ncols()), np.ones(Cl.nrows())
-        return LoopBalls(
-            balls.scaled(Al, into, scale),
-            balls.scaled(Bl, into, given),
-            balls.scaled(Cl, shown, scale),
-            Dl,
-            scale,
-        )
+        return BallSystem(A, B, C, D, scale)
 
 
-def cayley(loop: LoopBalls, bits: int = BITS) -> LoopBalls:
+def cayley(loop: BallSystem, bits: int = BITS) -> BallSystem:
     """Map a discrete-time loop to a continuous one of the same stability and H-infinity norm.
-
-    With z = (1 + s)/(1 - s).
 
     Raises
     ------
@@ -159,16 +71,28 @@ def cayley(loop: LoopBalls, bits: int = BITS) -> LoopBalls:
         If A + I is singular, in which case the loop is not stable.
     """
     with balls.precision(bits):
-        n = loop.A.nrows()
-        inverse = (loop.A + balls.identity(n)).inv()
-        root = flint.arb(2).sqrt()
-        return LoopBalls(
-            inverse * (loop.A - balls.identity(n)),
-            inverse * loop.B * root,
-            loop.C * inverse * root,
-            loop.D - loop.C * inverse * loop.B,
-            loop.scale,
-        )
+        return loop.continuous()
+
+
+def gain_at(loop: BallSystem, frequency: float) -> float:
+    """Return the largest singular value at a frequency in rad/s, with the bits in force."""
+    try:
+        return float(np.linalg.norm(balls.midpoint(loop.response(frequency, _refined_solution)), 2))
+    except ZeroDivisionError:
+        return math.inf
+
+
+def _output_size(loop: BallSystem) -> float:
+    """Return how large C'C is beside A, which P is likely to be."""
+    A, _, C, _ = loop.doubles
+    return float(np.linalg.norm(C) ** 2 / np.linalg.norm(A)) or 1.0
+
+
+def _shifted_terms(loop: BallSystem, alpha: float, output: float = 1.0) -> tuple[Ball, Ball, Ball]:
+    """Return the terms of the Riccati equation of the loop with A + alpha, and a little output."""
+    A, R, Q = loop.riccati_terms()
+    shift = balls.identity(A.nrows()) * flint.arb(float(alpha))
+    return A + shift, R, Q + shift * flint.arb(float(0.1 * output))
 
 
 def angle(frequency: float, step: float | None) -> float:
@@ -181,7 +105,7 @@ def rate(angle: float, step: float | None) -> float:
     return angle if step is None else 2 * math.atan(angle) / step
 
 
-def rounding_level(loop: LoopBalls) -> float:
+def rounding_level(loop: BallSystem) -> float:
     """Return the size of a norm that rounding errors in doubles can feign.
 
     That is the unit roundoff times the gain that the loop would have if nothing cancelled;
@@ -194,25 +118,25 @@ def rounding_level(loop: LoopBalls) -> float:
     return float(10 * np.finfo(float).eps * max(A.shape[0], 1) * (gain + np.linalg.norm(D)))
 
 
-def _refined_solution(M: Ball, B: Ball) -> Ball | None:
-    """Solve M X = B in doubles and refine X with the bits in force; None where that stalls.
+def _refined_solution(M: Ball, B: Ball) -> Ball:
+    """Solve M X = B in doubles and refine X with the bits in force; in balls where that stalls.
 
     On many states it takes a small part of the time of a solution in balls.
     """
     if M.nrows() <= _REFINED or not B.ncols():
-        return None
+        return M.solve(B)
     factors, pivots, singular = lapack.zgetrf(balls.midpoint(M))
     X, rest, before = flint.acb_mat(B.nrows(), B.ncols()), B, math.inf
     for _ in range(_REFINEMENTS):
         step = lapack.zgetrs(factors, pivots, balls.midpoint(rest))[0]
         size = float(np.linalg.norm(step))
         if singular or not size <= _PROGRESS * before:
-            return None
+            break
         X = (X + flint.acb_mat(X.nrows(), X.ncols(), step.ravel().tolist())).mid()
         if size <= _EXACT * float(np.linalg.norm(balls.midpoint(X))):
             return X
         rest, before = B - M * X, size
-    return None
+    return M.solve(B)
 
 
 # The peak of a loop's gain and a matrix that proves it, in long arithmetic where doubles fail.
@@ -229,14 +153,14 @@ _EIGENVALUES = 2e-6
 _MORE_STEPS = 20
 
 
-def precise_peak(loop: LoopBalls, start: float) -> tuple[float, float]:
+def precise_peak(loop: BallSystem, start: float) -> tuple[float, float]:
     """Climb to the largest gain of a stable continuous-time loop, without rounding it.
 
     The two-step iteration of Bruinsma and Steinbuch (Systems & Control Letters 14, 1990, 287-293).
 
     Parameters
     ----------
-    loop : LoopBalls
+    loop : BallSystem
     start : float
         A frequency to start from, rad/s; may be infinite.
 
@@ -259,22 +183,20 @@ def precise_peak(loop: LoopBalls, start: float) -> tuple[float, float]:
     return gain, where
 
 
-def _highest(loop: LoopBalls, frequencies: Iterable[float]) -> tuple[float, float]:
-    return max(((loop.gain_at(x), x) for x in frequencies), default=(0.0, 0.0))
+def _highest(loop: BallSystem, frequencies: Iterable[float]) -> tuple[float, float]:
+    return max(((gain_at(loop, x), x) for x in frequencies), default=(0.0, 0.0))
 
 
-def _crossings(loop: LoopBalls, gamma: float) -> list[float]:
+def _crossings(loop: BallSystem, gamma: float) -> list[float]:
     """Return the frequencies at which a singular value equals gamma, ascending."""
-    g = flint.arb(gamma)
-    A, R, Q = replace(loop, B=loop.B / g, D=loop.D / g).riccati_terms()
-    hamiltonian = balls.block([[A, R], [-Q, -A.transpose()]])
-    check_deadline(_EIGENVALUES * hamiltonian.nrows() ** 3)
-    values = flint.acb_mat(hamiltonian.mid()).eig(algorithm="approx")
+    H = hamiltonian(*loop.over(flint.arb(gamma)).riccati_terms())
+    check_deadline(_EIGENVALUES * H.nrows() ** 3)
+    values = flint.acb_mat(H.mid()).eig(algorithm="approx")
     near = [value for value in values if abs(value.real.mid()) <= abs(value).mid() * _ON_AXIS]
     return sorted({abs(float(value.imag.mid())) for value in near})
 
 
-def precise_riccati_solution(loop: LoopBalls) -> Ball | None:
+def precise_riccati_solution(loop: BallSystem) -> Ball | None:
     """Solve the bounded-real Riccati equation, where a tiny shift of the poles will do.
 
     Midpoints of balls serve as long floating-point numbers in the structure-preserving doubling
@@ -292,7 +214,7 @@ def precise_riccati_solution(loop: LoopBalls) -> Ball | None:
         return None
     damping = max(-float(poles.real.max()), 1e-15 * slowest)
     shift = slowest * 2.0 ** (-flint.ctx.prec // 3)
-    A, R, Q = (M.mid() for M in loop.riccati_terms(shift, loop.output_size))
+    A, R, Q = (M.mid() for M in _shifted_terms(loop, shift, _output_size(loop)))
     one, rate = balls.identity(n), flint.arb(math.sqrt(slowest * fastest))
     try:
         resolvent = (A - one * rate).inv().mid()
@@ -370,20 +292,20 @@ class ProvenNorm(NamedTuple):
     frequency: float | None
 
 
-def trial_slacks(loop: LoopBalls) -> tuple[float, ...]:
+def trial_slacks(loop: BallSystem) -> tuple[float, ...]:
     """Return those of :data:`SLACK` that are worth a trial on a loop of this size."""
     return SLACK[loop.A.nrows() > _LARGE :]
 
 
 def prove_computed_norm(
-    loop: LoopBalls, rounded: LoopBalls, level: float, step: float | None
+    loop: BallSystem, rounded: BallSystem, level: float, step: float | None
 ) -> ProvenNorm | None:
     """Compute the H-infinity norm in doubles and bracket it by a gain and a proof in balls.
 
     Parameters
     ----------
-    loop : LoopBalls
-    rounded : LoopBalls
+    loop : BallSystem
+    rounded : BallSystem
         The same, connected in doubles. If rounding adds something to the norm, it counts; more
         than 1e-6 of it, more or less, is left to a closer look.
     level : float
@@ -411,7 +333,7 @@ def prove_computed_norm(
     if not (exact.settled and other.settled):
         return None
     with balls.precision(BITS):
-        gain = loop.gain_at(exact.frequency)
+        gain = gain_at(loop, exact.frequency)
     if not (level < gain < np.inf and abs(other.value - gain) <= _AGREE * gain):
         return None
     achieved, frequency = max((gain, exact.frequency), (other.value, other.frequency))
@@ -420,12 +342,12 @@ def prove_computed_norm(
     return proof and ProvenNorm(proof, achieved, rate(frequency, step))
 
 
-def prove_stability(loop: LoopBalls, bits: int | None = None) -> NormProof | None:
+def prove_stability(loop: BallSystem, bits: int | None = None) -> NormProof | None:
     """Prove that a continuous-time loop is stable by a Lyapunov matrix.
 
     Parameters
     ----------
-    loop : LoopBalls
+    loop : BallSystem
     bits : int, optional
         As for :func:`prove_hinf`.
     """
@@ -437,13 +359,13 @@ def prove_stability(loop: LoopBalls, bits: int | None = None) -> NormProof | Non
 
 
 def prove_hinf(
-    loop: LoopBalls, bound: float, slack: float = 1e-4, bits: int | None = None
+    loop: BallSystem, bound: float, slack: float = 1e-4, bits: int | None = None
 ) -> NormProof | None:
     """Prove that a continuous-time loop is stable with an H-infinity norm below `bound`.
 
     Parameters
     ----------
-    loop : LoopBalls
+    loop : BallSystem
     bound : float
     slack : float
         By how much `bound` is expected to lie above the norm, relative; sets the margin
@@ -457,15 +379,14 @@ def prove_hinf(
     if bound <= 0:
         return _prove_zero(loop)
     with balls.precision(bits or BITS):
-        g = flint.arb(float(bound))
-        unit = replace(loop, B=loop.B / g, D=loop.D / g)
+        unit = loop.over(flint.arb(float(bound)))
         gap = balls.identity(loop.B.ncols()) - unit.D.transpose() * unit.D
-        found = _proof_at_unit_norm(unit, slack, bits) if balls.is_positive_definite(gap) else None
+        found = _proof_at_unit_norm(unit, slack, bits) if is_definite(gap) else None
     return None if found is None else _proof("bounded_real", bound, found, loop)
 
 
 def _proof_at_unit_norm(
-    loop: LoopBalls, slack: float, bits: int | None
+    loop: BallSystem, slack: float, bits: int | None
 ) -> tuple[Matrix, Ball] | None:
     """Return coordinates T and a P in them that proves the norm of `loop` to be below one."""
     n = loop.A.nrows()
@@ -477,12 +398,12 @@ def _proof_at_unit_norm(
         found = precise_riccati_solution(loop)
         trials = [] if found is None else [(np.eye(n), found, loop)]
     for T, P, turned in trials:
-        if _is_bounded_real(P, turned):
+        if is_definite(bounded_real(P, *turned, 1)) and is_definite(P):
             return T, P
     return None
 
 
-def _candidates(loop: LoopBalls, slack: float) -> Iterator[tuple[Matrix, Ball, LoopBalls]]:
+def _candidates(loop: BallSystem, slack: float) -> Iterator[tuple[Matrix, Ball, BallSystem]]:
     """Yield coordinates T, a P in them that should be bounded real at gamma = 1, and the loop in T.
 
     P solves the Riccati equation of the loop with all poles shifted to the right by a part
@@ -495,7 +416,7 @@ def _candidates(loop: LoopBalls, slack: float) -> Iterator[tuple[Matrix, Ball, L
     margin = -float(np.linalg.eigvals(A).real.max(initial=-np.inf))
     if n == 0 or margin <= 0:
         return
-    output = loop.output_size
+    output = _output_size(loop)
     shares = (0.3,) if n > _LARGE else (0.3, 0.01)
     for alpha in (share * slack * margin for share in shares):
         extra = 1e-6 * alpha * output * np.eye(n)
@@ -503,7 +424,8 @@ def _candidates(loop: LoopBalls, slack: float) -> Iterator[tuple[Matrix, Ball, L
         T = np.eye(n) if start is None else _identity_coordinates(start)
         for _ in range(_PASSES):
             try:
-                turned = _in_coordinates(loop, T)
+                into = balls.ball(T)
+                turned = loop.transformed(into, into.inv())
             except ZeroDivisionError:
                 break
             X = _shifted_riccati(turned, alpha)
@@ -515,13 +437,6 @@ def _candidates(loop: LoopBalls, slack: float) -> Iterator[tuple[Matrix, Ball, L
             T = _identity_coordinates(X) @ T
 
 
-def _in_coordinates(loop: LoopBalls, T: Matrix) -> LoopBalls:
-    """Return the loop in the coordinates T x."""
-    into = balls.ball(T)
-    back = into.inv()
-    return replace(loop, A=into * loop.A * back, B=into * loop.B, C=loop.C * back)
-
-
 def _identity_coordinates(P: Matrix) -> Matrix:
     """Return an upper triangular T with T'T = P, as far as P is positive definite in doubles."""
     values, vectors = np.linalg.eigh(P)
@@ -529,35 +444,23 @@ def _identity_coordinates(P: Matrix) -> Matrix:
     return np.linalg.qr(np.sqrt(values)[:, None] * vectors.T)[1]
 
 
-def _shifted_riccati(loop: LoopBalls, alpha: float) -> Matrix | None:
+def _shifted_riccati(loop: BallSystem, alpha: float) -> Matrix | None:
     """Solve the bounded-real Riccati equation of A + alpha I, with a little extra output."""
-    A, R, Q = (balls.midpoint(M) for M in loop.riccati_terms(alpha))
+    A, R, Q = (balls.midpoint(M) for M in _shifted_terms(loop, alpha))
     found = solve_riccati(A, R, Q)
     return None if found is None else found.X
 
 
-def _refined(X: Matrix, loop: LoopBalls, alpha: float) -> Ball:
+def _refined(X: Matrix, loop: BallSystem, alpha: float) -> Ball:
     """Remove the rounding errors of a Riccati solution by a step of Newton's method."""
-    A, R, Q = loop.riccati_terms(alpha)
+    A, R, Q = _shifted_terms(loop, alpha)
     P = balls.ball(X)
     residual = balls.symmetric(P * A) * flint.arb(2) + P * R * P + Q
     step = solve_lyapunov(balls.midpoint(A + R * P), balls.midpoint(residual))
     return P if step is None else balls.symmetric(P + balls.ball(step)).mid()
 
 
-def _is_bounded_real(P: Ball, loop: LoopBalls) -> bool:
-    A, B, C, D = loop.A, loop.B, loop.C, loop.D
-    corner = P * B + C.transpose() * D
-    inequality = balls.block(
-        [
-            [balls.symmetric(P * A) * flint.arb(2) + C.transpose() * C, corner],
-            [corner.transpose(), D.transpose() * D - balls.identity(B.ncols())],
-        ]
-    ) * flint.arb(-1)
-    return balls.is_positive_definite(inequality) and balls.is_positive_definite(P)
-
-
-def _prove_zero(loop: LoopBalls) -> NormProof | None:
+def _prove_zero(loop: BallSystem) -> NormProof | None:
     """Prove a norm of zero where D and all Markov parameters C A^k B vanish exactly."""
     with balls.precision(BITS):
         if balls.magnitude(loop.D).any():
@@ -572,13 +475,13 @@ def _prove_zero(loop: LoopBalls) -> NormProof | None:
 
 
 def prove_h2(
-    loop: LoopBalls, discrete: bool, slack: float = 1e-4, bits: int | None = None
+    loop: BallSystem, discrete: bool, slack: float = 1e-4, bits: int | None = None
 ) -> NormProof | None:
     """Prove that a loop is stable and bound its H2 norm by its controllability Gramian.
 
     Parameters
     ----------
-    loop : LoopBalls
+    loop : BallSystem
     discrete : bool
         Whether it is a discrete-time loop; it is mapped here, its Gramian stays the same.
     slack : float
@@ -592,7 +495,7 @@ def prove_h2(
         if not discrete and balls.magnitude(energy).any():
             return None
         flow = cayley(loop, bits or BITS) if discrete else loop
-        dual = LoopBalls(
+        dual = BallSystem(
             flow.A.transpose(),
             balls.zeros(n, 0),
             flow.B.transpose(),
@@ -610,7 +513,7 @@ def prove_h2(
         return _proof("gramian", float(square.sqrt().upper()) * (1 + 1e-15), found, dual)
 
 
-def _proof(kind: Kind, bound: float, found: tuple[Matrix, Ball], loop: LoopBalls) -> NormProof:
+def _proof(kind: Kind, bound: float, found: tuple[Matrix, Ball], loop: BallSystem) -> NormProof:
     """Note a proof in the loop's own states."""
     T, P = found
     return NormProof(kind, bound, balls.midpoint(P), T / loop.scale)
@@ -625,7 +528,7 @@ _MOST_BITS = 1920
 # proof: some seconds for 24 states with all the bits, 40 states with 480, or 100 with 240.
 _MOST_WORK = 240**2 * 100**3
 
-Enclose = Callable[[int], LoopBalls]
+Enclose = Callable[[int], BallSystem]
 
 
 def tightest_proof(
@@ -656,7 +559,7 @@ def tightest_proof(
         Sampling time; None for a continuous-time loop.
     """
 
-    def flow(bits: int) -> LoopBalls:
+    def flow(bits: int) -> BallSystem:
         return enclose(bits) if step is None else cayley(enclose(bits), bits)
 
     try:
@@ -703,7 +606,7 @@ def _precisions(states: int) -> Iterator[int]:
 
 
 def _relaxed_proof(
-    loop: LoopBalls, achieved: float, claimed: float | None
+    loop: BallSystem, achieved: float, claimed: float | None
 ) -> Iterator[NormProof | None]:
     """Try the bound that was claimed, and those below which doubles see nothing but rounding."""
     if claimed is not None and claimed > achieved * (1 + SLACK[-1]):

@@ -17,16 +17,16 @@ from robustpolish.linear.arithmetic.balls import (
     Ball,
     ball,
     block,
-    columns_of,
     identity,
     independent_first,
+    part,
     precision,
     zeros,
 )
-from robustpolish.linear.arithmetic.riccati import (
+from robustpolish.linear.proofs.bounded_real import riccati_terms
+from robustpolish.linear.proofs.riccati import (
     UndecidedError,
     has_eigenvalue_below,
-    inverse,
     is_surely_not_semidefinite,
     stabilising_solution,
 )
@@ -49,26 +49,12 @@ from robustpolish.synthesis.problem.matrices import PlantMatrices
 # Optimization 29 (1991) 160-184.
 
 
-@dataclass(frozen=True)
-class DiscPolicy:
-    """Which disc is taken.
-
-    Attributes
-    ----------
-    beside, beyond : float
-        Real numbers at which the circle meets the real axis, over the plant's unit of frequency.
-        Rounding moves double zeros on the axis by 1e-8, and weights have poles at 1e-5. Bounds
-        fall by about beside over the slowest and the fastest over beyond.
-    margin : float
-        A coupling has to be larger than gamma by so much, relative.
-    """
-
-    beside: float = 1e-8
-    beyond: float = 1e8
-    margin: float = 1e-9
-
-
-_HALF_PLANE_POLICY = DiscPolicy()
+# Real numbers at which the circle meets the real axis, over the plant's unit of frequency. Rounding
+# moves double zeros on the axis by 1e-8, and weights have poles at 1e-5. Bounds fall by about
+# _BESIDE over the slowest and the fastest over _BEYOND.
+_BESIDE, _BEYOND = 1e-8, 1e8
+# A coupling has to be larger than gamma by so much, relative.
+_MARGIN = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,22 +82,16 @@ class PreciseRiccati:
         D, free = self.D12, self.D11.transpose() * self.D11
         if D.ncols():
             cross = D.transpose() * self.D11
-            free -= cross.transpose() * inverse(D.transpose() * D) * cross
-        return has_eigenvalue_below(-1 * free, -(gamma**2) * (1 + _HALF_PLANE_POLICY.margin))
+            free -= cross.transpose() * (D.transpose() * D).inv() * cross
+        return has_eigenvalue_below(-1 * free, -(gamma**2) * (1 + _MARGIN))
 
     def solution(self, gamma: Any) -> Ball | None:
         """Return the stabilising X; None if there is none, or none that is semidefinite."""
         B, D = block([[self.B1, self.B2]]), block([[self.D11, self.D12]])
-        nw = self.B1.ncols()
-        price = D.transpose() * D
-        for i in range(nw):
+        price, Ct = D.transpose() * D, self.C.transpose()
+        for i in range(self.B1.ncols()):
             price[i, i] -= gamma**2
-        cross, inner = D.transpose() * self.C, inverse(price)
-        X = stabilising_solution(
-            self.A - B * inner * cross,
-            -1 * B * inner * B.transpose(),
-            self.C.transpose() * self.C - cross.transpose() * inner * cross,
-        )
+        X = stabilising_solution(*riccati_terms(self.A, B, Ct * self.C, Ct * D, price))
         if X is None or is_surely_not_semidefinite(X):
             return None
         return self.basis.transpose() * X * self.basis
@@ -127,8 +107,8 @@ class PreciseRiccatiPair:
     @classmethod
     def of(cls, plant: PlantMatrices) -> PreciseRiccatiPair:
         """Take a continuous plant; its D22 plays no part."""
-        P = [_exactly(getattr(plant, name)) for name in ("A", "B1", "B2", "C1", "C2")]
-        D = [_exactly(getattr(plant, name)) for name in ("D11", "D12", "D21")]
+        P = [ball(getattr(plant, name)) for name in ("A", "B1", "B2", "C1", "C2")]
+        D = [ball(getattr(plant, name)) for name in ("D11", "D12", "D21")]
         nothing = (zeros(0, 0), *(zeros(0, M.ncols()) for M in P[1:3]))
         blank = (*nothing, *(zeros(M.nrows(), 0) for M in P[3:]))
         return cls(_halves(*_mapped(*P, *D)), _halves(*blank, *D))
@@ -138,7 +118,7 @@ class PreciseRiccatiPair:
 
         Raises
         ------
-        UndecidedError
+        UndecidedError, ZeroDivisionError
             If the digits do not suffice.
         """
         level = flint.arb(gamma)
@@ -151,20 +131,16 @@ class PreciseRiccatiPair:
                 return True
             solutions.append(X)
         product = solutions[0] * solutions[1]
-        return has_eigenvalue_below(-1 * product, -(level**2) * (1 + _HALF_PLANE_POLICY.margin))
-
-
-def _exactly(M: Any) -> Ball:
-    return ball(M) if M.size else zeros(*M.shape)
+        return has_eigenvalue_below(-1 * product, -(level**2) * (1 + _MARGIN))
 
 
 def _mapped(
     A: Ball, B1: Ball, B2: Ball, C1: Ball, C2: Ball, D11: Ball, D12: Ball, D21: Ball
 ) -> tuple[Ball, ...]:
     """Put s = beside + p / (1 + p / beyond), which takes Re p > 0 to the disc."""
-    share = 1 / flint.arb(_HALF_PLANE_POLICY.beyond)
-    moved = A - identity(A.nrows()) * _HALF_PLANE_POLICY.beside
-    back = inverse(identity(A.nrows()) - moved * share)
+    share = 1 / flint.arb(_BEYOND)
+    moved = A - identity(A.nrows()) * _BESIDE
+    back = (identity(A.nrows()) - moved * share).inv()
     into1, into2 = back * B1, back * B2
     return (
         back * moved,
@@ -190,23 +166,20 @@ def _reduced(A: Ball, B1: Ball, B2: Ball, C: Ball, D11: Ball, D12: Ball) -> Prec
     basis = identity(A.nrows())
     while True:
         turn, used = independent_first(block([[B2], [D12]]))
-        turn = columns_of(turn, columns=slice(0, used))
+        turn = part(turn, columns=slice(0, used))
         B2, D12 = B2 * turn, D12 * turn
         turn, priced = independent_first(D12)
         if priced == D12.ncols():
             return PreciseRiccati(A, B1, B2, C, D11, D12, basis)
         first, rest = slice(0, priced), slice(priced, None)
-        B2, D12 = B2 * turn, columns_of(D12 * turn, columns=first)
-        turn, free = independent_first(columns_of(B2, columns=rest).transpose())
+        B2, D12 = B2 * turn, part(D12 * turn, columns=first)
+        turn, free = independent_first(part(B2, columns=rest).transpose())
         # The last of the new states are those that these controls do not move.
         into = turn.transpose()
-        back = inverse(into)
-        left, right = (
-            columns_of(into, rows=slice(free, None)),
-            columns_of(back, columns=slice(free, None)),
-        )
-        at_will = columns_of(back, columns=slice(0, free))
-        B2 = left * block([[columns_of(B2, columns=first), A * at_will]])
+        back = into.inv()
+        left, right = part(into, slice(free, None)), part(back, columns=slice(free, None))
+        at_will = part(back, columns=slice(0, free))
+        B2 = left * block([[part(B2, columns=first), A * at_will]])
         D12 = block([[D12, C * at_will]])
         A, B1, C = left * A * right, left * B1, C * right
         basis = left * basis
@@ -221,36 +194,17 @@ PROVEN = "by Riccati equations in long arithmetic"
 """How a bound is known that holds for every controller."""
 
 
-@dataclass(frozen=True)
-class ProofPolicy:
-    """Limits of the search for a bound that can be proven.
-
-    Attributes
-    ----------
-    bits : tuple of int
-        Precisions that are tried where the digits do not suffice: most plants need the first.
-    first : float
-        How far below and above a guess is tried first, in tolerances.
-    growth : float
-        By what factor the step grows where the guess was wrong.
-    steps : int
-        Norms that are tried at most; most plants need three, a guess wrong by 1e40 needs 30.
-    least, most : float
-        Smaller bounds, in scaled units, are as good as zero, and larger ones as good as infinite.
-    given_away : float
-        Share of the bound: the nearer a norm lies to the infimum, the more digits it takes.
-    """
-
-    bits: tuple[int, ...] = (768, 1536, 3072)
-    first: float = 0.5
-    growth: float = 8.0
-    steps: int = 40
-    least: float = 1e-30
-    most: float = 1e30
-    given_away: float = 1e-9
-
-
-_POLICY = ProofPolicy()
+# Precisions that are tried where the digits do not suffice: most plants need the first.
+_BITS = (768, 1536, 3072)
+# How far below and above a guess is tried first, in tolerances, and by what factor the step grows
+# where the guess was wrong.
+_FIRST, _GROWTH = 0.5, 8.0
+# Norms that are tried at most; most plants need three, a guess wrong by 1e40 needs 30.
+_STEPS = 40
+# Smaller bounds, in scaled units, are as good as zero, and larger ones as good as infinite.
+_LEAST, _MOST = 1e-30, 1e30
+# Share of the bound: the nearer a norm lies to the infimum, the more digits it takes.
+_GIVEN_AWAY = 1e-9
 
 
 def proven_lower_bound(plant: PlantMatrices, guess: float, tolerance: float) -> float:
@@ -272,9 +226,9 @@ def proven_lower_bound(plant: PlantMatrices, guess: float, tolerance: float) -> 
     """
     lower, upper = 0.0, math.inf
     trials = _PrecisionTrials(plant)
-    step = _POLICY.first * tolerance
-    trial = max(guess, _POLICY.least) / (1 + step)
-    for _ in range(_POLICY.steps):
+    step = _FIRST * tolerance
+    trial = max(guess, _LEAST) / (1 + step)
+    for _ in range(_STEPS):
         try:
             check_deadline()
             out_of_reach = trials.are_out_of_reach(trial)
@@ -284,15 +238,15 @@ def proven_lower_bound(plant: PlantMatrices, guess: float, tolerance: float) -> 
             lower = trial
         else:
             upper = trial
-        if upper <= max(lower * (1 + tolerance), _POLICY.least) or lower >= _POLICY.most:
+        if upper <= max(lower * (1 + tolerance), _LEAST) or lower >= _MOST:
             break
         if lower > 0 and upper < math.inf:
             trial = math.sqrt(lower * upper)
             continue
         # Beside the guess first, then ever farther.
         trial = lower * (1 + step) ** 2 if lower else upper / (1 + step)
-        step *= _POLICY.growth
-    return lower * (1 - _POLICY.given_away)
+        step *= _GROWTH
+    return lower * (1 - _GIVEN_AWAY)
 
 
 class _PrecisionTrials:
@@ -300,7 +254,7 @@ class _PrecisionTrials:
 
     def __init__(self, plant: PlantMatrices) -> None:
         self._plant = plant
-        self._bits = list(_POLICY.bits)
+        self._bits = list(_BITS)
         self._long: PreciseRiccatiPair | None = None
 
     def are_out_of_reach(self, gamma: float) -> bool:
@@ -310,7 +264,7 @@ class _PrecisionTrials:
                 try:
                     self._long = self._long or PreciseRiccatiPair.of(self._plant)
                     return self._long.is_out_of_reach(gamma)
-                except UndecidedError:
+                except (UndecidedError, ZeroDivisionError):
                     self._bits.pop(0)
                     self._long = None
         return False

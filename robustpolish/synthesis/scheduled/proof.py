@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import flint
 import numpy as np
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.linear.arithmetic import balls
-from robustpolish.linear.arithmetic.balls import Ball, columns_of
+from robustpolish.linear.arithmetic.balls import Ball
+from robustpolish.linear.proofs.bounded_real import BallSystem
+from robustpolish.linear.proofs.definite import is_definite
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.synthesis.lmi.program import Affine, ProgramSolver, SemidefiniteProgram
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
@@ -33,28 +34,11 @@ BITS = 240
 """Precision of the balls in which loops are connected and proofs are checked."""
 
 
-class BallLoop(NamedTuple):
-    """A closed loop in balls: what its doubles enclose exactly, connected."""
-
-    A: Ball
-    B: Ball
-    C: Ball
-    D: Ball
-
-    @property
-    def doubles(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-        """The centres as doubles."""
-        A, B, C, D = (balls.midpoint(M) for M in self)
-        return A, B, C, D
-
-    def turned(self, T: Matrix, unit: float) -> BallLoop:
-        """Return the loop in states x = T x_new, with its gain over a power of four."""
-        into, root = balls.ball(T), flint.arb(math.sqrt(unit))
-        back = into.inv()
-        return BallLoop(
-            back * self.A * into, back * self.B * (1 / root), self.C * into * (1 / root),
-            self.D * (1 / flint.arb(unit)),
-        )  # fmt: skip
+def _turned(loop: BallSystem, T: Matrix, unit: float) -> BallSystem:
+    """Return the loop in states x = T x_new, with its gain over a power of four."""
+    into, root = balls.ball(T), flint.arb(math.sqrt(unit))
+    A, B, C, D = loop.transformed(into.inv(), into)
+    return BallSystem(A, B * (1 / root), C * (1 / root), D * (1 / flint.arb(unit)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +75,7 @@ class ProgramResult:
 
 
 def prove(
-    loops: Sequence[BallLoop],
+    loops: Sequence[BallSystem],
     specification: PolytopeSpecification,
     solver: ProgramSolver,
     guess: float,
@@ -100,7 +84,7 @@ def prove(
 
     Parameters
     ----------
-    loops : sequence of BallLoop
+    loops : sequence of BallSystem
         At the vertices, in scaled units.
     question : PolytopeSpecification
         Of what changes with time the H-infinity norm is the largest ratio of energies of z and w.
@@ -120,7 +104,7 @@ def prove(
     same = all(loop.C == loops[0].C for loop in loops)
     with balls.precision(BITS):
         for _ in range(2):
-            inside = [loop.turned(T, unit) for loop in loops]
+            inside = [_turned(loop, T, unit) for loop in loops]
             first = lyapunov_analysis([x.doubles for x in inside], specification, solver, same)
             if first is None:
                 return None
@@ -130,7 +114,7 @@ def prove(
             if better is None:
                 break
             T = T @ better
-        inside = [loop.turned(T, unit) for loop in loops]
+        inside = [_turned(loop, T, unit) for loop in loops]
         least = math.inf if first is None else first.square
         for slack in POLICY.slacks:
             if solver.budget.over:
@@ -194,7 +178,7 @@ def lyapunov_analysis(
 
 
 def _checked(
-    loops: Sequence[BallLoop],
+    loops: Sequence[BallSystem],
     specification: PolytopeSpecification,
     found: ProgramResult,
     gamma: float,
@@ -205,16 +189,16 @@ def _checked(
     largest = flint.arb(0)
     for i, loop in enumerate(loops):
         P = weighted_sum(family.shares[i], matrices)
-        if not balls.is_positive_definite(P):
+        if not is_definite(P):
             return None
         for drift in family.drifts:
             rate = weighted_sum(drift, matrices) if drift.any() else P * 0
             M = _dissipation(P, rate, found.X, loop, gamma if hinf else None, specification)
-            if not balls.is_positive_definite(-M):
+            if not is_definite(-M):
                 return None
         if not hinf:
             Z = balls.ball(found.Z[i])
-            if not balls.is_positive_definite(_energy(Z, loop, found.V, P)):
+            if not is_definite(_energy(Z, loop, found.V, P)):
                 return None
             trace = sum((Z[k, k] for k in range(Z.nrows())), flint.arb(0))
             largest = max(largest, flint.arb(trace.upper()), key=lambda x: float(x.upper()))
@@ -227,7 +211,7 @@ def _dissipation(
     P: Ball,
     rate: Ball,
     slack: Slack | None,
-    loop: BallLoop,
+    loop: BallSystem,
     gamma: float | None,
     specification: PolytopeSpecification,
 ) -> Ball:
@@ -251,11 +235,11 @@ def _dissipation(
     source = balls.block([[balls.zeros(n, nw)], [loop.B], [D]])
     M = balls.block([[whole, source], [source.transpose(), -balls.identity(nw)]])
     if specification.tied and not specification.discrete:
-        return columns_of(M, slice(n, None), slice(n, None))
+        return balls.part(M, slice(n, None), slice(n, None))
     return M
 
 
-def _energy(Z: Ball, loop: BallLoop, V: Matrix | None, P: Ball) -> Ball:
+def _energy(Z: Ball, loop: BallSystem, V: Matrix | None, P: Ball) -> Ball:
     """Return the matrix of :func:`inequalities.energy` in balls."""
     slack = P if V is None else balls.ball(V)
     CV = loop.C * slack
@@ -286,26 +270,18 @@ def _square_root(P: Matrix) -> Matrix | None:
 # Loops at the vertices, connected without rounding, and the loop of an uncertain system.
 
 
-def state_loop(p: PlantMatrices, F: Matrix) -> BallLoop:
+def state_loop(p: PlantMatrices, F: Matrix) -> BallSystem:
     """Return the loop of u = F x in balls."""
-    with balls.precision(BITS):
-        A, B1, B2, gain = (balls.ball(M) for M in (p.A, p.B1, p.B2, F))
-        C1, D11, D12 = (balls.ball(M) for M in (p.C1, p.D11, p.D12))
-        return BallLoop(A + B2 * gain, B1, C1 + D12 * gain, D11)
+    n = p.nx
+    seen = replace(p, C2=np.eye(n), D21=np.zeros((n, p.nw)), D22=np.zeros((n, p.nu)))
+    none = np.zeros((0, 0)), np.zeros((0, n)), np.zeros((p.nu, 0))
+    return output_loop(seen, Controller(*none, F))
 
 
-def output_loop(p: PlantMatrices, K: Controller) -> BallLoop:
+def output_loop(p: PlantMatrices, K: Controller) -> BallSystem:
     """Return the loop of a dynamic controller in balls, for a plant without D22."""
     with balls.precision(BITS):
-        A, B1, B2, C1, C2 = (balls.ball(M) for M in (p.A, p.B1, p.B2, p.C1, p.C2))
-        D11, D12, D21 = (balls.ball(M) for M in (p.D11, p.D12, p.D21))
-        Ak, Bk, Ck, Dk = (balls.ball(M) for M in K)
-        return BallLoop(
-            balls.block([[A + B2 * Dk * C2, B2 * Ck], [Bk * C2, Ak]]),
-            balls.block([[B1 + B2 * Dk * D21], [Bk * D21]]),
-            balls.block([[C1 + D12 * Dk * C2, D12 * Ck]]),
-            D11 + D12 * Dk * D21,
-        )
+        return BallSystem.closed_loop(p, K)
 
 
 def uncertain_loop(system: UncertainSystem, nz: int, F: Matrix) -> UncertainSystem:

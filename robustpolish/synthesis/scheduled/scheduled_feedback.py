@@ -50,7 +50,7 @@ from robustpolish.synthesis.scheduled.polytope import (
     require_equal,
     scaled_vertices,
 )
-from robustpolish.synthesis.scheduled.proof import BallLoop, output_loop, prove, state_loop
+from robustpolish.synthesis.scheduled.proof import BallSystem, output_loop, prove, state_loop
 from robustpolish.synthesis.scheduled.robust_state_feedback import (
     GainProblem,
     candidates,
@@ -369,7 +369,7 @@ def _bounded_real(p: PlantMatrices, v: LmiVariables, square: Affine) -> Affine:
     )
 
 
-ScheduledCandidate = tuple[list[BallLoop], tuple[control.StateSpace, ...], float]
+ScheduledCandidate = tuple[list[BallSystem], tuple[control.StateSpace, ...], float]
 
 
 @single_threaded_blas

@@ -1,11 +1,23 @@
-"""The certificate of a sampled loop against simulations with 100 steps per sample, and limits."""
+"""Certificates of sampled loops, against simulations, closed forms and units."""
+
+from typing import Any
 
 import control
 import numpy as np
 import pytest
 
 import robustpolish as rp
+from robustpolish.implementation.sampled.certificate import (
+    filter_system,
+    sinusoid_gains,
+    with_filter,
+)
+from robustpolish.implementation.sampled.lifting import period_map, scaled, without_loop_delay
+from robustpolish.implementation.sampled.proof import average_power
+from tests.implementation.designs import sampled_servo, servo
 from tests.implementation.fine_simulation import STEPS, random_loop
+
+# Certificates.
 
 
 def lag():
@@ -162,3 +174,147 @@ def test_delays_round_the_loop_are_exact():
     )
     by_hand = rp.implementation.certify_sampled(plant, [[-1.0]], 0.05, 0.02, anti_aliasing=5.0)
     assert filtered.bound == pytest.approx(by_hand.bound, rel=1e-6)
+
+
+# The H2 norm.
+
+
+def test_without_control_it_is_that_of_the_plant():
+    plant = rp.GeneralizedPlant.from_matrices(
+        [[0, 1], [-1, -0.2]], [[0], [1]], [[0], [1]], [[1, 0]], [[1, 0]]
+    )
+    loop = scaled(period_map(plant, control.ss([], [], [], [[0.0]], 0.3), 0.3, 0.1))
+    low, high = average_power(loop)
+    true = rp.h2_norm(plant.open_loop).value
+    assert low <= true * (1 + 1e-12)
+    assert true <= high * (1 + 1e-12)
+    assert high / low - 1 < 1e-9
+
+
+def test_a_held_integrator_by_hand():
+    # x' = w + u, u = -x(kh)/h: x(kh + t) = (1 - t/h) x(kh) + noise over t; deadbeat at samples.
+    h = 0.5
+    plant = rp.GeneralizedPlant.from_matrices([[0.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+    loop = scaled(period_map(plant, control.ss([], [], [], [[-1 / h]], h), h, 0.0))
+    low, high = average_power(loop)
+    # E x(kh)^2 = h; mean of (1 - t/h)^2 h + t over a period is h/3 + h/2.
+    assert low == pytest.approx(np.sqrt(h / 3 + h / 2), rel=1e-9)
+    assert high == pytest.approx(low, rel=1e-6)
+
+
+def test_an_unstable_loop_has_none():
+    plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+    loop = scaled(period_map(plant, control.ss([], [], [], [[0.0]], 0.3), 0.3, 0.0))
+    assert average_power(loop) is None
+
+
+# Gains for disturbances of one frequency.
+
+
+def test_without_control_they_are_those_of_the_plant():
+    plant = rp.GeneralizedPlant.from_matrices(
+        [[0, 1], [-1, -0.1]], [[0], [1]], [[0], [1]], [[1, 0], [0, 1]], [[1, 0]]
+    )
+    found = sinusoid_gains(plant, control.ss([], [], [], [[0.0]], 0.3), 0.1)
+    for hertz, gain in zip(found["frequency"].values, found.values, strict=True):
+        true = np.linalg.norm(plant.open_loop(2j * np.pi * hertz), 2)
+        np.testing.assert_allclose(gain, true, rtol=1e-8)
+
+
+def test_no_tone_has_more_than_the_norm():
+    sampled = sampled_servo()
+    found = sinusoid_gains(sampled.plant, sampled.controller, sampled.delay)
+    assert found.max() <= sampled.certificate.bound
+    assert found.max() > 0.9 * sampled.certificate.lower
+
+
+# Delays that every signal round the loop meets.
+
+
+def plant(controls=2):
+    system: Any = control.ss(
+        [[-1.0, 0.3], [0.0, -2.0]], np.eye(2)[:, :controls], np.eye(2), 0,
+        inputs=["u", "v"][:controls], outputs=["x", "y"],
+    )  # fmt: skip
+    return rp.GeneralizedPlant.from_loop(system)
+
+
+def test_what_all_have_in_common_is_taken_out():
+    late = plant().with_delay(["u", "v"], 0.1).with_delay("v", 0.2)
+    rest, seconds = without_loop_delay(late)
+    assert seconds == pytest.approx(0.1)
+    assert dict(rest.delays) == pytest.approx({"v": 0.2})
+    omega = np.array([0.1, 0.7])
+    u, v = plant().nw, plant().nw + 1
+    before = late.frequency_response(omega).values
+    after = rest.frequency_response(omega).values
+    turn = np.exp(-2j * np.pi * omega * 0.1)[:, None]
+    np.testing.assert_allclose(after[:, :, u] * turn, before[:, :, u], atol=1e-12)
+    np.testing.assert_allclose(after[:, :, v] * turn, before[:, :, v], atol=1e-12)
+    np.testing.assert_allclose(after[:, :, :u], before[:, :, :u], atol=1e-12)
+
+
+def test_measurements_count_too():
+    late = plant(1).with_delay("u", 0.1).with_delay(["x", "y"], 0.05)
+    rest, seconds = without_loop_delay(late)
+    assert seconds == pytest.approx(0.15)
+    assert not rest.delays
+    np.testing.assert_allclose(rest.system.A, plant(1).system.A)
+    np.testing.assert_allclose(rest.system.D, plant(1).system.D)
+
+
+def test_what_is_not_common_stays():
+    assert without_loop_delay(plant().with_delay("u", 0.1))[1] == 0
+    assert without_loop_delay(plant())[1] == 0
+    inside = plant(1).with_delay("u", 0.1).with_actuator("u", 10.0)  # the delay is behind it
+    assert without_loop_delay(inside)[1] == 0
+    outside = plant(1).with_actuator("u", 10.0).with_delay("u", 0.1)
+    assert without_loop_delay(outside)[1] == pytest.approx(0.1)
+    weighted = plant(1).with_delay("u", 0.1).with_control_outputs()
+    assert without_loop_delay(weighted)[1] == pytest.approx(0.1)
+
+
+# Filters before the samplers.
+
+
+@pytest.mark.parametrize("order", range(1, 9))
+def test_butterworth_filters_have_their_corner(order):
+    found = filter_system((order, 50.0), 1)
+    corner = abs(np.squeeze(found(2j * np.pi * 50.0)))
+    assert found.nstates == order
+    assert corner == pytest.approx(np.sqrt(0.5), rel=1e-9)
+    assert abs(np.squeeze(found(0))) == pytest.approx(1.0)
+    assert abs(np.squeeze(found(2j * np.pi * 5e4))) == pytest.approx(1e-3**order, rel=1e-3)
+
+
+def test_every_measurement_passes_it():
+    found = filter_system(control.tf([1.0], [0.1, 1.0]), 3)
+    assert (found.ninputs, found.nstates) == (3, 3)
+    np.testing.assert_allclose(found(0), np.eye(3))
+    assert filter_system(None, 3) is None
+
+
+def test_the_filtered_plant_is_plant_and_filter():
+    plant = servo()
+    found = with_filter(plant, filter_system(2.0, 1))
+    assert found.nx == plant.nx + 2
+    assert not found.D21.any()
+    s = 3j
+    lag = filter_system(2.0, 1)(s)
+    whole, before = found.system(s), plant.system(s)
+    np.testing.assert_allclose(whole[:2], before[:2], atol=1e-15)
+    np.testing.assert_allclose(whole[2], np.squeeze(lag) * before[2], atol=1e-15)
+    assert found.units == plant.units
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        -1.0, 0.0, "fast", True, (2, -1.0), (0, 10.0), (2.5, 10.0), (1, 2, 3), np.nan,
+        control.ss([[1.0]], [[1.0]], [[1.0]], 0), control.ss([[0.5]], [[1]], [[1]], 0, 0.1),
+        control.ss(-np.eye(2), np.eye(2), np.eye(2), 0),
+    ],
+)  # fmt: skip
+def test_what_is_no_filter_is_refused(bad):
+    with pytest.raises(rp.InvalidInputError, match="anti_aliasing"):
+        filter_system(bad, 3)

@@ -1,18 +1,21 @@
-"""Certificates tell the truth about loops, whoever closed them."""
+"""Certificates of loops: known norms, random loops, false claims, bad arguments."""
+
+import sys
 
 import control
 import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.linear.arithmetic import balls
-from robustpolish.synthesis.certificate import certify
+from robustpolish.synthesis.certificate import certify, exact_delays
 from robustpolish.synthesis.proofs.bounded_real import (
     cayley,
     enclose_loop,
     prove_hinf,
     prove_stability,
 )
+
+# Certificates.
 
 
 def first_order(gain=1.0, pole=1.0, dt=0):
@@ -167,28 +170,145 @@ def test_bad_arguments_are_named(arguments, name):
         certify(first_order(), [[-3.0]], **arguments)
 
 
-def test_definiteness_in_balls_is_never_wrong():
-    rng = np.random.default_rng(0)
-    with balls.precision(200):
-        for n in (1, 4, 12):
-            X = rng.standard_normal((n, n))
-            definite = X @ X.T + 1e-10 * np.eye(n)
-            assert balls.is_positive_definite(balls.ball(definite))
-            lowest = np.linalg.eigvalsh(definite)[0]
-            assert not balls.is_positive_definite(balls.ball(definite - 1.01 * lowest * np.eye(n)))
-
-
-def test_hilbert_matrices_are_eliminated_in_balls():
-    n = 14  # condition number 1e19: a Cholesky factorisation in doubles fails
-    with balls.precision(300):
-        entries = [[1 / balls.flint.arb(i + j + 1) for j in range(n)] for i in range(n)]
-        hilbert = balls.flint.arb_mat(entries)
-        assert balls.is_positive_definite(hilbert)
-        assert not balls.is_positive_definite(hilbert - balls.identity(n) * balls.flint.arb(1e-15))
-
-
 def test_stability_alone_can_be_proven():
     plant, gain = random_loop(5, 1, margin=1e-7)
     assert prove_stability(enclose_loop(plant, control.ss([], [], [], gain, 0))) is not None
     unstable, gain = random_loop(5, 1, margin=-1e-9)
     assert prove_stability(enclose_loop(unstable, control.ss([], [], [], gain, 0))) is None
+
+
+# Controllers may come as transfer functions.
+
+
+def plant(signals=1, dt=0):
+    one = np.eye(signals)
+    return rp.GeneralizedPlant.from_matrices(one, one, one, one, one, dt=dt)
+
+
+@pytest.mark.parametrize("norm", ["hinf", "h2"])
+def test_a_transfer_function_is_certified_as_its_realisation_is(norm):
+    K = control.tf([-30.0, -200.0], [1.0, 40.0])
+    found = rp.certify(plant(), K, norm)
+    other = rp.certify(plant(), control.ss(K), norm)
+    assert found.valid, found.reasons
+    assert found.achieved == pytest.approx(other.achieved, rel=1e-9)
+    assert found.poles == pytest.approx(other.poles)
+
+
+def test_a_discrete_transfer_function_is_certified():
+    K = control.tf([-0.5], [1.0, 0.1], 0.1)
+    assert rp.certify(plant(dt=0.1), K).valid
+    with pytest.raises(rp.InvalidInputError, match="controller"):
+        rp.certify(plant(), K)
+
+
+def test_several_signals_are_realised_with_the_fewest_states():
+    K = control.TransferFunction([[[-3.0], [0.0]], [[0.0], [-3.0]]], [[[0.01, 1.0]] * 2] * 2)
+    certificate = rp.certify(plant(2), K)
+    assert certificate.valid, certificate.reasons
+    assert certificate.poles.size == 4
+
+
+def test_without_slycot_the_message_says_so(monkeypatch):
+    for name in [name for name in sys.modules if name.split(".")[0] == "slycot"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "slycot", None)
+    lag = control.tf([-3.0], [0.01, 1.0])
+    assert rp.certify(plant(), lag).valid  # one input and one output need none
+    K = control.TransferFunction([[[-3.0]] * 2] * 2, [[[0.01, 1.0]] * 2] * 2)
+    with pytest.raises(rp.InvalidInputError, match=r"slycot is missing.*state-space realisation"):
+        rp.certify(plant(2), K)
+
+
+def test_a_design_of_a_transfer_function_has_the_names_of_the_plant():
+    design = rp.given_controller(plant(), control.tf([-3.0], [0.01, 1.0]))
+    assert design.controller.input_labels == list(design.plant.measurement_names)
+    assert design.controller.output_labels == list(design.plant.control_names)
+    assert design.certificate.valid
+
+
+@pytest.mark.parametrize(
+    ("controller", "told"),
+    [
+        (control.tf([-3.0, 1, 0], [1.0, 1]), "improper TransferFunction.*Add a lag"),
+        (control.combine_tf([[control.tf([1], [1, 1])] * 2]), "1 outputs and 2 inputs"),
+        (control.frd([1, 1], [1, 2]), "got FrequencyResponseData.*TransferFunction or a gain"),
+        ("high", "real matrix"),
+    ],
+)
+def test_other_controllers_are_refused_with_the_right_hint(controller, told):
+    with pytest.raises(rp.InvalidInputError, match=told):
+        rp.certify(plant(), controller)
+
+
+def test_a_plant_has_to_name_its_signals():
+    with pytest.raises(rp.InvalidInputError, match=r"plant: got TransferFunction.*measurements="):
+        rp.certify(control.tf([1], [1, 1]), [[-3.0]])
+
+
+# Loops with delays are checked with the delays as they are.
+
+
+def plant_d(order=3, seconds=0.5):
+    lag = control.tf([1], [1, 1], inputs="u", outputs="y")
+    return rp.GeneralizedPlant.from_loop(lag).with_delay("u", seconds, order=order)
+
+
+def test_the_gain_is_that_of_the_exact_loop():
+    found = rp.certify(plant_d(1), [[-3.0]]).exact_delays
+    largest = 0.0
+    for w in np.linspace(0.01, 12, 40001):
+        lag, delay = 1 / (1 + 1j * w), np.exp(-0.5j * w)
+        S = 1 / (1 + 3 * lag * delay)
+        # The effort shows the delayed command, which is what acts.
+        blocks = S * np.array([[1], [-3 * delay]]) @ np.array([[1, lag]])
+        largest = max(largest, np.linalg.norm(blocks, 2))
+    assert found.stability
+    assert found.gain == pytest.approx(largest, rel=1e-4)
+    assert found.orders == {"u": 1}
+
+
+def test_a_loop_that_only_the_pade_model_finds_stable_is_refused():
+    # 1/s with gain k and delay T: stable up to k T = pi / 2, of Pade's order 1 up to 2.
+    integrator = control.tf([1], [1, 0], inputs="u", outputs="y")
+    rough = rp.GeneralizedPlant.from_loop(integrator).with_delay("u", 1.0, order=1)
+    certificate = rp.certify(rough, [[-1.8]])
+    assert certificate.stable
+    assert not certificate.valid
+    assert "unstable with its delays as they are" in certificate.reasons[0]
+    with pytest.raises(rp.SolverError, match="raise order= of with_delay"):
+        rp.given_controller(rough, [[-1.8]])
+    good = rp.certify(rough, [[-1.5]])
+    assert good.valid
+    assert "stable" in str(good.exact_delays)
+
+
+def test_plants_without_delays_say_nothing_of_them():
+    lag = control.tf([1], [1, 1])
+    none = rp.GeneralizedPlant.from_loop(lag)
+    assert exact_delays(none, none.static_controller([[-1.0]]), "hinf") is None
+    assert rp.certify(none, [[-1.0]]).exact_delays is None
+    sampled = control.ss([[0.5]], [[1.0]], [[1.0]], 0, 0.1, inputs="u", outputs="y")
+    chain = rp.GeneralizedPlant.from_loop(sampled).with_delay("u", 0.2)
+    assert rp.certify(chain, [[-0.1]]).exact_delays is None
+
+
+@pytest.mark.parametrize("norm", ["hinf", "h2"])
+@pytest.mark.parametrize("split", [True, False])
+def test_designs_are_checked_with_exact_delays(norm, split, tmp_path):
+    wired = plant_d(2, 0.2).with_sensor("y", noise=0.1).with_actuator("u", 3.0)
+    wired = wired.part(disturbances=[1, 2], performance=[0])
+    design = rp.output_feedback(wired, norm, control_weight=0.1, split=split)
+    assert dict(design.plant.delays) == {"u": 0.2}
+    assert design.certificate.exact_delays.stability
+    assert (design.certificate.exact_delays.gain is None) == (norm == "h2")
+    assert "with the exact delays the loop is stable" in str(design)
+    design.save(tmp_path / "design.json")
+    assert rp.load(tmp_path / "design.json").certificate.exact_delays.stability
+
+
+def test_other_methods_are_checked_too():
+    design = rp.static_output_feedback(plant_d(2, 0.2))
+    assert design.certificate.exact_delays.stability
+    with pytest.raises(rp.InvalidInputError, match="delays, which have infinitely many states"):
+        rp.state_feedback(plant_d(2, 0.2))

@@ -1,5 +1,7 @@
 """Bounds for all mixtures of loops are true, and near the truth where that is known."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -54,7 +56,7 @@ def test_a_single_vertex_is_proven_within_a_thousandth():
 def test_what_is_unstable_in_between_is_not_proven():
     # Half way between [[-1, 8], [0, -1]] and its transpose there is an eigenvalue at 3.
     upper = np.array([[-1.0, 8.0], [0.0, -1.0]])
-    loops = [oscillator(1.0)._replace(A=balls.ball(M)) for M in (upper, upper.T)]
+    loops = [replace(oscillator(1.0), A=balls.ball(M)) for M in (upper, upper.T)]
     for family in (LyapunovFamily.per_vertex(2), LyapunovFamily.common(2)):
         assert prove(loops, PolytopeSpecification(family, "hinf", False), solver(), 1.0) is None
 

@@ -30,13 +30,12 @@ def test_a_wrong_guess_takes_longer_only(guess):
 
 
 def test_more_digits_are_taken_where_they_do_not_suffice(monkeypatch):
-    policy = proof.ProofPolicy(bits=(64, 768))
-    monkeypatch.setattr(proof, "_POLICY", policy)
+    monkeypatch.setattr(proof, "_BITS", (64, 768))
     assert proven_lower_bound(plant(), 2.58, 1e-3) > 2.5
 
 
 def test_without_digits_nothing_is_proven(monkeypatch):
-    monkeypatch.setattr(proof, "_POLICY", proof.ProofPolicy(bits=()))
+    monkeypatch.setattr(proof, "_BITS", ())
     assert proven_lower_bound(plant(), 2.58, 1e-3) == 0
 
 

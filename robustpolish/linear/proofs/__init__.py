@@ -1,0 +1,1 @@
+"""Proofs about linear systems: definite matrices, bounded-real lemma, covered frequencies."""

@@ -1,0 +1,232 @@
+"""Stability, modes and zeros."""
+
+import control
+import numpy as np
+import pytest
+
+from robustpolish.errors import InvalidInputError
+from robustpolish.linear.arithmetic.rational import rational
+from robustpolish.linear.eigen import EPS, eigensystem
+from robustpolish.linear.modes import modes
+from robustpolish.linear.stability import (
+    count_poles,
+    eigenvalues,
+    poles_by_side,
+    stability,
+    unreachable_poles,
+)
+from robustpolish.linear.zeros import zeros_on_axis
+from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
+
+# The stability decision at and around the boundary.
+
+
+def ss(A, dt=0):
+    n = len(A)
+    return control.StateSpace(
+        A, np.zeros((n, 1)), np.zeros((1, n)), 0, dt, remove_useless_states=False
+    )
+
+
+@pytest.mark.parametrize("rate", [1e-9, 1.0, 1e17])
+@pytest.mark.parametrize(("damping", "verdict"), [(1, "stable"), (0, "marginal"), (-1, "unstable")])
+def test_a_damping_ratio_far_below_rounding_is_decided(rate, damping, verdict):
+    w = float(2.0 ** np.round(np.log2(rate)))  # so that w * w is exact
+    A = np.array([[0, w], [-w, -damping * 1e-25 * w]])
+    result = stability(ss(A))
+    assert result.verdict == verdict
+    assert bool(result) is (verdict == "stable")
+    assert result.exact
+
+
+@pytest.mark.parametrize("dt", [0, 1.0])
+def test_defective_poles_at_the_boundary(dt):
+    jordan = np.diag(np.ones(3), 1)
+    edge = 1.0 if dt else 0.0
+    for shift, verdict in ((-1e-10, "stable"), (0, "marginal"), (1e-10, "unstable")):
+        assert stability(ss(jordan + (edge + shift) * np.eye(4), dt)).verdict == verdict
+
+
+def test_poles_at_minus_one_are_on_the_circle():
+    assert stability(ss(np.diag([-1.0, 0.5]), True)).pole == -1
+    assert stability(ss(np.diag([-1.0, 0.5]), True)).verdict == "marginal"
+
+
+def test_symmetric_real_pairs_are_not_taken_for_axis_poles():
+    result = stability(ss(np.diag([1e-18, -1e-18, -1.0])))
+    assert result.verdict == "unstable"
+    assert result.pole == pytest.approx(1e-18)
+
+
+def test_without_states():
+    system = control.StateSpace([], [], [], [[1.0]])
+    assert stability(system)
+    assert stability(system).pole is None
+
+
+# Poles by exact arithmetic.
+
+TINY = 2.0**-200
+
+
+def test_the_side_is_decided_to_the_last_bit():
+    found = count_poles(rational(np.diag([TINY, 0.0, -TINY, -1.0])), discrete=False)
+    assert found.unstable == (complex(TINY),)
+    assert found.marginal == (0j,)
+
+
+def test_multiple_poles_on_the_axis_are_counted():
+    swing = np.array([[0.0, 1.0], [-4.0, 0.0]])
+    both = np.kron(np.eye(2), swing)
+    found = count_poles(rational(both), discrete=False)
+    assert found.unstable == ()
+    assert sorted(pole.imag for pole in found.marginal) == pytest.approx([-2, -2, 2, 2])
+
+
+def test_the_unit_circle():
+    A = np.diag([1.0, -1.0, 1.0 + 2.0**-52, 1.0 - 2.0**-53, 0.0])
+    sides = sorted(side for _, side in poles_by_side(rational(A), discrete=True))
+    assert sides == [-1, -1, 0, 0, 1]
+
+
+def test_poles_that_no_input_reaches():
+    A = np.array([[1.0, 0.0, 0.0], [5.0, -2.0, 0.0], [0.0, 1.0, -3.0]])
+    B = np.array([[0.0], [1.0], [0.0]])
+    assert unreachable_poles(rational(A), rational(B), False) == [(1 + 0j, False)]
+    assert unreachable_poles(rational(A), rational(np.eye(3)), False) == []
+    every = unreachable_poles(rational(A), rational(np.zeros((3, 1))), False)
+    assert sorted(stable for _, stable in every) == [False, True, True]
+
+
+def test_eigenvalues_to_double_precision():
+    """A companion matrix with roots 1, 2, ..., 12: doubles lose half of the digits."""
+    polynomial = np.poly(np.arange(1.0, 13.0))
+    companion = np.diag(np.ones(11), -1)
+    companion[0] = -polynomial[1:]
+    found = sorted(eigenvalues(rational(companion)), key=lambda value: value.real)
+    assert found == [complex(k) for k in range(1, 13)]
+
+
+# Eigenvalues with their errors and the share of each state.
+
+
+def test_errors_cover_what_rounding_does():
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        lower = np.tril(rng.integers(-3, 4, (5, 5)), -1) + np.eye(5)
+        exact = np.arange(1.0, 6.0)
+        found = eigensystem(lower @ np.diag(exact) @ np.linalg.inv(lower))
+        order = np.argsort(found.values.real)
+        assert (abs(found.values[order] - exact) <= found.errors[order]).all()
+        assert found.errors.max() < 1e-8
+
+
+def test_nearly_multiple_eigenvalues_are_uncertain():
+    defective = eigensystem(np.array([[1.0, 1.0], [0.0, 1.0]]))
+    assert defective.errors.min() > 1e3 * EPS
+
+
+def test_shares_do_not_depend_on_units():
+    A = np.array([[-1.0, 2.0], [0.5, -3.0]])
+    units = np.array([1e-9, 1e6])
+    one, other = eigensystem(A), eigensystem(A * units / units[:, None])
+    order = np.argsort(one.values), np.argsort(other.values)
+    np.testing.assert_allclose(one.shares[:, order[0]], other.shares[:, order[1]], atol=2e-3)
+    np.testing.assert_allclose(one.shares.sum(axis=0), 1.0, atol=2e-3)
+    np.testing.assert_array_equal(eigensystem(np.diag([1.0, 2.0])).shares, np.eye(2))
+
+
+# Modes.
+
+
+def test_the_modes_of_the_thesis():
+    plant = air_bearing(AirBearingParameters.as_published(), dissipation=0.001)
+    found = modes(plant.open_loop)
+    assert found.frequencies_hz == pytest.approx(
+        [194.0691, 194.0691, 2069.58, 2069.58, 2824.58, 4610.75], rel=2e-6
+    )
+    expected = [7.93745e-5, 7.93745e-5, 8.17425e-5, 8.17425e-5, 5.78604e-5, 1.99226e-5]
+    assert found.damping_ratios == pytest.approx(expected, rel=5e-6)
+    names = [mode.state.removeprefix("d") for mode in found]
+    assert names == ["x", "y", "x_m", "y_m", "z", "z_m"]
+
+
+@pytest.mark.parametrize("zeta", [1e-15, 1e-12, 0.3])
+@pytest.mark.parametrize("w", [1e-9, 1e9])
+def test_any_damping_at_any_frequency(zeta, w):
+    w = float(2.0 ** np.round(np.log2(w)))
+    G = control.ss([[0, 1], [-w * w, -2 * zeta * w]], [[0], [1]], [[1, 0]], 0)
+    (mode,) = modes(G)
+    assert mode.damping_ratio == pytest.approx(zeta, rel=1e-12)
+    assert mode.natural_frequency_hz == pytest.approx(w / 2 / np.pi, rel=1e-14)
+    assert mode.frequency_hz == pytest.approx(w * np.sqrt(1 - zeta**2) / 2 / np.pi, rel=1e-14)
+
+
+def test_sampled_modes_are_those_of_the_continuous_system():
+    G = control.ss([[0, 1], [-100, -2]], [[0], [1]], [[1, 0]], 0)
+    (before,), (after,) = modes(G), modes(control.sample_system(G, 0.01))
+    assert after.frequency_hz == pytest.approx(before.frequency_hz)
+    assert after.damping_ratio == pytest.approx(before.damping_ratio)
+
+
+def test_real_unstable_and_zero_eigenvalues():
+    G = control.ss(np.diag([0.0, 2.0, -3.0]), np.ones((3, 1)), np.ones((1, 3)), 0)
+    zero, unstable, stable = modes(G)
+    assert np.isnan(zero.damping_ratio)
+    assert (unstable.damping_ratio, stable.damping_ratio) == (-1, 1)
+    assert (unstable.state, stable.state) == ("x[1]", "x[2]")
+    assert unstable.frequency_hz == 0
+
+
+def test_it_is_a_sequence_and_prints_a_table():
+    G = control.ss([[0, 1], [-4, -0.04]], [[0], [1]], [[1, 0]], 0, states=["gap", "rate"])
+    found = modes(G)
+    assert len(found) == 1
+    assert found[0] is found.modes[0]
+    assert found[:1] == found.modes
+    assert "gap" in repr(found)
+    assert "damping" in repr(found)
+
+
+# Zeros on the stability boundary.
+
+
+@pytest.mark.parametrize("rate", [1e-6, 1.0, 1e6])
+def test_a_notch(rate):
+    A = np.array([[0, 1], [-1, -1]]) * rate
+    G = control.StateSpace(A, [[0], [rate]], [[3, -1]], 1)
+    (zero,) = zeros_on_axis(G)
+    assert zero.frequency == pytest.approx(2 * rate)
+
+
+def test_differentiators_and_integrators():
+    assert zeros_on_axis(control.ss([[0, 1], [-1, -1]], [[0], [1]], [[0, 1]], 0))[0].frequency == 0
+    assert zeros_on_axis(control.ss([[0, 1], [0, 0]], [[0], [1]], [[1, 0]], 0)) == ()
+
+
+def test_a_zero_that_rounding_tells_from_the_origin():
+    A = [[0, 1, 0], [-4, -1e-14, 0.1], [0, 0, -1]]  # at -1e-14
+    (zero,) = zeros_on_axis(control.ss(A, [[1], [0], [0]], [[1, 0, 0]], 0))
+    assert zero.frequency == 0
+
+
+def test_more_outputs_than_inputs():
+    A, B = [[0, 1, 0], [-1, -1, 0], [0, 0, -2]], [[0], [1], [1]]
+    common = [[0, 1, 0], [0, 2, 0]]  # both outputs vanish at zero frequency
+    assert len(zeros_on_axis(control.ss(A, B, common, [[0], [0]]))) == 1
+    assert zeros_on_axis(control.ss(A, B, [[0, 1, 0], [0, 0, 1]], [[0], [0]])) == ()
+
+
+def test_discrete():
+    (zero,) = zeros_on_axis(control.ss([[0.5]], [[1]], [[-0.5]], 1, 0.1))  # (z - 1)/(z - 0.5)
+    assert zero.frequency == 0
+
+
+def test_zeros_off_the_axis_and_no_signals():
+    assert zeros_on_axis(control.ss([[-1]], [[1]], [[1]], 1)) == ()
+    assert zeros_on_axis(control.ss(np.eye(2), np.zeros((2, 0)), np.eye(2), np.zeros((2, 0)))) == ()
+    with pytest.raises(InvalidInputError, match="tolerance"):
+        zeros_on_axis(control.ss([[-1]], [[1]], [[1]], 1), tolerance=0)
+
+
+#

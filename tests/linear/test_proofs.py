@@ -1,0 +1,257 @@
+"""Proofs: definite matrices, systems in balls, Riccati equations, linear matrix inequalities."""
+
+import control
+import flint
+import numpy as np
+import pytest
+from scipy import linalg
+
+from robustpolish.errors import InvalidInputError
+from robustpolish.linear import is_positive_definite
+from robustpolish.linear.arithmetic import balls
+from robustpolish.linear.arithmetic.balls import (
+    ball,
+    complex_ball,
+    identity,
+    midpoint,
+    precision,
+    zeros,
+)
+from robustpolish.linear.arithmetic.rational import ExactModel
+from robustpolish.linear.arithmetic.realisation import realisation
+from robustpolish.linear.norms.lmi import proves_lmi
+from robustpolish.linear.proofs.bounded_real import BallSystem, hamiltonian
+from robustpolish.linear.proofs.covering import interval_without_eigenvalues
+from robustpolish.linear.proofs.definite import is_definite
+from robustpolish.linear.proofs.riccati import (
+    UndecidedError,
+    has_eigenvalue_below,
+    is_surely_not_semidefinite,
+    is_surely_stable,
+    largest,
+    stabilising_solution,
+)
+
+# Balls, and systems of them.
+
+
+def test_definiteness_is_proven_far_beyond_doubles():
+    """The least eigenvalue of the Hilbert matrix of order 12 is between 1e-16 and 2e-16."""
+    with precision(300):
+        n, small = 12, flint.arb(10) ** -16
+        hilbert = flint.arb_mat([[1 / flint.arb(i + j + 1) for j in range(n)] for i in range(n)])
+        assert is_definite(hilbert - identity(n) * small)
+        assert not is_definite(hilbert - identity(n) * (2 * small))
+
+
+def test_an_enclosure_that_holds_an_indefinite_matrix_is_not_proven():
+    wide = flint.arb(1, 2)  # between -1 and 3
+    assert not is_definite(flint.arb_mat([[wide]]))
+    assert not is_definite(ball([[1.0, 2.0], [2.0, 1.0]]))
+    assert is_definite(zeros(0, 0))
+
+
+def test_definiteness_in_balls_is_never_wrong():
+    rng = np.random.default_rng(0)
+    with balls.precision(200):
+        for n in (1, 4, 12):
+            X = rng.standard_normal((n, n))
+            definite = X @ X.T + 1e-10 * np.eye(n)
+            assert is_definite(balls.ball(definite))
+            lowest = np.linalg.eigvalsh(definite)[0]
+            assert not is_definite(balls.ball(definite - 1.01 * lowest * np.eye(n)))
+
+
+def test_hilbert_matrices_are_eliminated_in_balls():
+    n = 14  # condition number 1e19: a Cholesky factorisation in doubles fails
+    with balls.precision(300):
+        entries = [[1 / balls.flint.arb(i + j + 1) for j in range(n)] for i in range(n)]
+        hilbert = balls.flint.arb_mat(entries)
+        assert is_definite(hilbert)
+        assert not is_definite(hilbert - balls.identity(n) * balls.flint.arb(1e-15))
+
+
+def test_hermitian_matrices():
+    with precision(100):
+        assert is_definite(complex_ball(np.array([[2, 1j], [-1j, 1]])))
+        assert not is_definite(complex_ball(np.array([[1, 2j], [-2j, 1]])))
+
+
+@pytest.mark.parametrize("dt", [0, 0.1])
+def test_a_loop_in_balls_is_that_of_python_control(dt):
+    draw = np.random.default_rng(0).standard_normal
+    B1, B2, C1, C2 = draw((3, 1)), draw((3, 2)), draw((1, 3)), draw((2, 3))
+    D11, D12, D21, D22 = draw((1, 1)), draw((1, 2)), draw((2, 1)), draw((2, 2)) / 9
+
+    class Plant:
+        A = draw((3, 3)) / 3
+
+    for name, M in zip(
+        ("B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22"),
+        (B1, B2, C1, C2, D11, D12, D21, D22),
+        strict=True,
+    ):
+        setattr(Plant, name, M)
+    D = np.block([[D11, D12], [D21, D22]])
+    whole = control.ss(Plant.A, np.hstack([B1, B2]), np.vstack([C1, C2]), D, dt)
+    K = control.ss(draw((2, 2)) / 3, draw((2, 2)), draw((2, 2)), draw((2, 2)) / 9, dt)
+    expected = whole.lft(K)
+    with precision(200):
+        loop = BallSystem.closed_loop(Plant, K)
+        mapped = loop.continuous() if dt else loop
+        point = 0.7
+        found = balls.midpoint(mapped.response(point))
+        z = (1 + 1j * point) / (1 - 1j * point) if dt else 1j * point
+        np.testing.assert_allclose(found, np.atleast_2d(expected(z)), rtol=1e-12)
+        assert np.array_equal(balls.midpoint(loop.response(np.inf)), loop.doubles[3])
+
+
+@pytest.mark.parametrize("gamma", [1.0, 1.9, 2.001])
+def test_the_hamiltonian_has_no_eigenvalue_beyond_the_crossing(gamma):
+    """2/(s + 1) reaches gamma at x^2 = 4/gamma^2 - 1."""
+    lag = BallSystem(*(ball([[value]]) for value in (-1.0, 1.0, 2.0, 0.0)))
+    with precision(200):
+        H = flint.acb_mat(hamiltonian(*lag.over(flint.arb(gamma)).riccati_terms()))
+        low, high = interval_without_eigenvalues(H, 10.0)
+        assert high == np.inf
+        if gamma > 2:
+            assert low == 0
+        else:
+            edge = np.sqrt(4 / gamma**2 - 1)
+            assert edge <= low == pytest.approx(edge, rel=1e-9)
+
+
+# Definite matrices, decided by rational numbers.
+
+
+def test_the_last_bit_decides():
+    assert is_positive_definite([[1, 1], [1, 1 + 2.0**-52]])
+    assert not is_positive_definite([[1, 1], [1, 1]])
+    assert not is_positive_definite([[1, 1], [1, 1 - 2.0**-53]])
+
+
+def test_random_matrices():
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        Q = rng.standard_normal((6, 6))
+        shift = rng.uniform(-1, 1)
+        M = Q @ Q.T + shift * np.eye(6)
+        M = (M + M.T) / 2
+        assert is_positive_definite(M) == (np.linalg.eigvalsh(M).min() > 0)
+
+
+def test_any_scale():
+    assert is_positive_definite(np.diag([1e-300, 1e300]))
+    assert not is_positive_definite(np.diag([1.0, -1e-300]))
+    assert is_positive_definite(np.zeros((0, 0)))
+
+
+def test_bad_input_is_refused():
+    with pytest.raises(InvalidInputError, match=r"M: .*symmetric"):
+        is_positive_definite([[1, 2], [2.0000001, 5]])
+
+
+# Inequalities, decided by rational numbers.
+
+# 1/(s + 1): norms 1 (H-infinity) and 1/sqrt(2) (H2).
+LAG = ExactModel.of(realisation("s", control.ss(-1.0, 1.0, 1.0, 0.0)))
+
+
+def test_stability_is_the_sign_of_the_matrix():
+    assert proves_lmi(LAG, "10.15", np.array([[1e-300]]), 0.0)
+    assert not proves_lmi(LAG, "10.15", np.array([[-1.0]]), 0.0)
+    assert not proves_lmi(LAG, "10.15", np.array([[0.0]]), 0.0)
+
+
+@pytest.mark.parametrize("equation", ["10.17", "10.44"])
+def test_the_bound_of_the_gain_is_strict(equation):
+    """With K = 1 the inequality reads gamma > 1: the last bit decides."""
+    K = np.array([[1.0]])
+    assert proves_lmi(LAG, equation, K, np.nextafter(1.0, 2.0))
+    assert not proves_lmi(LAG, equation, K, 1.0)
+
+
+def test_the_h2_inequality_with_its_trace():
+    """A K < 0 with B weighs -2 k + k^2/g < 0 and 1/k < g: k = 1, g > 1."""
+    K = np.array([[1.0]])
+    assert proves_lmi(LAG, "10.45", K, np.nextafter(1.0, 2.0))
+    assert not proves_lmi(LAG, "10.45", K, 1.0)
+    assert not proves_lmi(LAG, "10.45", 3 * K, 1.0)
+
+
+# Riccati equations in long arithmetic.
+
+
+def solved(A, R, Q, bits=512):
+    with precision(bits):
+        X = stabilising_solution(ball(A), ball(R), ball(Q))
+        return None if X is None else midpoint(X)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_solution_is_that_of_doubles(seed):
+    draw = np.random.default_rng(seed).standard_normal
+    A, B, C = draw((5, 5)), draw((5, 2)), draw((3, 5))
+    expected = linalg.solve_continuous_are(A, B, C.T @ C, np.eye(2))
+    assert solved(A, -B @ B.T, C.T @ C) == pytest.approx(expected, rel=1e-8)
+
+
+def test_the_equation_holds_to_a_hundred_digits():
+    rng = np.random.default_rng(1)
+    with precision(768):
+        A, B, C = (ball(rng.standard_normal(shape)) for shape in ((6, 6), (6, 1), (1, 6)))
+        R, Q = -1 * B * B.transpose(), C.transpose() * C
+        X = stabilising_solution(A, R, Q)
+        rest = A.transpose() * X + X * A + X * R * X + Q
+        assert largest(rest) < largest(Q) * flint.arb("1e-70")
+
+
+def test_twins_have_equal_eigenvalues():
+    A, B, C = np.array([[1.0, 1.0], [0.0, -2.0]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.5]])
+    one = solved(A, -B @ B.T, C.T @ C)
+    A, R, Q = (np.kron(np.eye(2), M) for M in (A, -B @ B.T, C.T @ C))
+    assert solved(A, R, Q, 768) == pytest.approx(np.kron(np.eye(2), one), rel=1e-12)
+
+
+def test_eigenvalues_on_the_axis_leave_no_solution():
+    assert solved(np.array([[-1.0]]), np.array([[2.0]]), np.array([[1.0]])) is None
+
+
+def test_nothing_to_be_paid_costs_nothing():
+    A = np.array([[-1.0, 3.0], [0.0, -2.0]])
+    assert solved(A, -np.eye(2), np.zeros((2, 2))) == pytest.approx(np.zeros((2, 2)))
+    assert solved(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0))).shape == (0, 0)
+
+
+def test_a_mode_that_nothing_moves_is_not_called_solved():
+    with pytest.raises(UndecidedError), precision(256):
+        stabilising_solution(ball([[1.0]]), ball([[0.0]]), ball([[1.0]]))
+
+
+def test_signs_of_eigenvalues():
+    with precision(300):
+        M = ball(np.diag([3.0, 1.0, -1e-40]))
+        assert has_eigenvalue_below(M, 0)
+        assert has_eigenvalue_below(M, flint.arb("2"))
+        assert not has_eigenvalue_below(M, flint.arb("-1e-39"))
+        # Beside 3, that is rounding for a solution, and -1e-10 is not.
+        assert not is_surely_not_semidefinite(M)
+        assert is_surely_not_semidefinite(ball(np.diag([3.0, -1e-10])))
+
+
+@pytest.mark.parametrize("states", range(1, 8))
+def test_stability_is_that_of_the_eigenvalues(states):
+    rng = np.random.default_rng(states)
+    for _ in range(20):
+        A = rng.standard_normal((states, states)) - rng.uniform(0, 3) * np.eye(states)
+        with precision(300):
+            assert is_surely_stable(ball(A)) == (np.linalg.eigvals(A).real.max() < 0)
+
+
+def test_eigenvalues_are_on_the_axis_only_where_that_is_proven():
+    """A simple pair is proven by a change of sign; of two equal ones there is none."""
+    one, none = ball(np.eye(1)), ball(np.zeros((1, 1)))
+    with precision(768):
+        assert stabilising_solution(none, one, one) is None
+        with pytest.raises(UndecidedError):
+            stabilising_solution(ball(np.zeros((2, 2))), ball(np.eye(2)), ball(np.eye(2)))
