@@ -20,7 +20,7 @@ from robustpolish.implementation.reduction import Reducer
 from robustpolish.linear.arithmetic.realisation import state_scales
 from robustpolish.plants.blocks import matrices_of, named_system
 from robustpolish.synthesis.certificate import NormTarget
-from robustpolish.synthesis.output_feedback.engine import Settings, Task
+from robustpolish.synthesis.engine import Settings, Task
 from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
 from robustpolish.synthesis.output_feedback.riccati import RegularisedRiccati
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
