@@ -383,6 +383,10 @@ class MechanicalModel(MechanicalData, Displayed):
         -----
         DeprecationWarning
             The name goes with version 0.3.
+
+        Examples
+        --------
+        See :func:`robustpolish.polishing.air_bearing_model`.
         """
         import robustpolish
 
