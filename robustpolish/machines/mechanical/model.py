@@ -386,7 +386,12 @@ class MechanicalModel(MechanicalData, Displayed):
 
         Examples
         --------
-        See :func:`robustpolish.polishing.air_bearing_model`.
+        >>> import warnings
+        >>> import robustpolish as rp
+        >>> with warnings.catch_warnings():
+        ...     warnings.simplefilter("ignore")  # the old name warns
+        ...     rp.MechanicalModel.from_air_bearing().free
+        ('x_m', 'x', 'y_m', 'y', 'z_m', 'z')
         """
         import robustpolish
 
