@@ -79,7 +79,7 @@ def test_the_default_keeps_its_margins_with_delay_and_sampling(buildable_job):
 def test_slower_actuators_are_certified_again(buildable_job):
     assert all(found.valid for found in buildable_job.survived.values())
     slow = rp.polishing.PolishingHardware(actuator_bandwidth_hz=1400.0)
-    found = rp.certify_sampled(
+    found = rp.implementation.certify_sampled(
         rp.polishing.polishing_plant(slow), buildable_job.sampled.controller, delay=2.5e-5
     )
     assert found.valid
@@ -128,7 +128,7 @@ def test_the_loop_is_unstable_beyond_what_it_bears(buildable_job):
         plant = rp.polishing.polishing_plant(
             rp.polishing.PolishingHardware(actuator_bandwidth_hz=factor * slowest)
         )
-        found = rp.certify_sampled(plant, buildable_job.sampled.controller, delay=2.5e-5)
+        found = rp.implementation.certify_sampled(plant, buildable_job.sampled.controller, delay=2.5e-5)
         assert found.stable is stable
 
 
