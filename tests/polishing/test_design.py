@@ -128,7 +128,8 @@ def test_the_loop_is_unstable_beyond_what_it_bears(buildable_job):
         plant = rp.polishing.polishing_plant(
             rp.polishing.PolishingHardware(actuator_bandwidth_hz=factor * slowest)
         )
-        found = rp.implementation.certify_sampled(plant, buildable_job.sampled.controller, delay=2.5e-5)
+        code = buildable_job.sampled.controller
+        found = rp.implementation.certify_sampled(plant, code, delay=2.5e-5)
         assert found.stable is stable
 
 
