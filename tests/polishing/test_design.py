@@ -78,9 +78,9 @@ def test_the_default_keeps_its_margins_with_delay_and_sampling(buildable_job):
 
 def test_slower_actuators_are_certified_again(buildable_job):
     assert all(found.valid for found in buildable_job.survived.values())
-    slow = rp.PolishingHardware(actuator_bandwidth_hz=1400.0)
-    found = rp.certify_sampled(
-        rp.polishing_plant(slow), buildable_job.sampled.controller, delay=2.5e-5
+    slow = rp.polishing.PolishingHardware(actuator_bandwidth_hz=1400.0)
+    found = rp.implementation.certify_sampled(
+        rp.polishing.polishing_plant(slow), buildable_job.sampled.controller, delay=2.5e-5
     )
     assert found.valid
 
@@ -125,14 +125,17 @@ def test_the_loop_is_unstable_beyond_what_it_bears(buildable_job):
     with pytest.raises(rp.InfeasibleError):
         plain.discretize(1.02 * period, delay=0.51 * period)
     for factor, stable in ((1.02, True), (0.98, False)):
-        plant = rp.polishing_plant(rp.PolishingHardware(actuator_bandwidth_hz=factor * slowest))
-        found = rp.certify_sampled(plant, buildable_job.sampled.controller, delay=2.5e-5)
+        plant = rp.polishing.polishing_plant(
+            rp.polishing.PolishingHardware(actuator_bandwidth_hz=factor * slowest)
+        )
+        code = buildable_job.sampled.controller
+        found = rp.implementation.certify_sampled(plant, code, delay=2.5e-5)
         assert found.stable is stable
 
 
 def test_options_of_the_ideal_do_not_mix_with_hardware():
     with pytest.raises(rp.InvalidInputError, match="hardware"):
-        rp.design_against_brush(control_weight=1e-7, hardware=rp.PolishingHardware())
+        rp.design_against_brush(control_weight=1e-7, hardware=rp.polishing.PolishingHardware())
     with pytest.raises(rp.InvalidInputError, match="realisation"):
         rp.design_against_brush(realisation="dream")
     with pytest.raises(rp.InvalidInputError, match="gain_bound"):

@@ -280,6 +280,7 @@ def test_a_disc_that_tips_over_is_an_error() -> None:
         simulate_brush(run=2, parameters=replace(sticky, feed=0.3, rotation_rate=0.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("run", "rim_points"), [(1, 192), (4, 4096)])
 def test_five_seconds_take_two_passes_of_two_steps_per_sample(run: int, rim_points: int) -> None:
     """The work, which is the same on every machine; it was 5 s of an idle core at most."""

@@ -383,6 +383,15 @@ class MechanicalModel(MechanicalData, Displayed):
         -----
         DeprecationWarning
             The name goes with version 0.3.
+
+        Examples
+        --------
+        >>> import warnings
+        >>> import robustpolish as rp
+        >>> with warnings.catch_warnings():
+        ...     warnings.simplefilter("ignore")  # the old name warns
+        ...     rp.MechanicalModel.from_air_bearing().free
+        ('x_m', 'x', 'y_m', 'y', 'z_m', 'z')
         """
         import robustpolish
 
