@@ -110,6 +110,7 @@ def swinging(noise=0.0, friction=0.0, seed=0):
     return xr.Dataset(data, {"time": time})
 
 
+@pytest.mark.slow
 def test_a_record_of_a_pendulum_gives_its_coupling():
     """In units of the larger inertia, which a decay shows no size of."""
     data = swinging(noise=0.005)

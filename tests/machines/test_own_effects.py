@@ -163,6 +163,7 @@ def test_it_is_refitted():
     assert fitted.values["w"] == pytest.approx(0.02, rel=0.1)
 
 
+@pytest.mark.slow
 def test_what_is_known_is_not_fitted():
     kind = rp.effect("f = -F*tanh(v/w)", parameters={"F": "N", "w": "m/s"}, known={"w": 0.02})
     true = made_up.model().with_effect(kind, "x", {"F": 8.0})
@@ -172,6 +173,7 @@ def test_what_is_known_is_not_fitted():
     assert fitted.values["w"] == 0.02
 
 
+@pytest.mark.slow
 def test_one_that_nobody_registered_gets_its_first_values_from_a_screening():
     """As of a model from a file: no numbers, and no diagnosis knows the kind."""
     true = made_up.model().with_effect(fifth(), "x", {"k": 1e16})

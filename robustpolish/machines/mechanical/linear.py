@@ -367,7 +367,7 @@ def uncertain_model(model: MechanicalData, ranges: Mapping[str, Any]) -> Uncerta
         D[deltas:, deltas:],
         m.states,
         tuple(UncertainBlock(_renamed(element, numbers), count)
-              for element, count in zip(elements, copies, strict=True) if count),
+              for element, count in zip(elements, copies.tolist(), strict=True) if count),
         0,
         m.signals,
         m.outputs,
