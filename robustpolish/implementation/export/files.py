@@ -120,7 +120,7 @@ def target(path: str | os.PathLike[str], name: str, suffix: str) -> Path:
 
 
 def rendered(template: str, **values: Any) -> str:
-    """Return a template of this folder, filled in."""
+    """Return a jinja2 template of the folder `templates`, filled in."""
     import jinja2  # needed by exports only
 
     environment = jinja2.Environment(
@@ -129,13 +129,7 @@ def rendered(template: str, **values: Any) -> str:
         keep_trailing_newline=True,
         undefined=jinja2.StrictUndefined,
     )
-    own = (
-        ("comment", _comment),
-        ("numbers", _numbers),
-        ("plain", _plain),
-        ("quoteattr", quoteattr),
-    )
-    environment.filters.update(own)
+    environment.filters.update(comment=_comment, numbers=_numbers, plain=_plain, quote=quoteattr)
     text = resources.files(__package__).joinpath("templates", template).read_text("utf-8")
     return environment.from_string(text).render(values)
 
