@@ -15,6 +15,9 @@ from robustpolish.implementation.sampled.lifting import border_scale, named_like
 from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 
+Parts = tuple[Matrix, Matrix, Matrix, Matrix]
+"""A, B, C and D."""
+
 # Gramians of a controller by itself, of its coprime factors, and inside its closed loop.
 
 
@@ -26,7 +29,7 @@ class WeightedGramians(NamedTuple):
     """
 
     name: str
-    matrices: tuple[Matrix, Matrix, Matrix, Matrix]
+    matrices: Parts
     reach: Matrix
     see: Matrix
     back: str = ""
@@ -50,17 +53,16 @@ def gramian(A: Matrix, B: Matrix, discrete: bool) -> Matrix:
     return np.asarray((found + found.T) / 2, dtype=float)
 
 
-def alone(K: tuple[Matrix, Matrix, Matrix, Matrix], discrete: bool) -> list[WeightedGramians]:
-    """Weigh the states of a stable controller by what they pass on from y to u."""
+def own_gramians(name: str, K: Parts, discrete: bool, back: str = "") -> list[WeightedGramians]:
+    """Weigh the states of a stable system by what they pass on from input to output."""
     A, B, C, _ = K
     if not stable(A, discrete):
         return []
-    return [WeightedGramians("balanced", K, gramian(A, B, discrete), gramian(A.T, C.T, discrete))]
+    reach, see = gramian(A, B, discrete), gramian(A.T, C.T, discrete)
+    return [WeightedGramians(name, K, reach, see, back)]
 
 
-def loop_gramians(
-    plant: GeneralizedPlant, K: tuple[Matrix, Matrix, Matrix, Matrix], loop: Matrix
-) -> list[WeightedGramians]:
+def loop_gramians(plant: GeneralizedPlant, K: Parts, loop: Matrix) -> list[WeightedGramians]:
     """Weigh the states of a controller by what they do inside its loop.
 
     Parameters
@@ -110,9 +112,7 @@ def loop_gramians(
     return found
 
 
-def coprime_gramians(
-    K: tuple[Matrix, Matrix, Matrix, Matrix], discrete: bool
-) -> list[WeightedGramians]:
+def coprime_gramians(K: Parts, discrete: bool) -> list[WeightedGramians]:
     """Weigh the states of normalised coprime factors, which are stable whatever the controller.
 
     Notes
@@ -126,17 +126,15 @@ def coprime_gramians(
     found = []
     left = _left_factor(A, B, C, D)
     if left is not None:
-        found.append(_factor("left coprime", left, "left"))
+        found += own_gramians("left coprime", left, False, "left")
     right = _left_factor(A.T, C.T, B.T, D.T)
     if right is not None:
         turned = (right[0].T, right[2].T, right[1].T, right[3].T)
-        found.append(_factor("right coprime", turned, "right"))
-    return [weighted for weighted in found if weighted is not None]
+        found += own_gramians("right coprime", turned, False, "right")
+    return found
 
 
-def _left_factor(
-    A: Matrix, B: Matrix, C: Matrix, D: Matrix
-) -> tuple[Matrix, Matrix, Matrix, Matrix] | None:
+def _left_factor(A: Matrix, B: Matrix, C: Matrix, D: Matrix) -> Parts | None:
     """Return [N M] with K = inv(M) N and N N~ + M M~ = 1."""
     R = np.eye(len(D)) + D @ D.T
     try:
@@ -154,42 +152,19 @@ def _left_factor(
     )
 
 
-def _factor(
-    name: str, matrices: tuple[Matrix, Matrix, Matrix, Matrix], back: str
-) -> WeightedGramians | None:
-    A, B, C, _ = matrices
-    if not stable(A, False):
-        return None
-    return WeightedGramians(name, matrices, gramian(A, B, False), gramian(A.T, C.T, False), back)
-
-
-def from_factor(
-    matrices: tuple[Matrix, Matrix, Matrix, Matrix], back: str, inputs: int, outputs: int
-) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+def from_factor(matrices: Parts, back: str, inputs: int, outputs: int) -> Parts:
     """Return the controller that coprime factors stand for."""
     A, B, C, D = matrices
     if back == "left":
         over = np.linalg.inv(D[:, inputs:])
         own = B[:, inputs:] @ over
-        return (
-            A - own @ C,
-            B[:, :inputs] - own @ D[:, :inputs],
-            over @ C,
-            over @ D[:, :inputs],
-        )
+        return A - own @ C, B[:, :inputs] - own @ D[:, :inputs], over @ C, over @ D[:, :inputs]
     over = np.linalg.inv(D[outputs:])
     own = over @ C[outputs:]
-    return (
-        A - B @ own,
-        B @ over,
-        C[:outputs] - D[:outputs] @ own,
-        D[:outputs] @ over,
-    )
+    return A - B @ own, B @ over, C[:outputs] - D[:outputs] @ own, D[:outputs] @ over
 
 
 # Controllers of a given order that may stand for a longer one.
-
-Parts = tuple[Matrix, Matrix, Matrix, Matrix]
 
 _NOTHING = 1e-30
 
@@ -225,7 +200,10 @@ class Reducer:
         loop = np.asarray(plant.closed_loop(scaled).A, dtype=float)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # ill-conditioned equations: what follows is judged
-            ways = [*alone(K, plant.is_discrete), *_or_none(loop_gramians, plant, K, loop)]
+            ways = [
+                *own_gramians("balanced", K, plant.is_discrete),
+                *_or_none(loop_gramians, plant, K, loop),
+            ]
             ways += _or_none(coprime_gramians, K, plant.is_discrete)
         self._ways = [(way, *_projection(way)) for way in ways]
         self.hankel: dict[str, Vector] = {way.name: values for way, _, _, values in self._ways}
@@ -238,10 +216,13 @@ class Reducer:
             kept = min(order, T.shape[1])  # fewer where the others do nothing at all
             turned = Ti @ A @ T, Ti @ B, C @ T, D
             for how, shorten in (("truncated", _truncated), ("residualised", self._residual)):
-                with np.errstate(all="ignore"):
-                    found = shorten(turned, kept)
-                    if found is not None and way.back:
-                        found = _factored(found, way.back, m, p)
+                try:
+                    with np.errstate(all="ignore"):
+                        found = shorten(turned, kept)
+                        if found is not None and way.back:
+                            found = from_factor(found, way.back, m, p)
+                except np.linalg.LinAlgError:
+                    continue
                 if found is not None and all(np.isfinite(M).all() for M in found):
                     controller = named_like(self._controller, found, self._controller.dt)
                     yield ReducedCandidate(f"{way.name}, {how}", controller)
@@ -266,13 +247,6 @@ class Reducer:
 def _truncated(K: Parts, order: int) -> Parts:
     A, B, C, D = K
     return A[:order, :order], B[:order], C[:, :order], D
-
-
-def _factored(found: Parts, back: str, inputs: int, outputs: int) -> Parts | None:
-    try:
-        return from_factor(found, back, inputs, outputs)
-    except np.linalg.LinAlgError:
-        return None
 
 
 def _projection(way: WeightedGramians) -> tuple[Matrix, Matrix, Vector]:

@@ -26,9 +26,13 @@ from robustpolish.implementation.certify_sampled import (
     checked_plant,
     discrete_controller,
 )
-from robustpolish.implementation.export.c import CodeSpec, write_c
-from robustpolish.implementation.export.data_files import write_json, write_mat
-from robustpolish.implementation.export.fmu import write_fmu
+from robustpolish.implementation.export.files import (
+    CodeSpec,
+    write_c,
+    write_fmu,
+    write_json,
+    write_mat,
+)
 from robustpolish.implementation.realization import (
     FORMS,
     Limits,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.implementation.export.c import number
+from robustpolish.implementation.export.files import number
 from robustpolish.implementation.realization import anti_windup, control_limits, controller_outputs
 from tests.implementation.designs import sampled_servo, static_gain, two_by_two
 

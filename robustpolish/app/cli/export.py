@@ -13,7 +13,7 @@ from robustpolish.base.atomic_writes import check_new_file
 from robustpolish.base.budget import progress_bar
 from robustpolish.base.checks import invalid
 from robustpolish.implementation.emulation import METHODS
-from robustpolish.implementation.export.c import target
+from robustpolish.implementation.export.files import target
 from robustpolish.implementation.realization import FORMS
 from robustpolish.synthesis.design import Design
 

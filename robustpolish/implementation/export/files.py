@@ -1,10 +1,18 @@
-"""The C file of a controller, and test vectors beside it."""
+"""A sampled controller in the files of other programs: C, FMU, JSON and MAT."""
 
 from __future__ import annotations
 
+import math
 import os
+import platform
 import re
+import shutil
+import subprocess
+import sys
+import tempfile
 import textwrap
+import uuid
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
@@ -14,11 +22,14 @@ from xml.sax.saxutils import quoteattr
 
 import control
 import numpy as np
+from scipy.io import savemat
 
 from robustpolish.base.arrays import Array, Matrix, Vector
 from robustpolish.base.atomic_writes import new_file, write_file
 from robustpolish.base.checks import invalid, is_whole, one_of
+from robustpolish.base.saved import write_saved
 from robustpolish.base.versions import __version__
+from robustpolish.errors import MissingDependencyError, SolverError
 from robustpolish.implementation.realization import SAMPLES, SinglePrecision, controller_outputs
 
 # What any export writes of a controller: matrices, names, units, limits, and words about it.
@@ -105,11 +116,11 @@ def target(path: str | os.PathLike[str], name: str, suffix: str) -> Path:
     return place if place.suffix == suffix else place / f"{name}{suffix}"
 
 
-# A controller as one C99 file without allocation, from a template.
+# A controller as one C99 file without allocation, from a template; test vectors beside it.
 
 
 def rendered(template: str, **values: Any) -> str:
-    """Return a template of this folder, filled in."""
+    """Return a jinja2 template of the folder `templates`, filled in."""
     import jinja2  # needed by exports only
 
     environment = jinja2.Environment(
@@ -118,9 +129,7 @@ def rendered(template: str, **values: Any) -> str:
         keep_trailing_newline=True,
         undefined=jinja2.StrictUndefined,
     )
-    environment.filters |= {
-        "comment": _comment, "numbers": _numbers, "plain": _plain, "quoteattr": quoteattr
-    }  # fmt: skip
+    environment.filters.update(comment=_comment, numbers=_numbers, plain=_plain, quote=quoteattr)
     text = resources.files(__package__).joinpath("templates", template).read_text("utf-8")
     return environment.from_string(text).render(values)
 
@@ -168,10 +177,8 @@ def c_text(spec: CodeSpec, name: str, precision: str, facts: tuple[str, ...] = (
 def _comment(sentence: str) -> str:
     """Wrap a sentence as lines of a comment."""
     words = " ".join(_plain(sentence).split())
-    return textwrap.fill(
-        words, 93, initial_indent=" * ", subsequent_indent=" *   ",
-        break_long_words=False, break_on_hyphens=False,
-    )  # fmt: skip
+    indents = {"initial_indent": " * ", "subsequent_indent": " *   "}
+    return textwrap.fill(words, 93, **indents, break_long_words=False, break_on_hyphens=False)
 
 
 def _plain(text: str) -> str:
@@ -272,3 +279,186 @@ def _facts(spec: CodeSpec, loss: SinglePrecision | None) -> tuple[str, ...]:
         f"the outputs differ from those in double precision over {SAMPLES} samples by at most: "
         f"{each}.{limited}",
     )
+
+
+# An FMU for co-simulation (FMI 2.0), compiled here.
+
+
+def _texts(spec: CodeSpec, name: str) -> tuple[str, str]:
+    """Return modelDescription.xml, and the controller with the functions of FMI 2.0 around it."""
+    core = c_text(spec, name, "double")
+    signals = (*spec.measurements, *spec.controls)
+    values = {
+        "spec": spec,
+        "name": name,
+        "version": __version__,
+        # The same controller has the same identity, wherever and whenever it is exported.
+        "guid": f"{{{uuid.uuid5(uuid.NAMESPACE_URL, core)}}}",
+        "signals": signals,
+        "units": sorted({spec.units[n] for n in signals if spec.units.get(n)}),
+        "ny": len(spec.measurements),
+        "nu": len(spec.controls),
+        "period": repr(float(spec.period)),
+        "delay": repr(float(spec.delay)),
+        "queue": math.floor(spec.delay / spec.period) + 3,
+    }
+    description = rendered("modelDescription.xml.jinja", **values)
+    return description, core + rendered("fmu.c.jinja", **values)
+
+
+_FLAGS = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-fPIC", "-shared")
+_WORDS = {"linux": ("linux", "so"), "darwin": ("darwin", "dylib"), "win32": ("win", "dll")}
+
+
+def write_fmu(
+    spec: CodeSpec, path: str | os.PathLike[str], name: str, *, force: bool = False
+) -> Path:
+    """Write the FMU; see `SampledDesign.export_fmu`.
+
+    Parameters
+    ----------
+    spec : CodeSpec
+    path : path
+        A folder, or a file that ends in ``.fmu``.
+    name : str
+    force : bool, optional
+
+    Returns
+    -------
+    pathlib.Path
+
+    Raises
+    ------
+    MissingDependencyError
+        If there is no C compiler.
+    SolverError
+        If the compiler refuses the source, which a working one does not.
+    """
+    identifier(name)
+    place = target(path, name, ".fmu")
+    description, source = _texts(spec, name)
+    with new_file(place, force, (".fmu",)) as draft, zipfile.ZipFile(draft, "w") as archive:
+        _add(archive, "modelDescription.xml", description.encode())
+        _add(archive, f"sources/{name}.c", source.encode())
+        folder, suffix = _platform()
+        _add(archive, f"binaries/{folder}/{name}.{suffix}", _compiled(source, name))
+    return place
+
+
+def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
+    """Add a file with a fixed date, so that the same controller gives the same bytes."""
+    entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
+    entry.external_attr = 0o644 << 16
+    archive.writestr(entry, content, zipfile.ZIP_DEFLATED)
+
+
+def _platform() -> tuple[str, str]:
+    word, suffix = _WORDS.get(sys.platform, ("linux", "so"))
+    bits = "64" if sys.maxsize > 2**32 else "32"
+    machine = platform.machine().lower()
+    if word == "linux" and machine not in ("x86_64", "amd64", "i686", "i386"):
+        return f"{machine}-linux", suffix  # as FMI 3.0 and most importers call it
+    return word + bits, suffix
+
+
+def _compiled(source: str, name: str) -> bytes:
+    compiler = shutil.which(os.environ.get("CC") or "cc") or shutil.which("gcc")
+    if compiler is None:
+        raise MissingDependencyError(
+            "path: there is no C compiler to build the FMU with. Install gcc or clang, or set CC; "
+            "export_c needs none."
+        )
+    with tempfile.TemporaryDirectory() as folder:
+        file, library = Path(folder, f"{name}.c"), Path(folder, f"{name}.bin")
+        file.write_text(source, encoding="utf-8")
+        command = [compiler, *_FLAGS, "-o", str(library), str(file), "-lm"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            line = (done.stderr.strip().splitlines() or ["no message"])[0]
+            raise SolverError(f"path: {compiler} refused the source: {line}. Try another CC.")
+        return library.read_bytes()
+
+
+# A controller as JSON, and as a MAT file for MATLAB and Simulink.
+
+
+def write_json(
+    spec: CodeSpec, path: str | os.PathLike[str], name: str, *, force: bool = False
+) -> Path:
+    """Write the file; see `SampledDesign.export_json`.
+
+    Parameters
+    ----------
+    spec : CodeSpec
+    path : path
+        A folder, or a file that ends in ``.json``.
+    name : str
+    force : bool, optional
+
+    Returns
+    -------
+    pathlib.Path
+    """
+    identifier(name)
+    place = target(path, name, ".json")
+    names = (*spec.measurements, *spec.controls)
+    content = {
+        "period": spec.period,
+        "delay": spec.delay,
+        "sign": "u[k] = +K y[k]",
+        **spec.matrices,
+        "measurements": list(spec.measurements),
+        "controls": list(spec.controls),
+        "units": {name: spec.units[name] for name in names if name in spec.units},
+        "limits": None if spec.limits is None else [list(side) for side in spec.limits],
+        "about": list(spec.about),
+    }
+    write_saved(place, "controller", content, force)
+    return place
+
+
+def write_mat(
+    spec: CodeSpec, path: str | os.PathLike[str], name: str, *, force: bool = False
+) -> Path:
+    """Write the file; see `SampledDesign.export_mat`.
+
+    Parameters
+    ----------
+    spec : CodeSpec
+    path : path
+        A folder, or a file that ends in ``.mat``.
+    name : str
+    force : bool, optional
+
+    Returns
+    -------
+    pathlib.Path
+    """
+    identifier(name)
+    place = target(path, name, ".mat")
+    none = np.full(len(spec.controls), np.inf)
+    low, high = spec.limits if spec.limits is not None else (-none, none)
+    content = {
+        **spec.matrices,
+        "Ts": spec.period,
+        "delay": spec.delay,
+        "InputName": _cells(spec.measurements),
+        "OutputName": _cells(spec.controls),
+        "InputUnit": _cells(tuple(spec.units.get(n, "") for n in spec.measurements)),
+        "OutputUnit": _cells(tuple(spec.units.get(n, "") for n in spec.controls)),
+        "low": low[:, None],
+        "high": high[:, None],
+        "sign": "u[k] = +K y[k]",
+        "about": " ".join(spec.about),
+        "use": "K = ss(A, B, C, D, Ts, 'InputName', InputName, 'OutputName', OutputName);",
+    }
+    with new_file(place, force, (".mat",)) as draft:
+        savemat(draft, content, oned_as="column")
+    return place
+
+
+def _cells(names: tuple[str, ...]) -> np.ndarray:
+    """Return texts as a column of MATLAB's cells."""
+    cells = np.empty((len(names), 1), dtype=object)
+    cells[:, 0] = names
+    return cells
