@@ -1,4 +1,4 @@
-"""From a machine and what is asked of its controller to a design that can be judged."""
+"""Design tasks: the machine, its signals and hardware, and weights, as a plant for synthesis."""
 
 from __future__ import annotations
 

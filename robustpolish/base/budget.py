@@ -1,4 +1,4 @@
-"""A time by which a call has to end, which the loops deep inside it look at.
+"""Work budgets, deadlines, single-threaded linear algebra and progress bars of long calls.
 
 A search counts its work and asks its budget. A certificate has no budget: it is complete, or there
 is none. So it is cut by an error, and what was not proven is never returned.

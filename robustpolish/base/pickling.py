@@ -1,4 +1,4 @@
-"""What of the results neither `pickle` nor `copy.deepcopy` takes by itself: how it is copied.
+"""Pickling and copying of linear systems, read-only mappings and balls.
 
 Results hold linear systems, mappings that cannot be changed and balls. A `control.StateSpace`
 carries functions that exist in memory alone and lead back to the system that made them; a

@@ -1,4 +1,4 @@
-"""SI prefixes: which one suits a size, and which units bear one."""
+"""Tables of results as text and HTML, numbers with their errors, and SI prefixes."""
 
 from __future__ import annotations
 

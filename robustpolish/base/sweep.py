@@ -524,6 +524,10 @@ def _state_space(matrices: list[np.ndarray], dt: Any, labels: dict[str, Any]) ->
 
 
 # Points handed to workers in tasks of a quarter of a second, and again if a worker dies.
+#
+# joblib would not do here: it takes no executor of the caller, such as that of a Dask client; when
+# a worker dies it ends the whole call and does not tell which points were lost; and each of its
+# workers imports this package anew, where a server to fork from does so once.
 
 ATTEMPTS = 2
 """Workers that a point may kill while it is alone; a second time is no accident."""

@@ -1,4 +1,4 @@
-"""The same zero-phase filter on all channels, with or without fewer samples behind it."""
+"""Zero-phase low-pass filters, decimation, and records cut into contiguous blocks."""
 
 from __future__ import annotations
 

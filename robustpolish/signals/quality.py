@@ -1,4 +1,4 @@
-"""Whether a channel can be used at all."""
+"""Quality of a record: missing values, clipping, constant channels and the sampling rate."""
 
 from __future__ import annotations
 

@@ -201,7 +201,7 @@ def test_what_cannot_be_designed(machine_file, tmp_path):
 
 def _section(machine_file):
     """Write an empty section beside a machine, so that nothing of its own counts."""
-    path = machine.replace("machine.toml", "asked.toml")
+    path = machine_file.replace("machine.toml", "asked.toml")
     with open(path, "w", encoding="utf-8") as file:
         file.write("[design]\n")
     return path

@@ -218,6 +218,7 @@ def test_inputs_are_never_overwritten(folder):
     assert (folder / "data.csv").read_text() == CSV
 
 
+@pytest.mark.slow
 def test_damaged_input_ends_in_a_message():
     """Whatever is done to the files: code 0 or 2, never a traceback, and JSON whole or absent."""
     codes = Counter()

@@ -1,4 +1,4 @@
-"""`robustpolish design` for any machine."""
+"""Commands on designs: `design`, `margins`, `modes` and `norms`, of the robot or any machine."""
 
 from __future__ import annotations
 

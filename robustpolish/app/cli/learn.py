@@ -1,4 +1,4 @@
-"""`robustpolish tell-apart`."""
+"""Commands on measurements: `compare`, `diagnose`, `refit` and `tell-apart`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the subcommands share: progress, JSON, errors and exit codes."""
+"""Options, results, exit codes and progress, which the subcommands share."""
 
 from __future__ import annotations
 

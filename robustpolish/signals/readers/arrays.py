@@ -1,4 +1,4 @@
-"""Sound files, which many analysers write for vibration records."""
+"""Named arrays sorted into a table, NumPy archives, and sound files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Universal files of modal analysis, data set 58, through pyuff."""
+"""Files of instruments: TDMS of LabVIEW through npTDMS, universal files (data set 58) by pyuff."""
 
 from __future__ import annotations
 
