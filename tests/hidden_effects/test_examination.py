@@ -39,7 +39,7 @@ from tests.hidden_effects.several import (
 )
 from tests.hidden_effects.visible import change_without, sound
 
-# Diagnoses and rows that nobody computed, for the tests of those that judge them.
+# Made-up diagnoses and rows.
 
 
 def found(kind, at, **numbers):
@@ -87,7 +87,7 @@ class NoPool:
         return future
 
 
-# Hidden effects are found: a few kinds of case each time, all of them in the long tests.
+# The examination: a few cases, and in the long tests all of them.
 
 CASES = {case.name: case for case in all_cases()}
 # At least this share of the drawn cases is right. Of the 44 of the judged seed 35 were when they
@@ -162,7 +162,7 @@ def test_the_cases_cover_the_catalogue():
     assert len({case.seed for case in CASES.values()}) == len(CASES)
 
 
-# The plan of a hundred cases: it repeats, it is mixed, and what is missing shows.
+# The plan of a hundred cases with several effects.
 
 FEW = (0, 19, 22, 60, 80, 90, 96)
 SEVERAL_CASES = {i: several_case(i) for i in FEW}
@@ -197,7 +197,7 @@ def test_the_whole_plan_is_as_mixed_as_promised():
     assert 55 < noise.max() <= 60
 
 
-# What shows, and what springs and dampers hide.
+# Visibility of effects beside springs and dampers.
 
 X = ("x", "ground")
 
@@ -220,7 +220,7 @@ def test_what_breaks_loose_or_sticks_is_not_sound():
     assert not sound(whirling)
 
 
-# What moves a hidden case: forces that are late.
+# The integrator: delayed and saturated forces.
 
 
 @pytest.mark.parametrize("held", [False, True])
@@ -253,7 +253,7 @@ def test_a_held_actuator_acts_as_its_samples_do(kind, number, acting):
     np.testing.assert_allclose(motion(case).displacement, plain.displacement, rtol=1e-6, atol=1e-9)
 
 
-# Right, alike, missed, and wrong with confidence: on diagnoses that nobody computed.
+# The judge.
 
 G = "ground"
 CUBIC, DRY = ("cubic_stiffness", ("x", "x_m"), [1.0]), ("coulomb_friction", ("x", G), [1.0, 0.1])
@@ -306,7 +306,7 @@ def test_where_there_is_no_static_law_no_name_may_be_given():
     assert not judge(case, diagnosis_of(case, [], "parameters"))
 
 
-# The true numbers, in the terms in which the package states them.
+# True values of effect parameters in the terms of the package.
 
 
 def stated_numbers(case, *effects, **more):
@@ -342,7 +342,7 @@ def assert_moves_alike(case, effect):
     assert np.max(np.abs(run - moved.displacement)) < 1e-3 * np.max(np.abs(run))
 
 
-# A row is plain data, and a failure is one too.
+# Rows of results.
 
 CUBIC_CASE = Case("cubic", one(), [("cubic_stiffness", X, [4e6])], samples=1500, drive=8)
 
@@ -372,7 +372,7 @@ def test_a_failure_is_a_result(monkeypatch):
     assert row["seconds"] >= 0
 
 
-# Rows on file: an interrupted examination goes on.
+# Rows on file.
 
 FIRST_CASES = all_cases()[:2]
 
@@ -388,7 +388,7 @@ def test_a_row_comes_back_and_a_broken_line_is_left_out(tmp_path):
     keep(None, FIRST_CASES[0], row)
 
 
-# Which cases run, and when the page is written; none of them is diagnosed here.
+# The command.
 
 
 def quick_law(number, seed):
@@ -434,7 +434,7 @@ def test_everything_runs_and_the_page_is_written(ran, tmp_path, capsys):
     assert "[4, 2, 3, 2]" in capsys.readouterr().out
 
 
-# The page tells what the rows say.
+# The page.
 
 LISTED_CASES = all_cases()
 SEVERAL = [several_case(i) for i in (19, 60, 80, 90)]

@@ -12,7 +12,7 @@ from robustpolish.identification.observer.runs import Reproducibility
 from tests.identification.drawn_machines import drawn
 from tests.identification.oscillators import PLACE, RATE, double_well, oscillator, record
 
-# Comparisons: the figures, the starts, windows.
+# Error figures, initial states, windows.
 
 
 def test_the_true_model_is_perfect_from_any_start():
@@ -205,7 +205,7 @@ def test_it_is_drawn():
         made.plot(output="F")
 
 
-# Runs in steps that are no part of the error.
+# Refinement of integration steps.
 
 
 def stiff(noise):
@@ -241,7 +241,7 @@ def test_standard_errors_make_a_band():
     assert np.corrcoef(result.band["x"], difference)[0, 1] > 0.99
 
 
-# Several records held against one model: each by itself, and told together.
+# Several records.
 
 SOFT, HARD = record(1000, (0.02, -0.3), noise=0.05), record(1500, (-0.1, 0.0), noise=0.1, seed=1)
 BOTH = {"soft": SOFT, "hard": HARD}
@@ -368,7 +368,7 @@ def test_several_records_refused(given, said):
         rp.compare(oscillator(), given)
 
 
-# The true model compares at the noise floor, from whatever start and with whatever sensors.
+# True models of drawn machines: the error is the noise.
 
 
 def held(seed, most=9000):

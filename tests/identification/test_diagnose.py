@@ -146,7 +146,7 @@ def test_a_kind_whose_numbers_are_left_open_gives_way_to_a_simpler_one():
     assert alike == {"bouc_wen_hysteresis", "lugre_friction"}
 
 
-# Records and models that do not belong together end in a verdict or a message.
+# Odd records and models.
 
 CASE = Case(
     "odd", one(0.005), [("quadratic_damping", ("x", "ground"), [4.0])], drive=20.0, samples=1500,
@@ -225,7 +225,7 @@ def test_a_hold_that_shows_only_beside_an_effect_is_no_delay():
     assert [e.values["order"] for e in held] == [0.0]
 
 
-# A machine with a cubic spring and dry friction under blows that differ.
+# Several records: a machine with a cubic spring and dry friction under different blows.
 
 TRUE = {"stiffness": 8e3, "force": 0.05}
 NOISE = 1e-4
@@ -320,7 +320,7 @@ def test_refused(call, blows):
             call(machine(), given)
 
 
-# The thesis's own discoveries, retold: what its model lacked, found in simulated records.
+# The air bearing: the parts that the thesis added, found in simulated records.
 
 
 OUTPUTS = ("x_m", "x", "y_m", "y", "z_m", "z")
@@ -434,7 +434,7 @@ def test_a_diagnosis_says_it_in_words_and_in_plain_data(factor):
         assert found.maps[0].follows < 0.1  # what is left is noise, and mapped all the same
 
 
-# Records of 500,000 samples: how many are kept, and that the numbers come out right.
+# Records of 500,000 samples.
 
 HIGH_RATE = 50e3
 JOINT = ("a", "b")

@@ -56,7 +56,7 @@ def measured(model, noise=0.02, seed=0, lines=LINES, told=False):
     )
 
 
-# Models held against frequency responses.
+# Comparisons.
 
 
 def test_the_true_model_is_at_the_noise():
@@ -128,7 +128,7 @@ def test_pictures_and_figures():
     plt.close("all")
 
 
-# Models fitted to frequency responses.
+# Fits.
 
 STARTS = [(0.7, 0.7), (1.3, 0.7), (1.3, 1.3)]
 
@@ -234,7 +234,7 @@ def test_one_pair_and_missing_lines_are_enough():
     assert LINES.size == data.sizes["frequency"]
 
 
-# Responses at several amplitudes, of machines whose effects are known.
+# Dependence on the amplitude, of machines whose effects are known.
 
 PLACE = ("x", "ground")
 SINES = np.linspace(2.2, 4.2, 41)  # of an oscillator of 20 rad/s
@@ -344,7 +344,7 @@ def test_what_is_refused():
         rp.identification.amplitude_dependence({2.0: flat, 1.0: flat})
 
 
-# Measured responses that are put to a model.
+# Checks and noise of measured responses.
 
 
 def test_variance_and_coherence_are_believed():
@@ -374,7 +374,7 @@ def test_what_does_not_belong_together_is_refused():
         measured_response(model.state_space(), measured(model))
 
 
-# Resonances in measured responses, against the poles of models that are known.
+# Resonances, against the poles of known models.
 
 
 def both(model, **options):

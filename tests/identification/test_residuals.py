@@ -13,7 +13,7 @@ from robustpolish.identification.residuals.tests import noise_floor, place_share
 from tests.identification.oscillators import PLACE, oscillator
 from tests.identification.oscillators import record as short_record
 
-# Two masses of which the outer one is pushed, and records with something put into their error.
+# A chain of two masses driven at the outer one, and records with added errors.
 
 RATE, SAMPLES = 2000.0, 8000
 TIME = np.arange(SAMPLES) / RATE
@@ -52,7 +52,7 @@ def analyse(data, **options):
     return rp.residual_analysis(rp.compare(model(), data), **options)
 
 
-# The analysis finds the error where it was put.
+# Shares of an error whose place is known.
 
 
 def test_rows_of_shares_add_up_to_one():
@@ -237,7 +237,7 @@ def test_a_channel_is_no_place():
     assert "a" in found.places
 
 
-# The tests of residuals keep their promise: 1 % by chance, more if there is something.
+# False alarm rate and power of the correlation and coherence tests.
 
 NOISE = np.random.default_rng(11)
 
