@@ -193,17 +193,18 @@ class GainProblem:
 
 @dataclass(frozen=True, eq=False)
 class VertexGains:
-    """Gains, one for each vertex, and the bound that a program claims for them."""
+    """Gains, one for each vertex, and the bound that a program claims for them.
+
+    Attributes
+    ----------
+    gains : tuple of ndarray
+    claimed : float
+    easy : Coordinates
+        In which the next program is easy.
+    """
 
     gains: tuple[Matrix, ...]
     claimed: float
-
-
-@dataclass(frozen=True, eq=False)
-class _GainSolution:
-    """An answer, and coordinates in which the next program is easy."""
-
-    found: VertexGains
     easy: Coordinates
 
 
@@ -222,7 +223,7 @@ def candidates(problem: GainProblem, solver: ProgramSolver) -> Iterator[VertexGa
         return
     for _ in range(POLICY.rounds):
         again = _program(problem, best.easy, tilt, solver)
-        if again is None or again.found.claimed >= best.found.claimed:
+        if again is None or again.claimed >= best.claimed:
             break
         again = _interior_solution(problem, again, best.easy, tilt, solver)
         if again is None:
@@ -230,15 +231,15 @@ def candidates(problem: GainProblem, solver: ProgramSolver) -> Iterator[VertexGa
         best = again
     one_of_many = not (problem.scheduled or problem.specification.tied)
     for back_off in POLICY.back_offs:
-        limit = best.found.claimed * (1 + back_off)
+        limit = best.claimed * (1 + back_off)
         smaller = _program(problem, best.easy, tilt, solver, limit)
         for _ in range(POLICY.rounds):
             again = smaller and _program(problem, smaller.easy, tilt, solver, limit, True)
-            if again is None or not _is_kept(problem, again.found):
+            if again is None or not _is_kept(problem, again):
                 break
             smaller = again
         if smaller is not None:
-            yield _alternate(problem, smaller, back_off, solver) if one_of_many else smaller.found
+            yield _alternate(problem, smaller, back_off, solver) if one_of_many else smaller
 
 
 def _is_kept(problem: GainProblem, found: VertexGains) -> bool:
@@ -250,7 +251,7 @@ def _is_kept(problem: GainProblem, found: VertexGains) -> bool:
     return max(norms) <= found.claimed * (1 + POLICY.broken)
 
 
-def _best_tilt(problem: GainProblem, solver: ProgramSolver) -> tuple[_GainSolution | None, float]:
+def _best_tilt(problem: GainProblem, solver: ProgramSolver) -> tuple[VertexGains | None, float]:
     """Return the best first answer, and the weight of the slack on the derivative for it."""
     start = Coordinates.plain(problem.plants[0], 1.0)
     family = LyapunovFamily.common(len(problem.plants))
@@ -265,19 +266,19 @@ def _best_tilt(problem: GainProblem, solver: ProgramSolver) -> tuple[_GainSoluti
     # In discrete time the inequality has one form that is best where there is but one vertex.
     for tilt in (0.0,) if problem.specification.discrete else POLICY.tilts:
         solved = _program(problem, start, tilt, solver)
-        if solved is not None and (best is None or solved.found.claimed < best.found.claimed):
+        if solved is not None and (best is None or solved.claimed < best.claimed):
             best, chosen = solved, tilt
     return best and _interior_solution(problem, best, start, chosen, solver), chosen
 
 
 def _interior_solution(
-    problem: GainProblem, solved: _GainSolution, c: Coordinates, tilt: float, solver: ProgramSolver
-) -> _GainSolution:
+    problem: GainProblem, solved: VertexGains, c: Coordinates, tilt: float, solver: ProgramSolver
+) -> VertexGains:
     """Return an answer with coordinates of one that is well inside its inequalities."""
-    inside = _program(problem, c, tilt, solver, solved.found.claimed * (1 + POLICY.room))
+    inside = _program(problem, c, tilt, solver, solved.claimed * (1 + POLICY.room))
     if inside is None:
         return solved
-    return replace(solved, easy=replace(inside.easy, unit=solved.found.claimed))
+    return replace(solved, easy=replace(inside.easy, unit=solved.claimed))
 
 
 def _program(
@@ -287,7 +288,7 @@ def _program(
     solver: ProgramSolver,
     limit: float | None = None,
     gains_themselves: bool = False,
-) -> _GainSolution | None:
+) -> VertexGains | None:
     """Minimise the bound; or, with a limit on it, the gains, by their effort or themselves."""
     if solver.budget.over:
         return None  # to put a program together that is not solved takes longer than a limit allows
@@ -333,10 +334,8 @@ def _program(
         return None
     if not (math.isfinite(claimed) and claimed > 0 and all(np.isfinite(F).all() for F in found)):
         return None
-    return _GainSolution(
-        VertexGains(tuple(found[i % count] for i in range(len(plants))), claimed),
-        replace(following, unit=claimed),
-    )
+    each = tuple(found[i % count] for i in range(len(plants)))
+    return VertexGains(each, claimed, replace(following, unit=claimed))
 
 
 def _effort(program: SemidefiniteProgram, gains: list[Affine], V: Affine) -> Affine:
@@ -350,10 +349,10 @@ def _effort(program: SemidefiniteProgram, gains: list[Affine], V: Affine) -> Aff
 
 
 def _alternate(
-    problem: GainProblem, start: _GainSolution, back_off: float, solver: ProgramSolver
+    problem: GainProblem, start: VertexGains, back_off: float, solver: ProgramSolver
 ) -> VertexGains:
     """Improve one gain for all: with the gain held the slack is free, and the other way round."""
-    c, best = start.easy, start.found
+    c, best = start.easy, start
     plants = [c.apply(p) for p in problem.plants]
     # In these coordinates u = V F T x.
     F = np.linalg.solve(c.V, best.gains[0] @ c.T)
@@ -382,7 +381,7 @@ def _alternate(
             if smaller is not None:
                 F, level = smaller, level * (1 + back_off)
             gain: Matrix = c.V @ F @ np.linalg.inv(c.T)
-            return VertexGains((gain,) * len(plants), level)
+            return VertexGains((gain,) * len(plants), level, c)
     return best
 
 

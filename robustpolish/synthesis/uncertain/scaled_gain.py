@@ -46,6 +46,7 @@ from robustpolish.robust.scalings import (
     best_scalings,
     initial_scalings,
 )
+from robustpolish.synthesis.nonsmooth.parametrisations import MaskedGain
 from robustpolish.synthesis.problem.matrices import (
     Controller,
     PlantMatrices,
@@ -230,7 +231,7 @@ _SLOWEST = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class ModalGain:
+class ModalGain(MaskedGain):
     """K = [[Ak, Bk], [Ck, Dk]] with Ak made of free 2x2 blocks, each in units of its rate.
 
     In companion forms a descent stalls; here each mode moves by itself, and two real modes can
@@ -238,52 +239,32 @@ class ModalGain:
 
     Attributes
     ----------
+    units : ndarray
+        Of the entries of K: products of square roots of rates for states, and 1 for signals.
     order : int
-    left, right : ndarray
-        Units of rows and columns: square roots of rates for states, 1 for signals.
-    shape : (int, int)
-        Of K.
     """
 
+    units: Matrix
     order: int
-    left: Vector
-    right: Vector
-    shape: tuple[int, int]
 
     @classmethod
     def of(cls, K: Controller) -> tuple[ModalGain, Vector]:
         """Return the form of a controller, and its numbers."""
         n = len(K.A)
         A, B, C, rates = _modal(K)
-        roots = np.sqrt(rates)
-        ones_u, ones_y = np.ones(len(K.D)), np.ones(K.D.shape[1])
-        left, right = np.concatenate([roots, ones_u]), np.concatenate([roots, ones_y])
-        form = cls(n, left, right, (n + len(K.D), n + K.D.shape[1]))
-        entries = controller_matrix(Controller(A, B, C, K.D)) / left[:, None] / right
-        return form, entries[form.mask]
-
-    @property
-    def mask(self) -> NDArray[np.bool_]:
-        """Which entries of K are free."""
-        n = self.order
-        free = np.ones(self.shape, bool)
-        free[:n, :n] = _pairs(n)
-        return free
-
-    @property
-    def size(self) -> int:
-        """Number of free numbers."""
-        return int(self.mask.sum())
+        left, right = (np.concatenate([np.sqrt(rates), np.ones(k)]) for k in K.D.shape)
+        mask = np.ones((len(left), len(right)), bool)
+        mask[:n, :n] = _pairs(n)
+        form = cls(mask, np.outer(left, right), n)
+        return form, form.coordinates(controller_matrix(Controller(A, B, C, K.D)) / form.units)
 
     def gain(self, theta: Vector) -> Matrix:
         """Return K(theta)."""
-        K = np.zeros(self.shape)
-        K[self.mask] = theta
-        return self.left[:, None] * K * self.right
+        return self.units * super().gain(theta)
 
     def back(self, theta: Vector, gradient: Matrix) -> Vector:
         """Turn a gradient over K into one over theta."""
-        return (self.left[:, None] * gradient * self.right)[self.mask]
+        return super().back(theta, self.units * gradient)
 
 
 def _modal(K: Controller) -> tuple[Matrix, Matrix, Matrix, Vector]:
@@ -545,7 +526,7 @@ class ScaledGain:
                 on_theta[:, start:stop] = _packed(_adjoint(P), _diagonal(P) * _diagonal(T[k]))
             else:
                 Y = gram[:, z, w] + _adjoint(gram[:, z, w])
-                on_theta[:, start:stop] = _packed(np.conj(Y), _diagonal(Y), 2.0)
+                on_theta[:, start:stop] = _packed(Y, _diagonal(Y), 2.0)
         return Tw @ X @ Tz, on_theta
 
 

@@ -594,4 +594,4 @@ def _point(part: PartProblem, controller: control.StateSpace) -> AnyVector:
     """Return the free numbers of a controller, whose modes get even units."""
     K = controller_from_matrix(scaled_matrix(controller, part.scaled), controller.nstates)
     form, theta = ModalGain.of(K)
-    return form.gain(theta)[np.ones(form.shape, bool)]
+    return form.gain(theta).ravel()

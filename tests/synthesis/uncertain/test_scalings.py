@@ -254,6 +254,6 @@ def test_adjoint_belongs_to_the_form():
     random = np.random.default_rng(1)
     K = Controller(*(random.standard_normal(s) for s in ((4, 4), (4, 1), (2, 4), (2, 1))))
     form, theta = ModalGain.of(K)
-    step, weights = random.standard_normal(form.size), random.standard_normal(form.shape)
+    step, weights = random.standard_normal(form.size), random.standard_normal(form.mask.shape)
     moved = form.gain(theta + step) - form.gain(theta)
     assert (weights * moved).sum() == pytest.approx(form.back(theta, weights) @ step)
