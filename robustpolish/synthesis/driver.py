@@ -67,14 +67,27 @@ from robustpolish.synthesis.riccati.lqg import (
 
 @dataclass(frozen=True, eq=False)
 class ChosenController:
-    """A certified controller of one part, in the plant's units, and what its method claimed."""
+    """A controller of one part, in the plant's units, and what its method claimed.
+
+    It is certified, unless only the whole is to be.
+    """
 
     controller: control.StateSpace
-    certificate: Certificate
+    certificate: Certificate | None
     claim: float
     findings: EngineResult
     status: Status
     bound: LowerBound | None
+
+    @property
+    def achieved(self) -> float:
+        """The certified norm; infinite without a certificate."""
+        return np.inf if self.certificate is None else self.certificate.achieved
+
+    @property
+    def promised(self) -> float:
+        """A norm that the loop keeps."""
+        return self.claim if self.certificate is None else self.certificate.claimed or 0.0
 
 
 def choose_controller(
@@ -83,6 +96,7 @@ def choose_controller(
     searches: Sequence[EngineResult],
     enough: float,
     budget: Budget,
+    prove: bool = True,
 ) -> tuple[ChosenController | None, list[str]]:
     """Pick the smallest gain among the controllers near the infimum, and certify it.
 
@@ -95,6 +109,8 @@ def choose_controller(
         A norm, in the plant's units, below which a falling search need not go.
     budget : Budget
         For shortening controllers; certificates are computed in any case.
+    prove : bool
+        Whether the controller of the part has to be certified alone.
 
     Returns
     -------
@@ -122,6 +138,11 @@ def choose_controller(
         short = _remove_modes(
             problem, candidate, _reduction_limit(problem, candidate, limit), budget
         )
+        claim = part.norm(candidate.promise, problem.norm)
+        K = None if prove else part.controller(candidate.controller)
+        if K is not None:
+            status = _status(problem, searches, candidate.achieved)
+            return ChosenController(K, None, claim, owner, status, bound), reasons
         for each in (short, candidate) if short is not candidate else (candidate,):
             # Work of one certificate, in steps on the loop's size.
             budget.spend(20.0 * step_cost(part.matrices.nx + each.order))
@@ -134,11 +155,10 @@ def choose_controller(
                 reasons.append("the time was over before its certificate was complete")
                 budget.update_late()
                 continue
-            objections = owner.objections(*found) if found is not None else ()
+            objections = owner.objections(*found, claim) if found is not None else ()
             if found is None or objections:
                 reasons += objections
                 continue
-            claim = part.norm(candidate.promise, problem.norm)
             unit = part.norm(1.0, problem.norm)
             achieved = found[1].achieved / unit
             kept = found[1].bound <= problem.wanted.below * unit
@@ -155,7 +175,7 @@ def choose_controller(
 
 
 def _best(certified: Sequence[ChosenController]) -> ChosenController | None:
-    return min(certified, key=lambda c: c.certificate.achieved, default=None)
+    return min(certified, key=lambda c: c.achieved, default=None)
 
 
 def _limit(problem: Task, best: float) -> float:
@@ -608,11 +628,9 @@ class JoinedController:
             return "suboptimal" if worst == "optimal" and not near else worst
         if self.known and near:
             return "optimal"
-        largest = max((c.certificate.achieved for c in done), default=0.0)
+        largest = max((c.achieved for c in done), default=0.0)
         return worst_status(
-            c.status
-            for c in done
-            if self.settings.norm == "h2" or c.certificate.achieved >= 0.99 * largest
+            c.status for c in done if self.settings.norm == "h2" or c.achieved >= 0.99 * largest
         )
 
     def combined(self, norms: Iterable[float]) -> float:
@@ -661,21 +679,46 @@ def design_by_parts(
     SolverError
         If no controller was found, none could be certified, or none has that norm.
     """
-    chosen = _solve_parts(parts, settings, diagnosis, budget)
-    controller = joined_controller(plant, parts, [c.controller if c else None for c in chosen])
-    idle = _open_loop_norms(parts, chosen, settings.norm)
-    certificate = _certificate(plant, parts, controller, settings.norm, chosen, idle)
-    bounds = [c.bound.value if c and c.bound else 0.0 for c in chosen]
-    bound = _combined_norm([*bounds, *idle], settings.norm)
-    whole = JoinedController(plant, parts, settings, budget, chosen, controller, certificate, bound)
+    keys, searched = _search_parts(parts, settings, diagnosis, budget)
+    # No part has to be much better than the one that decides the norm of the whole.
+    enough = 0.01 * max((s.best for s in searched.values()), default=0.0)
+    # A static gain is certified with the whole alone, and part by part only where that fails.
+    for prove in (False, True) if settings.full_state and len(parts) > 1 else (True,):
+        choices = {k: _choose(s, diagnosis, enough, prove) for k, s in searched.items()}
+        chosen = [None if key is None else choices[key] for key in keys]
+        done = [c for c in chosen if c is not None]
+        controller = joined_controller(plant, parts, [c and c.controller for c in chosen])
+        idle = _open_loop_norms(parts, chosen, settings.norm)
+        own = [part.plant.nx for part, c in zip(parts, chosen, strict=True) if c is not None]
+        certificate = done[0].certificate if own == [plant.nx] and not idle else None
+        # The whole loop of a single part has been certified with it.
+        if certificate is None or plant.delays:
+            promised = _combined_norm([*(c.promised for c in done), *idle], settings.norm)
+            certificate = certify(plant, controller, settings.norm, promised)
+            reasons = list(certificate.reasons)
+            for c in done[:1]:
+                reasons += c.findings.objections(controller, certificate, promised)
+            if reasons and not prove:
+                continue
+            if reasons:
+                raise SolverError(
+                    "The controllers of the parts are certified, the whole is not: "
+                    + "; ".join(reasons)
+                )
+        bounds = [c.bound.value for c in done if c.bound]
+        bound = _combined_norm([*bounds, *idle], settings.norm)
+        whole = JoinedController(
+            plant, parts, settings, budget, chosen, controller, certificate, bound
+        )
+        break
     _require_target(whole)
     return whole
 
 
-def _solve_parts(
+def _search_parts(
     parts: Sequence[PlantPart], settings: Settings, diagnosis: SolvabilityCheck, budget: Budget
-) -> list[ChosenController | None]:
-    """Solve every decoupled part with its share of the work; identical ones once."""
+) -> tuple[list[_Key | None], dict[_Key, PartSearch]]:
+    """Search every decoupled part with its share of the work; return their keys, and searches."""
     problems: list[tuple[_Key, float, GeneralizedPlant]] = []
     keys: list[_Key | None] = []
     for part in parts:
@@ -696,22 +739,19 @@ def _solve_parts(
         budget,
         lambda P, share: PartSearch.of(with_dummy_signals(P), settings, diagnosis, share),
     )
-    # No part has to be much better than the one that decides the norm of the whole.
-    # No part has to be better than this share of the norm of the whole.
-    enough = 0.01 * max((s.best for s in searched.values()), default=0.0)
-    chosen = {key: _choose(search, diagnosis, enough) for key, search in searched.items()}
-    return [None if key is None else chosen[key] for key in keys]
+    return keys, searched
 
 
-def _choose(search: PartSearch, diagnosis: SolvabilityCheck, enough: float) -> ChosenController:
-    chosen, reasons = choose_controller(
-        search.part, search.problem, search.searches, enough, search.budget
-    )
+def _choose(
+    search: PartSearch, diagnosis: SolvabilityCheck, enough: float, prove: bool
+) -> ChosenController:
+    given = search.part, search.problem, search.searches, enough, search.budget
+    chosen, reasons = choose_controller(*given, prove)
     if chosen is not None:
         return chosen
     again = search.again()
     if again is not None:
-        return _choose(again, diagnosis, enough)
+        return _choose(again, diagnosis, enough, prove)
     why = "; ".join(dict.fromkeys(reasons)) or "no engine found a stabilising controller"
     if search.settings.full_state:
         raise SolverError(
@@ -747,29 +787,6 @@ def _open_loop_norms(
     size = hinf_norm if norm == "hinf" else h2_norm
     idle = [part.plant for part, c in zip(parts, chosen, strict=True) if c is None]
     return [float(size(P.open_loop)) for P in idle if P.nw and P.nz and (P.nx or P.D11.any())]
-
-
-def _certificate(
-    plant: GeneralizedPlant,
-    parts: Sequence[PlantPart],
-    controller: control.StateSpace,
-    norm: Norm,
-    chosen: Sequence[ChosenController | None],
-    idle: Sequence[float],
-) -> Certificate:
-    """Certify the whole loop, which for a single part has been done."""
-    done = [c for c in chosen if c is not None]
-    own = [part.plant.nx for part, c in zip(parts, chosen, strict=True) if c is not None]
-    if own == [plant.nx] and not idle and not plant.delays:
-        return done[0].certificate
-    claims = [*(c.certificate.claimed or 0.0 for c in done), *idle]
-    certificate = certify(plant, controller, norm, _combined_norm(claims, norm))
-    if not certificate.valid:
-        raise SolverError(
-            "The controllers of the parts are certified, the whole is not: "
-            + "; ".join(certificate.reasons)
-        )
-    return certificate
 
 
 def _combined_norm(norms: Iterable[float], norm: Norm) -> float:

@@ -243,7 +243,8 @@ class EngineResult:
     constrained : bool
         Whether a demand of which the bound knows nothing keeps a norm from being called optimal.
     objections : callable
-        Given a controller in the plant's units and its certificate, tells what else it breaks.
+        Given a controller in the plant's units, its certificate and the norm that was promised,
+        tells what else it breaks.
     """
 
     method: str
@@ -254,7 +255,9 @@ class EngineResult:
     remarks: list[str] = field(default_factory=list)
     bound: LowerBound | None = None
     constrained: bool = False
-    objections: Callable[[control.StateSpace, Certificate], tuple[str, ...]] = lambda K, proof: ()
+    objections: Callable[[control.StateSpace, Certificate, float], Sequence[str]] = (
+        lambda K, proof, promised: ()
+    )
 
     @property
     def best(self) -> float:

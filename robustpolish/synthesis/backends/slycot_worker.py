@@ -15,9 +15,8 @@ def main() -> None:
 
     task = pickle.load(sys.stdin.buffer)
     if __name__ == "__main__" and len(sys.argv) > 1:
-        from parent_watch import (
-            exit_with_parent,
-        )  # beside this file; the package imports for a second
+        # It lies beside this file; the package imports for a second.
+        from parent_watch import exit_with_parent
 
         exit_with_parent(int(sys.argv[1]), sys.stdin.fileno())
     n, m, outputs, controls, measurements = task["sizes"]

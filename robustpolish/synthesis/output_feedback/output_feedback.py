@@ -239,7 +239,7 @@ def output_feedback(
     details = {
         "diagnosis": diagnosis,
         "parts": tuple(part.states for part in parts),
-        "part_norms": tuple(c.certificate.achieved if c else None for c in found.chosen),
+        "part_norms": tuple(c.achieved if c else None for c in found.chosen),
         "claim": found.combined([c.claim for c in found.done]),
         "work": budget.spent,
         "estimated_infimum": None if found.known or not found.bound else found.bound,

@@ -502,17 +502,16 @@ class StateSearch(Engine):
         if found.lower_bound > 0 or found.achieved == 0:
             bound = LowerBound(found.lower_bound, "which Riccati equations tell")
 
-        def objections(K: control.StateSpace, proof: Certificate) -> tuple[str, ...]:
+        def objections(K: control.StateSpace, proof: Certificate, promised: float) -> list[str]:
             """Tell what a certificate does not see: bound, regions and rounding errors."""
             size, most = float(np.linalg.norm(K.D, 2)), settings.gain_bound
             said = violated_regions(settings.regions, proof.poles)
             if most is not None and size > most:
                 said.append(f"the gain {size:.8g} exceeds {most:.8g}")
             # Share of the tolerance by which a claim may be missed in the plant's own units.
-            promise = unit * found.claimed * (1 + 0.3 * tolerance)
-            if proof.achieved > promise > 0:
+            if proof.achieved > promised * (1 + 0.3 * tolerance) > 0:
                 said.append("the gain is so large that rounding changes the norm")
-            return tuple(said)
+            return said
 
         return EngineResult(
             settings.method,

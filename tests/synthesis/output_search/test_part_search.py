@@ -65,11 +65,11 @@ def test_all_states_are_searched_where_no_certificate_is_had(small_is_large, mon
     small_is_large()
     choose, refused = driver.choose_controller, []
 
-    def refusing(part, problem, searches, enough, budget):
+    def refusing(part, problem, searches, enough, budget, prove):
         if problem.plant.nx < part.matrices.nx:
             refused.append(problem.plant.nx)
             return None, ["it was refused"]
-        return choose(part, problem, searches, enough, budget)
+        return choose(part, problem, searches, enough, budget, prove)
 
     monkeypatch.setattr(driver, "choose_controller", refusing)
     design = priced_rod()
