@@ -7,13 +7,13 @@ import xarray as xr
 
 from robustpolish.identification.diagnosis.findings import FoundEffect, Value
 from tests import made_up
-from tests.effects.learned_curves import law_of
+from tests.effects.learned_curves import learned_law_of
 
 
 def unknown_law():
     """The made-up diagnosis with friction and a hardening law of unknown make."""
     told = made_up.diagnosis()
-    law = law_of(lambda q: 4e9 * q**5, -0.01, 0.01, 9, at=("x", "ground"))
+    law = learned_law_of(lambda q: 4e9 * q**5, -0.01, 0.01, 9, at=("x", "ground"))
     effect = law.effect
     keys = [f"effect[1].c{j + 1}" for j in range(9)]
     found = FoundEffect(

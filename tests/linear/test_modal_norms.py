@@ -7,7 +7,6 @@ import control
 import flint
 import numpy as np
 import pytest
-from tests.analysis.norms.random_models import model, response
 
 from robustpolish.linear.arithmetic.balls import precision
 from robustpolish.linear.arithmetic.rational import ExactModel, fraction
@@ -27,6 +26,7 @@ from robustpolish.linear.norms.modal_expansion import (
 from robustpolish.linear.norms.modal_form import extended_product, modal_arrays, modal_form
 from robustpolish.linear.norms.modal_peak import modal_peak
 from robustpolish.linear.norms.peak import gain_crossings
+from tests.linear.random_models import model, response
 
 # Random stable systems, and their response.
 
