@@ -76,14 +76,14 @@ from .identification.compare import (
 from .identification.diagnose import (
     diagnose as diagnose,
 )
-from .identification.experiments.tell_apart import (
-    tell_apart as tell_apart,
-)
 from .identification.refit import (
     refit as refit,
 )
-from .identification.residuals.analysis import (
+from .identification.residuals import (
     residual_analysis as residual_analysis,
+)
+from .identification.tell_apart import (
+    tell_apart as tell_apart,
 )
 from .linear.controllability import (
     controllability as controllability,
@@ -199,7 +199,7 @@ from .synthesis.compare import (
 from .synthesis.design import (
     given_controller as given_controller,
 )
-from .synthesis.loop_shaping.loop_shaping import (
+from .synthesis.loop_shaping import (
     loop_shaping as loop_shaping,
 )
 from .synthesis.output_feedback.output_feedback import (

@@ -318,7 +318,7 @@ def sticky_slide() -> tuple[MechanicalModel, xr.Dataset]:
     force = 40 * np.convolve(random.standard_normal(_SAMPLES + 7), np.ones(8) / 8, "valid")
     data = dataset({"F": (force, "N")}, _RATE, "simulated: the model with dry friction")
     truth = model.with_effect("coulomb_friction", place, {"force": _FRICTION})
-    from robustpolish.machines.simulation.run import simulate_model  # imports Numba
+    from robustpolish.machines.simulation import simulate_model  # imports Numba
 
     motion = simulate_model(truth, data).outputs[:, 0]
     data["x"] = ("time", motion + 1e-6 * random.standard_normal(_SAMPLES), {"units": "m"})

@@ -25,6 +25,7 @@ OLD_PACKAGES = {
     "plotting": ("plots",),
     "machine_design": ("app.machine_design", "app.design_task"),
     "sweeps": ("base.sweep",),
+    "report": ("app.html", "base.results"),
 }
 """Packages of version 0.1.0 and the modules that hold their names now."""
 MOVED = {

@@ -28,9 +28,6 @@ from .identification.diagnosis.findings import (
 from .identification.diagnosis.result import (
     Diagnosis as Diagnosis,
 )
-from .identification.experiments.tell_apart import (
-    ToldApart as ToldApart,
-)
 from .identification.fit.result import (
     Refit as Refit,
 )
@@ -55,11 +52,14 @@ from .identification.frequency.comparison import (
 from .identification.frequency.comparison import (
     PairError as PairError,
 )
-from .identification.residuals.analysis import (
+from .identification.residuals import (
     ResidualAnalysis as ResidualAnalysis,
 )
 from .identification.steps import (
     StepRun as StepRun,
+)
+from .identification.tell_apart import (
+    ToldApart as ToldApart,
 )
 from .implementation.sampled.certificate import (
     SampledCertificate as SampledCertificate,
@@ -76,7 +76,7 @@ from .linear.controllability import (
 from .linear.controllability import (
     PbhTest as PbhTest,
 )
-from .linear.delays.stability import (
+from .linear.delay_stability import (
     DelayStability as DelayStability,
 )
 from .linear.modes import (
@@ -160,7 +160,7 @@ from .machines.rotor.modes import (
 from .machines.rotor.rotor import (
     ReducedRotor as ReducedRotor,
 )
-from .machines.simulation.run import (
+from .machines.simulation import (
     NonlinearResponse as NonlinearResponse,
 )
 from .plants.linearization import (

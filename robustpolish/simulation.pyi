@@ -10,10 +10,10 @@ from .closed_loop.sampled_loops import (
 from .closed_loop.simulate import (
     simulate as simulate,
 )
-from .linear.delays.systems import (
+from .linear.delayed_systems import (
     DelayedSystem as DelayedSystem,
 )
-from .linear.delays.systems import (
+from .linear.delayed_systems import (
     DelayLine as DelayLine,
 )
 from .linear.response import (
@@ -25,10 +25,10 @@ from .linear.response import (
 from .linear.response import (
     linear_response as linear_response,
 )
-from .machines.simulation.run import (
+from .machines.simulation import (
     NonlinearResponse as NonlinearResponse,
 )
-from .machines.simulation.run import (
+from .machines.simulation import (
     simulate_model as simulate_model,
 )
 from .polishing.monte_carlo import (

@@ -43,10 +43,10 @@ from .plants.uncertain.cover import (
 from .plants.uncertain.system import (
     UncertainSystem as UncertainSystem,
 )
-from .synthesis.loop_shaping.coprime import (
+from .synthesis.coprime import (
     ncf_margin as ncf_margin,
 )
-from .synthesis.loop_shaping.coprime import (
+from .synthesis.coprime import (
     nu_gap as nu_gap,
 )
 

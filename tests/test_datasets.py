@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.machines.simulation.run import simulate_model as simulate
+from robustpolish.machines.simulation import simulate_model as simulate
 from robustpolish.signals.read import read_measurement
 
 TESTS = [(1, 1.5), (0.5, 0.5), (1, 1), (1, 0.5), (0.5, 1)]

@@ -36,7 +36,6 @@ NAMESPACES = {
     "signals": "Measurements",
     "datasets": "Measured records",
     "plots": "Figures",
-    "report": "Reports",
     "errors": "Errors",
 }
 KINDS = ("Functions", "Classes", "Errors and warnings", "Data")

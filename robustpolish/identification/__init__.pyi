@@ -19,12 +19,6 @@ from .diagnosis.result import (
 from .diagnosis.uncertainty import (
     effect_sector as effect_sector,
 )
-from .experiments.tell_apart import (
-    ToldApart as ToldApart,
-)
-from .experiments.tell_apart import (
-    tell_apart as tell_apart,
-)
 from .fit.result import (
     Refit as Refit,
 )
@@ -55,26 +49,32 @@ from .frequency.comparison import (
 from .refit import (
     refit as refit,
 )
-from .residuals.analysis import (
-    ResidualAnalysis as ResidualAnalysis,
-)
-from .residuals.analysis import (
-    residual_analysis as residual_analysis,
-)
-from .residuals.tests import (
+from .residual_tests import (
     autocorrelation as autocorrelation,
 )
-from .residuals.tests import (
+from .residual_tests import (
     coherence as coherence,
 )
-from .residuals.tests import (
+from .residual_tests import (
     cross_correlation as cross_correlation,
+)
+from .residuals import (
+    ResidualAnalysis as ResidualAnalysis,
+)
+from .residuals import (
+    residual_analysis as residual_analysis,
 )
 from .steps import (
     StepRun as StepRun,
 )
 from .steps import (
     step_runs as step_runs,
+)
+from .tell_apart import (
+    ToldApart as ToldApart,
+)
+from .tell_apart import (
+    tell_apart as tell_apart,
 )
 
 __all__ = [

@@ -22,7 +22,7 @@ from robustpolish.base.checks import described, invalid
 from robustpolish.errors import InvalidInputError
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import Input, Output
-from robustpolish.machines.simulation.run import IntersampleLines, lines, raw_outputs, signals
+from robustpolish.machines.simulation import IntersampleLines, lines, raw_outputs, signals
 from robustpolish.signals.filtering import decimate
 from robustpolish.signals.frequency_response import holds_frequency_response
 from robustpolish.signals.headers import same_kind
@@ -303,7 +303,7 @@ class Record:
     def lines(self, model: MechanicalModel) -> IntersampleLines | None:
         """Return what a model's signals do between the samples, None if all are linear.
 
-        See :func:`robustpolish.machines.simulation.run.lines`; over all records, as `signals`.
+        See :func:`robustpolish.machines.simulation.lines`; over all records, as `signals`.
         """
         each = [found for data in self.sets if (found := lines(model, data)) is not None]
         return (

@@ -15,7 +15,7 @@ from robustpolish.base.arrays import AnyVector, Vector
 from robustpolish.identification.record import poles_of
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import ACCELERATION, FORCE, Output
-from robustpolish.machines.simulation.run import simulate_model
+from robustpolish.machines.simulation import simulate_model
 from robustpolish.signals.quality import clipped_plateaus, marked_runs, sampling_time
 
 # Thresholds of warnings; a false alarm costs more than one that is missing.

@@ -19,16 +19,16 @@ from .controllability import (
 from .controllability import (
     observability as observability,
 )
-from .delays.stability import (
+from .delay_stability import (
     DelayStability as DelayStability,
 )
-from .delays.stability import (
+from .delay_stability import (
     delay_stability as delay_stability,
 )
-from .delays.systems import (
+from .delayed_systems import (
     DelayedSystem as DelayedSystem,
 )
-from .delays.systems import (
+from .delayed_systems import (
     DelayLine as DelayLine,
 )
 from .modes import (

@@ -37,7 +37,7 @@ from robustpolish.loops.performance import (
 from robustpolish.loops.pictures import plot_steps
 from robustpolish.loops.report import LoopFigures, details, explain, lines_in_words, tables_of
 from robustpolish.loops.requirements import LoopRequirements
-from robustpolish.plants.controllers import GivenController
+from robustpolish.plants.blocks import GivenController
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.design import Design
 

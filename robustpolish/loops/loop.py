@@ -14,8 +14,8 @@ import scipy.linalg as sla
 from robustpolish.base.arrays import AnyArray, AnyVector, Matrix, Vector
 from robustpolish.base.checks import described, invalid
 from robustpolish.errors import InvalidInputError
-from robustpolish.linear.delays.stability import delay_stability
-from robustpolish.linear.delays.systems import DelayedSystem
+from robustpolish.linear.delay_stability import delay_stability
+from robustpolish.linear.delayed_systems import DelayedSystem
 from robustpolish.linear.norms.hinf import HinfNorm
 from robustpolish.linear.stability import Stability, stability
 from robustpolish.loops.response import (
@@ -24,9 +24,14 @@ from robustpolish.loops.response import (
     MeasuredResponse,
     SystemResponse,
 )
-from robustpolish.plants.blocks import as_state_space, matrices_of, named_system
+from robustpolish.plants.blocks import (
+    GivenController,
+    as_state_space,
+    controller_system,
+    matrices_of,
+    named_system,
+)
 from robustpolish.plants.blocks import closed_loop as plant_loop
-from robustpolish.plants.controllers import GivenController, controller_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import NOISE_PREFIX
 from robustpolish.synthesis.design import Design

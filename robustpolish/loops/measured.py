@@ -13,12 +13,11 @@ import numpy as np
 
 from robustpolish.base.arrays import AnyArray, Vector
 from robustpolish.base.checks import described, invalid
-from robustpolish.linear.delays.systems import resolvent_response
+from robustpolish.linear.delayed_systems import resolvent_response
 from robustpolish.linear.stability import Stability
 from robustpolish.loops.loop import BreakableLoop, Place
 from robustpolish.loops.response import MeasuredResponse, closed_values, opened_values
-from robustpolish.plants.blocks import matrices_of
-from robustpolish.plants.controllers import GivenController, controller_system
+from robustpolish.plants.blocks import GivenController, controller_system, matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 
 _AT_REST = 1e-9

@@ -16,7 +16,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from robustpolish.base.arrays import AnyArray, AnyVector, Array, Matrix, Vector
 from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
-from robustpolish.linear.delays.systems import DelayedSystem, resolvent_response
+from robustpolish.linear.delayed_systems import DelayedSystem, resolvent_response
 from robustpolish.linear.eigen import eigensystem
 from robustpolish.linear.norms.hinf import HinfNorm, hinf_norm
 from robustpolish.linear.norms.peak import cayley, hamiltonian

@@ -133,10 +133,10 @@ from .rotor.rotor import (
 from .rotor.rotor import (
     RotorModel as RotorModel,
 )
-from .simulation.run import (
+from .simulation import (
     NonlinearResponse as NonlinearResponse,
 )
-from .simulation.run import (
+from .simulation import (
     simulate_model as simulate_model,
 )
 

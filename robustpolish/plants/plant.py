@@ -25,18 +25,19 @@ from robustpolish.base.checks import (
 )
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.base.saved import Fields, read_saved, write_saved
-from robustpolish.linear.delays.systems import DelayLine
+from robustpolish.linear.delayed_systems import DelayLine
 from robustpolish.plants.blocks import (
+    GivenController,
     SignalChoice,
     as_state_space,
     chosen_signals,
     closed_loop,
+    controller_system,
     finite,
     named_system,
     sorted_signals,
     static_controller,
 )
-from robustpolish.plants.controllers import GivenController, controller_system
 from robustpolish.plants.wired import WiredPlant
 from robustpolish.plants.wiring import Wiring
 

@@ -15,21 +15,22 @@ from numpy.typing import ArrayLike
 
 from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import described, instance_of, invalid, is_whole, positive
-from robustpolish.linear.delays.systems import (
+from robustpolish.linear.delayed_systems import (
     DelayedSystem,
     DelayLine,
     frequencies,
     resolvent_response,
 )
 from robustpolish.plants.blocks import (
+    GivenController,
     PlantBlocks,
     as_state_space,
     chosen_names,
     closed_loop,
+    controller_system,
     interpolate_response,
     named_system,
 )
-from robustpolish.plants.controllers import GivenController, controller_system
 from robustpolish.plants.wiring import Side, Wiring
 from robustpolish.signals.frequency_response import labelled_response, ratio_unit
 

@@ -14,7 +14,7 @@ import control
 import numpy as np
 
 from robustpolish.base.arrays import Matrix
-from robustpolish.linear.delays.systems import DelayedSystem, DelayLine
+from robustpolish.linear.delayed_systems import DelayedSystem, DelayLine
 from robustpolish.plants.blocks import PlantBlocks, chosen_signals, matrices_of, named_system
 
 Side = Literal["input", "output"]

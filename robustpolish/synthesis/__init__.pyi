@@ -19,6 +19,12 @@ from .compare import (
 from .compare import (
     trade_off as trade_off,
 )
+from .coprime import (
+    ncf_margin as ncf_margin,
+)
+from .coprime import (
+    nu_gap as nu_gap,
+)
 from .design import (
     Design as Design,
 )
@@ -28,13 +34,7 @@ from .design import (
 from .design import (
     largest_period as largest_period,
 )
-from .loop_shaping.coprime import (
-    ncf_margin as ncf_margin,
-)
-from .loop_shaping.coprime import (
-    nu_gap as nu_gap,
-)
-from .loop_shaping.loop_shaping import (
+from .loop_shaping import (
     loop_shaping as loop_shaping,
 )
 from .output_feedback.output_feedback import (

@@ -20,12 +20,11 @@ from robustpolish.base.checks import described, instance_of, invalid, one_of, po
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.errors import InfeasibleError
 from robustpolish.linear.arithmetic.powers_of_two import refuse_extreme
-from robustpolish.linear.delays.stability import DelayStability, delay_stability
-from robustpolish.linear.delays.systems import DelayedSystem
+from robustpolish.linear.delay_stability import DelayStability, delay_stability
+from robustpolish.linear.delayed_systems import DelayedSystem
 from robustpolish.linear.norms.singular_values import singular_values
 from robustpolish.linear.stability import stability
-from robustpolish.plants.blocks import named_system
-from robustpolish.plants.controllers import GivenController, controller_system
+from robustpolish.plants.blocks import GivenController, controller_system, named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plots.poles import plot_poles
 from robustpolish.synthesis.problem.pole_regions import PoleRegion, boundaries

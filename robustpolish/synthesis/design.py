@@ -32,7 +32,7 @@ from robustpolish.implementation.sampled.certificate import AntiAliasing, filter
 from robustpolish.implementation.sampled_design import SampledDesign
 from robustpolish.linear.norms.singular_values import singular_values
 from robustpolish.linear.stability import stability
-from robustpolish.plants.controllers import GivenController, controller_system
+from robustpolish.plants.blocks import GivenController, controller_system
 from robustpolish.plants.plant import (
     GeneralizedPlant,
     check_size,
@@ -50,7 +50,7 @@ from robustpolish.synthesis.problem.pole_regions import (
     PoleRegion,
     Sector,
 )
-from robustpolish.synthesis.problem.status import Status
+from robustpolish.synthesis.problem.preflight import Status
 from robustpolish.synthesis.reduce import is_shaped, reduce_controller, reduced_shaping
 from robustpolish.synthesis.structured.block_parts import TunedBlocks
 

@@ -41,7 +41,12 @@ from robustpolish.synthesis.engine import (
     check_candidate,
 )
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
-from robustpolish.synthesis.problem.preflight import SolvabilityCheck, refuse_unstable
+from robustpolish.synthesis.problem.preflight import (
+    SolvabilityCheck,
+    Status,
+    refuse_unstable,
+    worst_status,
+)
 from robustpolish.synthesis.problem.scaling import (
     PlantPart,
     SolverPlant,
@@ -49,7 +54,6 @@ from robustpolish.synthesis.problem.scaling import (
     truncated,
     with_dummy_signals,
 )
-from robustpolish.synthesis.problem.status import Status, worst_status
 from robustpolish.synthesis.riccati.gamma import (
     LowerBound,
     estimated_lower_bound,

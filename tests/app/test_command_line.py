@@ -347,7 +347,7 @@ def test_every_call_is_made(monkeypatch):
     assert made == list(CALLS)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_afterwards_nothing_is_compiled(tmp_path):
     def run(*arguments):
         told = subprocess.run(

@@ -71,7 +71,7 @@ def test_by_default_it_designs_what_can_be_built(tmp_path, buildable_job, monkey
     assert "Can it be built?" in (out / "report.html").read_text()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_demo_is_a_controller_that_can_be_built(tmp_path):
     out = tmp_path / "demo"
     run("design", "--out", str(out), "--report")

@@ -102,7 +102,7 @@ def test_names_that_no_file_can_have(files, monkeypatch):
 @pytest.mark.skipif(sys.platform != "linux", reason="/dev/full is a device of Linux")
 @pytest.mark.parametrize(
     "arguments",
-    [["--help"], pytest.param(["norms", "--model", "machine.toml"], marks=pytest.mark.slow)],
+    [["--help"], pytest.param(["norms", "--model", "machine.toml"], marks=pytest.mark.long)],
 )
 def test_a_full_disk_behind_the_output(arguments, files):
     with open("/dev/full", "w") as full:

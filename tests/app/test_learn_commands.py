@@ -20,7 +20,7 @@ from robustpolish.errors import InvalidInputError
 from robustpolish.identification.diagnosis.findings import IndistinguishablePair
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.mechanical.model import MechanicalModel
-from robustpolish.machines.simulation.run import simulate_model as simulate
+from robustpolish.machines.simulation import simulate_model as simulate
 from tests import made_up
 from tests.app.command_line import run
 from tests.hidden_effects.cases import Case, model_of, one, records

@@ -12,7 +12,7 @@ import xarray as xr
 
 import robustpolish as rp
 from robustpolish.app.cli.options import to_json
-from robustpolish.app.report.documents import (
+from robustpolish.app.documents import (
     assumptions_section,
     brush_design_report,
     brush_design_summary,
@@ -26,14 +26,14 @@ from robustpolish.app.report.documents import (
     save_machine_design,
     z_deviation_section,
 )
-from robustpolish.app.report.html import Picture, Report, Section, render_html
+from robustpolish.app.html import Picture, Report, Section, render_html
 from robustpolish.base.results import Table
-from robustpolish.identification.experiments.tell_apart import tell_apart
 from robustpolish.identification.observer.missing_force import SmoothedMotion
-from robustpolish.identification.residuals.tests import force_maps
+from robustpolish.identification.residual_tests import force_maps
 from robustpolish.identification.steps import step_runs
+from robustpolish.identification.tell_apart import tell_apart
 from robustpolish.machines.effects.effect import lookup
-from robustpolish.machines.simulation.run import simulate_model as simulate
+from robustpolish.machines.simulation import simulate_model as simulate
 from tests import made_up
 from tests.app.machines import DESIGN, SPINDLE
 

@@ -5,9 +5,9 @@ import pytest
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.app.report.documents import brush_design_report, diagnosis_report
-from robustpolish.app.report.html import render_html
-from robustpolish.machines.simulation.run import simulate_model as simulate
+from robustpolish.app.documents import brush_design_report, diagnosis_report
+from robustpolish.app.html import render_html
+from robustpolish.machines.simulation import simulate_model as simulate
 from tests import browser as chromium
 from tests import made_up
 

@@ -72,7 +72,7 @@ def test_an_edited_callee_is_seen(tmp_path):
 
 
 def test_the_checksum_is_that_of_what_a_function_sees():
-    from robustpolish.machines.simulation import stepper as kernel
+    from robustpolish.machines import stepper as kernel
 
     function = next(f.py_func for f in vars(kernel).values() if hasattr(f, "py_func"))
     assert checksum(function) == checksum(function)

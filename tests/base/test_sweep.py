@@ -66,7 +66,7 @@ def test_another_shape_is_a_failure():
     assert found.failure.values[[0, 2]].tolist() == ["", ""]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_worker_killed_in_mid_sweep_changes_nothing(tmp_path):
     killed = rp.sweep(partial(functions.kills_once, mark=str(tmp_path / "mark")), NUMBERS)
     assert (tmp_path / "mark").exists()
@@ -74,7 +74,7 @@ def test_a_worker_killed_in_mid_sweep_changes_nothing(tmp_path):
     assert killed.identical(rp.sweep(quiet, NUMBERS, executor="serial"))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_point_that_always_kills_its_worker_is_the_only_failure():
     found = rp.sweep(functions.kills_always, {"a": [0, 1, 2, 3, 4]})
     assert (found.failure != "").values.tolist() == [False, False, True, False, False]
@@ -113,7 +113,7 @@ def test_seed_and_executor_are_checked():
 GRID = {"a": list(range(60))}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_whole_process_killed_and_resumed(tmp_path):
     log, file = tmp_path / "log", tmp_path / "sweep.jsonl"
     script = tmp_path / "run.py"
@@ -204,7 +204,7 @@ def test_the_same_plant_gives_the_same_bytes_whatever_else_was_made():
     assert as_bytes(first) == as_bytes(second)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_plant_can_be_bound_to_a_function_of_other_processes():
     poles = partial(functions.slowest_pole, rp.air_bearing())
     found = rp.sweep(poles, {"factor": [1.0, 2.0]})

@@ -2,7 +2,6 @@
 
 import inspect
 from dataclasses import dataclass
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,9 @@ PARAMETERS = ("plants", "forward", "upper", "first", "M")
 # Seconds that a search may take here; the promise is this and one second.
 TIME_LIMIT = 1.0
 
+NAMESPACES = ("uncertain", "linear", "implementation", "simulation", "polishing", "synthesis")
+"""Where functions of plants stand besides the top."""
+
 ELSEWHERE = {
     "check_robustness": "takes a learned machine",
     "compare_controllers": "takes designs and a record",
@@ -26,16 +28,31 @@ ELSEWHERE = {
     "linearize_with_brush": "takes a machine with a brush",
     "simulate_coupled": "takes designs and a brush record",
     "trade_off": "notes what state_feedback raises",
-    "uncertain_dynamics": "makes a system of a number",
-    "uncertain_complex": "makes a system of a number",
-    "uncertain_real": "makes a system of a number",
+    "dynamics": "makes a system of a number",
+    "complex": "makes a system of a number",
+    "real": "makes a system of a number",
+    "system": "makes a system of matrices of numbers",
+    "emulated": "certify_sampled discretises by it",
+    "h2_norm_lmi": "the norms by inequalities take minutes on large plants",
+    "hinf_norm_lmi": "the norms by inequalities take minutes on large plants",
+    "lyapunov_lmi": "the norms by inequalities take minutes on large plants",
+    "is_positive_definite": "takes a matrix",
+    "linear_response": "takes signals, which simulate checks",
+    "zeros_on_axis": "every synthesis asks it",
 }
 """Public functions that take a plant or system and are not called, with the reason."""
 
 
 def taking_plants():
     """Return the names of all public functions that take or make a plant or a system."""
-    return {name for name in rp.__all__ if _takes_plant(getattr(rp, name))}
+    places = (rp, *(getattr(rp, name) for name in NAMESPACES))
+    return {name for place in places for name in dir(place) if _takes_plant(getattr(place, name))}
+
+
+def public(name):
+    """Return a public function by its own name, wherever it stands."""
+    places = (rp, *(getattr(rp, namespace) for namespace in NAMESPACES))
+    return next(getattr(place, name) for place in places if name in dir(place))
 
 
 def _takes_plant(found):
@@ -130,7 +147,7 @@ def _design(g):
 
 
 CHEAP = {
-    "uncertain.append": lambda g: rp.uncertain.append(g.system, g.uncertain()),
+    "append": lambda g: rp.uncertain.append(g.system, g.uncertain()),
     "certify": lambda g: rp.certify(g.plant, g.gain(), _norm(g)),
     "channel": lambda g: rp.channel(
         g.plant, g.plant.disturbance_names[:1], g.plant.performance_names[:1]
@@ -141,50 +158,48 @@ CHEAP = {
     "given_controller": lambda g: rp.given_controller(g.plant, g.gain(), _norm(g)),
     "h2_norm": lambda g: rp.h2_norm(g.system),
     "hinf_norm": lambda g: rp.hinf_norm(g.system, exact=g.random.random() < 0.8),
-    "linear.is_detectable": lambda g: rp.linear.is_detectable(g.system),
-    "linear.is_stabilizable": lambda g: rp.linear.is_stabilizable(g.system),
-    "uncertain.lft": lambda g: rp.uncertain.lft(g.system, g.gain()),
+    "is_detectable": lambda g: rp.linear.is_detectable(g.system),
+    "is_stabilizable": lambda g: rp.linear.is_stabilizable(g.system),
+    "lft": lambda g: rp.uncertain.lft(g.system, g.gain()),
     "mixed_sensitivity": lambda g: rp.mixed_sensitivity(
         g.square(), performance=rp.weight(1e3, 0.5, 0.5), effort=0.05
     ),
     "modes": lambda g: rp.modes(g.system),
-    "uncertain.ncf_margin": lambda g: rp.uncertain.ncf_margin(
+    "ncf_margin": lambda g: rp.uncertain.ncf_margin(
         g.square(), np.zeros((g.square().ninputs,) * 2)
     ),
-    "uncertain.nu_gap": lambda g: rp.uncertain.nu_gap(g.square(), g.square(1.1)),
+    "nu_gap": lambda g: rp.uncertain.nu_gap(g.square(), g.square(1.1)),
     "observability": lambda g: rp.observability(g.system),
-    "synthesis.observer_controller": lambda g: rp.synthesis.observer_controller(
+    "observer_controller": lambda g: rp.synthesis.observer_controller(
         g.plant, np.zeros((g.plant.nu, g.plant.nx)), np.zeros((g.plant.nx, g.plant.ny))
     ),
-    "uncertain.parallel": lambda g: rp.uncertain.parallel(g.system, g.uncertain()),
-    "implementation.plant_at_samples": lambda g: rp.implementation.plant_at_samples(
+    "parallel": lambda g: rp.uncertain.parallel(g.system, g.uncertain()),
+    "plant_at_samples": lambda g: rp.implementation.plant_at_samples(
         g.plant, float(10.0 ** g.random.uniform(-4, 1)), delay=g.either(0.0, 1e-4)
     ),
-    "linear.prescale": lambda g: rp.linear.prescale(g.system),
+    "prescale": lambda g: rp.linear.prescale(g.system),
     "read_design_task": lambda g: rp.read_design_task(g.plant, control_weight=0.1),
-    "linear.scale_system": lambda g: rp.linear.scale_system(g.system),
-    "uncertain.series": lambda g: rp.uncertain.series(g.uncertain(), np.eye(g.system.noutputs)),
+    "scale_system": lambda g: rp.linear.scale_system(g.system),
+    "series": lambda g: rp.uncertain.series(g.uncertain(), np.eye(g.system.noutputs)),
     "simulate": _simulate,
     "singular_values": lambda g: rp.singular_values(g.system),
-    "linear.stability": lambda g: rp.linear.stability(g.system),
+    "stability": lambda g: rp.linear.stability(g.system),
     "uncertain_system": lambda g: rp.uncertain.system(g.plant.A, g.plant.B2, g.plant.C2),
 }
 """Calls that take a tenth of a second at most on ordinary plants."""
 
 DEAR = {
-    "implementation.certify_sampled": lambda g: rp.implementation.certify_sampled(
+    "certify_sampled": lambda g: rp.implementation.certify_sampled(
         g.plant, g.gain() * 0.1, period=0.01
     ),
     "compare_methods": lambda g: rp.compare_methods(
         g.plant, ("riccati",), norm=_norm(g), time_limit=TIME_LIMIT
     ),
-    "uncertain.cover": lambda g: rp.uncertain.cover(
-        [g.square(), g.square(1.2), g.square(0.9)], order=1
-    ),
+    "cover": lambda g: rp.uncertain.cover([g.square(), g.square(1.2), g.square(0.9)], order=1),
     "design_machine": lambda g: rp.design_machine(
         g.plant, control_weight=0.1, measurement_noise=0.1
     ),
-    "synthesis.largest_period": lambda g: rp.synthesis.largest_period(_design(g)),
+    "largest_period": lambda g: rp.synthesis.largest_period(_design(g)),
     "loop_analysis": lambda g: rp.loop_analysis(g.plant, g.gain()),
     "loop_shaping": lambda g: rp.loop_shaping(g.square()),
     "mixed_output_feedback": lambda g: rp.mixed_output_feedback(
@@ -234,7 +249,5 @@ DEAR = {
 }
 """Calls that take longer; a plant meets one of them now and then."""
 
-LIMITED = {
-    name for name in DEAR if "time_limit" in inspect.signature(attrgetter(name)(rp)).parameters
-}
+LIMITED = {name for name in DEAR if "time_limit" in inspect.signature(public(name)).parameters}
 """Those with a time limit."""

@@ -105,7 +105,7 @@ def test_quick_cases_are_named_right(name):
     assert row["ratio"] <= 1.3
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(7200)
 def test_nine_of_ten_are_named_right_and_extrapolate():
     rows = run_all(list(CASES.values()), KEPT)
@@ -123,14 +123,14 @@ def test_nine_of_ten_are_named_right_and_extrapolate():
     assert all(map(law_learned, laws)), [(r["case"], r["ratio"], r["curves"]) for r in laws]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(7200)
 def test_of_the_drawn_cases_as_many_are_right_as_ever():
     rows = run_all(drawn_cases(JUDGED_SEED), KEPT)
     assert sum(row["right"] for row, _ in rows) >= DRAWN_FLOOR * len(rows), wrong(rows)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(6 * 3600)
 @pytest.mark.parametrize("seed", [SEEN_SEED, UNSEEN_SEED])
 def test_cases_with_several_effects_come_out_as_promised(seed):
@@ -179,7 +179,7 @@ def test_every_effect_shows(i):
         assert change.left >= LEAST_LEFT
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(3600)
 def test_the_whole_plan_is_as_mixed_as_promised():
     cases = several_cases()

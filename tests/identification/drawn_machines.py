@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.machines.simulation.run import simulate_model
+from robustpolish.machines.simulation import simulate_model
 
 _QUANTITIES = ("displacement", "velocity", "acceleration")
 _STEPS = 64

@@ -401,13 +401,13 @@ def test_the_true_model_runs_at_the_noise(seed):
     held(seed, most=2500)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(100, 220))
 def test_the_true_model_runs_at_the_noise_of_longer_records(seed):
     held(seed)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(1000, 1120))
 def test_it_does_so_on_machines_that_came_later(seed):
     """Drawn after the search for starts had been made with those above."""

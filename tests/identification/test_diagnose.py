@@ -81,7 +81,7 @@ def test_nothing_is_named_where_nothing_is_missing(colour):
     assert diagnosis.model.parameters["spring[0].stiffness"] == pytest.approx(3000, rel=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_drift_is_learned_where_no_effect_explains_it():
     case = Case(
         "drift", one(), [("drifting_stiffness", PLACE, [800.0, 8.0])], drive=10.0, samples=4000,
@@ -212,7 +212,7 @@ def test_noise_free_records_are_no_trouble():
     assert np.isfinite(found.effects[0].parameters["coefficient"].stderr)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_hold_that_shows_only_beside_an_effect_is_no_delay():
     """As long as a cubic spring is missing, what inputs do between samples is nothing to see."""
     case = Case(
@@ -286,7 +286,7 @@ def test_a_refit_tells_the_error_of_each_as_a_comparison_does(blows):
     assert "Record by record" not in repr(alone)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_they_name_both_effects_and_the_noise(blows, tmp_path):
     diagnosis = rp.diagnose(machine(), blows)
     assert diagnosis.verdict == "missing_effect"
@@ -360,11 +360,11 @@ def within(diagnosis, key, truth, share):
     assert abs(found.value - truth) < 5 * found.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_damped_machine_against_the_undamped_model():
     """Data of (8.46) against (8.45): the coefficients of table 9.1 are found."""
-    truth = rp.MechanicalModel.from_air_bearing(dissipation=0.001).parameters
-    model = rp.MechanicalModel.from_air_bearing(dissipation=0.0)
+    truth = rp.polishing.air_bearing_model(dissipation=0.001).parameters
+    model = rp.polishing.air_bearing_model(dissipation=0.0)
     diagnosis = rp.diagnose(model, record(rp.air_bearing()))
     check_learnt(diagnosis, 5)
     within(diagnosis, "damper[0].damping", truth["damper[0].damping"], 0.1)  # c_A
@@ -372,18 +372,18 @@ def test_the_damped_machine_against_the_undamped_model():
     within(diagnosis, "damper[5].damping", truth["damper[5].damping"], 0.1)  # c_R
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_missing_holder_spring():
-    model = rp.MechanicalModel.from_air_bearing().with_parameters({K_A: 0.0})
+    model = rp.polishing.air_bearing_model().with_parameters({K_A: 0.0})
     diagnosis = rp.diagnose(model, record(rp.air_bearing()))
     check_learnt(diagnosis, 20)
     within(diagnosis, K_A, 1e9, 0.02)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_missing_damping_of_the_work():
     """c_Z, absent from (10.38); of a size that data can show, unlike that of table 9.1."""
-    without = rp.MechanicalModel.from_air_bearing().with_parameters({C_Z: 0.0})
+    without = rp.polishing.air_bearing_model().with_parameters({C_Z: 0.0})
     working = without.with_parameters({C_Z: 2.0})
     diagnosis = rp.diagnose(without, record(working.linearize()))
     check_learnt(diagnosis, 2)
@@ -398,10 +398,10 @@ def test_the_missing_damping_of_the_work():
     assert check.worst < 1.5 * design.certificate.achieved
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_output_feedback_takes_the_learnt_plant():
     """From the model to a plant with price and noise, and back to Monte Carlo."""
-    model = rp.MechanicalModel.from_air_bearing()
+    model = rp.polishing.air_bearing_model()
     design = rp.output_feedback(
         model.linearize(), control_weight=1e-7, measurement_noise=1e-9, time_limit=20.0
     )
@@ -469,7 +469,7 @@ def long_record(samples, quantity="displacement", top=100.0, noise=0.01, frictio
     return data, run.states
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("top", "rough"), [(100.0, 0.01), (None, 0.03)])
 def test_half_a_million_samples_are_diagnosed(top, rough):
     """In less than two minutes on two idle cores; here only what comes out is held."""
@@ -481,7 +481,7 @@ def test_half_a_million_samples_are_diagnosed(top, rough):
     assert len(found.notes) == 1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_half_a_million_samples_are_fitted():
     data, _ = long_record(500_000)
     fitted = rp.refit(rubbing_masses(friction=2.0, wrong=1.05), data)

@@ -160,7 +160,7 @@ def test_springs_that_are_30_percent_off_come_out(quantity, shares):
     assert fitted.undetermined == ()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_intervals_cover_the_truth():
     model = two_masses()
     inside = []
@@ -171,7 +171,7 @@ def test_intervals_cover_the_truth():
     assert 0.85 <= np.mean(inside) <= 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_fit_never_ends_above_its_start():
     lacking = two_masses().with_effect(
         "attached_resonator", "b", {"mass": 0.2, "stiffness": 3e4, "damping": 1.0}
@@ -223,7 +223,7 @@ def test_a_record_over_time_is_fitted_by_its_response():
             assert fitted.model.parameters[key] == pytest.approx(model.parameters[key], rel=0.02)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_one_pair_and_missing_lines_are_enough():
     model = two_masses()
     data = measured(model).sel(output=["b"])

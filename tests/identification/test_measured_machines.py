@@ -18,7 +18,7 @@ from robustpolish.app.cli.main import main
 
 # Linear models on four measured sets: published reference errors.
 
-pytestmark = [pytest.mark.shared, pytest.mark.slow]
+pytestmark = [pytest.mark.shared, pytest.mark.long]
 
 
 def fitted(model, keys, records, window=None):

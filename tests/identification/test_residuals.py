@@ -9,7 +9,7 @@ from scipy import signal
 from scipy.signal import lfilter
 
 import robustpolish as rp
-from robustpolish.identification.residuals.tests import noise_floor, place_shares
+from robustpolish.identification.residual_tests import noise_floor, place_shares
 from tests.identification.oscillators import PLACE, oscillator
 from tests.identification.oscillators import record as short_record
 

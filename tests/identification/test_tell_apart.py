@@ -8,7 +8,7 @@ import xarray as xr
 
 import robustpolish as rp
 from robustpolish.identification.diagnosis.findings import IndistinguishablePair
-from robustpolish.identification.experiments.candidates import (
+from robustpolish.identification.experiments import (
     Distance,
     Experiment,
     MachinePair,
@@ -16,8 +16,8 @@ from robustpolish.identification.experiments.candidates import (
     distance,
     experiments,
 )
-from robustpolish.identification.experiments.tell_apart import SimulatedExperiment
 from robustpolish.identification.record import record_of
+from robustpolish.identification.tell_apart import SimulatedExperiment
 from tests import made_up
 from tests.identification.oscillators import PLACE, double_well, oscillator, record
 

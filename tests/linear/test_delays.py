@@ -6,8 +6,8 @@ import pytest
 from scipy.special import lambertw
 
 import robustpolish as rp
-from robustpolish.linear.delays.stability import count_unstable
-from robustpolish.linear.delays.systems import MOST_ORDER, pade
+from robustpolish.linear.delay_stability import count_unstable
+from robustpolish.linear.delayed_systems import MOST_ORDER, pade
 
 # Stability against what is known in closed form.
 

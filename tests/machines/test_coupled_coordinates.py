@@ -9,7 +9,7 @@ from scipy.linalg import eigh
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
 from robustpolish.machines.mechanical.data import definite_coupling_share
-from robustpolish.machines.simulation.run import simulate_model
+from robustpolish.machines.simulation import simulate_model
 
 # Inertias between two coordinates: double pendulum, pendulum on a cart, on a moved base.
 

@@ -19,7 +19,7 @@ from robustpolish.machines.effects.kind import EffectKind, Motion, Parameter, Sc
 from robustpolish.machines.effects.user_defined import own_kind
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import Damper, Dof, Output, Spring
-from robustpolish.machines.simulation.run import simulate_model as simulate
+from robustpolish.machines.simulation import simulate_model as simulate
 
 # Laws along a known motion.
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from robustpolish.machines.effects.evaluate import compiled_law
 from robustpolish.machines.effects.kind import EffectKind, Parameter
-from robustpolish.machines.simulation.run import linear_interpolation
-from robustpolish.machines.simulation.stepper import (
+from robustpolish.machines.simulation import linear_interpolation
+from robustpolish.machines.stepper import (
     kernel_matrices,
     run_pieces,
     run_steps,

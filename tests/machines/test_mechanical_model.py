@@ -560,7 +560,7 @@ def test_an_input_can_become_a_control():
 def test_the_air_bearing_is_the_same_plant(actuation, measured, dissipation):
     parameters = AirBearingParameters()
     plant = air_bearing(parameters, dissipation, actuation, measured)
-    ours = MechanicalModel.from_air_bearing(parameters, dissipation).linearize(
+    ours = rp.polishing.air_bearing_model(parameters, dissipation).linearize(
         actuation=actuation, measured=measured
     )
     for name in ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22"):

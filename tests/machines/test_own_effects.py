@@ -30,7 +30,7 @@ from robustpolish.machines.effects.user_defined import (
     own_kind,
     own_table,
 )
-from robustpolish.machines.simulation.run import simulate_model
+from robustpolish.machines.simulation import simulate_model
 from tests import made_up
 
 # Three lines in a notebook: defined, used, found.

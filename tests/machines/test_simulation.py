@@ -15,7 +15,7 @@ from robustpolish.linear.response import linear_response
 from robustpolish.machines.effects import effect as effect_module
 from robustpolish.machines.effects.effect import register
 from robustpolish.machines.effects.kind import EffectKind, Parameter
-from robustpolish.machines.simulation.run import (
+from robustpolish.machines.simulation import (
     HELD,
     LINEAR,
     SMOOTH,
@@ -29,7 +29,7 @@ from robustpolish.machines.simulation.run import (
     signals,
     simulate_model,
 )
-from robustpolish.machines.simulation.stepper import friction_over_step
+from robustpolish.machines.stepper import friction_over_step
 
 # Runs of models with effects over samples.
 

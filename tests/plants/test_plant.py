@@ -12,13 +12,13 @@ from robustpolish.base.saved import Fields, plain
 from robustpolish.errors import InvalidInputError
 from robustpolish.plants.blocks import (
     as_state_space,
+    controller_system,
     finite,
     interpolate_response,
     named_system,
     realised,
     sorted_signals,
 )
-from robustpolish.plants.controllers import controller_system
 from robustpolish.plants.plant import plant_content, plant_from, system_content, system_from
 
 

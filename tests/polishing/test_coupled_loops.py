@@ -119,7 +119,7 @@ def gentle_brush():
     return rp.simulate_brush(duration=0.1, parameters=gentle, tolerance=5e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_machine_a_hundred_times_stiffer_may_replay(gentle_brush):
     """At rest and wherever both are moved: then displacements agree to 1 %."""
     comparison = rp.polishing.compare_coupled(springs(1.2e7), gentle_brush)

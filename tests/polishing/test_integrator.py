@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robustpolish.polishing.integrator import (
+from robustpolish.polishing.contact import (
     COUPLING,
     DENSE,
     ERROR,

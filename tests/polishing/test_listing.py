@@ -119,7 +119,7 @@ def test_impact_law_is_not_well_posed() -> None:
 PEAKS = {1: (334, 949), 2: (962, 2737), 3: (1222, 3417), 4: (1818, 5129)}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("run", PEAKS)
 def test_peak_forces_over_five_seconds(run: int) -> None:
     """The thesis's hundreds to thousands of newtons; F_x, all chatter, is not repeatable."""

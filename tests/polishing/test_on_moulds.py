@@ -45,7 +45,7 @@ def test_the_tool_follows_its_path_and_the_mould_carries_the_force():
     assert signals.attrs["converged"] == 1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("run", [1, 4])
 def test_five_seconds_along_a_spiral_on_an_stl_take_less_than_ten(tmp_path, run):
     file = moulds.write_stl(tmp_path / "mould.stl", *moulds.triangles(scale=1e3))

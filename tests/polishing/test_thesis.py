@@ -10,7 +10,7 @@ from robustpolish.polishing.thesis.comparison import thesis_comparison, thesis_s
 # Chapter 11 of the thesis, recomputed with the listings as printed.
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("run", [1, 4])
 def test_tables_11_1_to_11_8(run):
     """Largest deviations of q_m + q over 5 s, within 12 % but for one value per run.

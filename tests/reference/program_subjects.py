@@ -287,7 +287,7 @@ def _member(member: Any) -> str:
 
 
 def _kinds() -> Any:
-    from robustpolish.machines import effects
+    from robustpolish import effects
 
     return {
         name: {

@@ -62,7 +62,7 @@ def routh(centre, L):
     return min(found)
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2, 3))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.long) for k in (1, 2, 3))])
 def test_ellipsoid_is_exact(seed):
     centre, L, loop = cubic(seed)
     margin = rp.robust_stability(loop, gap=1e-6)

@@ -233,7 +233,8 @@ def test_impossible_sizes_are_refused(heap_file, place, number):
         rp.read_measurement(heap_file)
 
 
-def test_what_takes_no_room_would_never_end(path):
+def test_what_takes_no_room_would_never_end(heap_file):
+    path = heap_file
     content = bytearray(path.read_bytes())
     start = content.index(b"GCOL\x01")
     content[start + 16 : start + 32] = bytes(16)

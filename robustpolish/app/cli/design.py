@@ -25,8 +25,7 @@ from robustpolish.app.cli.options import (
     to_json,
 )
 from robustpolish.app.design_task import METHODS, machine_plant
-from robustpolish.app.machine_design import design_machine, read_design_task
-from robustpolish.app.report.documents import (
+from robustpolish.app.documents import (
     brush_design_report,
     brush_design_summary,
     brush_design_text,
@@ -34,7 +33,8 @@ from robustpolish.app.report.documents import (
     save_brush_design,
     save_machine_design,
 )
-from robustpolish.app.report.html import render_html
+from robustpolish.app.html import render_html
+from robustpolish.app.machine_design import design_machine, read_design_task
 from robustpolish.base.budget import progress_bar
 from robustpolish.base.checks import described, invalid, positive
 from robustpolish.linear.modes import modes as modes_of

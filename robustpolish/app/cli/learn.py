@@ -26,20 +26,20 @@ from robustpolish.app.cli.options import (
     stages,
     to_json,
 )
-from robustpolish.app.report.documents import diagnosis_report
-from robustpolish.app.report.html import render_html
+from robustpolish.app.documents import diagnosis_report
+from robustpolish.app.html import render_html
 from robustpolish.base.atomic_writes import new_file
 from robustpolish.base.checks import described, invalid, positive
 from robustpolish.errors import RobustPolishError
 from robustpolish.identification.compare import compare as compare_model
 from robustpolish.identification.diagnose import diagnose as diagnose_model
 from robustpolish.identification.diagnosis.result import Diagnosis
-from robustpolish.identification.experiments.tell_apart import ToldApart
-from robustpolish.identification.experiments.tell_apart import tell_apart as tell_machines_apart
 from robustpolish.identification.record import require_time_data
 from robustpolish.identification.refit import refit as refit_model
-from robustpolish.identification.residuals.analysis import residual_analysis
+from robustpolish.identification.residuals import residual_analysis
 from robustpolish.identification.steps import step_runs
+from robustpolish.identification.tell_apart import ToldApart
+from robustpolish.identification.tell_apart import tell_apart as tell_machines_apart
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.signals.frequency_response import holds_frequency_response
 

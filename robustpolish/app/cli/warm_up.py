@@ -21,7 +21,7 @@ from robustpolish.machines.effects.effect import kinds, lookup
 from robustpolish.machines.effects.evaluate import compiled_law
 from robustpolish.machines.effects.kind import EffectKind
 from robustpolish.machines.effects.spline_law import spline_basis
-from robustpolish.machines.simulation.run import simulate_model
+from robustpolish.machines.simulation import simulate_model
 from robustpolish.polishing.thesis.listing import listing_response
 from robustpolish.synthesis.proofs.frequency_response import responses
 

@@ -19,13 +19,13 @@ from robustpolish.identification.record import Record, poles_of
 from robustpolish.machines.mechanical.data import port_matrices
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import ACCELERATION, DISPLACEMENT, FORCE, VELOCITY
-from robustpolish.machines.simulation.run import (
+from robustpolish.machines.simulation import (
     IntersampleLines,
     NonlinearSystem,
     build_system,
     linear_interpolation,
 )
-from robustpolish.machines.simulation.stepper import step_matrices
+from robustpolish.machines.stepper import step_matrices
 
 _QUIETEST = 1e-5
 # Share of the highest density up to which a spectrum may be leakage of its window.

@@ -28,7 +28,7 @@ from robustpolish.machines.mechanical.data import (
     port_rows,
 )
 from robustpolish.machines.mechanical.model import MechanicalModel
-from robustpolish.machines.simulation.run import IntersampleLines, NonlinearResponse
+from robustpolish.machines.simulation import IntersampleLines, NonlinearResponse
 
 _INITIAL_AMPLITUDE = 3.0
 # Levels of a model that may be nearly right, to predict with and to see the motion.

@@ -23,7 +23,7 @@ from robustpolish.identification.observer.kalman import (
 from robustpolish.identification.record import Record, output_sizes
 from robustpolish.machines.mechanical.data import MechanicalData, dynamic_effects
 from robustpolish.machines.mechanical.model import MechanicalModel
-from robustpolish.machines.simulation.run import (
+from robustpolish.machines.simulation import (
     InputCourse,
     IntersampleLines,
     NonlinearResponse,

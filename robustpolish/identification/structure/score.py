@@ -19,7 +19,7 @@ from robustpolish.identification.fit.result import stderr_from_covariance
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.record import Record, input_period, poles_of
 from robustpolish.identification.refit import held_inputs
-from robustpolish.identification.residuals.tests import residual_noise_floor
+from robustpolish.identification.residual_tests import residual_noise_floor
 from robustpolish.identification.structure.state import RefittedEffect, Search
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.mechanical.model import MechanicalModel

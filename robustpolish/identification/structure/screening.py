@@ -24,7 +24,7 @@ from robustpolish.machines.effects.evaluate import shapes_along
 from robustpolish.machines.effects.kind import CONSTANT, EffectKind, Motion, Shape
 from robustpolish.machines.mechanical.data import motion_at, port_pairs, port_row, port_rows
 from robustpolish.machines.mechanical.model import MechanicalModel
-from robustpolish.machines.simulation.run import IntersampleLines, linear_interpolation
+from robustpolish.machines.simulation import IntersampleLines, linear_interpolation
 
 # Places of effects, and their forces along a known motion.
 

@@ -24,7 +24,7 @@ from robustpolish.identification.fit.least_squares import (
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.observer.missing_force import SmoothedMotion, motion_of
 from robustpolish.identification.record import Record
-from robustpolish.identification.residuals.tests import residual_noise_floor
+from robustpolish.identification.residual_tests import residual_noise_floor
 from robustpolish.identification.structure.screening import FilteredRecord, places
 from robustpolish.machines.effects.effect import Effect, lookup
 from robustpolish.machines.effects.learned_law import LearnedLaw

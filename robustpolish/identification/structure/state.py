@@ -20,7 +20,7 @@ from robustpolish.identification.fit.parameters import has_smoothing, makes_no_f
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.refit import with_resolved_delay
-from robustpolish.identification.residuals.tests import residual_noise_floor
+from robustpolish.identification.residual_tests import residual_noise_floor
 from robustpolish.identification.structure.screening import ScreenedEffect, Screening
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.mechanical.model import MechanicalModel

@@ -33,7 +33,7 @@ from robustpolish.identification.fit.result import stderr_from_covariance
 from robustpolish.identification.observer.kalman import force_sites
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.refit import with_reselected_holds
-from robustpolish.identification.residuals.tests import force_maps
+from robustpolish.identification.residual_tests import force_maps
 from robustpolish.identification.structure.decays import split_decays
 from robustpolish.identification.structure.moves_replace import (
     close_force_equivalents,

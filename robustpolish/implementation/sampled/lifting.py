@@ -14,7 +14,7 @@ from scipy import linalg
 from robustpolish.base.arrays import Matrix, Vector
 from robustpolish.base.checks import described, invalid
 from robustpolish.errors import InvalidInputError
-from robustpolish.linear.delays.systems import DelayLine
+from robustpolish.linear.delayed_systems import DelayLine
 from robustpolish.plants.blocks import matrices_of, named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wiring import Wiring

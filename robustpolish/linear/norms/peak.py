@@ -21,7 +21,7 @@ from robustpolish.linear.arithmetic.balls import joined_rows
 from robustpolish.linear.arithmetic.powers_of_two import bracket
 from robustpolish.linear.arithmetic.rational import ExactModel, fraction, identity, transfer
 from robustpolish.linear.arithmetic.realisation import Realisation, rescaled
-from robustpolish.linear.delays.systems import resolvent_response
+from robustpolish.linear.delayed_systems import resolvent_response
 from robustpolish.linear.eigen import EPS, Eigensystem, eigensystem
 from robustpolish.linear.norms.modal_form import modal_form
 from robustpolish.linear.stability import positive_roots

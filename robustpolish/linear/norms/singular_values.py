@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from robustpolish.base.arrays import Vector
 from robustpolish.base.checks import described, invalid
 from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
-from robustpolish.linear.delays.systems import resolvent_response
+from robustpolish.linear.delayed_systems import resolvent_response
 
 # Frequencies that show what a system does: an even background, and points at every resonance.
 

@@ -195,8 +195,8 @@ def read_csv(
     path: str | Path, spacing: float | None, wanted: FileSpec = FILE
 ) -> tuple[Floats, Floats, Floats]:
     """Return heights, x and y of a file; with a spacing, the file holds heights alone."""
-    path, lines = Path(path), csv_rows(path, wanted, csv.reader)
-    rows = [row for row in lines if any(cell.strip() for cell in row)]
+    lines = csv_rows(path, wanted, csv.reader)
+    path, rows = Path(path), [row for row in lines if any(cell.strip() for cell in row)]
     if len({len(row) for row in rows}) != 1:
         shown = described(f"{path.name} with {len(rows)} rows of unequal lengths or none")
         raise invalid("path", shown, "rows of the same length", "Check the file.")

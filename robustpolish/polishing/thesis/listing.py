@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from robustpolish.base.checks import described, invalid, matrix, one_of, positive
 from robustpolish.base.jit import njit
 from robustpolish.errors import SolverError
+from robustpolish.polishing.contact import NODES, STAGES, inside_step, stage_state, step_error
 from robustpolish.polishing.dataset import (
     angle_variables,
     force_variables,
@@ -24,7 +25,6 @@ from robustpolish.polishing.dataset import (
     time_coordinate,
     tool_velocity,
 )
-from robustpolish.polishing.integrator import NODES, STAGES, inside_step, stage_state, step_error
 from robustpolish.polishing.parameters import BrushParameters
 
 # Defects of appendix D, one switch each.

@@ -15,7 +15,7 @@ from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.realisation import Realisation
-from robustpolish.linear.delays.systems import resolvent_response
+from robustpolish.linear.delayed_systems import resolvent_response
 from robustpolish.linear.eigen import eigensystem
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import HinfNorm, hinf_norm

@@ -11,7 +11,7 @@ from robustpolish.base.budget import Budget, step_cost
 from robustpolish.synthesis.certificate import Norm
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
-from robustpolish.synthesis.problem.status import Status
+from robustpolish.synthesis.problem.preflight import Status
 
 # The thresholds of the search for a state feedback, each with its reason and its case.
 

@@ -17,8 +17,8 @@ HARD_PLANTS = Path(__file__).parents[1]
 
 SLEEPER = """
 import time
-from robustpolish.synthesis.lmi.limited import run_limited
-run_limited(lambda: time.sleep(60), 60.0)
+from robustpolish.synthesis.lmi.program import run_with_time_limit
+run_with_time_limit(lambda: time.sleep(60), 60.0)
 """
 PIPE_ALONE = (
     """

@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from robustpolish.synthesis.problem.status import worst_status
+from robustpolish.synthesis.problem.preflight import worst_status
 
 ORDER = ("time_limit", "suboptimal", "infimum_not_attained", "optimal")
 

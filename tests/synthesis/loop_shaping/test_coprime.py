@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.synthesis.loop_shaping.coprime import (
+from robustpolish.synthesis.coprime import (
     coprime,
     loop_plant,
 )
@@ -186,7 +186,7 @@ def test_first_order_plants_in_closed_form():
 
 
 @pytest.mark.parametrize(
-    "kind", [kind if kind < 3 else pytest.param(kind, marks=pytest.mark.slow) for kind in range(30)]
+    "kind", [kind if kind < 3 else pytest.param(kind, marks=pytest.mark.long) for kind in range(30)]
 )
 def test_random_plants_of_unequal_orders_against_grids(kind):
     rng = np.random.default_rng(kind)

@@ -6,13 +6,13 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
-from robustpolish.synthesis.loop_shaping.coprime import (
+from robustpolish.synthesis.coprime import (
     consistent_matrices,
     coprime,
     in_series,
     loop_plant,
 )
-from robustpolish.synthesis.loop_shaping.loop_shaping import (
+from robustpolish.synthesis.loop_shaping import (
     TargetLoop,
     limits_in_words,
     reduce_in_gap_metric,

@@ -99,7 +99,7 @@ def bounds_of_realisations(seed):
 # In double precision the bounds of one and the same plant differed by factors up to three.
 @pytest.mark.parametrize(
     "seed",
-    [7, 29, pytest.param(42, marks=pytest.mark.long), pytest.param(50, marks=pytest.mark.slow)],
+    [7, 29, pytest.param(42, marks=pytest.mark.long), pytest.param(50, marks=pytest.mark.long)],
 )
 def test_units_and_last_digits_do_not_change_the_bound(seed):
     found = bounds_of_realisations(seed)

@@ -177,7 +177,7 @@ def unpriced_plant():
     return rp.GeneralizedPlant.from_matrices(A, B1, B2, rng.normal(size=(2, 4)), np.eye(4))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("options", [{"gain_bound": 6.0}, {"method": "lmi"}])
 def test_a_slow_machine_finds_the_same_gain(options, monkeypatch):
     """Four seconds pass with every look at the clock, as on a machine that is thousands slower."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from robustpolish.base.checks import described, invalid, one_of
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.identification.compare import Comparison
-from robustpolish.identification.residuals.tests import (
+from robustpolish.identification.residual_tests import (
     Coherence,
     Correlation,
     PlaceShares,

@@ -25,7 +25,7 @@ from robustpolish.machines.mechanical.data import (
     port_rows,
 )
 from robustpolish.machines.mechanical.parts import DISPLACEMENT, VELOCITY
-from robustpolish.machines.simulation.stepper import (
+from robustpolish.machines.stepper import (
     KernelMatrices,
     kernel_matrices,
     run_pieces,
@@ -157,7 +157,7 @@ def lines(model: MechanicalData, data: xr.Dataset) -> IntersampleLines | None:
     Returns
     -------
     Lines or None
-        See :mod:`robustpolish.machines.simulation.run.intersample_signal`.
+        See :mod:`robustpolish.machines.simulation.intersample_signal`.
     """
     return _signals(model, data)[1]
 
@@ -523,7 +523,7 @@ class Stepper:
         Parameters
         ----------
         inputs : ndarray, shape (samples, signals)
-            See :func:`robustpolish.machines.simulation.run.signals`.
+            See :func:`robustpolish.machines.simulation.signals`.
         state, internal : ndarray, shapes (n,) and (nz,)
             At the first sample.
         time : ndarray, shape (samples,)
@@ -535,7 +535,7 @@ class Stepper:
             Whether states are kept; otherwise they have no samples.
         lines : Lines, optional
             What the inputs do between the samples, see
-            :func:`robustpolish.machines.simulation.run.lines`; linear by default.
+            :func:`robustpolish.machines.simulation.lines`; linear by default.
 
         Returns
         -------

@@ -17,13 +17,12 @@ from robustpolish.base.arrays import AnyVector as Vector
 from robustpolish.base.budget import Budget, single_threaded_blas
 from robustpolish.base.checks import described, invalid, is_whole, positive
 from robustpolish.errors import SolverError
-from robustpolish.linear.delays.systems import resolvent_response
+from robustpolish.linear.delayed_systems import resolvent_response
 from robustpolish.plants.blocks import as_state_space, named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import single_filter
 from robustpolish.synthesis.certificate import Certificate, certify
-from robustpolish.synthesis.design import Design
-from robustpolish.synthesis.loop_shaping.coprime import (
+from robustpolish.synthesis.coprime import (
     cayley,
     cayley_back,
     consistent_matrices,
@@ -31,6 +30,7 @@ from robustpolish.synthesis.loop_shaping.coprime import (
     in_series,
     loop_plant,
 )
+from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.problem.matrices import Controller, SystemMatrices, balanced
 from robustpolish.synthesis.problem.scaling import named_controller
 from robustpolish.synthesis.riccati.equations import solve_lyapunov

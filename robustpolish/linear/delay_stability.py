@@ -14,7 +14,7 @@ from robustpolish.base.arrays import AnyArray, AnyMatrix, AnyVector, Matrix, Vec
 from robustpolish.base.checks import instance_of
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear.arithmetic.powers_of_two import refuse_extreme
-from robustpolish.linear.delays.systems import (
+from robustpolish.linear.delayed_systems import (
     MOST_ORDER,
     DelayedSystem,
     DelayLine,

@@ -15,8 +15,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from robustpolish.app.machine_design import MachineDesign
-from robustpolish.app.report.html import (
+from robustpolish.app.html import (
     Report,
     Section,
     panels,
@@ -24,15 +23,16 @@ from robustpolish.app.report.html import (
     picture,
     whole,
 )
+from robustpolish.app.machine_design import MachineDesign
 from robustpolish.base.results import Card, Table, as_text, prefix_power, prefixed
 from robustpolish.errors import InvalidInputError
 from robustpolish.identification.compare import Comparison
 from robustpolish.identification.diagnosis.result import Diagnosis
 from robustpolish.identification.diagnosis.words import headline, shown_parameters
-from robustpolish.identification.experiments.tell_apart import ToldApart
-from robustpolish.identification.residuals.analysis import ResidualAnalysis, residual_analysis
-from robustpolish.identification.residuals.tests import MAPS
+from robustpolish.identification.residual_tests import MAPS
+from robustpolish.identification.residuals import ResidualAnalysis, residual_analysis
 from robustpolish.identification.steps import StepRun
+from robustpolish.identification.tell_apart import ToldApart
 from robustpolish.plots.time import plot_panels
 from robustpolish.polishing.air_bearing import FORCES
 from robustpolish.polishing.buildable import (
@@ -98,7 +98,7 @@ def assumptions_section(job: BuildableBrushDesign) -> Section:
         h=h,
         actuator_loss=ACTUATOR_LOSS,
         stiffness_error=STIFFNESS_ERROR,
-        modelled_hz=job.axis.problem.frequencies()[0],
+        modelled_hz=job.parameters.natural_frequencies()["x"][0] / (2 * math.pi),
         crossover_hz=crossover,
         spillover_limit=1e6 / gain,
         spin_hz=spin,

@@ -121,7 +121,7 @@ def panels(caption: str, responses: Mapping[str, xr.Dataset], signals: Sequence[
 
 @cache
 def _templates() -> jinja2.Environment:
-    folder = resources.files("robustpolish.app.report")
+    folder = resources.files("robustpolish.app").joinpath("templates")
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(lambda name: folder.joinpath(name).read_text("utf-8")),
         autoescape=jinja2.select_autoescape(),
@@ -160,7 +160,7 @@ def render_html(report: Report, version: str) -> str:
         Pictures are inline SVG that can be zoomed, tables sort by a click on their heads, and a
         printed page shows the same.
     """
-    return _templates().get_template("template.html").render(report=report, version=version)
+    return _templates().get_template("report.html").render(report=report, version=version)
 
 
 def _svg(figure: Figure) -> Markup:

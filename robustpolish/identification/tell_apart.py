@@ -18,7 +18,7 @@ from robustpolish.base.checks import described, invalid, positive
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.identification.diagnosis.findings import IndistinguishablePair
 from robustpolish.identification.diagnosis.result import Diagnosis
-from robustpolish.identification.experiments.candidates import (
+from robustpolish.identification.experiments import (
     EXPERIMENTS,
     Distance,
     Experiment,

@@ -14,8 +14,12 @@ from robustpolish.base.checks import described, invalid, one_of
 from robustpolish.errors import SolverError
 from robustpolish.linear.arithmetic.powers_of_two import refuse_extreme
 from robustpolish.linear.norms.hinf import hinf_norm
-from robustpolish.plants.blocks import as_state_space, matrices_of
-from robustpolish.plants.controllers import GivenController, controller_system
+from robustpolish.plants.blocks import (
+    GivenController,
+    as_state_space,
+    controller_system,
+    matrices_of,
+)
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import exact_delays
 from robustpolish.synthesis.problem.matrices import SystemMatrices, balancing_scale

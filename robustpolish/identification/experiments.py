@@ -21,7 +21,7 @@ from robustpolish.identification.record import Record, poles_of
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import ACCELERATION, DISPLACEMENT, VELOCITY, Input
-from robustpolish.machines.simulation.run import needed_substeps, simulate_model
+from robustpolish.machines.simulation import needed_substeps, simulate_model
 
 # Machines of an indistinguishable pair.
 

@@ -1,1 +1,0 @@
-"""Experiment design that separates two models."""

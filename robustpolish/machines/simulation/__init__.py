@@ -1,1 +1,0 @@
-"""Time simulation of mechanical models with effects."""

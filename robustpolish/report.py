@@ -1,6 +1,0 @@
-"""Reports as HTML."""
-
-from robustpolish.names import namespace
-
-# The names stand in report.pyi; each is imported when it is first asked for.
-__getattr__, __dir__, __all__ = namespace(__file__)

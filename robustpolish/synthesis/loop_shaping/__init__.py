@@ -1,1 +1,0 @@
-"""Loop shaping by normalised coprime factors."""
