@@ -278,7 +278,7 @@ def brush_design_summary(job: BrushDesign) -> dict[str, Any]:
             }
             for row in table["row"].values
         ],
-        **({"built": buildable_summary(job)} if built else {}),
+        **({"built": buildable_summary(job)} if built else {}),  # pyright: ignore[reportArgumentType]
     }
 
 

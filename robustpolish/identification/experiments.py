@@ -417,7 +417,7 @@ def _frequencies(model: MechanicalModel, record: Record) -> tuple[float, float]:
     top = EXPERIMENTS.nyquist / record.dt
     found = [excited_bandwidth(model, record) / (2 * np.pi)]
     poles = poles_of(model)
-    swinging = [float(f) for f in np.abs(poles[poles.imag > 0]) / (2 * np.pi) if f < top]
+    swinging = [float(f) for f in np.abs(poles[poles.imag > 0]) / (2 * np.pi) if f < top]  # pyright: ignore[reportAttributeAccessIssue]
     found = swinging or found
     return min(min(found), top / 2), min(max(found), top)
 

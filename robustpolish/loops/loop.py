@@ -266,7 +266,17 @@ class Loop(BreakableLoop):
         return stability(Loop(self.plant, -self.controller).closed)
 
     def between(self, inputs: Sequence[int], outputs: Sequence[int]) -> control.StateSpace:
-        """Return :attr:`closed` between some of its inputs and outputs."""
+        """Return :attr:`closed` between some of its inputs and outputs.
+
+        Parameters
+        ----------
+        inputs, outputs : sequence of int
+            Positions in :attr:`closed`.
+
+        Returns
+        -------
+        control.StateSpace
+        """
         return from_to(self.closed, inputs, outputs)
 
     def around(

@@ -260,7 +260,7 @@ def _plot_alike(signals: Mapping[str, xr.DataArray], ax: Axes) -> None:
     for line in ax.lines:
         line.set(**_STYLES[str(line.get_label())])
     if ax.get_legend() is not None:
-        ax.get_legend().remove()
+        ax.get_legend().remove()  # pyright: ignore[reportOptionalMemberAccess]
 
 
 _STYLES = {

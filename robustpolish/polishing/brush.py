@@ -139,10 +139,10 @@ def refined(
     for level in range(1, max_passes):
         finer, more = attempt(level)
         lost = run is None or finer is None
-        error = np.inf if lost else impulse_difference(run, finer, force)
+        error = np.inf if lost else impulse_difference(run, finer, force)  # pyright: ignore[reportArgumentType]
         run = finer
         if error <= tolerance:
-            return run, more, Refinement(level + 1, error, True)
+            return run, more, Refinement(level + 1, error, True)  # pyright: ignore[reportReturnType]
     if run is None:
         raise SolverError(
             "Brush and machine swing up against each other until the disc tips over or leaves "

@@ -226,7 +226,8 @@ def checked_places(places: ArrayLike) -> Floats:
 
 def read_csv(path: str | Path, unit: str, file: FileSpec = FILE) -> tuple[Floats, Floats | None]:
     """Return x and y [m], shape (n, 2), and the times [s] if the file has a column t."""
-    path, rows = Path(path), csv_rows(path, file, csv.DictReader, skipinitialspace=True)
+    rows = csv_rows(path, file, csv.DictReader, skipinitialspace=True)
+    path = Path(path)
     names = {(name or "").strip().lower(): name for name in (rows[0] if rows else {})}
     if not {"x", "y"} <= set(names):
         shown = described(f"columns {', '.join(names) or 'none'} in {path.name}")

@@ -78,7 +78,7 @@ def _turned_phase(values: AnyVector, x: float, discrete: bool) -> tuple[Matrix, 
         pole = (1 - a) / (1 + a)
         lag = (pole, 1.0, sign * (pole**2 - 1), sign * pole)
         found.append(lag if discrete else (-a, 1.0, -2 * a * sign, sign))
-    return tuple(block_diag(*parts) for parts in zip(*found, strict=True))
+    return tuple(block_diag(*parts) for parts in zip(*found, strict=True))  # pyright: ignore[reportReturnType]
 
 
 # What is left of w = Delta z, relative, at which a Delta counts as one that makes it singular.

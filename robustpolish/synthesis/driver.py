@@ -715,8 +715,8 @@ def design_by_parts(
             plant, parts, settings, budget, chosen, controller, certificate, bound
         )
         break
-    _require_target(whole)
-    return whole
+    _require_target(whole)  # pyright: ignore[reportPossiblyUnboundVariable]
+    return whole  # pyright: ignore[reportPossiblyUnboundVariable]
 
 
 def _search_parts(

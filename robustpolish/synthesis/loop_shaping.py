@@ -660,7 +660,7 @@ def _matrix_weight(argument: str, given: Any, count: int, dt: float | bool) -> S
             consistent_matrices(single_filter(f"{argument}[{i}]", 1.0 if one is None else one, dt))
             for i, one in enumerate(given)
         ]
-        return SystemMatrices(*(linalg.block_diag(*parts) for parts in zip(*each, strict=True)))
+        return SystemMatrices(*(linalg.block_diag(*parts) for parts in zip(*each, strict=True)))  # pyright: ignore[reportArgumentType]
     system = as_state_space(argument, given, dt)
     if (system.ninputs, system.noutputs) == (1, 1):
         return _matrix_weight(argument, [given] * count, count, dt)

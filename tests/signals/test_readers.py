@@ -219,7 +219,8 @@ def damaged(path, place, number):
     path.write_bytes(content)
 
 
-def test_good_ones_pass(path):
+def test_good_ones_pass(heap_file):
+    path = heap_file
     with path.open("rb") as file:
         check_heaps(file)
     assert list(rp.read_measurement(path, sampling_rate=1.0, columns=["x"])) == ["x"]

@@ -342,10 +342,10 @@ def _modes(model: MechanicalModel, measured: MeasuredResponse) -> tuple[ModeComp
         if seen is None and not inside:
             continue
         alike = None if seen is None else likeness(mode.shape, seen.shape)
-        rows.append(ModeComparison(mode.frequency, mode.damping, *_figures(seen), alike))
+        rows.append(ModeComparison(mode.frequency, mode.damping, *_figures(seen), alike))  # pyright: ignore[reportCallIssue]
     for j, mode in enumerate(theirs):
         if j not in partners.values():
-            rows.append(ModeComparison(None, None, *_figures(mode), None))
+            rows.append(ModeComparison(None, None, *_figures(mode), None))  # pyright: ignore[reportCallIssue]
     return tuple(sorted(rows, key=lambda row: row.frequency or row.model_frequency or 0.0))
 
 

@@ -312,7 +312,7 @@ def excited_bandwidth(model: MechanicalModel, record: Record) -> float:
 def _slowest(model: MechanicalModel) -> float:
     """Return the natural frequency of the slowest mode that swings, in rad/s; 0 if none does."""
     poles = poles_of(model)
-    swinging = np.abs(poles[poles.imag > 0])
+    swinging = np.abs(poles[poles.imag > 0])  # pyright: ignore[reportAttributeAccessIssue]
     return float(np.min(swinging)) if swinging.size else 0.0
 
 

@@ -322,8 +322,8 @@ def motion_line_reason(
 def _has_mode_at(model: MechanicalModel, frequency: float, record: Record) -> bool:
     """Return whether a model without inputs has a mode that its record cannot tell from a line."""
     poles = poles_of(model)
-    apart = np.abs(np.abs(poles.imag) / (2 * np.pi) - frequency)
-    width = np.abs(poles.real) / np.pi + 2 / (record.samples * record.dt)
+    apart = np.abs(np.abs(poles.imag) / (2 * np.pi) - frequency)  # pyright: ignore[reportAttributeAccessIssue]
+    width = np.abs(poles.real) / np.pi + 2 / (record.samples * record.dt)  # pyright: ignore[reportAttributeAccessIssue]
     return bool(np.any(apart < np.maximum(width, _FREQUENCY_SHIFT * frequency)))
 
 

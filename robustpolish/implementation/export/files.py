@@ -130,7 +130,7 @@ def rendered(template: str, **values: Any) -> str:
         undefined=jinja2.StrictUndefined,
     )
     environment.filters.update(comment=_comment, numbers=_numbers, plain=_plain, quote=quoteattr)
-    text = resources.files(__package__).joinpath("templates", template).read_text("utf-8")
+    text = resources.files(__package__).joinpath("templates", template).read_text("utf-8")  # pyright: ignore[reportArgumentType]
     return environment.from_string(text).render(values)
 
 
@@ -178,7 +178,7 @@ def _comment(sentence: str) -> str:
     """Wrap a sentence as lines of a comment."""
     words = " ".join(_plain(sentence).split())
     indents = {"initial_indent": " * ", "subsequent_indent": " *   "}
-    return textwrap.fill(words, 93, **indents, break_long_words=False, break_on_hyphens=False)
+    return textwrap.fill(words, 93, **indents, break_long_words=False, break_on_hyphens=False)  # pyright: ignore[reportArgumentType]
 
 
 def _plain(text: str) -> str:

@@ -34,13 +34,13 @@ def precision(bits: int) -> Iterator[None]:
 def ball(matrix: Matrix) -> Ball:
     """Enclose a matrix of doubles, exactly."""
     array = np.atleast_2d(np.asarray(matrix, dtype=float))
-    return flint.arb_mat(*array.shape, array.ravel().tolist())
+    return flint.arb_mat(*array.shape, array.ravel().tolist())  # pyright: ignore[reportCallIssue]
 
 
 def complex_ball(matrix: Matrix) -> Ball:
     """Enclose a complex matrix of doubles, exactly."""
     array = np.asarray(matrix, dtype=complex)
-    return flint.acb_mat(*array.shape, array.ravel().tolist())
+    return flint.acb_mat(*array.shape, array.ravel().tolist())  # pyright: ignore[reportCallIssue]
 
 
 def zeros(rows: int, columns: int) -> Ball:

@@ -181,4 +181,4 @@ def _transfer(model: ExactModel, x: fmpq | None) -> acb_mat:
     s = None if x is None else acb(0, x)
     if model.discrete:
         s = acb(-1) if s is None else (1 + s) / (1 - s)
-    return transfer_matrix(*map(arb_mat, (model.A, model.B, model.C, model.D)), s)
+    return transfer_matrix(*map(arb_mat, (model.A, model.B, model.C, model.D)), s)  # pyright: ignore[reportCallIssue]

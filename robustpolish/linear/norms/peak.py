@@ -247,7 +247,7 @@ def gains(model: Realisation, frequencies: Vector) -> Vector:
     x = frequencies[finite]
     for start in range(0, x.size, 64):  # bounds the memory for large systems
         part = x[start : start + 64]
-        G = resolvent_response(*model.matrices.values(), 1j * part)
+        G = resolvent_response(*model.matrices.values(), 1j * part)  # pyright: ignore[reportCallIssue]
         G[~np.isfinite(G).all(axis=(1, 2))] = 0.0  # a pole on the axis to rounding
         where = np.flatnonzero(finite)[start : start + 64]
         result[where] = np.linalg.svd(G, compute_uv=False)[:, 0]

@@ -135,7 +135,7 @@ def _at(model: Realisation, angle: float) -> Vector:
     response = model.D
     if math.isfinite(angle):
         matrices = model.matrices.values()
-        response = resolvent_response(*matrices, np.array([point]))[0]
+        response = resolvent_response(*matrices, np.array([point]))[0]  # pyright: ignore[reportCallIssue]
     if not np.isfinite(response).all():  # a pole, or one that it all but hits
         return np.full(min(model.D.shape), np.inf)
     return np.asarray(np.linalg.svd(response, compute_uv=False), dtype=float)

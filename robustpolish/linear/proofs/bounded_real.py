@@ -89,7 +89,7 @@ class BallSystem:
     def response(self, frequency: float, solve: Callable[[Ball, Ball], Ball] | None = None) -> Ball:
         """Return the response at a frequency in rad/s, infinity included; see `transfer_matrix`."""
         s = flint.acb(0, frequency) if math.isfinite(frequency) else None
-        return balls.transfer_matrix(*self, s, solve)
+        return balls.transfer_matrix(*self, s, solve)  # pyright: ignore[reportCallIssue]
 
     def continuous(self) -> BallSystem:
         """Return the continuous system of a discrete one, with the same gains and Gramians."""

@@ -242,9 +242,9 @@ def _function(law: FormulaLaw) -> Callable[..., None]:
         if operation in _ARITHMETIC:
             return ast.BinOp(operands[0], _ARITHMETIC[operation](), operands[1])
         exponent = operands[-1].value if isinstance(operands[-1], ast.Constant) else math.inf
-        if operation == "**" and float(exponent).is_integer() and abs(exponent) <= _HIGHEST:
-            power = ast.BinOp(operands[0], ast.Pow(), ast.Constant(abs(int(exponent))))
-            return ast.BinOp(ast.Constant(1.0), ast.Div(), power) if exponent < 0 else power
+        if operation == "**" and float(exponent).is_integer() and abs(exponent) <= _HIGHEST:  # pyright: ignore[reportArgumentType]
+            power = ast.BinOp(operands[0], ast.Pow(), ast.Constant(abs(int(exponent))))  # pyright: ignore[reportArgumentType]
+            return ast.BinOp(ast.Constant(1.0), ast.Div(), power) if exponent < 0 else power  # pyright: ignore[reportOperatorIssue]
         return ast.Call(ast.Name(operation, ast.Load()), list(operands), [])
 
     tree = ast.parse("def law(t, q, v, z, p, f, dz):\n    f[0] = 0.0")

@@ -246,12 +246,12 @@ class Mould(PolishedSurface):
         return cls(x, y, found, np.ones(heights.shape, dtype=bool), name, error)
 
     @cached_property
-    def packed(self) -> Floats:
+    def packed(self) -> Floats:  # pyright: ignore[reportIncompatibleMethodOverride]
         """The mould as the one array that compiled code reads."""
         return pack(self.x, self.y, self.coefficients)
 
     @cached_property
-    def sharpest_bend(self) -> float:
+    def sharpest_bend(self) -> float:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Largest second derivative of the height in any direction on the mould [1/m]."""
         r, s, t = self.bends(self.x[:, None], self.y[None, :])
         return max(0.0, float(np.nanmax(0.5 * (r + t) + np.hypot(0.5 * (r - t), s))))

@@ -345,7 +345,7 @@ def _largest_singular_values(
             if precise:
                 with balls.precision(160):
                     point = None if s is None else flint.acb(complex(s))
-                    response = balls.midpoint(balls.transfer_matrix(*exact, point))
+                    response = balls.midpoint(balls.transfer_matrix(*exact, point))  # pyright: ignore[reportCallIssue]
             elif s is None:
                 response = D
             else:

@@ -398,7 +398,7 @@ def _proof_at_unit_norm(
         found = precise_riccati_solution(loop)
         trials = [] if found is None else [(np.eye(n), found, loop)]
     for T, P, turned in trials:
-        if is_definite(bounded_real(P, *turned, 1)) and is_definite(P):
+        if is_definite(bounded_real(P, *turned, 1)) and is_definite(P):  # pyright: ignore[reportCallIssue]
             return T, P
     return None
 

@@ -225,7 +225,7 @@ def _filter(numbers: Vector) -> Filter:
 def repeated_filters(filters: Sequence[Filter], times: Sequence[int]) -> Controller:
     """Return filters side by side, each so many times."""
     parts = [f.matrices for f, count in zip(filters, times, strict=True) for _ in range(count)]
-    return Controller(*(block_diag(*each) for each in zip(*parts, strict=True)))
+    return Controller(*(block_diag(*each) for each in zip(*parts, strict=True)))  # pyright: ignore[reportArgumentType]
 
 
 def scaled_norms(M: AnyArray, left: Matrix, right: Matrix) -> Vector:

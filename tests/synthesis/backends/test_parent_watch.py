@@ -24,6 +24,7 @@ PIPE_ALONE = (
     """
 import time
 from robustpolish.synthesis.backends import parent_watch
+from robustpolish.synthesis.lmi.program import run_with_time_limit
 parent_watch.sys.platform = "anything else"
 """
     + SLEEPER
