@@ -12,7 +12,7 @@ import robustpolish as rp
 from robustpolish import names
 
 ANSWERS = Path(__file__).parent / "reference" / "answers"
-OLD = json.loads((ANSWERS / "names_of_0_1_0.json").read_text())
+OLD = json.loads((Path(__file__).parent / "names_of_0_1_0.json").read_text())
 PACKAGES = json.loads((ANSWERS / "rooms.json").read_text())
 
 

@@ -52,7 +52,8 @@ def taking_plants():
 def public(name):
     """Return a public function by its own name, wherever it stands."""
     places = (rp, *(getattr(rp, namespace) for namespace in NAMESPACES))
-    return next(getattr(place, name) for place in places if name in dir(place))
+    short = name.removeprefix("uncertain_")
+    return next(getattr(place, n) for place in places for n in (name, short) if n in dir(place))
 
 
 def _takes_plant(found):
