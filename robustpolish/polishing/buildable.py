@@ -275,7 +275,7 @@ class HardwareLimit:
 
     Examples
     --------
-    >>> from robustpolish.closed_loop import HardwareLimit
+    >>> from robustpolish.polishing import HardwareLimit
     >>> HardwareLimit("no delay", 1e-6, 3e-6, 1e7, 8.0).norm
     1e-06
     """

@@ -484,9 +484,9 @@ class NormTarget:
         Examples
         --------
         >>> NormTarget.checked(2.0)
-        WantedNorm(enough=2.0, below=2.0)
+        NormTarget(enough=2.0, below=2.0)
         >>> NormTarget.checked((0.5, 2.0))
-        WantedNorm(enough=0.5, below=2.0)
+        NormTarget(enough=0.5, below=2.0)
         """
         if gamma is None:
             return ANY_NORM

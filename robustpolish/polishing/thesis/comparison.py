@@ -108,7 +108,7 @@ def published_gain(name: str) -> NDArray[np.float64]:
     Examples
     --------
     >>> import robustpolish as rp
-    >>> from robustpolish.synthesis import published_gain
+    >>> from robustpolish.polishing import published_gain
     >>> loop = rp.air_bearing().state_feedback_loop(published_gain("first_scaled"))
     >>> f"{rp.hinf_norm(loop).value:.4g}"
     '3.361e-06'
@@ -168,7 +168,7 @@ def thesis_comparison(
 
     Examples
     --------
-    >>> from robustpolish.closed_loop import thesis_comparison
+    >>> from robustpolish.polishing import thesis_comparison
     >>> table = thesis_comparison(run=1, controllers=["second"], duration=0.02)
     >>> print(table.load[:17])
     not the same load
@@ -290,7 +290,7 @@ def thesis_structures(
 
     Examples
     --------
-    >>> from robustpolish.closed_loop import thesis_structures
+    >>> from robustpolish.polishing import thesis_structures
     >>> designs = thesis_structures("force", time_limit=2)
     >>> [design.certificate.valid for design in designs.values()]
     [True, True, True, True, True]
