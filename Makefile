@@ -47,7 +47,7 @@ lint: $(READY) ## Check style, types, the direction of imports, cycles and the s
 	$(BIN)/pyright --threads 2
 	$(BIN)/lint-imports
 	$(BIN)/python -m tests.structure.imports
-	$(BIN)/python -m tests.structure.size --limit $(LINES) --files $(FILES_AT_MOST)
+	$(BIN)/python -m tests.structure.size --lines $(LINES) --files $(FILES_AT_MOST)
 
 structure: $(READY) ## Print the files that public calls enter, and the size of the package
 	$(BIN)/python -m tests.structure.call_path
