@@ -70,7 +70,7 @@ def test_an_estimate_of_the_infimum_is_no_bound(monkeypatch):
     found = lower_bound(SolverPlant.of(plant, mapped=True).matrices, 1e-4, Budget())
     assert found is not None
     monkeypatch.setattr(
-        "robustpolish.synthesis.riccati.gamma.lower_bound",
+        "robustpolish.synthesis.driver.lower_bound",
         lambda *_: found._replace(proven=False, how="estimated"),
     )
     design = rp.output_feedback(plant)
