@@ -1,17 +1,45 @@
-from .filtering import decimate as decimate
-from .filtering import lowpass as lowpass
-from .filtering import split_blocks as split_blocks
-from .forces import measured_forces as measured_forces
-from .frequency_response import estimate_frequency_response as estimate_frequency_response
-from .frequency_response import holds_frequency_response as holds_frequency_response
-from .frequency_response import labelled_response as labelled_response
-from .frequency_response import ratio_unit as ratio_unit
-from .frequency_response import read_frequency_response as read_frequency_response
-from .headers import same_kind as same_kind
-from .headers import to_si as to_si
-from .quality import check_sampling as check_sampling
-from .quality import sampling_time as sampling_time
-from .read import read_measurement as read_measurement
+from .filtering import (
+    decimate as decimate,
+)
+from .filtering import (
+    lowpass as lowpass,
+)
+from .filtering import (
+    split_blocks as split_blocks,
+)
+from .forces import (
+    measured_forces as measured_forces,
+)
+from .frequency_response import (
+    estimate_frequency_response as estimate_frequency_response,
+)
+from .frequency_response import (
+    holds_frequency_response as holds_frequency_response,
+)
+from .frequency_response import (
+    labelled_response as labelled_response,
+)
+from .frequency_response import (
+    ratio_unit as ratio_unit,
+)
+from .frequency_response import (
+    read_frequency_response as read_frequency_response,
+)
+from .headers import (
+    same_kind as same_kind,
+)
+from .headers import (
+    to_si as to_si,
+)
+from .quality import (
+    check_sampling as check_sampling,
+)
+from .quality import (
+    sampling_time as sampling_time,
+)
+from .read import (
+    read_measurement as read_measurement,
+)
 
 __all__ = [
     "check_sampling",
