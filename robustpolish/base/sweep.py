@@ -365,11 +365,14 @@ class SweepRecord:
 
     def __init__(self, path: str | os.PathLike[str], checksum: str, count: int) -> None:
         self.path = Path(path)
-        self._head = {"format": FORMAT, "checksum": checksum, "count": count}
-        self.found = self._open()
+        if not self.path.parent.is_dir():
+            remedy = "Create the folder first."
+            raise invalid("file", str(self.path), "a path in an existing folder", remedy)
+        head = {"format": FORMAT, "checksum": checksum, "count": count}
+        self.found = self._read(head) if self.path.exists() else {}
         self._file: BinaryIO = self.path.open("ab")
         if not self.path.stat().st_size:
-            self._write([self._head])
+            self._write([head])
 
     def close(self) -> None:
         """Close the file."""
@@ -380,43 +383,35 @@ class SweepRecord:
         self._write([{"point": i, **outcome.to_json()} for i, outcome in finished])
 
     def _write(self, entries: list[dict]) -> None:
-        for entry in entries:
-            text = json.dumps(entry).encode()
-            self._file.write(b"%08x %s\n" % (zlib.crc32(text), text))
+        self._file.writelines(map(_line, entries))
         self._file.flush()
 
-    def _open(self) -> dict[int, Outcome]:
+    def _read(self, head: dict[str, Any]) -> dict[int, Outcome]:
         """Return the points that the file holds, and cut off a torn end."""
-        if not self.path.parent.is_dir():
-            remedy = "Create the folder first."
-            raise invalid("file", str(self.path), "a path in an existing folder", remedy)
-        if not self.path.exists():
-            return {}
         content = self.path.read_bytes()
-        if self._begun(content):
+        if _line(head)[:-1].startswith(content):  # empty, or a first line that was torn
             os.truncate(self.path, 0)
             return {}
         lines = content.splitlines(keepends=True)
         entries = [_entry(line) for line in lines]
-        if entries[0] is None or entries[0].get("format") != FORMAT:
-            raise self._refused("holds something else")
-        if entries[0] != self._head:
-            raise self._refused("holds another function, other points or another seed")
-        if entries[-1] is None:
-            os.truncate(self.path, len(content) - len(lines.pop()))
+        if entries[0] == head and entries[-1] is None:
+            os.truncate(self.path, len(content) - len(lines[-1]))
             entries.pop()
-        if None in entries:
-            raise self._refused(f"is damaged in line {entries.index(None) + 1}")
-        return {entry["point"]: Outcome.from_json(entry) for entry in entries[1:] if entry}
-
-    def _begun(self, content: bytes) -> bool:
-        """Tell whether this is empty, or a first line of ours that was torn."""
-        text = json.dumps(self._head).encode()
-        return (b"%08x %s\n" % (zlib.crc32(text), text))[:-1].startswith(content)
-
-    def _refused(self, why: str) -> Exception:
+        if entries[0] is None or entries[0].get("format") != FORMAT:
+            why = "holds something else"
+        elif entries[0] != head:
+            why = "holds another function, other points or another seed"
+        elif None in entries:
+            why = f"is damaged in line {entries.index(None) + 1}"
+        else:
+            return {entry["point"]: Outcome.from_json(entry) for entry in entries[1:] if entry}
         remedy = f"Choose another file, or delete {self.path} to start anew."
-        return misfit("file", f"one that {why}", "a file of this sweep", remedy)
+        raise misfit("file", f"one that {why}", "a file of this sweep", remedy)
+
+
+def _line(entry: dict[str, Any]) -> bytes:
+    text = json.dumps(entry).encode()
+    return b"%08x %s\n" % (zlib.crc32(text), text)
 
 
 def _entry(line: bytes) -> dict | None:
