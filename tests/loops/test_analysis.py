@@ -154,6 +154,7 @@ def test_pictures_of_other_things_and_bad_names():
         rp.loop_analysis(SATELLITE, -np.eye(2), requirements={"disk": 1})
 
 
+@pytest.mark.slow
 def test_units_of_signals_change_no_margin():
     scale = np.diag([1e6, 1e-3])
     plant = control.ss(SATELLITE.A, SATELLITE.B @ scale, SATELLITE.C, 0)
