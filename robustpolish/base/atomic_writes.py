@@ -16,7 +16,6 @@ from pathlib import Path
 
 from robustpolish.base.checks import invalid
 from robustpolish.base.input_files import write_errors_as_storage_errors
-from robustpolish.errors import InvalidInputError
 
 # Renames that replace nothing by accident, and that exchange two folders at once.
 
@@ -39,19 +38,18 @@ def rename_noreplace(draft: Path, target: Path) -> None:
     if draft.is_file():
         try:
             os.link(draft, target)
+            return draft.unlink()
         except OSError as error:
             if error.errno not in (*_UNKNOWN, errno.EPERM):
                 raise
-        else:
-            draft.unlink()
-            return
+    taken = FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(target))
     if os.path.lexists(target):
-        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(target))
+        raise taken
     try:
         draft.rename(target)
     except OSError as error:
         if error.errno in (errno.ENOTEMPTY, errno.ENOTDIR):  # it was put there just now
-            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(target)) from None
+            raise taken from None
         raise
 
 
@@ -180,21 +178,21 @@ def remove_stale_stages(folder: Path) -> None:
     with contextlib.suppress(OSError):
         for found in sorted(folder.iterdir()):
             if _NAME.fullmatch(found.name) and found.is_dir() and not found.is_symlink():
-                _remove_stale_stage(found)
+                with contextlib.suppress(OSError):
+                    _remove_stale_stage(found)
 
 
 def _remove_stale_stage(home: Path) -> None:
     """Remove a stage unless it is somebody's."""
-    with contextlib.suppress(OSError):
-        lock = _locked(home, wait=False)
-        if lock is None:
-            return
-        try:
-            if os.fstat(lock).st_uid == os.geteuid():
-                _finish(home)
-                shutil.rmtree(home, ignore_errors=True)
-        finally:
-            os.close(lock)
+    lock = _locked(home, wait=False)
+    if lock is None:
+        return
+    try:
+        if os.fstat(lock).st_uid == os.geteuid():
+            _finish(home)
+            shutil.rmtree(home, ignore_errors=True)
+    finally:
+        os.close(lock)
 
 
 def _finish(home: Path) -> None:
@@ -286,15 +284,11 @@ def _put(draft: Path, target: Path, force: bool) -> None:
     for _ in range(_TRIALS):
         _check(target, force)
         try:
-            if target.exists():
-                replace_folder(draft, target)
-            else:
-                rename_noreplace(draft, target)
+            return (replace_folder if target.exists() else rename_noreplace)(draft, target)
         except (FileExistsError, FileNotFoundError):
             continue  # another writer was quicker
-        return
-    remedy = "Let one writer finish before the next begins."
-    raise _refused(target, "a place that nobody else writes to all the time", remedy)
+    expected = "a place that nobody else writes to all the time"
+    raise invalid("out", str(target), expected, "Let one writer finish before the next begins.")
 
 
 _TRIALS = 100
@@ -306,10 +300,10 @@ def _check(target: Path, force: bool) -> None:
         return
     if not force:
         remedy = "Choose another one, or replace it with --force."
-        raise _refused(target, "a folder that does not exist yet", remedy)
+        raise invalid("out", str(target), "a folder that does not exist yet", remedy)
     if not _may_be_replaced(target):
         remedy = "It holds something else and is left alone; choose another folder."
-        raise _refused(target, "a folder of results made by robustpolish", remedy)
+        raise invalid("out", str(target), "a folder of results made by robustpolish", remedy)
 
 
 def _may_be_replaced(target: Path) -> bool:
@@ -327,10 +321,6 @@ def _may_be_replaced(target: Path) -> bool:
             return True
         except NotADirectoryError:
             return False
-
-
-def _refused(target: Path, expected: str, remedy: str) -> InvalidInputError:
-    return invalid("out", str(target), expected, remedy)
 
 
 @contextmanager
@@ -373,7 +363,8 @@ def new_file(
             try:
                 rename_noreplace(draft, target)
             except FileExistsError:
-                raise _file_exists(target) from None
+                check_new_file(target)
+                raise
 
 
 def check_new_file(
@@ -386,16 +377,14 @@ def check_new_file(
     target = Path(path)
     remove_stale_stages(target.parent)
     if suffixes and target.suffix not in suffixes:
-        raise _refused(target, f"a name that ends in {' or '.join(suffixes)}", "Rename the file.")
-    if target.exists() and not force:
-        raise _file_exists(target)
-    if not target.parent.is_dir():
-        raise _refused(target, "a path in an existing folder", "Create the folder first.")
-
-
-def _file_exists(target: Path) -> InvalidInputError:
-    remedy = "Replace it with force=True (--force)."
-    return _refused(target, "a file that does not exist yet", remedy)
+        expected, remedy = f"a name that ends in {' or '.join(suffixes)}", "Rename the file."
+    elif target.exists() and not force:
+        expected, remedy = "a file that does not exist yet", "Replace it with force=True (--force)."
+    elif not target.parent.is_dir():
+        expected, remedy = "a path in an existing folder", "Create the folder first."
+    else:
+        return
+    raise invalid("out", str(target), expected, remedy)
 
 
 def write_file(path: str | os.PathLike[str], text: str, force: bool = False) -> None:

@@ -299,15 +299,12 @@ def is_interactive() -> bool:
     """Tell whether standard error is a terminal, or this is a notebook; never if bars are off."""
     if os.environ.get("TQDM_DISABLE", "0") not in ("", "0"):
         return False
-    if sys.stderr is not None and sys.stderr.isatty():
-        return True
-    return _in_notebook()
+    return (sys.stderr is not None and sys.stderr.isatty()) or _in_notebook()
 
 
 def _in_notebook() -> bool:
     interactive = sys.modules.get("IPython")
-    shell = interactive.get_ipython() if interactive else None
-    return shell is not None and hasattr(shell, "kernel")
+    return interactive is not None and hasattr(interactive.get_ipython(), "kernel")
 
 
 class _Bar:
@@ -441,8 +438,7 @@ def enforce_deadline(budget: Budget, grace: float | None = None) -> Iterator[Non
     >>> with enforce_deadline(Budget(seconds=10.0)):
     ...     check_deadline()
     """
-    ends = now() + budget.seconds - budget.elapsed
-    ends += GRACE if grace is None else grace
+    ends = now() + budget.seconds - budget.elapsed + (GRACE if grace is None else grace)
     token = _deadline.set(min(_deadline.get(), ends))
     try:
         yield

@@ -73,6 +73,13 @@ def described(text: str) -> str:
     return _Described(text)
 
 
+def misfit(
+    argument: str | Key, found: str, expected: str, remedy: str, key: Key | None = None
+) -> InvalidInputError:
+    """Build the error for a bad argument that is described by `found`; see :func:`invalid`."""
+    return invalid(argument, _Described(found), expected, remedy, key)
+
+
 @contextmanager
 def inside(where: Key) -> Iterator[None]:
     """Say of what is complained about inside where it stands.
@@ -126,23 +133,19 @@ def known_keys(
     known = tuple(known)
     for key in table:
         if key not in known:
-            one_of_these, shown = f"one of {', '.join(known)}", described("an unknown key")
-            raise invalid((*where, key), shown, one_of_these, closest_name_remedy(key, known))
+            listed, remedy = f"one of {', '.join(known)}", closest_name_remedy(key, known)
+            raise misfit((*where, key), "an unknown key", listed, remedy)
     for key in required:
         if key not in table:
             what = f"no {key}" if where else f"no table {key}"
-            raise invalid(where or (key,), described(what), f"{key} to be given", f"Add {key}.")
+            raise misfit(where or (key,), what, f"{key} to be given", f"Add {key}.")
 
 
 def source_of(system: control.StateSpace | None) -> control.StateSpace:
     """Return the system behind a result, which a result made by hand may lack."""
     if system is None:
-        raise invalid(
-            "system",
-            system,
-            "the system that the result belongs to",
-            "Draw a result that a function of the package returned.",
-        )
+        remedy = "Draw a result that a function of the package returned."
+        raise invalid("system", system, "the system that the result belongs to", remedy)
     return system
 
 
@@ -158,9 +161,7 @@ def is_whole(value: object) -> TypeGuard[int]:
 
 
 def matrix(
-    argument: str,
-    value: ArrayLike,
-    shape: tuple[int | None, int | None] = (None, None),
+    argument: str, value: ArrayLike, shape: tuple[int | None, int | None] = (None, None)
 ) -> NDArray[np.float64]:
     """Return `value` as a finite real matrix of the given shape.
 
@@ -182,30 +183,23 @@ def matrix(
     InvalidInputError
         If it is not numeric, complex, not two-dimensional, of another shape, or not finite.
     """
-    want = "a real matrix" if shape == (None, None) else f"a real matrix of shape {_show(shape)}"
+    sizes = ", ".join("any" if n is None else str(n) for n in shape)
+    want = "a real matrix" + ("" if shape == (None, None) else f" of shape ({sizes})")
     try:
         given: Any = np.asarray(value)  # rows of different lengths end here
         array = (given.real if given.dtype.kind == "c" else given).astype(float)
     except (TypeError, ValueError):
         raise invalid(argument, value, want, "Pass nested lists or a NumPy array.") from None
     if np.iscomplexobj(given):
-        raise invalid(argument, described("complex entries"), want, "Pass real numbers.")
+        raise misfit(argument, "complex entries", want, "Pass real numbers.")
     if array.ndim == 0:
         array = array.reshape(1, 1)
-    if array.ndim != 2 or any(
-        want_n is not None and n != want_n for n, want_n in zip(array.shape, shape, strict=True)
-    ):
-        raise invalid(
-            argument, described(f"shape {array.shape}"), want, "Check its rows and columns."
-        )
+    if array.ndim != 2 or any(n not in (None, m) for n, m in zip(shape, array.shape, strict=True)):
+        raise misfit(argument, f"shape {array.shape}", want, "Check its rows and columns.")
     if not np.isfinite(array).all():
         row, column = np.argwhere(~np.isfinite(array))[0]
-        raise invalid(
-            argument,
-            described(f"{array[row, column]} at row {row}, column {column}"),
-            "finite numbers",
-            "Remove or replace the entry.",
-        )
+        found = f"{array[row, column]} at row {row}, column {column}"
+        raise misfit(argument, found, "finite numbers", "Remove or replace the entry.")
     return array
 
 
@@ -213,10 +207,6 @@ def square(argument: str, value: ArrayLike) -> NDArray[np.float64]:
     """Return `value` as a finite real matrix with as many rows as columns."""
     rows = matrix(argument, value).shape[0]
     return matrix(argument, value, (rows, rows))
-
-
-def _show(shape: tuple[int | None, int | None]) -> str:
-    return "(" + ", ".join("any" if n is None else str(n) for n in shape) + ")"
 
 
 def positive(argument: str | Key, value: Any, unit: str = "", zero: bool = False) -> float:

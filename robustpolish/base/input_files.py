@@ -11,11 +11,11 @@ import stat
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from robustpolish.base.checks import Key, described, instance_of, invalid, positive
+from robustpolish.base.checks import Key, instance_of, misfit, positive
 from robustpolish.errors import InvalidInputError, StorageError
 
 # What is said when the disk does not take a result: one line, as for any other error.
@@ -61,7 +61,7 @@ def write_errors_as_storage_errors(path: str | os.PathLike[str]) -> Iterator[Non
     robustpolish.errors.StorageError: results: not written (No space left on device). Free some...
     """
     if "\0" in os.fspath(path):
-        raise invalid("out", described("a name with a NUL"), "a name", "Choose another name.")
+        raise misfit("out", "a name with a NUL", "a name", "Choose another name.")
     try:
         yield
     except OSError as error:
@@ -161,8 +161,7 @@ class FileSpec:
         """
         if max_bytes is None:
             return self
-        largest = int(positive("max_bytes", max_bytes))
-        return FileSpec(self.argument, self.expected, self.remedy, largest)
+        return replace(self, largest=int(positive("max_bytes", max_bytes)))
 
     def too_large(self, path: Any, size: int, packed: bool = False) -> InvalidInputError:
         """Build the error for a file of more bytes than the limit.
@@ -179,9 +178,9 @@ class FileSpec:
         -------
         InvalidInputError
         """
-        shown = described(f"{_name(path)}{', unpacked,' if packed else ''} of {size:,} bytes")
+        found = f"{Path(path).name}{', unpacked,' if packed else ''} of {size:,} bytes"
         want = f"at most {self.largest:,} bytes"
-        return invalid(self.argument, shown, want, "If you trust the file, raise max_bytes.")
+        return misfit(self.argument, found, want, "If you trust the file, raise max_bytes.")
 
     def refused(self, path: Any, reason: object) -> InvalidInputError:
         """Build the error for a file that is not as it should be.
@@ -199,7 +198,7 @@ class FileSpec:
         name = str(path)
         if len(name) > _SHOWN:  # or the reason would be cut off
             name = f"{name[: _SHOWN // 2]}...{name[-_SHOWN // 2 :]}"
-        return invalid(self.argument, described(f"{name} ({reason})"), self.expected, self.remedy)
+        return misfit(self.argument, f"{name} ({reason})", self.expected, self.remedy)
 
 
 def file_size(path: Any, wanted: FileSpec) -> int:
@@ -328,10 +327,6 @@ def _check_regular(path: Any, status: os.stat_result, wanted: FileSpec) -> None:
         raise wanted.refused(path, _OTHERS.get(stat.S_IFMT(status.st_mode), "no regular file"))
 
 
-def _name(path: Any) -> str:
-    return Path(path).name
-
-
 # What an archive says that it holds, looked at before anything is unpacked.
 
 _MOST = 10_000
@@ -438,5 +433,5 @@ def _check_text(where: str, key: Key, text: str) -> None:
 
 
 def _refused(where: str, key: Key, shown: str, expected: str) -> Exception:
-    found = invalid(key or ("file",), described(shown), expected, "Correct it.")
+    found = misfit(key or ("file",), shown, expected, "Correct it.")
     return type(found)(f"{where}: {found}", key) if where else found

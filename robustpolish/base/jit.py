@@ -153,4 +153,4 @@ def _root(given: str) -> Path:
         return Path(given) / _PACKAGE / __version__
     # without a home that can be written to, numba looks for another place
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    return Path(home) / _PACKAGE / "compiled" / __version__
+    return Path(home, _PACKAGE, "compiled", __version__)

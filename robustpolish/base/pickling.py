@@ -29,10 +29,6 @@ def read_only_mapping(content: dict[Any, Any]) -> Mapping[Any, Any]:
     return MappingProxyType(content)
 
 
-def _reduced_mapping(mapping: Any) -> tuple[Any, ...]:
-    return read_only_mapping, (dict(mapping),)
-
-
 def _reduced_system(system: control.StateSpace) -> tuple[Any, ...]:
     # A new system of the same matrices brings functions of its own; all else is as it was.
     kept = {name: value for name, value in vars(system).items() if name not in _REBUILT_ATTRIBUTES}
@@ -65,17 +61,9 @@ def _ball(middle: Part, radius: Part) -> Any:
     return flint.arb(middle, radius)
 
 
-def _reduced_matrix(matrix: Any) -> tuple[Any, ...]:
-    return _matrix, (matrix.nrows(), matrix.ncols(), matrix.entries())
-
-
-def _matrix(rows: int, columns: int, entries: list[Any]) -> Any:
-    return flint.arb_mat(rows, columns, entries)
-
-
 def register() -> None:
     """Tell `pickle` and `copy` how these types are copied."""
-    copyreg.pickle(MappingProxyType, _reduced_mapping)  # pyright: ignore[reportArgumentType]
+    copyreg.pickle(MappingProxyType, lambda one: (read_only_mapping, (dict(one),)))  # pyright: ignore[reportArgumentType]
     copyreg.pickle(control.StateSpace, _reduced_system)
     copyreg.pickle(flint.arb, _reduced_ball)
-    copyreg.pickle(flint.arb_mat, _reduced_matrix)
+    copyreg.pickle(flint.arb_mat, lambda M: (flint.arb_mat, (M.nrows(), M.ncols(), M.entries())))

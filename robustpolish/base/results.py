@@ -6,7 +6,7 @@ import html
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -161,22 +161,19 @@ def shown(value: Any, digits: int = 4, missing: str = "-") -> str:
         return value.text
     if isinstance(value, float | complex):
         return f"{value:.{digits}g}"
-    if isinstance(value, str):
-        return value
-    if isinstance(value, Iterable):
+    if isinstance(value, Iterable) and not isinstance(value, str):
         return ", ".join(shown(item, digits, missing) for item in value)
     return str(value)
 
 
 def as_text(card: Card) -> str:
     """Return a card as aligned text."""
-    lines = [card.title] if card.title else []
-    indent = "  " if card.title else ""
+    lines = []
     for table in card.tables:
-        if table.caption:
-            lines += [f"{indent}{table.caption}"]
-        lines += [indent + line for line in _aligned(table)]
-    return "\n".join([*lines, *(indent + note for note in card.notes)])
+        lines += [table.caption] * bool(table.caption) + _aligned(table)
+    indent = "  " if card.title else ""
+    titles = [card.title] if card.title else []
+    return "\n".join([*titles, *(indent + line for line in (*lines, *card.notes))])
 
 
 def as_html(card: Card) -> str:
@@ -188,38 +185,25 @@ def as_html(card: Card) -> str:
 
 
 def _aligned(table: Table) -> list[str]:
-    body = table.cells()
-    rows = [list(table.columns), *body] if table.columns else body
-    if not rows:
-        return []
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    rows = [list(table.columns)] * bool(table.columns) + table.cells()
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     right = table.numeric() or [False] * len(widths)
-    lines = []
-    for row in rows:
-        cells = [
-            cell.rjust(width) if flush else cell.ljust(width)
-            for cell, width, flush in zip(row, widths, right, strict=True)
-        ]
-        lines.append("  ".join(cells).rstrip())
-    return lines
+    sides = [str.rjust if flush else str.ljust for flush in right]
+    return [
+        "  ".join(map(lambda side, *to: side(*to), sides, row, widths)).rstrip() for row in rows
+    ]
 
 
 def _html_table(table: Table) -> str:
-    right = table.numeric()
-    head = ""
-    if table.columns:
-        names = "".join(f"<th>{html.escape(name)}</th>" for name in table.columns)
-        head = f"<thead><tr>{names}</tr></thead>"
-    rows = "".join(f"<tr>{_html_row(row, right)}</tr>" for row in table.cells("–"))
+    names = "".join(f"<th>{html.escape(name)}</th>" for name in table.columns)
+    head = f"<thead><tr>{names}</tr></thead>" if table.columns else ""
+    styles = [' style="text-align: right"' if flush else "" for flush in table.numeric()]
+    rows = "".join(
+        f"<tr>{''.join(map(lambda s, c: f'<td{s}>{html.escape(c)}</td>', styles, row))}</tr>"
+        for row in table.cells("–")
+    )
     caption = f"<caption>{html.escape(table.caption)}</caption>" if table.caption else ""
     return f"<table>{caption}{head}<tbody>{rows}</tbody></table>"
-
-
-def _html_row(row: Sequence[str], right: Sequence[bool]) -> str:
-    styles = [' style="text-align: right"' if flush else "" for flush in right]
-    return "".join(
-        f"<td{style}>{html.escape(cell)}</td>" for cell, style in zip(row, styles, strict=True)
-    )
 
 
 def _is_number(cell: Any) -> bool:

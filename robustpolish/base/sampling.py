@@ -51,11 +51,9 @@ def share_limits(good: int, samples: int, confidence: float) -> tuple[float, flo
     >>> round(low, 4), round(high, 4)
     (0.4439, 0.9748)
     """
-    one_sided = (1 + confidence) / 2
-    return (
-        share_at_least(good, samples, one_sided),
-        1.0 - share_at_least(samples - good, samples, one_sided),
-    )
+    bad, one_sided = samples - good, (1 + confidence) / 2
+    lowest, most_bad = (share_at_least(n, samples, one_sided) for n in (good, bad))
+    return lowest, 1.0 - most_bad
 
 
 def percentile(values: Array, share: float) -> float:
@@ -145,10 +143,8 @@ def draws(distributions: Mapping[str, Any], samples: int, seed: int) -> list[dic
     >>> found[:2] == draws({"run": [1, 2], "mass": ("uniform", 1.0, 2.0)}, 2, seed=0)
     True
     """
-    known = {name: read_distribution(name, given) for name, given in distributions.items()}
-    return [
-        {name: _drawn(name, known[name], seed, i) for name in sorted(known)} for i in range(samples)
-    ]
+    known = {name: read_distribution(name, distributions[name]) for name in sorted(distributions)}
+    return [{name: _drawn(name, known[name], seed, i) for name in known} for i in range(samples)]
 
 
 def _drawn(name: str, distribution: Distribution, seed: int, i: int) -> Any:
@@ -172,29 +168,27 @@ def read_distribution(name: str, given: Any) -> Distribution:
     if isinstance(given, tuple) and len(given) == 2 and not isinstance(given[0], str):
         given = ("uniform", *given)
     if isinstance(given, tuple) and given and given[0] in _NAMED:
+        sound, made = _NAMED[given[0]]
         try:
             numbers = [float(number) for number in given[1:]]
-        except (TypeError, ValueError):
-            numbers = []
-        count, sound, made = _NAMED[given[0]]
-        if len(numbers) == count and all(map(math.isfinite, numbers)) and sound(*numbers):
-            return made(*numbers)
+            if all(map(math.isfinite, numbers)) and sound(*numbers):
+                return made(*numbers)
+        except (TypeError, ValueError):  # not numbers, or not as many as it takes
+            pass
     remedy = "Spreads have to be above zero, and bounds in rising order."
     raise invalid(("distributions", name), given, FORMS, remedy)
 
 
-_NAMED: dict[str, tuple[int, Any, Any]] = {
-    "normal": (2, lambda _, deviation: deviation > 0, stats.norm),
-    "uniform": (2, lambda low, high: low < high, lambda low, high: stats.uniform(low, high - low)),
+_NAMED: dict[str, tuple[Any, Any]] = {
+    "normal": (lambda _, deviation: deviation > 0, stats.norm),
+    "uniform": (lambda low, high: low < high, lambda low, high: stats.uniform(low, high - low)),
     "lognormal": (
-        2,
         lambda median, deviation: median > 0 and deviation > 0,
         lambda median, deviation: stats.lognorm(deviation, scale=median),
     ),
     "triangular": (
-        3,
         lambda low, mode, high: low <= mode <= high and low < high,
         lambda low, mode, high: stats.triang((mode - low) / (high - low), low, high - low),
     ),
 }
-"""How many numbers a named distribution takes, which are sound, and what it becomes."""
+"""Which numbers of a named distribution are sound, and what it becomes."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.base.atomic_writes import new_file
-from robustpolish.base.checks import described, invalid
+from robustpolish.base.checks import invalid, is_whole, misfit
 from robustpolish.base.input_files import FileSpec, check_tree, text
 from robustpolish.base.versions import __version__
 
@@ -84,19 +84,18 @@ def read_saved(
     try:
         content = json.loads(written, parse_constant=_no_constant)
     except (ValueError, RecursionError) as error:
-        shown = described(f"{name} ({error})")
-        raise invalid("path", shown, "a JSON file of robustpolish", remedy) from None
+        raise misfit("path", f"{name} ({error})", "a JSON file of robustpolish", remedy) from None
     check_tree(content, name)
     found = content.get("robustpolish") if isinstance(content, dict) else None
     if not isinstance(found, str):
-        shown = described(f"{name}, which does not say what it holds")
-        raise invalid("path", shown, 'a JSON file with the key "robustpolish"', remedy)
+        shown, want = f"{name}, which does not say what it holds", 'the key "robustpolish"'
+        raise misfit("path", shown, f"a JSON file with {want}", remedy)
     if kind is not None and found != kind:
-        raise invalid("path", described(f"a {found} in {name}"), f"a {kind}", "Use rp.load(path).")
+        raise misfit("path", f"a {found} in {name}", f"a {kind}", "Use rp.load(path).")
     fields = Fields(content, name)
     if fields.whole("format") > FORMAT:
-        shown = described(f"format {content['format']} of robustpolish {content.get('version')}")
-        raise invalid(name, shown, f"format {FORMAT} or older", "Update robustpolish.")
+        shown = f"format {content['format']} of robustpolish {content.get('version')}"
+        raise misfit(name, shown, f"format {FORMAT} or older", "Update robustpolish.")
     return fields
 
 
@@ -127,7 +126,7 @@ class Fields:
     def raw(self, key: str) -> Any:
         """Return what stands at a key, unchecked."""
         if key not in self._content:
-            raise invalid(self.where, described("a table without it"), f"the key {key!r}", _EDITED)
+            raise misfit(self.where, "a table without it", f"the key {key!r}", _EDITED)
         return self._content[key]
 
     def table(self, key: str) -> Fields:
@@ -140,30 +139,31 @@ class Fields:
 
     def items(self, key: str) -> list[Any]:
         """Return the list at a key."""
-        value = self.raw(key)
-        return self._checked(key, value, isinstance(value, list), "a list")
+        return self._checked(key, lambda v: isinstance(v, list), "a list")
 
     def text(self, key: str, choices: tuple[str, ...] = ()) -> str:
         """Return the text at a key."""
-        value = self.raw(key)
-        right = isinstance(value, str) and (not choices or value in choices)
-        want = f"one of {', '.join(choices)}" if choices else "a text"
-        return self._checked(key, value, right, want)
+        if choices:
+            return self._checked(key, lambda v: v in choices, f"one of {', '.join(choices)}")
+        return self._checked(key, lambda v: isinstance(v, str), "a text")
 
     def texts(self, key: str) -> tuple[str, ...]:
         """Return the list of texts at a key."""
-        value = self.items(key)
-        right = all(isinstance(item, str) for item in value)
-        return tuple(self._checked(key, value, right, "a list of texts"))
+        texts = self.items(key)
+        right = all(isinstance(item, str) for item in texts)
+        return tuple(self._checked(key, lambda _: right, "a list of texts"))
 
     def truth(self, key: str) -> bool:
         """Return the truth value at a key."""
-        value = self.raw(key)
-        return self._checked(key, value, isinstance(value, bool), "true or false")
+        return self._checked(key, lambda v: isinstance(v, bool), "true or false")
 
     def number(self, key: str) -> float:
         """Return the number at a key; the words inf, -inf and nan count as such."""
-        return self._number(key, self.raw(key))
+        value = self.raw(key)
+        if isinstance(value, str) and value in _WORDS:
+            return _WORDS[value]
+        is_number = is_whole(value) or isinstance(value, float)
+        return float(self._checked(key, lambda _: is_number, "a number"))
 
     def numbers(self, key: str) -> dict[str, float]:
         """Return the table of numbers at a key."""
@@ -172,45 +172,34 @@ class Fields:
 
     def whole(self, key: str) -> int:
         """Return the whole number at a key."""
-        value = self.raw(key)
-        right = isinstance(value, int) and not isinstance(value, bool)
-        return self._checked(key, value, right, "a whole number")
+        return self._checked(key, is_whole, "a whole number")
 
     def array(self, key: str, *shape: int | None) -> NDArray[np.float64]:
         """Return the array at a key; None in the shape leaves a length free."""
-        value = self.raw(key)
-        want = f"numbers of shape {shape}".replace("None", "any")
+        value, want = self.raw(key), f"numbers of shape {shape}".replace("None", "any")
         try:
             array = np.array(_encode_nonfinite(value), dtype=float)
         except (TypeError, ValueError):
-            raise self._bad(key, value, want) from None
+            raise invalid(f"{self.where}: {key}", value, want, _EDITED) from None
         if array.size == 0 and 0 in shape:  # a list of nothing does not tell how wide it is
             array = np.zeros([n or 0 for n in shape])
-        fits = array.ndim == len(shape) and all(
-            n in (None, m) for n, m in zip(shape, array.shape, strict=True)
-        )
-        if not fits:
-            raise self._bad(key, described(f"shape {array.shape}"), want)
+        if array.ndim != len(shape) or any(
+            n not in (None, m) for n, m in zip(shape, array.shape, strict=True)
+        ):
+            raise misfit(f"{self.where}: {key}", f"shape {array.shape}", want, _EDITED)
         return array
 
-    def _number(self, key: str, value: Any) -> float:
-        if isinstance(value, str) and value in _WORDS:
-            return _WORDS[value]
-        right = isinstance(value, int | float) and not isinstance(value, bool)
-        return float(self._checked(key, value, right, "a number"))
-
     def _as_table(self, key: str, value: Any) -> Fields:
-        content = self._checked(key, value, isinstance(value, dict), "a table")
-        return Fields(content, f"{self.where}: {key}")
+        if not isinstance(value, dict):
+            raise invalid(f"{self.where}: {key}", value, "a table", _EDITED)
+        return Fields(value, f"{self.where}: {key}")
 
-    def _checked(self, key: str, value: Any, right: bool, want: str) -> Any:
-        """Return a value if it is right, which the message calls `want`."""
-        if not right:
-            raise self._bad(key, value, want)
+    def _checked(self, key: str, right: Callable[[Any], bool], want: str) -> Any:
+        """Return the value at a key if it is right, which the message calls `want`."""
+        value = self.raw(key)
+        if not right(value):
+            raise invalid(f"{self.where}: {key}", value, want, _EDITED)
         return value
-
-    def _bad(self, key: str, value: Any, want: str) -> Exception:
-        return invalid(f"{self.where}: {key}", value, want, _EDITED)
 
 
 _EDITED = "The file is damaged or was edited; save it again."
@@ -262,10 +251,10 @@ def confirm_norm(fields: Fields, certificate: Any, remedy: str) -> float:
         If the controller earns no certificate, or its loop has another norm.
     """
     if not certificate.valid:
-        shown = described(f"a controller without a valid certificate: {certificate.reasons[0]}")
-        raise invalid(fields.where, shown, "a controller that keeps its promise", remedy)
+        shown = f"a controller without a valid certificate: {certificate.reasons[0]}"
+        raise misfit(fields.where, shown, "a controller that keeps its promise", remedy)
     told = fields.number("achieved")
     if not math.isclose(told, certificate.achieved, rel_tol=NORM_TOLERANCE):
-        shown = described(f"a norm of {told:.6g} for a loop that has {certificate.achieved:.6g}")
-        raise invalid(f"{fields.where}: achieved", shown, "the norm of the loop", remedy)
+        shown = f"a norm of {told:.6g} for a loop that has {certificate.achieved:.6g}"
+        raise misfit(f"{fields.where}: achieved", shown, "the norm of the loop", remedy)
     return told

@@ -12,14 +12,15 @@ import itertools
 import json
 import math
 import multiprocessing
+import operator
 import os
 import pickle
 import re
 import threading
 import time
 import zlib
-from collections import deque
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
     Executor,
@@ -33,7 +34,6 @@ from contextlib import closing, nullcontext
 from dataclasses import dataclass, field
 from multiprocessing import connection, parent_process
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, BinaryIO, Literal
 
 import control
@@ -41,9 +41,7 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.base.budget import progress_bar, single_threaded_blas
-from robustpolish.base.checks import described, invalid, is_whole
-from robustpolish.base.pickling import read_only_mapping
-from robustpolish.errors import InvalidInputError
+from robustpolish.base.checks import invalid, is_whole, misfit
 
 # What a function returned at one point, as named arrays that a file holds bit for bit.
 
@@ -85,12 +83,9 @@ class Outcome:
     @property
     def form(self) -> tuple[Any, ...]:
         """Names, dimensions, shapes and coordinates, in which all points have to agree."""
-        shapes = sorted((name, dims, array.shape) for name, (dims, array) in self.values.items())
-        coords = sorted(
-            (name, dims, array.dtype.str, array.tobytes())
-            for name, (dims, array) in self.coords.items()
-        )
-        return (*shapes, *coords)
+        shapes = {name: (dims, array.shape) for name, (dims, array) in self.values.items()}
+        coords = [(name, d, a.dtype.str, a.tobytes()) for name, (d, a) in self.coords.items()]
+        return shapes, sorted(coords)
 
 
 def outcome_of(returned: Any, taken: Collection[str]) -> Outcome:
@@ -101,65 +96,49 @@ def outcome_of(returned: Any, taken: Collection[str]) -> Outcome:
     TypeError, ValueError
         If it is none of what a sweep can hold; the sweep records that as the point's failure.
     """
-    values: Named = {}
     coords: Named = {}
     if isinstance(returned, xr.DataArray):
         returned = returned.to_dataset(name=str(returned.name or RESULT))
     if isinstance(returned, xr.Dataset):
         coords = {str(name): _labelled(name, returned[name]) for name in returned.coords}
-        variables: Mapping[Any, Any] = {name: returned[name] for name in returned.data_vars}
-    else:
-        variables = returned if isinstance(returned, Mapping) else {RESULT: returned}
-    for name, value in variables.items():
-        if isinstance(value, xr.DataArray):
-            values[str(name)] = _labelled(name, value)
-        else:
-            array = _array(name, value)
-            values[str(name)] = (tuple(f"{name}_{i}" for i in range(array.ndim)), array)
-    dims = {dim for held, _ in values.values() for dim in held}
-    double = sorted((set(values) | set(coords) | dims) & set(taken))
-    if double:
+        returned = dict(returned.data_vars)
+    variables = returned if isinstance(returned, Mapping) else {RESULT: returned}
+    values: Named = {str(name): _labelled(name, value) for name, value in variables.items()}
+    names = {*values, *coords, *(dim for dims, _ in values.values() for dim in dims)}
+    if double := sorted(names & set(taken)):
         raise ValueError(f"returned the name {double[0]!r}, which a parameter of the sweep has")
     return Outcome(values, coords)
 
 
-def _labelled(name: Any, value: xr.DataArray) -> tuple[tuple[str, ...], np.ndarray]:
-    return tuple(map(str, value.dims)), _array(name, value.values)
-
-
-def _array(name: Any, value: Any) -> np.ndarray:
+def _labelled(name: Any, value: Any) -> tuple[tuple[str, ...], np.ndarray]:
+    """Return dimensions and values; those of a bare array are called after its name."""
     array = np.asarray(value)
     if array.dtype.kind not in "biufcUmM":
         what = type(value).__name__
         raise TypeError(f"returned {what} as {name!r}; numbers, text and arrays can be kept")
-    return np.ascontiguousarray(array).reshape(array.shape)
+    labelled = isinstance(value, xr.DataArray)
+    dims = map(str, value.dims) if labelled else (f"{name}_{i}" for i in range(array.ndim))
+    return tuple(dims), np.ascontiguousarray(array).reshape(array.shape)
 
 
 def _written(named: Named) -> dict[str, Any]:
     return {
-        name: [
-            list(dims),
-            array.dtype.str,
-            list(array.shape),
-            base64.b64encode(array.tobytes()).decode("ascii"),
-        ]
-        for name, (dims, array) in named.items()
+        name: [dims, a.dtype.str, a.shape, base64.b64encode(a.tobytes()).decode("ascii")]
+        for name, (dims, a) in named.items()
     }
 
 
 def _read(data: Mapping[str, Any]) -> Named:
     return {
-        name: (
-            tuple(dims),
-            np.frombuffer(base64.b64decode(text), np.dtype(kind)).reshape(shape)
-            if text
-            else np.empty(shape, np.dtype(kind)),
-        )
+        name: (tuple(dims), np.ndarray(shape, np.dtype(kind), base64.b64decode(text)))
         for name, (dims, kind, shape, text) in data.items()
     }
 
 
 # What a worker does: a few points one after the other, each with its own random numbers.
+
+Chunk = list[tuple[int, dict[str, Any]]]
+"""Points with their places."""
 
 SECONDS = 0.25
 """Work that a task should hold: a thousand times what it costs to send it."""
@@ -170,58 +149,39 @@ _KEPT = 1 << 28
 """Bytes up to which a worker keeps what it has freed."""
 
 
-@dataclass(frozen=True)
-class Job:
-    """What all points of a sweep share.
-
-    Attributes
-    ----------
-    function : callable or bytes
-        Pickled, if other processes are to call it.
-    seed : int
-        Of the sweep; that of a point follows from it and from the point's place.
-    takes_rng : bool
-        Whether the function asks for random numbers.
-    taken : tuple of str
-        Names that variables of results must not have.
-    """
-
-    function: Callable[..., Any] | bytes
-    seed: int
-    takes_rng: bool
-    taken: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class ChunkResult:
-    """Finished points and what they took; `unknown` says why the function was not found."""
-
-    finished: list[tuple[int, Outcome]]
-    seconds: float = 0.0
-    unknown: str = ""
+ChunkResult = tuple[list[tuple[int, Outcome]], float]
+"""Finished points, and the seconds that they took."""
 
 
 @single_threaded_blas
-def run_chunk(job: Job, chunk: Sequence[tuple[int, dict[str, Any]]]) -> ChunkResult:
-    """Call the function at some points, given with their places."""
+def run_chunk(
+    function: Callable[..., Any] | bytes, seed: int, taken: Collection[str], chunk: Chunk
+) -> ChunkResult:
+    """Call a function, pickled for other processes, at some points, given with their places.
+
+    Raises
+    ------
+    InvalidInputError
+        If the worker does not find the function.
+    """
     try:
-        function = _loaded(job.function) if isinstance(job.function, bytes) else job.function
+        found = _loaded(function) if isinstance(function, bytes) else function
     except Exception as error:
-        return ChunkResult([], unknown=f"{type(error).__name__}: {error}")
-    start = time.perf_counter()
-    finished = [(i, _run(job, function, i, point)) for i, point in chunk]
-    return ChunkResult(finished, time.perf_counter() - start)
-
-
-def _run(job: Job, function: Callable[..., Any], i: int, point: dict[str, Any]) -> Outcome:
-    own: dict[str, Any] = dict(point)
-    if job.takes_rng:
+        expected = "a function that a worker process can import"
+        remedy = 'Put it into a module (.py file), or write executor="serial".'
+        why = f"one with {type(error).__name__}: {error}"
+        raise misfit("function", why, expected, remedy) from None
+    start, takes_rng = time.perf_counter(), _takes_rng(found)
+    finished = []
+    for i, point in chunk:
         # The i-th of SeedSequence(seed).spawn(...), without making the others.
-        own["rng"] = np.random.default_rng(np.random.SeedSequence(job.seed, spawn_key=(i,)))
-    try:
-        return outcome_of(function(**own), job.taken)
-    except Exception as error:
-        return Outcome(failure=f"{type(error).__name__}: {error}")
+        own = np.random.SeedSequence(seed, spawn_key=(i,))
+        rng = {"rng": np.random.default_rng(own)} if takes_rng else {}
+        try:
+            finished.append((i, outcome_of(found(**point, **rng), taken)))
+        except Exception as error:
+            finished.append((i, Outcome(failure=f"{type(error).__name__}: {error}")))
+    return finished, time.perf_counter() - start
 
 
 @functools.lru_cache(maxsize=1)
@@ -288,51 +248,38 @@ class Points:
 
 def read_points(points: Any) -> Points:
     """Read a grid (mapping of names to values) or samples (mappings, or a Dataset)."""
+    if isinstance(points, Mapping) and not isinstance(points, xr.Dataset):
+        if not points:
+            raise invalid("points", points, "at least one name", 'Write {"gain": [1, 2, 3]}.')
+        values = {name: _column(name, given) for name, given in points.items()}
+        each = _points_of(values, itertools.product(*(c.tolist() for c in values.values())))
+        coords = {name: ((name,), column) for name, column in values.items()}
+        return Points(each, tuple(values), tuple(map(len, values.values())), coords)
     if isinstance(points, xr.Dataset):
-        return _from_dataset(points)
-    if isinstance(points, Mapping):
-        return _from_grid(points)
-    if isinstance(points, Sequence) and not isinstance(points, str) and len(points) > 0:
-        return _from_samples(points)
-    expected = "a mapping of names to values, a sequence of mappings or a Dataset, not empty"
-    raise invalid("points", points, expected, 'Write {"gain": [1, 2, 3]}, for example.')
-
-
-def _from_grid(grid: Mapping[str, Any]) -> Points:
-    if not grid:
-        raise invalid("points", grid, "at least one name", 'Write {"gain": [1, 2, 3]}.')
-    values = {name: _column(name, given) for name, given in grid.items()}
-    lists = [column.tolist() for column in values.values()]
-    each = [dict(zip(values, point, strict=True)) for point in itertools.product(*lists)]
-    coords = {name: ((name,), column) for name, column in values.items()}
-    return Points(each, tuple(values), tuple(len(column) for column in lists), coords)
-
-
-def _from_samples(samples: Sequence[Any]) -> Points:
-    for i, sample in enumerate(samples):
-        if not isinstance(sample, Mapping) or set(sample) != set(samples[0]):
-            remedy = "Give every sample a value of every parameter."
-            raise invalid(("points", i), sample, "a mapping with the first one's names", remedy)
-    if not samples[0]:
-        raise invalid("points", samples, "at least one name", 'Write [{"gain": 1.0}].')
-    return _of_columns({name: [sample[name] for sample in samples] for name in samples[0]})
-
-
-def _from_dataset(samples: xr.Dataset) -> Points:
-    if len(samples.dims) != 1 or not samples.data_vars:
-        remedy = "Give each parameter as a variable over one dimension, the sample."
-        raise invalid("points", dict(samples.sizes), "a Dataset with one dimension", remedy)
-    (size,) = samples.sizes.values()
-    columns = {str(name): np.broadcast_to(samples[name], (size,)) for name in samples.data_vars}
-    return _of_columns(columns)
-
-
-def _of_columns(values: Mapping[str, Any]) -> Points:
-    columns = {name: _column(name, given, (SAMPLE,)) for name, given in values.items()}
-    lists = [column.tolist() for column in columns.values()]
-    each = [dict(zip(columns, point, strict=True)) for point in zip(*lists, strict=True)]
+        if len(points.dims) != 1 or not points.data_vars:
+            remedy = "Give each parameter as a variable over one dimension, the sample."
+            raise invalid("points", dict(points.sizes), "a Dataset with one dimension", remedy)
+        shape = tuple(points.sizes.values())
+        given = {str(name): np.broadcast_to(points[name], shape) for name in points.data_vars}
+    elif isinstance(points, Sequence) and not isinstance(points, str) and len(points) > 0:
+        for i, sample in enumerate(points):
+            if not isinstance(sample, Mapping) or set(sample) != set(points[0]):
+                remedy = "Give every sample a value of every parameter."
+                raise invalid(("points", i), sample, "a mapping with the first one's names", remedy)
+        if not points[0]:
+            raise invalid("points", points, "at least one name", 'Write [{"gain": 1.0}].')
+        given = {name: [sample[name] for sample in points] for name in points[0]}
+    else:
+        expected = "a mapping of names to values, a sequence of mappings or a Dataset, not empty"
+        raise invalid("points", points, expected, 'Write {"gain": [1, 2, 3]}, for example.')
+    columns = {name: _column(name, values, (SAMPLE,)) for name, values in given.items()}
+    each = _points_of(columns, zip(*(c.tolist() for c in columns.values()), strict=True))
     coords = {name: ((SAMPLE,), column) for name, column in columns.items()}
     return Points(each, (SAMPLE,), (len(each),), coords)
+
+
+def _points_of(names: Collection[str], values: Iterable[Any]) -> list[dict[str, Any]]:
+    return [dict(zip(names, point, strict=True)) for point in values]
 
 
 def _column(name: Any, values: Any, taken: tuple[str, ...] = ()) -> np.ndarray:
@@ -361,13 +308,14 @@ def assemble_dataset(points: Points, outcomes: Mapping[int, Outcome]) -> xr.Data
     count = len(points.each)
     failures = [outcomes[i].failure for i in range(count)]
     good = [i for i in range(count) if not failures[i]]
+    form = outcomes[good[0]].form if good else ()
     for i in good[1:]:
-        if outcomes[i].form != outcomes[good[0]].form:
+        if outcomes[i].form != form:
             failures[i] = (
                 f"ValueError: names, shapes or coordinates differ from those of point {good[0]}"
             )
     good = [i for i in good if not failures[i]]
-    variables: dict[str, tuple[tuple[str, ...], np.ndarray]] = {}
+    variables: Named = {}
     coords = dict(points.coords)
     if good:
         first = outcomes[good[0]]
@@ -376,13 +324,10 @@ def assemble_dataset(points: Points, outcomes: Mapping[int, Outcome]) -> xr.Data
             stacked = np.stack([outcomes[i].values[name][1] for i in good])
             if len(good) < count:
                 stacked = _with_gaps(stacked, good, count)
-            variables[name] = (
-                (*points.dims, *dims),
-                stacked.reshape(points.shape + stacked.shape[1:]),
-            )
+            shape = points.shape + stacked.shape[1:]
+            variables[name] = (*points.dims, *dims), stacked.reshape(shape)
     reasons = np.array(failures, dtype=object).astype(str).reshape(points.shape)
-    variables[FAILURE] = (points.dims, reasons)
-    return xr.Dataset(variables, coords)
+    return xr.Dataset({**variables, FAILURE: (points.dims, reasons)}, coords)
 
 
 def _with_gaps(values: np.ndarray, good: list[int], count: int) -> np.ndarray:
@@ -420,11 +365,14 @@ class SweepRecord:
 
     def __init__(self, path: str | os.PathLike[str], checksum: str, count: int) -> None:
         self.path = Path(path)
-        self._head = {"format": FORMAT, "checksum": checksum, "count": count}
-        self.found = self._open()
+        if not self.path.parent.is_dir():
+            remedy = "Create the folder first."
+            raise invalid("file", str(self.path), "a path in an existing folder", remedy)
+        head = {"format": FORMAT, "checksum": checksum, "count": count}
+        self.found = self._read(head) if self.path.exists() else {}
         self._file: BinaryIO = self.path.open("ab")
         if not self.path.stat().st_size:
-            self._write([self._head])
+            self._write([head])
 
     def close(self) -> None:
         """Close the file."""
@@ -435,43 +383,35 @@ class SweepRecord:
         self._write([{"point": i, **outcome.to_json()} for i, outcome in finished])
 
     def _write(self, entries: list[dict]) -> None:
-        for entry in entries:
-            text = json.dumps(entry).encode()
-            self._file.write(b"%08x %s\n" % (zlib.crc32(text), text))
+        self._file.writelines(map(_line, entries))
         self._file.flush()
 
-    def _open(self) -> dict[int, Outcome]:
+    def _read(self, head: dict[str, Any]) -> dict[int, Outcome]:
         """Return the points that the file holds, and cut off a torn end."""
-        if not self.path.parent.is_dir():
-            remedy = "Create the folder first."
-            raise invalid("file", str(self.path), "a path in an existing folder", remedy)
-        if not self.path.exists():
-            return {}
         content = self.path.read_bytes()
-        if self._begun(content):
+        if _line(head)[:-1].startswith(content):  # empty, or a first line that was torn
             os.truncate(self.path, 0)
             return {}
         lines = content.splitlines(keepends=True)
         entries = [_entry(line) for line in lines]
-        if entries[0] is None or entries[0].get("format") != FORMAT:
-            raise self._refused("holds something else")
-        if entries[0] != self._head:
-            raise self._refused("holds another function, other points or another seed")
-        if entries[-1] is None:
-            os.truncate(self.path, len(content) - len(lines.pop()))
+        if entries[0] == head and entries[-1] is None:
+            os.truncate(self.path, len(content) - len(lines[-1]))
             entries.pop()
-        if None in entries:
-            raise self._refused(f"is damaged in line {entries.index(None) + 1}")
-        return {entry["point"]: Outcome.from_json(entry) for entry in entries[1:] if entry}
-
-    def _begun(self, content: bytes) -> bool:
-        """Tell whether this is empty, or a first line of ours that was torn."""
-        text = json.dumps(self._head).encode()
-        return (b"%08x %s\n" % (zlib.crc32(text), text))[:-1].startswith(content)
-
-    def _refused(self, why: str) -> Exception:
+        if entries[0] is None or entries[0].get("format") != FORMAT:
+            why = "holds something else"
+        elif entries[0] != head:
+            why = "holds another function, other points or another seed"
+        elif None in entries:
+            why = f"is damaged in line {entries.index(None) + 1}"
+        else:
+            return {entry["point"]: Outcome.from_json(entry) for entry in entries[1:] if entry}
         remedy = f"Choose another file, or delete {self.path} to start anew."
-        return invalid("file", described(f"one that {why}"), "a file of this sweep", remedy)
+        raise misfit("file", f"one that {why}", "a file of this sweep", remedy)
+
+
+def _line(entry: dict[str, Any]) -> bytes:
+    text = json.dumps(entry).encode()
+    return b"%08x %s\n" % (zlib.crc32(text), text)
 
 
 def _entry(line: bytes) -> dict | None:
@@ -505,18 +445,12 @@ def as_bytes(value: Any) -> bytes:
 
 class _Pickler(pickle.Pickler):
     def reducer_override(self, obj: Any) -> Any:
-        if type(obj) is MappingProxyType:  # which pickle does not find by its own name
-            return read_only_mapping, (dict(obj),)
         if type(obj) is not control.StateSpace:
             return NotImplemented
         matrices = [np.ascontiguousarray(M) for M in (obj.A, obj.B, obj.C, obj.D)]
-        labels = {
-            "inputs": obj.input_labels,
-            "outputs": obj.output_labels,
-            "states": obj.state_labels,
-            **({} if _GENERATED.fullmatch(obj.name) else {"name": obj.name}),
-        }
-        return _state_space, (matrices, obj.dt, labels)
+        labels = {"inputs": obj.input_labels, "outputs": obj.output_labels}
+        name = {} if _GENERATED.fullmatch(obj.name) else {"name": obj.name}
+        return _state_space, (matrices, obj.dt, {**labels, "states": obj.state_labels, **name})
 
 
 def _state_space(matrices: list[np.ndarray], dt: Any, labels: dict[str, Any]) -> Any:
@@ -541,10 +475,10 @@ _UNKNOWN_WORKERS = 16
 _PRELOADED = ["robustpolish.base.sweep", "robustpolish.closed_loop.simulate"]
 """Modules of this package alone: those of users may change between two sweeps."""
 
-Chunk = list[tuple[int, dict[str, Any]]]
+Work = Callable[[Chunk], ChunkResult]
 
 
-def run_on_processes(job: Job, todo: Chunk) -> Iterator[ChunkResult]:
+def run_on_processes(work: Work, todo: Chunk) -> Iterator[ChunkResult]:
     """Do the points in local processes, one per core that this process may use.
 
     When a worker dies, what was under way is done again point by point, so that only the point
@@ -552,36 +486,34 @@ def run_on_processes(job: Job, todo: Chunk) -> Iterator[ChunkResult]:
     """
     workers = min(cores(), len(todo))
     queue, suspects = deque(todo), deque[tuple[int, dict[str, Any]]]()
-    attempts: dict[int, int] = {}
+    attempts = Counter[int]()
     while queue or suspects:
         pool = _pool(workers)
         under_way: dict[Future[ChunkResult], Chunk] = {}
         try:
             _check_start(pool)
             while suspects:
-                under_way = {pool.submit(run_chunk, job, [suspects[0]]): [suspects[0]]}
-                done = next(iter(under_way)).result()
+                done = pool.submit(work, [suspects[0]]).result()
                 suspects.popleft()
-                under_way = {}
                 yield done
-            yield from _flow(job, queue, pool, workers, under_way)
+            yield from _flow(work, queue, pool, workers, under_way)
         except BrokenProcessPool:
-            lost = [point for chunk in under_way.values() for point in chunk]
             if suspects:
-                place = suspects[0][0]
-                attempts[place] = attempts.get(place, 0) + 1
+                place, _ = suspects[0]
+                attempts[place] += 1
                 if attempts[place] >= ATTEMPTS:
                     suspects.popleft()
                     reason = f"its worker process died {ATTEMPTS} times while it ran"
-                    yield ChunkResult([(place, Outcome(failure=reason))])
+                    yield [(place, Outcome(failure=reason))], 0.0
             else:
-                suspects.extend(sorted(lost, key=lambda point: point[0]))
+                lost = itertools.chain.from_iterable(under_way.values())
+                suspects.extend(sorted(lost, key=operator.itemgetter(0)))
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _flow(
-    job: Job,
+    work: Work,
     queue: deque[tuple[int, dict[str, Any]]],
     executor: Executor,
     workers: int,
@@ -593,7 +525,7 @@ def _flow(
         while queue and len(under_way) < _AHEAD * workers:
             chunk = [queue.popleft() for _ in range(min(size, len(queue)))]
             try:
-                under_way[executor.submit(run_chunk, job, chunk)] = chunk
+                under_way[executor.submit(work, chunk)] = chunk
             except BrokenProcessPool:
                 queue.extendleft(reversed(chunk))
                 raise
@@ -603,7 +535,7 @@ def _flow(
             done = future.result()
             count = len(under_way.pop(future))
             # Fewer points at the end make a task, so that workers end together.
-            fitting = math.floor(count * SECONDS / max(done.seconds, 1e-9))
+            fitting = math.floor(count * SECONDS / max(done[1], 1e-9))
             size = max(1, min(fitting, 4 * count, len(queue) // (2 * _AHEAD * workers)))
             yield done
 
@@ -620,18 +552,14 @@ def _pool(workers: int) -> ProcessPoolExecutor:
 
 def _check_start(pool: ProcessPoolExecutor) -> None:
     try:
-        pool.submit(_nothing).result()
+        pool.submit(bool).result()
     except BrokenProcessPool:
         expected = "a script that can be imported, for each worker process imports it"
         remedy = (
             'Put what the script does below `if __name__ == "__main__":`, '
             'or write executor="serial".'
         )
-        raise invalid("executor", described("workers that end at once"), expected, remedy) from None
-
-
-def _nothing() -> None:
-    """Do nothing, in a worker that has started."""
+        raise misfit("executor", "workers that end at once", expected, remedy) from None
 
 
 def cores() -> int:
@@ -639,13 +567,6 @@ def cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return max(1, len(os.sched_getaffinity(0)))
     return os.cpu_count() or 1
-
-
-def function_not_found_error(why: str) -> InvalidInputError:
-    """Build the error for a function that the workers do not find."""
-    expected = "a function that a worker process can import"
-    remedy = 'Put it into a module (.py file), or write executor="serial".'
-    return invalid("function", described(f"one with {why}"), expected, remedy)
 
 
 def sweep(
@@ -727,35 +648,34 @@ def sweep(
         remedy = "Of a Dask client, give client.get_executor()."
         raise invalid("executor", executor, 'None, "serial" or an executor', remedy)
     here = executor == "serial" or isinstance(executor, ThreadPoolExecutor)
-    pickled = None if here and file is None else _pickled(function)
-    sent = function if here or pickled is None else pickled
-    job = Job(sent, seed, _takes_rng(function), (*asked.coords, *asked.dims, FAILURE))
-    identity = _checksum(function, pickled, asked, seed) if pickled is not None else ""
-    record = SweepRecord(file, identity, len(asked.each)) if file is not None else None
+    pickled = b"" if here and file is None else _pickled(function)
+    sent = function if here else pickled
+    work = functools.partial(run_chunk, sent, seed, (*asked.coords, *asked.dims, FAILURE))
+    record = None
+    if file is not None:
+        record = SweepRecord(file, _checksum(function, pickled, asked, seed), len(asked.each))
     with closing(record) if record else nullcontext():
         outcomes = dict(record.found) if record else {}
         todo = [(i, point) for i, point in enumerate(asked.each) if i not in outcomes]
         bar = progress_bar("Sweeping", len(todo)) if progress else nullcontext(lambda _: None)
         with bar as tell:
-            for done in _results(job, todo, executor):
-                if done.unknown:
-                    raise function_not_found_error(done.unknown)
+            for finished, _ in _results(work, todo, executor):
                 if record:
-                    record.add(done.finished)
-                for i, outcome in done.finished:
+                    record.add(finished)
+                for i, outcome in finished:
                     outcomes[i] = outcome
                     tell("")
     return assemble_dataset(asked, outcomes)
 
 
-def _results(job: Job, todo: Chunk, executor: Any) -> Iterator[ChunkResult]:
+def _results(work: Work, todo: Chunk, executor: Any) -> Iterator[ChunkResult]:
     """Yield results in this process, in local processes, or of an executor, which stays open."""
     if executor == "serial":
-        return (run_chunk(job, [point]) for point in todo)
+        return (work([point]) for point in todo)
     if executor is None:
-        return run_on_processes(job, todo)
+        return run_on_processes(work, todo)
     workers = getattr(executor, "_max_workers", None) or _UNKNOWN_WORKERS
-    return _flow(job, deque(todo), executor, workers, {})
+    return _flow(work, deque(todo), executor, workers, {})
 
 
 def _takes_rng(function: Callable[..., Any]) -> bool:

@@ -10,7 +10,7 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustpolish.base.checks import described, instance_of, invalid, one_of, positive, state_space
+from robustpolish.base.checks import instance_of, invalid, misfit, one_of, positive, state_space
 from robustpolish.errors import InvalidInputError
 from robustpolish.implementation.emulation import emulated
 from robustpolish.implementation.sampled.certificate import (
@@ -104,11 +104,19 @@ def certify_sampled(
     checked_plant(plant)
     K = discrete_controller(plant, controller, period)
     delay = checked_delay(delay, float(K.dt))
-    filtered = with_filter(plant, filter_system(anti_aliasing, plant.ny))
+    filtering = filter_system(anti_aliasing, plant.ny)
+    return certificate_of(filtered_plant(plant, filtering, norm, "certify"), K, delay, norm)
+
+
+def filtered_plant(
+    plant: GeneralizedPlant, filtering: control.StateSpace | None, norm: Norm, verb: str
+) -> GeneralizedPlant:
+    """Return the plant behind its filter, if it has the norm that is asked for."""
+    filtered = with_filter(plant, filtering)
     if norm == "h2" and filtered.D11.any():
-        remedy = "Leave the direct path out of z, or certify norm='hinf'."
-        raise invalid("plant", described("D11 that is not zero"), "D11 = 0 for 'h2'", remedy)
-    return certificate_of(filtered, K, delay, norm)
+        remedy = f"Leave the direct path out of z, or {verb} norm='hinf'."
+        raise misfit("plant", "D11 that is not zero", "D11 = 0 for 'h2'", remedy)
+    return filtered
 
 
 def checked_plant(plant: Any) -> GeneralizedPlant:
@@ -116,9 +124,8 @@ def checked_plant(plant: Any) -> GeneralizedPlant:
     remedy = "Build one with GeneralizedPlant(control.ss(...), measurements=..., controls=...)."
     instance_of("plant", plant, GeneralizedPlant, "a GeneralizedPlant", remedy)
     if plant.is_discrete:
-        shown = described(f"a discrete one with dt = {plant.dt}")
         remedy = "Its controllers are discrete already: certify them with rp.certify."
-        raise invalid("plant", shown, "a continuous plant", remedy)
+        raise misfit("plant", f"a discrete one with dt = {plant.dt}", "a continuous plant", remedy)
     return plant
 
 
@@ -126,9 +133,9 @@ def checked_delay(delay: Any, period: float) -> float:
     """Return a delay of a bearable number of periods."""
     delay = positive("delay", delay, "s", zero=True)
     if delay > MOST_PERIODS * period:
-        shown = described(f"{delay:.6g} s, which is {delay / period:.0f} periods")
+        shown = f"{delay:.6g} s, which is {delay / period:.0f} periods"
         want = f"at most {MOST_PERIODS} periods of {period:.6g} s"
-        raise invalid("delay", shown, want, "Check its unit, or lengthen the period.")
+        raise misfit("delay", shown, want, "Check its unit, or lengthen the period.")
     return delay
 
 
@@ -143,7 +150,7 @@ def discrete_controller(
             own = controller.dt
     if own is not None and own == 0:
         remedy = "Imitate it at samples first, with design.discretize(period)."
-        raise invalid("controller", described("a continuous one"), "a discrete one", remedy)
+        raise misfit("controller", "a continuous one", "a discrete one", remedy)
     if period is None and own is None:
         raise invalid("period", None, "the sampling time in s", "Pass period=...")
     given = positive("period", own if period is None else period, "s")
@@ -151,14 +158,11 @@ def discrete_controller(
         want = f"the controller's sampling time, {own:.6g} s"
         raise invalid("period", given, want, "Leave it out.")
     if not isinstance(controller, control.StateSpace):
-        gain = static_controller(plant, controller)
-        matrices = ([], [], [], gain.D)
-        return named_system(matrices, given, gain.input_labels, gain.output_labels)
+        controller = static_controller(plant, controller)
     if (controller.noutputs, controller.ninputs) != (plant.nu, plant.ny):
-        shown = described(f"{controller.ninputs} inputs and {controller.noutputs} outputs")
+        shown = f"{controller.ninputs} inputs and {controller.noutputs} outputs"
         want = f"{plant.ny} inputs (y) and {plant.nu} outputs (u)"
-        remedy = "Check measurements= and controls= of the plant."
-        raise invalid("controller", shown, want, remedy)
+        raise misfit("controller", shown, want, "Check measurements= and controls= of the plant.")
     return with_signal_names_of(plant, named_like(controller, matrices_of(controller), given))
 
 

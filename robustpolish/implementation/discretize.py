@@ -9,15 +9,14 @@ from typing import Any
 
 import control
 import numpy as np
-from scipy.linalg import expm
 
-from robustpolish.base.arrays import Matrix
-from robustpolish.base.checks import described, invalid, positive
+from robustpolish.base.checks import positive
 from robustpolish.base.results import shown
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.implementation.certify_sampled import (
     checked_delay,
     checked_plant,
+    filtered_plant,
     longest_period,
     with_signal_names_of,
 )
@@ -29,7 +28,7 @@ from robustpolish.implementation.sampled.certificate import (
     filter_system,
     with_filter,
 )
-from robustpolish.implementation.sampled.lifting import beyond_a_period, split_delay
+from robustpolish.implementation.sampled.lifting import beyond_a_period, period_map
 from robustpolish.implementation.sampled_design import SampledDesign
 from robustpolish.plants.blocks import named_system
 from robustpolish.plants.plant import GeneralizedPlant
@@ -87,47 +86,24 @@ def plant_at_samples(
     period = positive("period", period, "s")
     delay = checked_delay(delay, period)
     plant = with_filter(plant, filter_system(anti_aliasing, plant.ny))
-    whole, rest = split_delay(period, delay)
-    n, nu = plant.nx, plant.nu
-    held = whole + bool(rest or plant.D22.any())
-    size = n + held * nu
-    early, early_in = _flow(plant, rest)
-    late, late_in = _flow(plant, period - rest)
-    A, B = np.zeros((size, size)), np.zeros((size, nu))
-    A[:n, :n] = late @ early
-
-    def into(age: int) -> Matrix:
-        """Return where the control of `age` samples ago stands: 0 is the one being put out."""
-        return B[:n] if age == 0 else A[:n, n + (age - 1) * nu : n + age * nu]
-
-    into(whole)[:] += late_in
-    if rest:
-        into(whole + 1)[:] += late @ early_in
-    for age in range(held):
-        rows = slice(n + age * nu, n + (age + 1) * nu)
-        if age == 0:
-            B[rows] = np.eye(nu)
-        else:
-            A[rows, n + (age - 1) * nu : n + age * nu] = np.eye(nu)
-    C = np.zeros((plant.ny, size))
-    C[:, :n] = plant.C2
-    if plant.D22.any():  # acts with the control that was out before the sample
-        C[:, n + whole * nu : n + (whole + 1) * nu] = plant.D22
-    names = [f"{u} held {age + 1}" for age in range(held) for u in plant.control_names]
-    D = np.zeros((plant.ny, nu))
-    labels = plant.control_names, plant.measurement_names, [*plant.states, *names]
-    return named_system((A, B, C, D), period, *labels)
-
-
-def _flow(plant: GeneralizedPlant, length: float) -> tuple[Matrix, Matrix]:
-    """Return what states and a held control become after some seconds."""
-    n, nu = plant.nx, plant.nu
-    generator = np.zeros((n + nu, n + nu))
-    generator[:n] = np.hstack([plant.A, plant.B2])
-    exponential: Matrix = np.asarray(expm(generator * length), dtype=float)
-    if not np.isfinite(exponential).all():
-        raise beyond_a_period(length)
-    return exponential[:n, :n], exponential[:n, n:]
+    still = named_system(
+        ([], [], [], np.zeros((plant.nu, plant.ny))),
+        period,
+        plant.measurement_names,
+        plant.control_names,
+    )
+    found = period_map(plant, still, period, delay)
+    through = found.transition()
+    A, B = found.N0 + found.M @ through @ found.L0, found.Nu + found.M @ through @ found.Lu
+    if not np.isfinite(A).all() or not np.isfinite(B).all():
+        raise beyond_a_period(period)
+    # Averages of noise are states of the loop, but none of the plant.
+    kept = np.r_[: plant.nx, plant.nx + len(found.noisy) : len(A)]
+    ages = range(1, 1 + (len(kept) - plant.nx) // plant.nu)
+    held = [f"{u} held {age}" for age in ages for u in plant.control_names]
+    matrices = A[np.ix_(kept, kept)], B[kept], found.Y[:, kept], np.zeros((plant.ny, plant.nu))
+    labels = plant.control_names, plant.measurement_names, [*plant.states, *held]
+    return named_system(matrices, period, *labels)
 
 
 _UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "us"), (1e-9, "ns"), (1e-12, "ps"))
@@ -184,27 +160,21 @@ def discretized(
     period = positive("period", period, "s")
     delay = checked_delay(delay, period)
     filtering = filter_system(anti_aliasing, plant.ny)
-    filtered = with_filter(plant, filtering)
-    if norm == "h2" and filtered.D11.any():
-        remedy = "Leave the direct path out of z, or design for norm='hinf'."
-        raise invalid("plant", described("D11 that is not zero"), "D11 = 0 for 'h2'", remedy)
+    filtered = filtered_plant(plant, filtering, norm, "design for")
     K = with_signal_names_of(plant, emulated(controller, period, method, prewarp_hz))
     certificate = certificate_of(filtered, K, delay, norm)
-    how = f"Sampled every {duration(period)}" + (
-        f" with a delay of {duration(delay)}" if delay else ""
-    )
+    late = f" with a delay of {duration(delay)}" if delay else ""
+    how = f"ampled every {duration(period)}{late}, the loop"
     if not certificate.stable:
         raise InfeasibleError(
-            f"period: {how[0].lower()}{how[1:]}, the loop is unstable (a pole of size "
-            f"{certificate.spectral_radius:.6g}). "
+            f"period: s{how} is unstable (a pole of size {certificate.spectral_radius:.6g}). "
             + _remedy(filtered, controller, period, delay, method, prewarp_hz),
             [p for p in certificate.poles if abs(p) >= 1],
         )
     if not certificate.valid:
         raise SolverError(
-            f"period: {how[0].lower()}{how[1:]}, the loop has no certificate, because "
-            + "; ".join(certificate.reasons)
-            + ". Reduce the controller first, or change the period."
+            f"period: s{how} has no certificate, because {'; '.join(certificate.reasons)}"
+            ". Reduce the controller first, or change the period."
         )
     return SampledDesign(
         plant=plant,
@@ -212,7 +182,7 @@ def discretized(
         period=period,
         delay=delay,
         certificate=certificate,
-        message=f"{how}, the loop is stable; {_cost(continuous_norm, certificate.achieved)}.",
+        message=f"S{how} is stable; {_cost(continuous_norm, certificate.achieved)}.",
         norm=norm,
         continuous_norm=continuous_norm,
         method=method,
@@ -229,10 +199,9 @@ def duration(seconds: float) -> str:
     >>> duration(2.5e-4), duration(0.0)
     ('250 us', '0 s')
     """
-    for size, unit in _UNITS:
-        if seconds >= size * (1 - 1e-9):
-            return f"{shown(seconds / size, 4)} {unit}"
-    return f"{shown(float(seconds), 4)} s"
+    sizes = (unit for unit in _UNITS if seconds >= unit[0] * (1 - 1e-9))
+    size, unit = next(sizes, _UNITS[0])
+    return f"{shown(float(seconds) / size, 4)} {unit}"
 
 
 def _cost(before: float, after: float) -> str:
@@ -266,7 +235,7 @@ def _remedy(
             "It is so however short the period: the delay (and the filter) alone make it unstable. "
             "Shorten the delay, or design with delay and actuators in the plant."
         )
-    if np.isfinite(found) and found < period:
+    if found < period:
         return (
             f"The longest period that keeps it stable is {duration(found)}. Sample faster, or "
             "design a slower controller: with a price on u, noise on y and delay in the plant."

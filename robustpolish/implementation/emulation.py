@@ -9,7 +9,8 @@ import control
 import numpy as np
 from scipy import signal
 
-from robustpolish.base.checks import described, invalid, one_of, positive
+from robustpolish.base.arrays import Matrix
+from robustpolish.base.checks import invalid, misfit, one_of, positive
 from robustpolish.implementation.realization import realized
 from robustpolish.implementation.sampled.lifting import named_like
 from robustpolish.plants.blocks import matrices_of
@@ -69,30 +70,31 @@ def emulated(
             want = f"less than half the sample rate, {0.5 / period:.6g} Hz"
             raise invalid("prewarp_hz", prewarp_hz, want, "Sample faster or warp elsewhere.")
     A, B, C, D = matrices_of(controller)
-    found: Any
+    found: Any = (A, B, C, D)
     if not A.size:
-        found = (A, B, C, D)
+        pass
     elif kind in ("tustin", "forward", "backward"):
-        found = _by_rule(A, B, C, D, period, kind, prewarp_hz)
+        found = integration_rule(A, B, C, D, period, kind, prewarp_hz)
     elif kind == "matched":
         found = _matched(controller, period)
     else:
         try:
             with np.errstate(all="ignore"):
-                sampled: Any = signal.cont2discrete((A, B, C, D), period, method=kind)
+                sampled: Any = signal.cont2discrete(found, period, method=kind)
             found = sampled[:4]
         except ValueError as error:
             remedy = "Use method='tustin'."
             raise invalid("method", method, f"one that suits it ({error})", remedy) from None
     if not all(np.isfinite(M).all() for M in found):
-        shown = described(f"{kind} with a period of {period:.6g} s, which overflows")
-        raise invalid("period", shown, "a shorter one", "Use method='tustin'.")
+        shown = f"{kind} with a period of {period:.6g} s, which overflows"
+        raise misfit("period", shown, "a shorter one", "Use method='tustin'.")
     return named_like(controller, found, period)
 
 
-def _by_rule(
-    A: Any, B: Any, C: Any, D: Any, period: float, kind: str, prewarp_hz: float | None
-) -> tuple[Any, Any, Any, Any]:
+def integration_rule(
+    A: Matrix, B: Matrix, C: Matrix, D: Matrix, period: float, kind: str,
+    prewarp_hz: float | None = None,
+) -> tuple[Matrix, Matrix, Matrix, Matrix]:  # fmt: skip
     """Replace s by a rule of integration that weighs the new sample with `alpha`."""
     if kind == "forward":
         return np.eye(len(A)) + period * A, period * B, C, D
@@ -102,13 +104,11 @@ def _by_rule(
         step = period * math.tan(half) / half
     alpha = 1.0 if kind == "backward" else 0.5
     left = np.eye(len(A)) - alpha * step * A
-    if np.linalg.cond(left) > 1e13:
-        where = 1 / (alpha * step)
-        shown = described(
-            f"a controller with a pole at {where:.6g} rad/s and a period {period:.6g} s"
-        )
+    if A.size and np.linalg.cond(left) > 1e13:
+        pole = 1 / (alpha * step)
+        shown = f"a controller with a pole at {pole:.6g} rad/s and a period {period:.6g} s"
         remedy = "Change the period a little, or use method='zoh'."
-        raise invalid("period", shown, "no pole where the rule of integration has one", remedy)
+        raise misfit("period", shown, "no pole where the rule of integration has one", remedy)
     Ad = np.linalg.solve(left, np.eye(len(A)) + (1 - alpha) * step * A)
     Bd = np.linalg.solve(left, step * B)
     Cd = np.linalg.solve(left.T, C.T).T
@@ -117,9 +117,9 @@ def _by_rule(
 
 def _matched(controller: control.StateSpace, period: float) -> tuple[Any, Any, Any, Any]:
     if (controller.ninputs, controller.noutputs) != (1, 1):
-        shown = described(f"{controller.ninputs} measurements and {controller.noutputs} controls")
+        shown = f"{controller.ninputs} measurements and {controller.noutputs} controls"
         remedy = "Use method='tustin', with prewarp_hz for one frequency."
-        raise invalid("method", shown, "one of each for 'matched'", remedy)
+        raise misfit("method", shown, "one of each for 'matched'", remedy)
     with np.errstate(all="ignore"):
         found: Any = control.ss(control.sample_system(control.tf(controller), period, "matched"))
     # The polynomials come back as a companion matrix, whose entries cancel.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import control
 import numpy as np
@@ -12,8 +12,9 @@ from scipy import linalg
 from scipy.sparse.csgraph import connected_components
 
 from robustpolish.base.arrays import Array, Matrix, Vector
-from robustpolish.base.checks import described, invalid, one_of
+from robustpolish.base.checks import invalid, misfit, one_of
 from robustpolish.implementation.sampled.certificate import Norm, SampledCertificate, certificate_of
+from robustpolish.implementation.sampled.induced_norm import square_root
 from robustpolish.implementation.sampled.lifting import border_scale, named_like
 from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
@@ -69,7 +70,7 @@ def roundoff_bound(controller: control.StateSpace, samples: int = SAMPLES) -> Ro
     adds reaches later ones through the powers of A, whose sizes are summed.
     """
     A, B, C, D = matrices_of(controller)
-    n, ny = A.shape[0], B.shape[1] if A.size else D.shape[1]
+    n, ny = B.shape
     unit = (n + ny + 2) * UNIT
     gamma = unit / (1 - unit)
     y = np.ones(ny)
@@ -145,10 +146,11 @@ def realized(controller: control.StateSpace, form: str) -> control.StateSpace:
     even = border_scale(A, np.abs(B).max(axis=1), np.abs(C).max(axis=0))
     A, B, C = A * even / even[:, None], B / even[:, None], C * even
     T = _balancing(A, B, C) if form == "balanced" else _modes(A)
-    A, B, C = _solved(T, A @ T), _solved(T, B), C @ T
+    A, B, C = np.linalg.solve(T, A @ T), np.linalg.solve(T, B), C @ T
     if form != "balanced":
-        A = _blocks_only(A)
-        A, B, C = _scaled(A, B, C, to_input=form == "sections")
+        # What rounding left outside of the blocks is cleared.
+        level = 1e-12 * max(float(np.abs(A).max()), 1e-300)
+        A, B, C = _scaled(np.where(np.abs(A) > level, A, 0.0), B, C, to_input=form == "sections")
     return named_like(controller, (A, B, C, D), controller.dt)
 
 
@@ -158,23 +160,17 @@ def _balancing(A: Matrix, B: Matrix, C: Matrix) -> Matrix:
     An unstable controller is slowed down to a circle that holds its poles, which gives its states
     comparable sizes all the same.
     """
-    size = max(float(np.abs(np.linalg.eigvals(A)).max()) / 0.999, 1.0)
-    slow = A / size
-    n = len(A)
-    floor = 1e-14
-    P = np.asarray(linalg.solve_discrete_lyapunov(slow, B @ B.T), dtype=float)
-    Q = np.asarray(linalg.solve_discrete_lyapunov(slow.T, C.T @ C), dtype=float)
-    P = (P + P.T) / 2 + floor * max(np.linalg.norm(P, 2), 1e-300) * np.eye(n)
-    Q = (Q + Q.T) / 2 + floor * max(np.linalg.norm(Q, 2), 1e-300) * np.eye(n)
-    reach, see = _root(P), _root(Q)
-    U, hankel, Vt = np.linalg.svd(see.T @ reach)
-    del U
+    slow = A / max(float(np.abs(np.linalg.eigvals(A)).max()) / 0.999, 1.0)
+
+    def root(transition: Matrix, source: Matrix) -> Matrix:
+        found: Any = linalg.solve_discrete_lyapunov(transition, source)
+        found = (found + found.T) / 2
+        found = found + 1e-14 * max(np.linalg.norm(found, 2), 1e-300) * np.eye(len(A))
+        return square_root(found, 1e-16)
+
+    reach, see = root(slow, B @ B.T), root(slow.T, C.T @ C)
+    _, hankel, Vt = np.linalg.svd(see.T @ reach)
     return reach @ Vt.T / np.sqrt(hankel)
-
-
-def _root(M: Matrix) -> Matrix:
-    values, vectors = np.linalg.eigh(M)
-    return vectors * np.sqrt(np.maximum(values, values[-1] * 1e-16))
 
 
 def _modes(A: Matrix) -> Matrix:
@@ -182,10 +178,8 @@ def _modes(A: Matrix) -> Matrix:
     values, vectors = np.linalg.eig(A)
     columns = []
     for value, vector in zip(values, vectors.T, strict=True):
-        if value.imag > 0:
-            columns += [vector.real, vector.imag]
-        elif value.imag == 0:
-            columns.append(vector.real)
+        if value.imag >= 0:
+            columns += [vector.real, vector.imag] if value.imag else [vector.real]
     T = np.array(columns).T
     if T.shape == A.shape and np.linalg.cond(T) < _TOGETHER:
         return T
@@ -197,26 +191,16 @@ def _groups(A: Matrix) -> Matrix:
     n = len(A)
     found: Any = linalg.schur(A, output="real")
     form, basis = found[:2]
-    T = basis.copy()
-    start = 0
-    cuts = [i for i in range(1, n) if form[i, i - 1] == 0]
-    for cut in cuts:
+    T, start = basis.copy(), 0
+    for cut in [i for i in range(1, n) if form[i, i - 1] == 0]:
         X = linalg.solve_sylvester(
             form[start:cut, start:cut], -form[cut:, cut:], -form[start:cut, cut:]
         )
         if np.isfinite(X).all() and np.linalg.norm(X) < _TOGETHER**0.5:
             step = np.eye(n)
             step[start:cut, cut:] = X
-            form = _solved(step, form @ step)
-            T = T @ step
-            start = cut
+            form, T, start = np.linalg.solve(step, form @ step), T @ step, cut
     return T
-
-
-def _blocks_only(A: Matrix) -> Matrix:
-    """Clear what rounding left outside of the blocks."""
-    level = 1e-12 * max(float(np.abs(A).max()), 1e-300)
-    return np.where(np.abs(A) > level, A, 0.0)
 
 
 def _scaled(A: Matrix, B: Matrix, C: Matrix, to_input: bool) -> tuple[Matrix, Matrix, Matrix]:
@@ -234,10 +218,6 @@ def _scaled(A: Matrix, B: Matrix, C: Matrix, to_input: bool) -> tuple[Matrix, Ma
             T[own] = np.sqrt(size / seen)
     T = np.exp2(np.round(np.log2(T)))
     return A * T / T[:, None], B / T[:, None], C * T
-
-
-def _solved(left: Matrix, right: Matrix) -> Matrix:
-    return np.asarray(np.linalg.solve(left, right), dtype=float)
 
 
 # Limits of actuators, and what a controller learns of them.
@@ -282,24 +262,19 @@ def control_limits(limits: Limits, names: Sequence[str]) -> tuple[Vector, Vector
     """
     if limits is None:
         return None
-    low, high = np.full(len(names), -np.inf), np.full(len(names), np.inf)
-    given: dict[str, Any]
+    given: dict[str, Any] = dict.fromkeys(names, limits)
     if isinstance(limits, Mapping):
-        unknown = [name for name in limits if name not in names]
-        if unknown:
-            raise invalid(
-                ("limits", str(unknown[0])), unknown[0], f"one of {', '.join(names)}", _REMEDY
-            )
         given = dict(limits)
+        for name in given:
+            if name not in names:
+                where = ("limits", str(name))
+                raise invalid(where, name, f"one of {', '.join(names)}", _REMEDY)
     elif isinstance(limits, list):
         if len(limits) != len(names):
             raise invalid("limits", limits, f"{len(names)} entries, one per control", _REMEDY)
         given = dict(zip(names, limits, strict=True))
-    else:
-        given = dict.fromkeys(names, limits)
-    for i, name in enumerate(names):
-        if name in given and given[name] is not None:
-            low[i], high[i] = _pair(name, given[name])
+    pairs = [(-np.inf, np.inf) if given.get(n) is None else _pair(n, given[n]) for n in names]
+    low, high = np.array(pairs, dtype=float).reshape(-1, 2).T.copy()
     return (low, high) if np.isfinite([low, high]).any() else None
 
 
@@ -332,43 +307,35 @@ def anti_windup(controller: control.StateSpace, form: str = "auto") -> AntiWindu
     "Integrator windup and how to avoid it", American Control Conference 1989. Both leave the loop
     as it is while no limit is reached. No norm is claimed for a loop at its limits: simulate it.
     """
-    one_of("anti_windup", form, ("auto", "conditioned", "observer", "none"))
+    one_of("anti_windup", form, get_args(Form))
     A, B, C, D = matrices_of(controller)
     n, nu = A.shape[0], C.shape[0]
     if form == "none" or n == 0:
         return AntiWindup(np.zeros((n, nu)), "none")
-    if form in ("auto", "conditioned"):
-        L = _conditioned(A, B, C, D)
-        if L is not None:
+    if form != "observer" and D.shape[0] == D.shape[1] and np.linalg.cond(D) <= 1e8:
+        L = np.linalg.solve(D.T, B.T).T
+        if np.abs(np.linalg.eigvals(A - L @ C)).max() < _SLOWEST:
             return AntiWindup(L, "conditioned")
-        if form == "conditioned":
-            shown = described("'conditioned' for a D without an inverse that leaves stable zeros")
-            remedy = "Use anti_windup='observer'."
-            raise invalid("anti_windup", shown, "an invertible D and stable zeros", remedy)
+    if form == "conditioned":
+        shown = "'conditioned' for a D without an inverse that leaves stable zeros"
+        remedy = "Use anti_windup='observer'."
+        raise misfit("anti_windup", shown, "an invertible D and stable zeros", remedy)
     return AntiWindup(_observer(A, B, C), "observer")
-
-
-def _conditioned(A: Matrix, B: Matrix, C: Matrix, D: Matrix) -> Matrix | None:
-    if D.shape[0] != D.shape[1] or np.linalg.cond(D) > 1e8:
-        return None
-    L = np.asarray(np.linalg.solve(D.T, B.T).T, dtype=float)
-    size = np.abs(np.linalg.eigvals(A - L @ C)).max()
-    return L if size < _SLOWEST else None
 
 
 def _observer(A: Matrix, B: Matrix, C: Matrix) -> Matrix:
     """Return the gain of a Kalman filter; none where the controller is stable but unseen."""
-    n = len(A)
+    n, none = len(A), np.zeros((len(A), len(C)))
     drive = B @ B.T
     drive = drive / max(np.linalg.norm(drive), 1e-300) + 1e-9 * np.eye(n)
     noise = C @ C.T / max(n, 1) + 1e-12 * max(np.linalg.norm(C) ** 2, 1e-300) * np.eye(len(C))
     try:
         P = linalg.solve_discrete_are(A.T, C.T, drive, noise)
     except (np.linalg.LinAlgError, ValueError):
-        return np.zeros((n, len(C)))
+        return none
     L = np.linalg.solve(C @ P @ C.T + noise, C @ P @ A.T).T
     stable = np.isfinite(L).all() and np.abs(np.linalg.eigvals(A - L @ C)).max() < 1
-    return L if stable else np.zeros((n, len(C)))
+    return L if stable else none
 
 
 def _pair(name: str, value: Any) -> tuple[float, float]:
@@ -462,14 +429,12 @@ def single_precision(
 
 def _shift(first: Any, second: Any) -> float:
     """Return the largest distance between poles that belong together."""
-    one = np.linalg.eigvals(np.asarray(first.A)) if first.nstates else np.zeros(0)
-    other = list(np.linalg.eigvals(np.asarray(second.A))) if second.nstates else []
+    one, other = (np.linalg.eigvals(matrices_of(each)[0]) for each in (first, second))
     most = 0.0
     for pole in one:
-        distances = np.abs(np.array(other) - pole)
-        nearest = int(np.argmin(distances))
-        most = max(most, float(distances[nearest]))
-        other.pop(nearest)
+        nearest = int(np.argmin(np.abs(other - pole)))
+        most = max(most, float(np.abs(other[nearest] - pole)))
+        other = np.delete(other, nearest)
     return most
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from scipy import linalg
 
 from robustpolish.base.arrays import Matrix, Vector
+from robustpolish.implementation.sampled.induced_norm import square_root
 from robustpolish.implementation.sampled.lifting import border_scale, named_like
 from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
@@ -85,31 +86,25 @@ def loop_gramians(plant: GeneralizedPlant, K: Parts, loop: Matrix) -> list[Weigh
     using closed-loop balancing", Int. J. Robust and Nonlinear Control 9 (1999) 123-142.
     """
     _, B, C, D = K
-    n, discrete = plant.nx, plant.is_discrete
-    turn = np.linalg.inv(np.eye(plant.nu) - D @ plant.D22)
-    back = np.linalg.inv(np.eye(plant.ny) - plant.D22 @ D)
-    on_u = np.hstack([turn @ D @ plant.C2, turn @ C])
-    on_y = np.hstack([back @ plant.C2, back @ plant.D22 @ C])
-
-    def driven(y: Matrix, u: Matrix) -> Matrix:
-        """Return how what is added to y and to u reaches the states."""
-        of_u = turn @ (u + D @ y)
-        of_y = back @ (y + plant.D22 @ u)
-        return np.vstack([plant.B2 @ of_u, B @ of_y])
-
-    zero_u, zero_y = np.zeros((plant.nu, plant.ny)), np.zeros((plant.ny, plant.nu))
-    w = driven(plant.D21, np.zeros((plant.nu, plant.nw)))
+    n, nu, ny, discrete = plant.nx, plant.nu, plant.ny, plant.is_discrete
+    # (y, u) of states, and of what is added to y and to u.
+    shut = np.block([[np.eye(ny), -plant.D22], [-D, np.eye(nu)]])
+    on_x = np.linalg.solve(shut, np.asarray(linalg.block_diag(plant.C2, C)))
+    on_added = np.linalg.inv(shut)
+    enters = np.zeros((len(loop), ny + nu))
+    enters[:n, ny:], enters[n:, :ny] = plant.B2, B
+    noise = enters @ on_added
+    w = noise[:, :ny] @ plant.D21
     w[:n] += plant.B1
-    noise = np.hstack([driven(np.eye(plant.ny), zero_u), driven(zero_y, np.eye(plant.nu))])
-    z = plant.D12 @ on_u
+    z = plant.D12 @ on_x[ny:]
     z[:, :n] += plant.C1
-    pairs = {"closed-loop": (w, z), "robustness": (noise, np.vstack([on_y, on_u]))}
-    found = []
-    for name, (into, out) in pairs.items():
-        reach = gramian(loop, into, discrete)[n:, n:]
-        see = gramian(loop.T, out.T, discrete)[n:, n:]
-        found.append(WeightedGramians(name, K, reach, see))
-    return found
+    pairs = {"closed-loop": (w, z), "robustness": (noise, on_x)}
+    return [
+        WeightedGramians(
+            name, K, gramian(loop, into, discrete)[n:, n:], gramian(loop.T, out.T, discrete)[n:, n:]
+        )
+        for name, (into, out) in pairs.items()
+    ]
 
 
 def coprime_gramians(K: Parts, discrete: bool) -> list[WeightedGramians]:
@@ -124,11 +119,9 @@ def coprime_gramians(K: Parts, discrete: bool) -> list[WeightedGramians]:
         return []
     A, B, C, D = K
     found = []
-    left = _left_factor(A, B, C, D)
-    if left is not None:
+    if (left := _left_factor(A, B, C, D)) is not None:
         found += own_gramians("left coprime", left, False, "left")
-    right = _left_factor(A.T, C.T, B.T, D.T)
-    if right is not None:
+    if (right := _left_factor(A.T, C.T, B.T, D.T)) is not None:
         turned = (right[0].T, right[2].T, right[1].T, right[3].T)
         found += own_gramians("right coprime", turned, False, "right")
     return found
@@ -144,12 +137,8 @@ def _left_factor(A: Matrix, B: Matrix, C: Matrix, D: Matrix) -> Parts | None:
     L = -np.linalg.solve(R, (X @ C.T + B @ D.T).T).T
     values, vectors = np.linalg.eigh(R)
     root = vectors / np.sqrt(values) @ vectors.T
-    return (
-        A + L @ C,
-        np.hstack([B + L @ D, L]),
-        root @ C,
-        root @ np.hstack([D, np.eye(len(D))]),
-    )
+    entry, through = np.hstack([B + L @ D, L]), np.hstack([D, np.eye(len(D))])
+    return A + L @ C, entry, root @ C, root @ through
 
 
 def from_factor(matrices: Parts, back: str, inputs: int, outputs: int) -> Parts:
@@ -230,18 +219,15 @@ class Reducer:
     def _residual(self, K: Parts, order: int) -> Parts | None:
         """Hold the weak states at rest, which keeps the gain at frequency zero."""
         A, B, C, D = K
-        n = len(A)
-        rest = slice(order, n)
-        slow = np.eye(n - order) - A[rest, rest] if self._discrete else -A[rest, rest]
-        if n == order or np.linalg.cond(slow) > 1e12:
+        kept, rest = slice(order), slice(order, len(A))
+        slow = -A[rest, rest]
+        if self._discrete:
+            slow = np.eye(len(slow)) + slow
+        if not len(slow) or np.linalg.cond(slow) > 1e12:
             return None
-        on_x, on_y = np.linalg.solve(slow, A[rest, :order]), np.linalg.solve(slow, B[rest])
-        return (
-            A[:order, :order] + A[:order, rest] @ on_x,
-            B[:order] + A[:order, rest] @ on_y,
-            C[:, :order] + C[:, rest] @ on_x,
-            D + C[:, rest] @ on_y,
-        )
+        on_x, on_y = np.linalg.solve(slow, A[rest, kept]), np.linalg.solve(slow, B[rest])
+        out, through = C[:, kept] + C[:, rest] @ on_x, D + C[:, rest] @ on_y
+        return A[kept, kept] + A[kept, rest] @ on_x, B[kept] + A[kept, rest] @ on_y, out, through
 
 
 def _truncated(K: Parts, order: int) -> Parts:
@@ -254,7 +240,7 @@ def _projection(way: WeightedGramians) -> tuple[Matrix, Matrix, Vector]:
 
     States that cannot be told from nothing are left out, which loses nothing that counts.
     """
-    reach, see = _root(way.reach), _root(way.see)
+    reach, see = square_root(way.reach), square_root(way.see)
     U, values, Vt = np.linalg.svd(see.T @ reach)
     kept = values > values.max(initial=0.0) * 1e-13
     kept &= values > _NOTHING
@@ -262,11 +248,6 @@ def _projection(way: WeightedGramians) -> tuple[Matrix, Matrix, Vector]:
     T = reach @ Vt.T[:, kept] / size
     Ti = (see @ U[:, kept] / size).T
     return T, Ti, values
-
-
-def _root(M: Matrix) -> Matrix:
-    values, vectors = np.linalg.eigh((M + M.T) / 2)
-    return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def _or_none(weigh: Any, *arguments: Any) -> list[WeightedGramians]:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import control
 import numpy as np
 import xarray as xr
 
 from robustpolish.base.arrays import Array, Matrix, Vector
-from robustpolish.base.checks import described, instance_of, invalid
+from robustpolish.base.checks import instance_of, misfit
 from robustpolish.implementation.sampled.lifting import split_delay
 from robustpolish.linear.response import first_order_hold
 from robustpolish.plants.blocks import matrices_of
@@ -171,7 +173,7 @@ def sampled_run(
     -------
     xarray.Dataset
     """
-    time, w = _columns(plant, disturbance)
+    time, w = disturbance_columns(disturbance, plant.disturbance_names, plant.units)
     period = float(controller.dt)
     count = _steps(period, time)
     step = period / count
@@ -180,21 +182,27 @@ def sampled_run(
     flow = PeriodFlow.of(plant, period, count, delay)
     # whole periods, w staying as it is at the end: what lies beyond is thrown away again
     periods = math.ceil(total / count)
-
-    def at(instants: Vector) -> Array:
-        return np.column_stack([np.interp(instants, time - time[0], column) for column in w.T])
-
-    drive = (
-        at(step * np.arange(periods * count + 1, dtype=float)),
-        at(period * np.arange(periods, dtype=float) + step * flow.cut + flow.left),
+    instants = (
+        step * np.arange(periods * count + 1, dtype=float),
+        period * np.arange(periods, dtype=float) + step * flow.cut + flow.left,
     )
+    drive = [np.column_stack([np.interp(at, time - time[0], c) for c in w.T]) for at in instants]
     still = np.zeros((periods, plant.nu))
     pushed, _ = flow.through(*drive, np.zeros((periods, flow.states)), still, still)
     starts, sent, at_limit = _from_sample_to_sample(flow, controller, pushed, limits, feedback)
     before, after = sent[:periods], sent[1 : periods + 1]
     _, z = flow.through(*drive, starts, before, after)
-    u = flow.held(before, after)
-    return _dataset(plant, grid + time[0], z[:total], u[:total], at_limit / periods)
+    u, share = flow.held(before, after), at_limit / periods
+    # A z may be called as a control is: then the control gets another name, as in rp.simulate.
+    shown = plant.with_control_outputs().performance_names
+    own = (*plant.performance_names, *plant.control_names)
+    found = {}
+    for i, (name, column) in enumerate(zip(shown, (*z.T, *u.T), strict=True)):
+        attributes: dict[str, Any] = {"units": plant.units[own[i]]} if own[i] in plant.units else {}
+        if i >= plant.nz:
+            attributes["at_limit"] = float(share[i - plant.nz])
+        found[name] = ("time", column[:total], attributes)
+    return xr.Dataset(found, coords={"time": ("time", grid + time[0], {"units": "s"})})
 
 
 def _from_sample_to_sample(
@@ -240,66 +248,48 @@ def _from_sample_to_sample(
 
 def _steps(period: float, time: Vector) -> int:
     """Return steps per period, as fine as the disturbance and on its grid where that can be."""
-    if time.size < 2:
-        return LEAST_STEPS
-    spacing = (time[-1] - time[0]) / (time.size - 1)
-    ratio = period / spacing
+    ratio = period / (time[-1] - time[0]) * (time.size - 1)
     count = max(1, round(ratio)) if abs(ratio - round(ratio)) < _SAME * ratio else math.ceil(ratio)
     count *= max(1, math.ceil(LEAST_STEPS / count))
     if count > MOST_STEPS:
         want = f"at most {MOST_STEPS} samples per period of {period:.6g} s"
-        shown = described(f"a disturbance with {ratio:.0f} samples per period")
-        raise invalid("disturbance", shown, want, "Decimate it, or check the unit of its time.")
+        shown = f"a disturbance with {ratio:.0f} samples per period"
+        raise misfit("disturbance", shown, want, "Decimate it, or check the unit of its time.")
     return count
 
 
-def _columns(plant: GeneralizedPlant, disturbance: xr.Dataset) -> tuple[Vector, Array]:
+def disturbance_columns(
+    disturbance: xr.Dataset, names: Sequence[str], units: Mapping[str, str]
+) -> tuple[Vector, Array]:
+    """Return the time in s and a column for each disturbance, zero where none is given.
+
+    Raises
+    ------
+    InvalidInputError
+        If the dataset has none of them, one that is not over `time` alone, or another unit.
+    """
     remedy = "Build one with a variable per disturbance over 'time', in s."
     instance_of("disturbance", disturbance, xr.Dataset, "an xarray.Dataset over time", remedy)
     if "time" not in disturbance.coords:
-        raise invalid("disturbance", described("no coordinate 'time'"), "samples over it", remedy)
+        raise misfit("disturbance", "no coordinate 'time'", "samples over it", remedy)
     time = np.asarray(disturbance["time"].to_numpy(), dtype=float)
-    rising = (
-        time.ndim == 1 and time.size > 1 and np.isfinite(time).all() and (np.diff(time) > 0).all()
-    )
-    if not rising:
-        raise invalid("disturbance", described("its time"), "a rising grid of two or more", remedy)
-    known = [name for name in plant.disturbance_names if name in disturbance]
-    if not known:
+    if time.ndim != 1 or time.size < 2 or not np.isfinite(time).all() or np.diff(time).min() <= 0:
+        raise misfit("disturbance", "its time", "a rising grid of two or more", remedy)
+    if not any(name in disturbance for name in names):
         listed = ", ".join(map(str, disturbance.data_vars)) or "none"
-        want = f"one or more of {', '.join(plant.disturbance_names)}"
-        raise invalid("disturbance", described(f"variables {listed}"), want, remedy)
-    columns = []
-    for name in plant.disturbance_names:
+        raise misfit(
+            "disturbance", f"variables {listed}", f"one or more of {', '.join(names)}", remedy
+        )
+    columns = np.zeros((time.size, len(names)))
+    for i, name in enumerate(names):
         if name not in disturbance:
-            columns.append(np.zeros(time.size))
             continue
-        values = np.asarray(disturbance[name].to_numpy(), dtype=float)
-        if values.shape != time.shape or not np.isfinite(values).all():
-            want = "finite numbers over 'time' alone"
-            raise invalid(f"disturbance[{name!r}]", described("others"), want, remedy)
-        unit, own = plant.units.get(name), disturbance[name].attrs.get("units")
+        where, values = f"disturbance[{name!r}]", disturbance[name].to_numpy()
+        if values.shape != time.shape or not np.isfinite(np.asarray(values, dtype=float)).all():
+            raise misfit(where, "others", "finite numbers over 'time' alone", remedy)
+        unit, own = units.get(name), disturbance[name].attrs.get("units")
         if unit is not None and own is not None and unit != own:
-            want = f"{unit}, as in the plant"
             remedy = "Convert the variable and its units attribute."
-            raise invalid(f"disturbance[{name!r}]", described(f"unit {own}"), want, remedy)
-        columns.append(values)
-    return time, np.column_stack(columns)
-
-
-def _dataset(
-    plant: GeneralizedPlant, time: Vector, z: Array, u: Array, at_limit: Vector
-) -> xr.Dataset:
-    found = {}
-    for i, name in enumerate(plant.performance_names):
-        found[name] = ("time", z[:, i], _unit(plant, name))
-    # A z may be called as a control is: then the control gets another name, as in rp.simulate.
-    shown = plant.with_control_outputs().performance_names[plant.nz :]
-    for i, (name, own) in enumerate(zip(shown, plant.control_names, strict=True)):
-        attributes = {**_unit(plant, own), "at_limit": float(at_limit[i])}
-        found[name] = ("time", u[:, i], attributes)
-    return xr.Dataset(found, coords={"time": ("time", time, {"units": "s"})})
-
-
-def _unit(plant: GeneralizedPlant, name: str) -> dict[str, str]:
-    return {"units": plant.units[name]} if name in plant.units else {}
+            raise misfit(where, f"unit {own}", f"{unit}, as in the plant", remedy)
+        columns[:, i] = values
+    return time, columns

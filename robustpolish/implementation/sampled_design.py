@@ -531,7 +531,7 @@ class SampledDesign(Displayed):
             raise InfeasibleError(
                 "precision: with coefficients rounded to single precision, "
                 + "; ".join(loss.certificate.reasons)
-                + ". Take another form first, with .realization('sections'), or 'double'.",
+                + ". Take another form first, with .realization('sections'), or 'double'."
             )
         return loss
 
@@ -596,10 +596,7 @@ class SampledDesign(Displayed):
             ("delay [s]", f"{self.delay:.6g}"),
             ("controller", f"{order} states" if order else "a static gain"),
             ("norm, continuous", f"{self.continuous_norm:.6g}"),
-            (
-                "norm, sampled",
-                f"{c.achieved:.6g}, proven between {c.lower:.6g} and {c.bound:.6g}",
-            ),
+            ("norm, sampled", f"{c.achieved:.6g}, proven between {c.lower:.6g} and {c.bound:.6g}"),
             ("largest pole", f"{c.spectral_radius:.6g}"),
         )
         verdict = "valid" if c.valid else "NOT valid"

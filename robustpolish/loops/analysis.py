@@ -12,7 +12,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from robustpolish.base.budget import single_threaded_blas
-from robustpolish.base.checks import described, instance_of, invalid, one_of
+from robustpolish.base.checks import instance_of, misfit, one_of
 from robustpolish.base.results import Card, Table
 from robustpolish.loops.loop import (
     PLACES,
@@ -159,27 +159,22 @@ class LoopAnalysis(LoopFigures):
     ) -> Axes:
         one_of("of", of, SHOWN)
         if not self.stable:
-            shown = described("the steps of an unstable loop")
-            raise invalid("kind", shown, "a stable loop", "Draw kind='nyquist' to see why.")
-        systems: dict[str, control.StateSpace] = {}
-        for where, i in chosen:
-            name = self.loop.names(where)[i]
-            at = getattr(self, where)
-            if of in ("S", "T"):
-                systems[name] = from_to(getattr(at, of), [i], [i])
-            else:
-                systems[of] = getattr(at, of)
-        rates: Any = self.loop.rates
-        slowest = float(np.abs(rates.real).min(initial=math.inf))
+            shown = "the steps of an unstable loop"
+            raise misfit("kind", shown, "a stable loop", "Draw kind='nyquist' to see why.")
+        at = getattr(self, chosen[0][0])
+        systems = {of: getattr(at, of)}
+        if of in ("S", "T"):
+            names = self.loop.names(chosen[0][0])
+            systems = {names[i]: from_to(getattr(at, of), [i], [i]) for _, i in chosen}
+        slowest = float(np.abs(self.loop.rates.real).min(initial=math.inf))
         length = 4 / slowest if 0 < slowest < math.inf else 1.0
         return plot_steps(systems, length if duration is None else duration, ax)
 
     def _card(self) -> Card:
-        state = "stable" if self.stable else "NOT stable"
         verdict = "can be built" if self.buildable else "cannot be built as it is"
+        state = f"stable, {verdict}" if self.stable else "NOT stable"
         time = "discrete time" if self.loop.is_discrete else "continuous time"
-        title = f"Loop analysis, {time}: {state}" + (f", {verdict}" if self.stable else "")
-        return Card(title, self.tables(), (self.explain(),))
+        return Card(f"Loop analysis, {time}: {state}", self.tables(), (self.explain(),))
 
 
 MeasuredKind = Literal["bode", "sigma", "nyquist", "nichols"]
@@ -294,8 +289,8 @@ class MeasuredLoopAnalysis(LoopFigures):
         if isinstance(ax, str):
             ax, kind = None, ax  # type: ignore[assignment]
         if kind == "step":
-            shown = described("the steps of a measured plant")
-            raise invalid("kind", shown, "a model to run", "Fit one, or draw kind='bode'.")
+            shown = "the steps of a measured plant"
+            raise misfit("kind", shown, "a model to run", "Fit one, or draw kind='bode'.")
         one_of("kind", kind, get_args(MeasuredKind))
         return self._drawn(ax, kind, signal, place, None)
 
@@ -382,16 +377,19 @@ def loop_analysis(
     remedy = "Pass rp.LoopRequirements(...)."
     instance_of("requirements", asked, LoopRequirements, "a LoopRequirements", remedy)
     lines = measured_plant(plant)
-    if lines is not None:
-        if disturbance is not None:
-            shown = described("a disturbance of a measured plant")
-            raise invalid("disturbance", shown, "a model to run", "Fit one, or leave it out.")
-        measured = MeasuredLoop.of(lines, controller_of(controller), unstable_poles)
-        return MeasuredLoopAnalysis(**_figures(measured, asked))
-    if unstable_poles != 0:
-        shown, want = described("a count for a model"), "a count for a measured plant only"
-        raise invalid("unstable_poles", shown, want, "Leave it out: a model tells its poles.")
-    return model_analysis(plant, controller, asked, disturbance)  # type: ignore[arg-type]
+    if lines is None:
+        if unstable_poles != 0:
+            want, remedy = (
+                "a count for a measured plant only",
+                "Leave it out: a model tells its poles.",
+            )
+            raise misfit("unstable_poles", "a count for a model", want, remedy)
+        return model_analysis(plant, controller, asked, disturbance)  # type: ignore[arg-type]
+    if disturbance is not None:
+        shown = "a disturbance of a measured plant"
+        raise misfit("disturbance", shown, "a model to run", "Fit one, or leave it out.")
+    measured = MeasuredLoop.of(lines, controller_of(controller), unstable_poles)
+    return MeasuredLoopAnalysis(**_figures(measured, asked))
 
 
 def model_analysis(

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy import linalg
 
 from robustpolish.base.arrays import AnyMatrix, Matrix, Vector
 from robustpolish.linear.norms.hinf import HinfNorm
-from robustpolish.loops.response import DelayedLoop
+from robustpolish.loops.response import DelayedLoop, Matrices, Ports, connected
 
 # How far around a frequency a loop with exact delays stays below a level: nothing hides between.
 #
@@ -46,46 +45,16 @@ class DelayedIntervals:
     seconds: Vector
 
     @classmethod
-    def of_loop(
-        cls, loop: DelayedLoop, back: Matrix, entry: Matrix, out: tuple[Matrix, Matrix]
-    ) -> DelayedIntervals:
-        """Wire plant and controller: q = back o + entry w, z = out[0] o + out[1] q.
+    def of_loop(cls, loop: DelayedLoop, ports: Ports) -> DelayedIntervals:
+        """Wire plant and controller.
 
         Parameters
         ----------
         loop : DelayedLoop
-        back, entry : ndarray
-            What drives q, the inputs (u, y) of plant and controller.
-        out : (ndarray, ndarray)
-            What z has of their outputs o = (K y, G u), and of q.
+        ports : Ports
         """
-        A, B, C, D = loop.plant.matrices
-        Ak, Bk, Ck, Dk = loop.controller
-        nu, ny, k = len(Ck), Bk.shape[1], len(loop.plant.lines)
-        n, m = len(A), len(Ak)
-        # Inputs (u, y, d), outputs (K y, G u, v).
-        into = np.zeros((n + m, nu + ny + k))
-        into[:n, :nu], into[:n, nu + ny :], into[n:, nu : nu + ny] = B[:, :nu], B[:, nu:], Bk
-        seen = np.zeros((nu + ny + k, n + m))
-        seen[:nu, n:], seen[nu:, :n] = Ck, C
-        through = np.zeros((nu + ny + k, nu + ny + k))
-        through[:nu, nu : nu + ny] = Dk
-        through[nu:, :nu], through[nu:, nu + ny :] = D[:, :nu], D[:, nu:]
-        whole: Any = linalg.block_diag(A, Ak)
-        one = np.eye(k)
-        F = np.asarray(linalg.block_diag(back, np.zeros((k, k))))
-        E = np.asarray(linalg.block_diag(entry, one))
-        P = np.asarray(linalg.block_diag(out[0], one))
-        R = np.asarray(linalg.block_diag(out[1], np.zeros((k, k))))
-        shut = np.eye(len(F)) - F @ through
-        on_x, on_w = np.linalg.solve(shut, F @ seen), np.linalg.solve(shut, E)
-        inner = P @ through + R
-        found = (
-            np.asarray(whole) + into @ on_x,
-            into @ on_w,
-            P @ seen + inner @ on_x,
-            inner @ on_w,
-        )
+        k = len(loop.plant.lines)
+        found = connected(loop.plant.matrices, loop.controller, ports, k)
         return cls(*_balanced(*found, k), loop.plant.seconds)
 
     @property
@@ -134,7 +103,9 @@ class DelayedIntervals:
         level : float
         """
         if math.isinf(omega):
-            return self._tail(scales, level), math.inf
+            tail = (2.0**i * self._pace for i in range(1, _DOUBLINGS + 1))
+            beyond = (w for w in tail if self._far_below(w, scales, level))
+            return next(beyond, math.inf), math.inf
         M, on_q, on_z, inner = self._solved(omega)
         lengths = self._lengths[:, None]
         M, on_q = M * scales[:, None] / scales, lengths * on_q / scales
@@ -147,8 +118,7 @@ class DelayedIntervals:
             tau / 2 * np.linalg.norm(on_z[:, -i]) * np.linalg.norm(on_q[-i])
             for i, tau in enumerate(self.seconds[::-1], 1)
         ))  # fmt: skip
-        step = 1 / loop if loop > 0 else math.inf
-        step = min(step, max(omega, self._pace))
+        step = min(1 / loop if loop > 0 else math.inf, max(omega, self._pace))
         for _ in range(_SHORTENINGS):
             step /= 3
             rest = step**2 * (bend + into * out * loop / (1 - step * loop))
@@ -167,48 +137,31 @@ class DelayedIntervals:
         """Tell whether T M T^-1 stays below a level from a frequency on, by the sizes of parts."""
         if omega <= self._pace:
             return False
-        resolvent = 1 / (omega - self._pace)
-        m, p = self._sizes
-
-        def size(part: AnyMatrix) -> float:
-            return float(np.linalg.norm(part, 2)) if part.size else 0.0
-
-        B, C = self.B[:, :m] / scales, self.C[:p] * scales[:, None]
-        D = self.D[:p, :m] * scales[:, None] / scales
-        bw, bd, cz, cv = size(B), size(self.B[:, m:]), size(C), size(self.C[p:])
-        turned = size(self.D[p:, m:]) + cv * bd * resolvent
+        resolvent, m, p = 1 / (omega - self._pace), *self._sizes
+        rows = scales[:, None]
+        B, C, D = self.B[:, :m] / scales, self.C[:p] * rows, self.D[:p, :m] * rows / scales
+        delayed = self.B[:, m:], self.C[p:], self.D[p:, m:]
+        beside = self.D[:p, m:] * rows, self.D[p:, :m] / scales
+        bw, cz, dzw, bd, cv, dvd, dzd, dvw = (
+            float(np.linalg.norm(part, 2)) if part.size else 0.0
+            for part in (B, C, D, *delayed, *beside)
+        )
+        turned = dvd + cv * bd * resolvent
         if turned >= 1:
             return False
-        out = size(self.D[:p, m:] * scales[:, None]) + cz * bd * resolvent
-        into = size(self.D[p:, :m] / scales) + cv * bw * resolvent
-        return size(D) + cz * bw * resolvent + out * into / (1 - turned) < level
-
-    def _tail(self, scales: Vector, level: float) -> float:
-        omega = 2 * self._pace
-        for _ in range(_DOUBLINGS):
-            if self._far_below(omega, scales, level):
-                return omega
-            omega *= 2
-        return math.inf
+        out, into = dzd + cz * bd * resolvent, dvw + cv * bw * resolvent
+        return dzw + cz * bw * resolvent + out * into / (1 - turned) < level
 
 
-def _balanced(
-    A: Matrix, B: Matrix, C: Matrix, D: Matrix, k: int
-) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+def _balanced(A: Matrix, B: Matrix, C: Matrix, D: Matrix, k: int) -> Matrices:
     """Scale states and delayed signals so that none is far larger than the others."""
     m, p, n = B.shape[1] - k, len(C) - k, len(A)
     inner = np.block([[A, B[:, m:]], [C[p:], D[p:, m:]]])
     _, (scale, _) = linalg.matrix_balance(inner, permute=False, separate=True)
     T = np.asarray(scale, dtype=float)
-    left = np.concatenate([np.ones(m), T[n:]])
-    right = np.concatenate([np.ones(p), T[n:]])
-    x = T[:n]
-    return (
-        A * x / x[:, None],
-        B * left / x[:, None],
-        C * x / right[:, None],
-        D * left / right[:, None],
-    )
+    x, left, right = T[:n, None], np.append(np.ones(m), T[n:]), np.append(np.ones(p), T[n:])
+    right = right[:, None]
+    return A * T[:n] / x, B * left / x, C * T[:n] / right, D * left / right
 
 
 @dataclass(frozen=True)

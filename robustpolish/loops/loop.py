@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -9,11 +10,9 @@ from typing import Any, Literal
 
 import control
 import numpy as np
-import scipy.linalg as sla
 
-from robustpolish.base.arrays import AnyArray, AnyVector, Matrix, Vector
-from robustpolish.base.checks import described, invalid
-from robustpolish.errors import InvalidInputError
+from robustpolish.base.arrays import AnyVector
+from robustpolish.base.checks import instance_of, invalid, misfit
 from robustpolish.linear.delay_stability import delay_stability
 from robustpolish.linear.delayed_systems import DelayedSystem
 from robustpolish.linear.norms.hinf import HinfNorm
@@ -21,8 +20,11 @@ from robustpolish.linear.stability import Stability, stability
 from robustpolish.loops.response import (
     DelayedLoop,
     DelayedResponse,
-    MeasuredResponse,
+    LineResponse,
+    Matrices,
+    Ports,
     SystemResponse,
+    connected,
 )
 from robustpolish.plants.blocks import (
     GivenController,
@@ -34,11 +36,11 @@ from robustpolish.plants.blocks import (
 from robustpolish.plants.blocks import closed_loop as plant_loop
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import NOISE_PREFIX
+from robustpolish.plants.wiring import Wiring
 from robustpolish.synthesis.design import Design
 
 Place = Literal["input", "output"]
 PLACES: tuple[Place, ...] = ("input", "output")
-_Matrices = tuple[Matrix, Matrix, Matrix, Matrix]
 
 
 class BreakableLoop:
@@ -46,6 +48,14 @@ class BreakableLoop:
 
     plant: GeneralizedPlant
     controller: control.StateSpace
+
+    def wired(self, ports: Ports, inputs: Sequence[str], outputs: Sequence[str]) -> Any:
+        """Return the loop from where signals enter to where they leave, by their names."""
+        raise NotImplementedError
+
+    def responding(self, ports: Ports, names: Sequence[str]) -> SystemResponse | LineResponse:
+        """Return it over frequency."""
+        raise NotImplementedError
 
     def names(self, place: Place) -> tuple[str, ...]:
         """Return the signals at which the loop can be broken: controls or measurements.
@@ -82,11 +92,98 @@ class BreakableLoop:
         first = 0 if place == "input" else self.plant.nu
         return [first + i for i in (range(len(self.names(place))) if signals is None else signals)]
 
-    def response_around(
-        self, at: Sequence[int], weight: float = 1.0, less: float = 0.0
-    ) -> SystemResponse | MeasuredResponse:
-        """Return weight * S - less * 1 at some signals over frequency."""
-        raise NotImplementedError
+    def _named(self, at: Sequence[int]) -> list[str]:
+        return [self.signals[i] for i in at]
+
+    @property
+    def closed(self) -> Any:
+        """From (disturbance at u, noise at y) to (u, y): S and KS above, GS and S below."""
+        every = range(len(self.signals))
+        return self.between(every, every)
+
+    def between(self, inputs: Sequence[int], outputs: Sequence[int]) -> Any:
+        """Return :attr:`closed` between some of its inputs and outputs.
+
+        Parameters
+        ----------
+        inputs, outputs : sequence of int
+            Positions in :attr:`closed`.
+
+        Returns
+        -------
+        control.StateSpace or control.FrequencyResponseData
+        """
+        ports = Ports.closed(len(self.signals), inputs, outputs)
+        return self.wired(ports, self._named(inputs), self._named(outputs))
+
+    def around(self, at: Sequence[int], weight: float = 1.0, less: float = 0.0) -> Any:
+        """Return weight * S - less * 1 at some signals, such as S - T = 2 S - 1.
+
+        Parameters
+        ----------
+        at : sequence of int
+            Positions in :attr:`closed`.
+        weight, less : float, optional
+
+        Returns
+        -------
+        control.StateSpace or control.FrequencyResponseData
+        """
+        names = self._named(at)
+        return self.wired(Ports.closed(len(self.signals), at, at, weight, less), names, names)
+
+    def opened(self, place: Place | None, signals: Sequence[int] | None = None) -> Any:
+        """Return the loop transfer function where it is broken, the rest being closed.
+
+        Parameters
+        ----------
+        place : {"input", "output"} or None
+            Of the plant; None for both, which opens everything: from (u, y) to (-K y, -G u).
+        signals : sequence of int, optional
+            Where it is broken; at all signals of the place by default.
+
+        Returns
+        -------
+        control.StateSpace or control.FrequencyResponseData
+            L with S = 1/(1 + L): -K G or -G K if everything is broken.
+        """
+        broken = self.broken(place, signals)
+        names = self._named(broken)
+        return self.wired(Ports.opened(len(self.signals), broken), names, names)
+
+    def broken(self, place: Place | None, signals: Sequence[int] | None = None) -> list[int]:
+        """Return the signals that :meth:`opened` breaks."""
+        return list(range(len(self.signals))) if place is None else self.at(place, signals)
+
+    def response(self, place: Place, signals: Sequence[int] | None = None) -> Any:
+        """Return :meth:`opened` over frequency, delays as they are.
+
+        Parameters
+        ----------
+        place : {"input", "output"}
+        signals : sequence of int, optional
+
+        Returns
+        -------
+        SystemResponse or LineResponse
+        """
+        broken = self.at(place, signals)
+        return self.responding(Ports.opened(len(self.signals), broken), self._named(broken))
+
+    def response_around(self, at: Sequence[int], weight: float = 1.0, less: float = 0.0) -> Any:
+        """Return :meth:`around` over frequency, delays as they are.
+
+        Parameters
+        ----------
+        at : sequence of int
+        weight, less : float, optional
+
+        Returns
+        -------
+        SystemResponse or LineResponse
+        """
+        ports = Ports.closed(len(self.signals), at, at, weight, less)
+        return self.responding(ports, self._named(at))
 
     def peak(self, at: Sequence[int], weight: float = 1.0, less: float = 0.0) -> HinfNorm:
         """Return the norm of :meth:`around`, proven if that is affordable, and remember it.
@@ -150,11 +247,15 @@ class Loop(BreakableLoop):
     @cached_property
     def delayed(self) -> DelayedLoop | None:
         """The loop with its delays as they are; None without delays and in discrete time."""
-        wiring = self.plant.wiring
-        if self.is_discrete or not wiring.lines:
+        if self.is_discrete or not self.plant.wiring.lines:
             return None
-        inner = wiring.chosen([], range(wiring.nu), [], range(wiring.ny))
-        return DelayedLoop(inner.with_ports_last(), self.controller_matrices)
+        return DelayedLoop(self._inner.with_ports_last(), self.controller_matrices)
+
+    @property
+    def _inner(self) -> Wiring:
+        """The wiring from u to y."""
+        wiring = self.plant.wiring
+        return wiring.chosen([], range(wiring.nu), [], range(wiring.ny))
 
     @property
     def dt(self) -> float | bool:
@@ -197,39 +298,46 @@ class Loop(BreakableLoop):
     @cached_property
     def outside_stability(self) -> Stability:
         """Whether these are stable by themselves."""
-        rest = [i for i in range(self.plant.nx) if i not in self.inside]
-        A = self.plant.A[np.ix_(rest, rest)]
         names = self.outside
-        matrices = (A, np.eye(len(A)), np.eye(len(A)), np.zeros(A.shape))
+        rest = [self.plant.states.index(name) for name in names]
+        one = np.eye(len(rest))
+        matrices = (self.plant.A[np.ix_(rest, rest)], one, one, 0 * one)
         return stability(named_system(matrices, self.dt, names, names, names))
 
     @cached_property
-    def plant_matrices(self) -> _Matrices:
+    def plant_matrices(self) -> Matrices:
         """A, B, C and D from u to y, of the states inside the loop."""
         own, kept = self.plant, list(self.inside)
         return own.A[np.ix_(kept, kept)], own.B2[kept], own.C2[:, kept], own.D22
 
     @cached_property
-    def controller_matrices(self) -> _Matrices:
+    def controller_matrices(self) -> Matrices:
         """A, B, C and D of K."""
         return matrices_of(self.controller)
 
     @cached_property
     def closed(self) -> control.StateSpace:
         """From (disturbance at u, noise at y) to (u, y): S and KS above, GS and S below."""
-        (A, B, C, D), (Ak, Bk, Ck, Dk) = self.plant_matrices, self.controller_matrices
-        nu, ny = D.shape[1], D.shape[0]
-        loop = np.eye(nu) - Dk @ D
-        u = np.linalg.solve(loop, np.hstack([Dk @ C, Ck, np.eye(nu), Dk]))
-        n, k = A.shape[0], Ak.shape[0]
-        y = D @ u + np.hstack([C, np.zeros((ny, k + nu)), np.eye(ny)])
-        rows = np.vstack([B @ u, Bk @ y])
-        rows[:n, :n] += A
-        rows[n:, n : n + k] += Ak
-        outer = np.vstack([u, y])
-        cut = n + k
-        matrices = rows[:, :cut], rows[:, cut:], outer[:, :cut], outer[:, cut:]
-        return named_system(matrices, self.dt, self.signals, self.signals, self._states())
+        return super().closed
+
+    def wired(
+        self, ports: Ports, inputs: Sequence[str], outputs: Sequence[str]
+    ) -> control.StateSpace:
+        """Return the loop from where signals enter to where they leave, by their names."""
+        own = [self.plant.states[i] for i in self.inside]
+        others = [
+            f"{'controller_' if name in own else ''}{name}" for name in self.controller.state_labels
+        ]
+        matrices = connected(self.plant_matrices, self.controller_matrices, ports)
+        return named_system(matrices, self.dt, inputs, outputs, [*own, *others])
+
+    def responding(self, ports: Ports, names: Sequence[str]) -> SystemResponse:
+        """Return it over frequency, delays as they are."""
+        system, exact = self.wired(ports, names, names), self.delayed
+        if exact is None:
+            return SystemResponse(system, self.rates)
+        values = functools.partial(exact.values, ports)
+        return DelayedResponse(system, self.rates, exact=values, seconds=exact.seconds)
 
     @cached_property
     def stability(self) -> Stability:
@@ -237,9 +345,8 @@ class Loop(BreakableLoop):
         found = stability(self.closed)
         if self.delayed is None:
             return found
-        inner = self.plant.wiring.chosen([], range(self.plant.nu), [], range(self.plant.ny))
-        system = DelayedSystem(plant_loop(inner, self.controller), inner.lines)
-        exact = delay_stability(system)
+        inner = self._inner
+        exact = delay_stability(DelayedSystem(plant_loop(inner, self.controller), inner.lines))
         if exact and found:
             return replace(found, reason=f"{exact.reason}; with Padé models all poles are stable")
         if exact:
@@ -255,145 +362,12 @@ class Loop(BreakableLoop):
     def rates(self) -> AnyVector:
         """Poles of the closed loop as complex rates in rad/s, those at z = 0 left out."""
         poles = np.asarray(self.stability.poles, dtype=complex)
-        if not self.is_discrete:
-            return poles
-        step = 1.0 if self.dt is True else float(self.dt)
-        return np.log(poles[poles != 0]) / step
+        return np.log(poles[poles != 0]) / sample_step(self.dt) if self.is_discrete else poles
 
     @cached_property
     def opposite_stability(self) -> Stability:
         """Whether the loop with the opposite sign, u = -K y, is stable."""
         return stability(Loop(self.plant, -self.controller).closed)
-
-    def between(self, inputs: Sequence[int], outputs: Sequence[int]) -> control.StateSpace:
-        """Return :attr:`closed` between some of its inputs and outputs.
-
-        Parameters
-        ----------
-        inputs, outputs : sequence of int
-            Positions in :attr:`closed`.
-
-        Returns
-        -------
-        control.StateSpace
-        """
-        return from_to(self.closed, inputs, outputs)
-
-    def around(
-        self, at: Sequence[int], weight: float = 1.0, less: float = 0.0
-    ) -> control.StateSpace:
-        """Return weight * S - less * 1 at some signals, such as S - T = 2 S - 1.
-
-        Parameters
-        ----------
-        at : sequence of int
-            Positions in :attr:`closed`.
-        weight, less : float, optional
-
-        Returns
-        -------
-        control.StateSpace
-        """
-        closed, at = self.closed, list(at)
-        A, B, C, D = (np.asarray(getattr(closed, name)) for name in "ABCD")
-        own = weight * D[np.ix_(at, at)] - less * np.eye(len(at))
-        names = [closed.input_labels[i] for i in at]
-        matrices = A, B[:, at], weight * C[at], own
-        return named_system(matrices, self.dt, names, names, closed.state_labels)
-
-    @property
-    def side_by_side(self) -> control.StateSpace:
-        """Everything opened: from (u, y) to (-K y, -G u)."""
-        (A, B, C, D), (Ak, Bk, Ck, Dk) = self.plant_matrices, self.controller_matrices
-        nu, ny = D.shape[1], D.shape[0]
-        matrices: Any = (
-            np.asarray(sla.block_diag(A, Ak)),
-            np.asarray(sla.block_diag(B, Bk)),
-            np.vstack(
-                [np.hstack([np.zeros((nu, len(A))), -Ck]), np.hstack([-C, np.zeros((ny, len(Ak)))])]
-            ),
-            np.block([[np.zeros((nu, nu)), -Dk], [-D, np.zeros((ny, ny))]]),
-        )
-        return named_system(matrices, self.dt, self.signals, self.signals, self._states())
-
-    def opened(self, place: Place, signals: Sequence[int] | None = None) -> control.StateSpace:
-        """Return the loop transfer function where it is broken, the rest being closed.
-
-        Parameters
-        ----------
-        place : {"input", "output"}
-            Of the plant.
-        signals : sequence of int, optional
-            Where it is broken; at all signals of the place by default.
-
-        Returns
-        -------
-        control.StateSpace
-            L with S = 1/(1 + L): -K G or -G K if everything is broken.
-        """
-        names = self.names(place)
-        broken = list(range(len(names)) if signals is None else signals)
-        first, second = self.plant_matrices, self.controller_matrices
-        if place == "output":
-            first, second = second, first
-        matrices = _opened(first, second, broken)
-        labels = [names[i] for i in broken]
-        return named_system(matrices, self.dt, labels, labels, self._states(place))
-
-    def response(self, place: Place, signals: Sequence[int] | None = None) -> SystemResponse:
-        """Return :meth:`opened` over frequency, delays as they are.
-
-        Parameters
-        ----------
-        place : {"input", "output"}
-        signals : sequence of int, optional
-
-        Returns
-        -------
-        SystemResponse
-        """
-        opened, exact = self.opened(place, signals), self.delayed
-        if exact is None:
-            return SystemResponse(opened, self.rates)
-        broken = list(range(len(self.names(place))) if signals is None else signals)
-        return DelayedResponse(
-            opened,
-            self.rates,
-            exact=lambda omega: exact.opened(place == "input", broken, omega),
-            seconds=exact.seconds,
-        )
-
-    def response_around(
-        self, at: Sequence[int], weight: float = 1.0, less: float = 0.0
-    ) -> SystemResponse:
-        """Return :meth:`around` over frequency, delays as they are.
-
-        Parameters
-        ----------
-        at : sequence of int
-        weight, less : float, optional
-
-        Returns
-        -------
-        SystemResponse
-        """
-        system, exact = self.around(at, weight, less), self.delayed
-        if exact is None:
-            return SystemResponse(system)
-        one, at = np.eye(len(at)), list(at)
-
-        def values(omega: Vector) -> AnyArray:
-            return weight * exact.closed(omega)[:, at][:, :, at] - less * one
-
-        return DelayedResponse(system, self.rates, exact=values, seconds=exact.seconds)
-
-    def _states(self, place: Place = "input") -> list[str]:
-        """Name the states of plant and controller, in the order in which they are connected."""
-        own = [self.plant.states[i] for i in self.inside]
-        others = [
-            f"{'controller_' if name in own else ''}{name}" for name in self.controller.state_labels
-        ]
-        return [*own, *others] if place == "input" else [*others, *own]
 
     def well_posed(self) -> bool:
         """Tell whether the algebraic part of the loop has a solution."""
@@ -406,13 +380,19 @@ def from_to(
 ) -> control.StateSpace:
     """Return a system between some of its inputs and outputs."""
     A, B, C, D = matrices_of(system)
+    into, out = list(inputs), list(outputs)
     return named_system(
-        (A, B[:, inputs], C[outputs], D[np.ix_(outputs, inputs)]),
+        (A, B[:, into], C[out], D[np.ix_(out, into)]),
         0 if system.dt is None else system.dt,
-        [system.input_labels[i] for i in inputs],
-        [system.output_labels[i] for i in outputs],
+        [system.input_labels[i] for i in into],
+        [system.output_labels[i] for i in out],
         system.state_labels,
     )
+
+
+def sample_step(dt: float | bool | None) -> float:
+    """Return the sampling time in s, 1 if it is not told; 0 in continuous time."""
+    return 1.0 if dt is True else float(dt or 0)
 
 
 def _reached(edges: Any, start: Any) -> Any:
@@ -423,27 +403,6 @@ def _reached(edges: Any, start: Any) -> Any:
         if (further == found).all():
             return found
         found = further
-
-
-def _opened(first: _Matrices, second: _Matrices, broken: Sequence[int]) -> _Matrices:
-    """Return the negative transfer round the loop from `broken` inputs of `first`."""
-    (A, B, C, D), (Ak, Bk, Ck, Dk) = first, second
-    m, n, k = B.shape[1], A.shape[0], Ak.shape[0]
-    shut = np.eye(m)
-    shut[broken, broken] = 0.0
-    entry = np.eye(m)[:, broken]
-    loop = np.eye(m) - Dk @ D @ shut
-    back: Any = np.linalg.solve(loop, np.hstack([Dk @ C, Ck, Dk @ D @ entry]))
-    u = shut @ back
-    u[:, n + k :] += entry
-    y = D @ u
-    y[:, :n] += C
-    rows = np.vstack([B @ u, Bk @ y])
-    rows[:n, :n] += A
-    rows[n:, n : n + k] += Ak
-    outer = -back[broken]
-    cut = n + k
-    return rows[:, :cut], rows[:, cut:], outer[:, :cut], outer[:, cut:]
 
 
 # The loop that users give: a design, or a plant and a controller of many kinds, checked.
@@ -463,33 +422,40 @@ def loop_of(
     """
     if isinstance(plant, Design):
         if controller is not None:
-            shown = described("a design and a controller besides")
+            found, want = "a design and a controller besides", "a design alone, or a plant and a "
             remedy = "Pass design.plant to try another controller on its plant."
-            raise invalid(
-                "controller", shown, "a design alone, or a plant and a controller", remedy
-            )
+            raise misfit("controller", found, f"{want}controller", remedy)
         plant, controller = plant.plant, plant.controller
-    whole = _as_plant(plant)
-    controller = controller_of(controller)
-    if whole.nu == 0 or whole.ny == 0:
-        raise _lacks_signals(whole)
-    _complain_about_states(whole, controller)
-    K = controller_system(whole, controller)
+    whole, given = _as_plant(plant), controller_of(controller)
+    # A gain of a state feedback, given with a plant that measures something else, is told.
+    constant = isinstance(given, control.StateSpace) and given.nstates == 0
+    gain: Any = given.D if constant else given
+    shape = () if isinstance(gain, control.InputOutputSystem | control.LTI) else np.shape(gain)
+    if shape == (whole.nu, whole.nx) and whole.nx != whole.ny:
+        found = f"a gain of shape {shape} for {whole.ny} measurements"
+        remedy = "For a state feedback pass plant.with_full_state()."
+        raise misfit("controller", found, f"a gain of shape ({whole.nu}, {whole.ny})", remedy)
+    K = controller_system(whole, given)
     if K.nstates and K.dt is not None and K.dt != whole.dt and not _same_step(K.dt, whole.dt):
-        shown = described(f"{_timing(K.dt)} for a plant in {_timing(whole.dt)}")
+        found = f"{_timing(K.dt)} for a plant in {_timing(whole.dt)}"
         remedy = "Discretise the plant or the controller first, such as with control.c2d."
-        raise invalid("controller", shown, "the same time as the plant", remedy)
-    if (K.noutputs, K.ninputs) != (whole.nu, whole.ny):
-        shown = described(f"{K.ninputs} inputs and {K.noutputs} outputs")
-        expected = f"{whole.ny} inputs (y) and {whole.nu} outputs (u)"
-        remedy = "It leads from the measurements y to the controls u."
-        raise invalid("controller", shown, expected, remedy)
+        raise misfit("controller", found, "the same time as the plant", remedy)
+    check_signals(whole, K)
     loop = Loop(whole, K)
     if not loop.well_posed():
-        shown = described("a loop matrix I - Dk D22 that is singular")
         remedy = "Change the controller's feedthrough or the plant's D22."
-        raise invalid("controller", shown, "a well-posed loop", remedy)
+        found = "a loop matrix I - Dk D22 that is singular"
+        raise misfit("controller", found, "a well-posed loop", remedy)
     return loop
+
+
+def check_signals(plant: GeneralizedPlant, K: control.StateSpace) -> None:
+    """Refuse a controller that does not lead from all measurements to all controls."""
+    if (K.noutputs, K.ninputs) != (plant.nu, plant.ny):
+        found = f"{K.ninputs} inputs and {K.noutputs} outputs"
+        want = f"{plant.ny} inputs (y) and {plant.nu} outputs (u)"
+        remedy = "It leads from the measurements y to the controls u."
+        raise misfit("controller", found, want, remedy)
 
 
 def controller_of(controller: Design | GivenController | None) -> GivenController:
@@ -505,48 +471,23 @@ def controller_of(controller: Design | GivenController | None) -> GivenControlle
 def measured_plant(plant: Any) -> GeneralizedPlant | None:
     """Return a plant that is known by its frequency response; None of others."""
     own = plant.system if isinstance(plant, GeneralizedPlant) else plant
-    if not isinstance(own, control.FrequencyResponseData):
-        return None
-    whole = plant
-    if not isinstance(plant, GeneralizedPlant):
-        whole = GeneralizedPlant(own, own.noutputs or 0, own.ninputs or 0)
-    if whole.nu == 0 or whole.ny == 0:
-        raise _lacks_signals(whole)
-    return whole
-
-
-def _lacks_signals(whole: GeneralizedPlant) -> InvalidInputError:
-    shown = described(f"{whole.nu} controls and {whole.ny} measurements")
-    remedy = "Name measurements= and controls= of the plant."
-    return invalid("plant", shown, "at least one of each", remedy)
+    return _as_plant(plant) if isinstance(own, control.FrequencyResponseData) else None
 
 
 def _as_plant(plant: Any) -> GeneralizedPlant:
-    if isinstance(plant, GeneralizedPlant):
-        return plant
     if isinstance(plant, control.StateSpace | control.TransferFunction):
-        system = as_state_space("plant", plant, 0)
-        return GeneralizedPlant(system, system.noutputs or 0, system.ninputs or 0)
-    raise invalid(
-        "plant",
-        described(type(plant).__name__),
-        "a Design, a GeneralizedPlant, a control.StateSpace or a control.TransferFunction",
-        "Pass what a synthesis returned, or a plant and a controller.",
-    )
-
-
-def _complain_about_states(plant: GeneralizedPlant, controller: GivenController) -> None:
-    """Tell a gain of a state feedback, given with a plant that measures something else."""
-    given = controller
-    if isinstance(given, control.StateSpace) and given.nstates == 0:
-        given = given.D
-    if isinstance(given, control.InputOutputSystem | control.LTI):
-        return
-    shape = np.shape(given)
-    if shape == (plant.nu, plant.nx) and plant.nx != plant.ny:
-        shown = described(f"a gain of shape {shape} for {plant.ny} measurements")
-        remedy = "For a state feedback pass plant.with_full_state()."
-        raise invalid("controller", shown, f"a gain of shape ({plant.nu}, {plant.ny})", remedy)
+        plant = as_state_space("plant", plant, 0)
+    if isinstance(plant, control.StateSpace | control.FrequencyResponseData):
+        plant = GeneralizedPlant(plant, plant.noutputs or 0, plant.ninputs or 0)
+    expected = "a Design, a GeneralizedPlant, a control.StateSpace or a control.TransferFunction"
+    remedy = "Pass what a synthesis returned, or a plant and a controller."
+    instance_of("plant", plant, GeneralizedPlant, expected, remedy)
+    if plant.nu == 0 or plant.ny == 0:
+        found = f"{plant.nu} controls and {plant.ny} measurements"
+        raise misfit(
+            "plant", found, "at least one of each", "Name measurements= and controls= of the plant."
+        )
+    return plant
 
 
 def _same_step(one: float | bool, other: float | bool) -> bool:

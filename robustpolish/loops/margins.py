@@ -10,15 +10,16 @@ import control
 import numpy as np
 from matplotlib.axes import Axes
 
-from robustpolish.base.arrays import AnyArray, AnyMatrix, Vector
+from robustpolish.base.arrays import AnyMatrix, Vector
 from robustpolish.base.results import Card, Displayed, Table, quantities
 from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
+from robustpolish.linear.delayed_systems import resolvent_response
 from robustpolish.linear.norms.peak import cayley
 from robustpolish.loops.disk_margins import DelayedIntervals, DiskMargin, decibel, disk_of
 from robustpolish.loops.loop import Loop, Place
 from robustpolish.loops.measured import MeasuredLoop
 from robustpolish.loops.pictures import plot_loops
-from robustpolish.loops.response import lag
+from robustpolish.loops.response import LineResponse, Ports, lag
 from robustpolish.loops.scaled_peak import MOST_INTERVALS, best_scales, interval, scaled_peak
 
 # The margins of several loops at once: every signal of a place changed in any combination.
@@ -88,7 +89,8 @@ def simultaneous_margins(loop: Loop | MeasuredLoop, where: Where) -> MarginsAtOn
 
 def _bounds(loop: Loop, at: list[int], place: Place | None) -> tuple[DiskMargin, float]:
     """Return the disk of several signals, and a delay in any combination, both proven."""
-    balanced = _axis(loop.around(at, 2.0, 1.0), _closed_delays(loop, at))
+    size = len(loop.signals)
+    balanced = _axis(loop, loop.around(at, 2.0, 1.0), Ports.closed(size, at, at, 2.0, 1.0))
     if len(at) == 1:  # no scales to choose
         disk = disk_of(loop.balanced_peak(at))
     else:
@@ -98,8 +100,8 @@ def _bounds(loop: Loop, at: list[int], place: Place | None) -> tuple[DiskMargin,
         alpha = 2 / peak.upper if peak.upper else math.inf
         hertz = float(balanced.omega(peak.frequency) / (2 * math.pi))
         disk = DiskMargin(alpha, hertz, peak.covered)
-    opened = loop.side_by_side if place is None else loop.opened(place)
-    return disk, any_delay(balanced, _axis(opened, _opened_delays(loop, place)), disk.alpha)
+    opened = _axis(loop, loop.opened(place), Ports.opened(size, loop.broken(place)))
+    return disk, any_delay(balanced, opened, disk.alpha)
 
 
 def _bounds_of_lines(
@@ -107,16 +109,15 @@ def _bounds_of_lines(
 ) -> tuple[DiskMargin, float]:
     """Return the same as far as the lines of a measured loop tell."""
 
-    def scaled_sizes(values: AnyArray) -> Vector:
-        return np.array([best_scales(value)[0] for value in values])
+    def scaled_sizes(response: control.FrequencyResponseData) -> Vector:
+        return np.array([best_scales(value)[0] for value in LineResponse(response).values])
 
     omega = loop.omega
-    sizes = scaled_sizes(loop.response_around(at, 2.0, 1.0).values)
+    sizes = scaled_sizes(loop.around(at, 2.0, 1.0))
     worst = int(np.argmax(sizes))
     alpha = 2 / float(sizes[worst]) if sizes[worst] else math.inf
     disk = DiskMargin(alpha, float(omega[worst] / (2 * math.pi)), False)
-    opened = loop.side_by_side if place is None else loop.response(place).values
-    large = np.flatnonzero(scaled_sizes(opened) >= 1)
+    large = np.flatnonzero(scaled_sizes(loop.opened(place)) >= 1)
     last = int(large[-1]) + 1 if large.size else 0
     # Each line speaks for the stretch up to the next, where the same delay turns further.
     ends = np.append(omega[1:], omega[-1])[:last]
@@ -137,13 +138,11 @@ class _Axis:
     def of(cls, system: control.StateSpace) -> _Axis:
         model = realisation("system", system)
         model = rescaled(model) if model.states else model
-        discrete, step = model.discrete, model.step
-        image = cayley(model)
-        gain = model.gain
+        image, gain = cayley(model), model.gain
         image = Realisation(
             image.A, image.B * gain, image.C, image.D * gain, False, 1.0, model.time, 1.0
         )
-        return cls(image, discrete, step)
+        return cls(image, model.discrete, model.step)
 
     def omega(self, x: float) -> float:
         """Return the frequency in rad/s."""
@@ -157,15 +156,10 @@ class _Axis:
         return math.tan(angle) if angle < math.pi / 2 * (1 - 1e-15) else math.inf
 
     def response(self, x: float) -> AnyMatrix:
-        model = self.model
-        D = model.D.astype(complex)
-        if not model.states or not math.isfinite(x):
-            return D
-        try:
-            inner = np.linalg.solve(1j * x * np.eye(model.states) - model.A, model.B + 0j)
-        except np.linalg.LinAlgError:
-            return np.full_like(D, np.inf)
-        return D + model.C @ inner
+        own = self.model
+        if not math.isfinite(x):
+            return own.D.astype(complex)
+        return resolvent_response(own.A, own.B, own.C, own.D, np.array([1j * x]))[0]
 
     @property
     def size(self) -> float:
@@ -203,32 +197,12 @@ class _DelayedAxis(_Axis):
         return self.x(min(one[0] for one in found)), self.x(max(one[1] for one in found))
 
 
-def _axis(system: control.StateSpace, exact: DelayedIntervals | None) -> _Axis:
+def _axis(loop: Loop, system: control.StateSpace, ports: Ports) -> _Axis:
     own = _Axis.of(system)
-    return own if exact is None else _DelayedAxis(own.model, own.discrete, own.step, exact)
-
-
-def _closed_delays(loop: Loop, at: list[int]) -> DelayedIntervals | None:
-    """Return S - T = 2 S - 1 at some signals with exact delays; None without."""
     if loop.delayed is None:
-        return None
-    every = np.eye(loop.plant.nu + loop.plant.ny)
-    # z = 2 q - w: q holds w already, and o = q - w.
-    some = every[at]
-    return DelayedIntervals.of_loop(loop.delayed, every, some.T, (some, some))
-
-
-def _opened_delays(loop: Loop, place: Place | None) -> DelayedIntervals | None:
-    """Return what :attr:`Loop.side_by_side`, or the loop opened at a place, is with delays."""
-    if loop.delayed is None:
-        return None
-    every = np.eye(loop.plant.nu + loop.plant.ny)
-    broken = list(range(len(every))) if place is None else loop.at(place)
-    back = every.copy()
-    back[broken] = 0.0
-    return DelayedIntervals.of_loop(
-        loop.delayed, back, every[:, broken], (-every[broken], np.zeros((len(broken), len(every))))
-    )
+        return own
+    exact = DelayedIntervals.of_loop(loop.delayed, ports)
+    return _DelayedAxis(own.model, own.discrete, own.step, exact)
 
 
 def any_delay(balanced: _Axis, opened: _Axis, alpha: float) -> float:
@@ -257,8 +231,7 @@ def any_delay(balanced: _Axis, opened: _Axis, alpha: float) -> float:
 
 def _highest_large_gain_frequency(opened: _Axis) -> float:
     """Return the frequency in rad/s above which no change of phases matters, L being small."""
-    model = opened.model
-    fastest = float(np.abs(np.linalg.eigvals(model.A)).max()) if model.states else 0.0
+    fastest = float(opened.seeds().max(initial=0.0))
     end = fastest or 1.0
     while True:  # out to where the loop is small and stays so
         value, scales = best_scales(opened.response(end))
@@ -399,11 +372,13 @@ class LoopMargins(Displayed):
         return plot_loops(loops, disks, "nyquist", ax, None)
 
     def _card(self) -> Card:
+        disk = self.disk
+        words = f"{disk.alpha:.4g}: ±{disk.gain_db:.3g} dB with ±{disk.phase_deg:.3g} deg"
         rows = (
             ("gain margin [dB]", f"{self.gain_down_db:.4g} to {self.gain_up_db:.4g}"),
             ("phase margin [deg]", self.phase_deg),
             ("delay margin [s]", self.delay_s),
-            ("disk margin", f"{self.disk.alpha:.4g}: {_disk_words(self.disk)}"),
+            ("disk margin", words),
             ("modulus margin", self.modulus),
         )
         columns = ("crossing", "frequency [Hz]", "gain [dB]", "lag [deg]", "delay [s]")
@@ -412,17 +387,19 @@ class LoopMargins(Displayed):
             for kind, found in (("gain", self.gain_crossovers), ("phase", self.phase_crossovers))
             for c in found
         )
-        tables = [quantities(*rows, digits=4)]
-        if crossings:
-            tables.append(Table("", columns, crossings))
-        notes = ("Less gain makes it unstable too.",) if self.conditionally_stable else ()
-        return Card(f"Loop broken at {self.place} {self.name}", tuple(tables), notes)
+        tables = quantities(*rows, digits=4), *[Table("", columns, crossings)] * bool(crossings)
+        notes = ("Less gain makes it unstable too.",) * self.conditionally_stable
+        return Card(f"Loop broken at {self.place} {self.name}", tables, notes)
 
 
 def margins_of(loop: Loop | MeasuredLoop, place: Place, signal: int) -> LoopMargins:
     """Return the margins of a stable loop at one signal of a place."""
     response, at = loop.response(place, [signal]), loop.at(place, [signal])
-    at_gain = tuple(_gain_crossover(*found) for found in response.gain_crossovers())
+    turns = [(omega, lag(angle)) for omega, angle in response.gain_crossovers()]
+    at_gain = tuple(
+        Crossing(omega / (2 * math.pi), 1.0, math.degrees(turn), turn / omega)
+        for omega, turn in turns
+    )
     at_phase = tuple(
         Crossing(omega / (2 * math.pi), gain, 0.0, 0.0)
         for omega, gain in response.phase_crossovers()
@@ -441,15 +418,6 @@ def margins_of(loop: Loop | MeasuredLoop, place: Place, signal: int) -> LoopMarg
         disk=disk_of(loop.balanced_peak(at)),
         gain_crossovers=at_gain,
         phase_crossovers=at_phase,
-        loop=response.system,  # type: ignore[arg-type]
+        loop=response.system,
         unstable_poles=response.unstable_poles,
     )
-
-
-def _gain_crossover(omega: float, angle: float) -> Crossing:
-    turn = lag(angle)
-    return Crossing(omega / (2 * math.pi), 1.0, math.degrees(turn), turn / omega)
-
-
-def _disk_words(disk: DiskMargin) -> str:
-    return f"±{disk.gain_db:.3g} dB with ±{disk.phase_deg:.3g} deg"

@@ -12,11 +12,11 @@ import control
 import numpy as np
 
 from robustpolish.base.arrays import AnyArray, Vector
-from robustpolish.base.checks import described, invalid
+from robustpolish.base.checks import invalid, is_whole, misfit
 from robustpolish.linear.delayed_systems import resolvent_response
 from robustpolish.linear.stability import Stability
-from robustpolish.loops.loop import BreakableLoop, Place
-from robustpolish.loops.response import MeasuredResponse, closed_values, opened_values
+from robustpolish.loops.loop import BreakableLoop, check_signals
+from robustpolish.loops.response import LineResponse, Ports, line_values
 from robustpolish.plants.blocks import GivenController, controller_system, matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 
@@ -58,25 +58,19 @@ class MeasuredLoop(BreakableLoop):
         InvalidInputError
             If the controller does not fit, or there are fewer than two lines.
         """
-        whole = isinstance(unstable_poles, int | np.integer) and not isinstance(
-            unstable_poles, bool
-        )
-        if not whole or unstable_poles < 0:
+        if not is_whole(unstable_poles) or unstable_poles < 0:
             remedy = "Count the plant's poles in the right half plane; none is 0."
             raise invalid("unstable_poles", unstable_poles, "a whole number from 0 on", remedy)
         system = controller_system(plant, controller)
-        if (system.noutputs, system.ninputs) != (plant.nu, plant.ny):
-            shown = described(f"{system.ninputs} inputs and {system.noutputs} outputs")
-            want = f"{plant.ny} inputs (y) and {plant.nu} outputs (u)"
-            raise invalid("controller", shown, want, "It leads from y to u.")
+        check_signals(plant, system)
         lines: Any = plant.system
         order = np.argsort(lines.omega)
         omega = np.asarray(lines.omega, dtype=float)[order]
         dt = 0 if system.dt is None else system.dt
         kept = (omega > 0) & (omega < (math.pi / float(dt) if dt else math.inf))
         if kept.sum() < 2:
-            shown = described(f"{int(kept.sum())} lines above 0 and below half the sample rate")
-            raise invalid("plant", shown, "two or more", "Measure more of the response.")
+            found = f"{int(kept.sum())} lines above 0 and below half the sample rate"
+            raise misfit("plant", found, "two or more", "Measure more of the response.")
         omega = omega[kept]
         G = np.moveaxis(np.asarray(lines.frdata), 2, 0)[order][kept]
         G = G[:, -plant.ny :, G.shape[2] - plant.nu :]
@@ -94,61 +88,17 @@ class MeasuredLoop(BreakableLoop):
         """Whether the controller is discrete."""
         return bool(self.dt)
 
-    @cached_property
-    def closed(self) -> AnyArray:
-        """From (disturbance at u, noise at y) to (u, y), line by line."""
-        return closed_values(self.G, self.K)
-
-    @property
-    def side_by_side(self) -> AnyArray:
-        """Everything opened: from (u, y) to (-K y, -G u), line by line."""
-        nu, ny = self.plant.nu, self.plant.ny
-        values = np.zeros((len(self.omega), nu + ny, nu + ny), dtype=complex)
-        values[:, :nu, nu:], values[:, nu:, :nu] = -self.K, -self.G
-        return values
-
-    def opened(
-        self, place: Place, signals: Sequence[int] | None = None
+    def wired(
+        self, ports: Ports, inputs: Sequence[str], outputs: Sequence[str]
     ) -> control.FrequencyResponseData:
-        """Return L where the loop is broken, the rest being closed."""
-        names = self.names(place)
-        broken = list(range(len(names)) if signals is None else signals)
-        labels = [names[i] for i in broken]
-        values = opened_values(self.G, self.K, place == "input", broken)
-        return self._named(values, labels, labels)
+        """Return the loop line by line, from where signals enter to where they leave."""
+        values = np.moveaxis(line_values(self.G, self.K, ports), 0, 2)
+        names = {"inputs": list(inputs), "outputs": list(outputs)}
+        return control.FrequencyResponseData(values, self.omega, **names)
 
-    def around(
-        self, at: Sequence[int], weight: float = 1.0, less: float = 0.0
-    ) -> control.FrequencyResponseData:
-        """Return weight * S - less * 1 at some signals."""
-        at = list(at)
-        names = [self.signals[i] for i in at]
-        own = weight * self.closed[:, at][:, :, at] - less * np.eye(len(at))
-        return self._named(own, names, names)
-
-    def between(
-        self, inputs: Sequence[int], outputs: Sequence[int]
-    ) -> control.FrequencyResponseData:
-        """Return :attr:`closed` between some of its inputs and outputs."""
-        into, out = ([self.signals[i] for i in at] for at in (inputs, outputs))
-        return self._named(self.closed[:, outputs][:, :, inputs], into, out)
-
-    def response(self, place: Place, signals: Sequence[int] | None = None) -> MeasuredResponse:
-        """Return :meth:`opened` with what its lines tell."""
-        return MeasuredResponse(self.opened(place, signals), self.unstable_poles)
-
-    def response_around(
-        self, at: Sequence[int], weight: float = 1.0, less: float = 0.0
-    ) -> MeasuredResponse:
-        """Return :meth:`around` with what its lines tell."""
-        return MeasuredResponse(self.around(at, weight, less))
-
-    def _named(
-        self, values: AnyArray, inputs: Sequence[str], outputs: Sequence[str]
-    ) -> control.FrequencyResponseData:
-        return control.FrequencyResponseData(
-            np.moveaxis(values, 0, 2), self.omega, inputs=list(inputs), outputs=list(outputs)
-        )
+    def responding(self, ports: Ports, names: Sequence[str]) -> LineResponse:
+        """Return it with what its lines tell."""
+        return LineResponse(self.wired(ports, names, names), self.unstable_poles)
 
     @cached_property
     def stability(self) -> Stability:

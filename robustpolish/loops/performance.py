@@ -13,16 +13,18 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.base.arrays import AnyVector, Array, Vector
-from robustpolish.base.checks import described, instance_of, invalid
 from robustpolish.implementation.certify_sampled import last_stable
+from robustpolish.implementation.emulation import integration_rule
+from robustpolish.implementation.run import disturbance_columns
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import HinfNorm
 from robustpolish.linear.response import first_order_hold, linear_response
-from robustpolish.loops.loop import PLACES, Loop, Place, from_to
+from robustpolish.loops.loop import PLACES, Loop, Place, from_to, sample_step
 from robustpolish.loops.margins import LoopMargins
 from robustpolish.loops.measured import MeasuredLoop
 from robustpolish.loops.requirements import LoopRequirements
-from robustpolish.loops.response import MeasuredResponse, norm_of
+from robustpolish.loops.response import LineResponse, Ports, connected, norm_of
+from robustpolish.plants.blocks import matrices_of
 
 # Where in frequency a loop works: bandwidths of S and T, gain crossovers, peaks.
 
@@ -105,25 +107,15 @@ def bandwidths(
 
 
 def _bandwidth(
-    loop: Loop | MeasuredLoop,
-    place: Place,
-    name: str,
-    signals: list[int],
-    crossovers: list[float],
+    loop: Loop | MeasuredLoop, place: Place, name: str, signals: list[int], crossovers: list[float]
 ) -> LoopBandwidth:
     at = loop.at(place, signals)
-    peak_s, peak_t = loop.peak(at), loop.peak(at, -1.0, -1.0)
-    return LoopBandwidth(
-        name,
-        place,
-        max(crossovers, default=math.nan),
-        loop.response_around(at).half_power()[0] / (2 * math.pi),
-        loop.response_around(at, -1.0, -1.0).half_power()[1] / (2 * math.pi),
-        peak_s.value,
-        peak_t.value,
-        peak_s.frequency / (2 * math.pi),
-        peak_t.frequency / (2 * math.pi),
-    )
+    peaks = loop.peak(at), loop.peak(at, -1.0, -1.0)
+    below = loop.response_around(at).half_power()[0]
+    above = loop.response_around(at, -1.0, -1.0).half_power()[1]
+    hertz = (w / (2 * math.pi) for w in (below, above))
+    sizes, places = (p.value for p in peaks), (p.frequency / (2 * math.pi) for p in peaks)
+    return LoopBandwidth(name, place, max(crossovers, default=math.nan), *hertz, *sizes, *places)
 
 
 # How fast a loop has to be sampled, and how slowly it may be.
@@ -192,32 +184,23 @@ def sample_rate(
     late = asked.sampling_delay_samples
     crossover = max((c.frequency_hz for m in margins for c in m.gain_crossovers), default=0.0)
     singles = [row.complementary_hz for row in widths if row.name != "all"]
-    width = max((hertz for hertz in singles if math.isfinite(hertz)), default=0.0)
-    fastest = _fastest(loop)
-    if delay_s == 0:
-        for_delay = math.inf
-    else:
-        for_delay = late / (asked.delay_share * delay_s) if math.isfinite(delay_s) else 0.0
+    width = max(filter(math.isfinite, singles), default=0.0)
+    sizes = np.abs(loop.rates)
+    if loop.delayed is not None:
+        # Beyond a phase of its order in rad, a Padé model is no model of its delay.
+        lines = loop.delayed.plant.lines
+        sizes = sizes[sizes <= min(line.order / line.seconds for line in lines)]
+        sizes = np.append(sizes, np.abs(np.linalg.eigvals(loop.controller_matrices[0])))
+    fastest = float(sizes.max(initial=0.0))
     rules = {
         "phase at the gain crossover": late * 360 * crossover / asked.phase_loss_deg,
-        "delay margin": for_delay,
+        "delay margin": late / (asked.delay_share * delay_s) if delay_s else math.inf,
         "bandwidth": asked.samples_per_bandwidth * width,
         "fastest closed-loop pole": asked.samples_per_rise * fastest / 2.2,
     }
     limit = max(rules, key=lambda rule: rules[rule])
     samples = math.ceil(asked.computation_samples)
     return SampleRate(rules[limit], limit, rules, lowest_stable_rate(loop, samples), samples)
-
-
-def _fastest(loop: Loop) -> float:
-    """Return the size of the fastest pole; those of Pade models are none of the loop."""
-    sizes = np.abs(loop.rates)
-    if loop.delayed is not None:
-        # Beyond a phase of its order in rad, such a model is no model of its delay.
-        lines = loop.delayed.plant.lines
-        sizes = sizes[sizes <= min(line.order / line.seconds for line in lines)]
-        sizes = np.append(sizes, np.abs(np.linalg.eigvals(loop.controller_matrices[0])))
-    return float(sizes.max(initial=0.0))
 
 
 def lowest_stable_rate(loop: Loop, computation_samples: int) -> float:
@@ -253,39 +236,16 @@ def sampled_poles(loop: Loop, period: float, computation_samples: int) -> AnyVec
     ndarray of complex
     """
     A, B, C, D = loop.plant_matrices
-    Ak, Bk, Ck, Dk = loop.controller_matrices
-    Ad, now, later = first_order_hold(A, B, period)
-    Bd = now + later
-    n, k, m = A.shape[0], Ak.shape[0], B.shape[1]
-    inner = np.linalg.inv(np.eye(k) - Ak * (period / 2))
-    # Tustin: z = (1 + sT/2)/(1 - sT/2); the state is that of the trapezoidal rule.
-    Akd = inner @ (np.eye(k) + Ak * (period / 2))
-    Bkd = inner @ Bk * period
-    Ckd = Ck @ inner
-    Dkd = Dk + Ck @ inner @ Bk * (period / 2)
-    late = computation_samples
-    if late == 0:
-        u = np.linalg.solve(np.eye(m) - Dkd @ D, np.hstack([Dkd @ C, Ckd]))
-        y = D @ u
-        y[:, :n] += C
-        rows = np.vstack([Bd @ u, Bkd @ y])
-        rows[:n, :n] += Ad
-        rows[n:, n:] += Akd
-        return np.linalg.eigvals(rows)
-    # x, controller, then the controls that wait, the oldest first.
-    size = n + k + late * m
-    rows = np.zeros((size, size))
-    oldest = slice(n + k, n + k + m)
-    rows[:n, :n], rows[:n, oldest] = Ad, Bd
-    rows[n : n + k, :n], rows[n : n + k, n : n + k] = Bkd @ C, Akd
-    rows[n : n + k, oldest] = Bkd @ D
-    for i in range(late - 1):
-        row = n + k + i * m
-        rows[row : row + m, row + m : row + 2 * m] = np.eye(m)
-    newest = slice(size - m, size)
-    rows[newest, :n], rows[newest, n : n + k] = Dkd @ C, Ckd
-    rows[newest, oldest] += Dkd @ D
-    return np.linalg.eigvals(rows)
+    transition, now, later = first_order_hold(A, B, period)
+    controller = integration_rule(*loop.controller_matrices, period, "tustin")
+    for _ in range(computation_samples):  # of delay, the last control being the last states
+        Ak, Bk, Ck, Dk = controller
+        nu, n = len(Ck), len(Ak)
+        Ak = np.block([[Ak, np.zeros((n, nu))], [Ck, np.zeros((nu, nu))]])
+        controller = Ak, np.vstack([Bk, Dk]), np.eye(nu, n + nu, k=n), np.zeros(Dk.shape)
+    every = range(sum(D.shape))
+    ports = Ports.closed(len(every), every, every)
+    return np.linalg.eigvals(connected((transition, now + later, C, D), controller, ports)[0])
 
 
 # S, T, KS and GS where a loop is broken, with their peaks.
@@ -355,7 +315,7 @@ class MeasuredSensitivities(Sensitivities):
     @cached_property
     def peaks(self) -> dict[str, HinfNorm]:
         """Largest singular values of the lines; what lies between them is not known."""
-        return {name: MeasuredResponse(getattr(self, name)).peak() for name in SHOWN}  # type: ignore
+        return {name: LineResponse(getattr(self, name)).peak() for name in SHOWN}  # type: ignore
 
 
 def sensitivities(loop: Loop | MeasuredLoop, place: Place) -> Sensitivities:
@@ -478,10 +438,8 @@ def disturbed(loop: Loop) -> control.StateSpace:
     plant = loop.plant
     if plant.nw == 0:
         return loop.around(loop.at("input"), 1.0, 1.0)  # K y = u - d
-    whole = plant.with_control_outputs()
-    closed = whole.closed_loop(loop.controller)
-    rows = list(range(plant.nz, plant.nz + plant.nu))
-    found = from_to(closed, list(range(plant.nw)), rows)
+    closed = plant.with_control_outputs().closed_loop(loop.controller)
+    found = from_to(closed, range(plant.nw), range(plant.nz, plant.nz + plant.nu))
     # An output of the plant that has a control's name already would have turned it into "u_2".
     found.update_names(outputs=list(plant.control_names))
     return found
@@ -495,96 +453,62 @@ def given_effort(loop: Loop, disturbance: xr.Dataset) -> tuple[GivenEffort, ...]
     InvalidInputError
         If the dataset has no disturbance of the plant, or one that is not over `time` alone.
     """
-    remedy = "Build one with a variable per disturbance over 'time', in s."
-    instance_of("disturbance", disturbance, xr.Dataset, "an xarray.Dataset over time", remedy)
     system = disturbed(loop)
-    known = [name for name in system.input_labels if name in disturbance]
-    if "time" not in disturbance.coords or not known:
-        shown = described(f"variables {', '.join(map(str, disturbance.data_vars)) or 'none'}")
-        wanted = f"some of {', '.join(system.input_labels)} over 'time'"
-        raise invalid("disturbance", shown, wanted, "Rename the variables.")
-    time = disturbance["time"].to_numpy().astype(float)
-    inputs = np.zeros((time.size, system.ninputs or 0))
-    for name in known:
-        variable = disturbance[name]
-        if variable.dims != ("time",):
-            shown = described(f"dimensions {variable.dims}")
-            raise invalid(f"disturbance[{name!r}]", shown, "('time',)", "Select one trajectory.")
-        inputs[:, system.input_labels.index(name)] = variable.to_numpy()
+    time, inputs = disturbance_columns(disturbance, system.input_labels, {})
     outputs = linear_response(system, time, inputs).outputs
     rates = np.abs(np.diff(outputs, axis=0)) / np.diff(time)[:, None]
     return tuple(
         GivenEffort(
             name,
-            float(np.abs(outputs[:, i]).max(initial=0.0)),
-            float(np.sqrt(np.mean(outputs[:, i] ** 2))),
-            float(rates[:, i].max(initial=0.0)),
+            float(np.abs(u).max(initial=0.0)),
+            float(np.sqrt(np.mean(u**2))),
+            float(rate.max(initial=0.0)),
             loop.unit(name),
         )
-        for i, name in enumerate(system.output_labels)
+        for name, u, rate in zip(system.output_labels, outputs.T, rates.T, strict=True)
     )
 
 
 def _efforts(loop: Loop, system: control.StateSpace) -> tuple[Effort, ...]:
-    peaks, rates = _step_sizes(system)
     found = []
+    steps = np.stack(_step_sizes(system), axis=2)
     for j, source in enumerate(system.input_labels):
         for i, name in enumerate(system.output_labels):
             part = from_to(system, [j], [i])
-            peak = norm_of(part)
-            found.append(
-                Effort(
-                    source,
-                    name,
-                    h2_norm(part, tolerance=1e-6).value,
-                    peak.value,
-                    peak.frequency / (2 * math.pi),
-                    float(peaks[i, j]),
-                    float(rates[i, j]),
-                    loop.unit(name),
-                    loop.unit(source),
-                )
-            )
+            peak, rms = norm_of(part), h2_norm(part, tolerance=1e-6).value
+            gain = peak.value, peak.frequency / (2 * math.pi)
+            units = loop.unit(name), loop.unit(source)
+            found.append(Effort(source, name, rms, *gain, *steps[i, j].tolist(), *units))
     return tuple(found)
 
 
 def _step_sizes(system: control.StateSpace) -> tuple[Array, Array]:
     """Return the largest sizes of the step response and of its rate, outputs by inputs."""
-    p, m = system.noutputs or 0, system.ninputs or 0
-    D = np.abs(np.asarray(system.D))
-    peaks, rates = D.copy(), np.where(D > 0, np.inf, 0.0)
+    _, B, _, D = matrices_of(system)
+    peaks, rates = np.abs(D), np.where(D != 0, np.inf, 0.0)
     if system.nstates == 0:
         return peaks, rates
-    discrete = system.isdtime(strict=True)
-    step = 1.0 if system.dt is True else float(system.dt or 1)
-    if discrete:
-        rates = D / step
+    step = sample_step(system.dt)
+    if step:
+        rates = peaks / step
     for time in _time_scales(system):
-        for j in range(m):
-            unit = np.zeros((time.size, m))
-            unit[:, j] = 1.0
+        for j in range(D.shape[1]):
+            unit = np.zeros((time.size, D.shape[1]))
+            still, unit[:, j] = unit.copy(), 1.0
             outputs = linear_response(system, time, unit).outputs
             peaks[:, j] = np.maximum(peaks[:, j], np.abs(outputs).max(axis=0))
-            if discrete:
-                changes = np.abs(np.diff(outputs, axis=0)).max(axis=0, initial=0.0)
-                rates[:, j] = np.maximum(rates[:, j], changes / step)
-            else:
-                rates[:, j] = np.maximum(rates[:, j], _impulse(system, time, j))
-    return peaks.reshape(p, m), rates.reshape(p, m)
-
-
-def _impulse(system: control.StateSpace, time: Vector, j: int) -> Vector:
-    """Return the largest sizes of the impulse response, which is the rate of the step response."""
-    still = np.zeros((time.size, system.ninputs or 0))
-    start = np.asarray(system.B)[:, j]
-    return np.abs(linear_response(system, time, still, start).outputs).max(axis=0)
+            if step:
+                changes = np.diff(outputs, axis=0) / step
+            else:  # the impulse response is the rate of the step response
+                changes = linear_response(system, time, still, B[:, j]).outputs
+            rates[:, j] = np.maximum(rates[:, j], np.abs(changes).max(axis=0, initial=0.0))
+    return peaks, rates
 
 
 def _time_scales(system: control.StateSpace) -> list[Vector]:
     """Return grids of time, each twice as coarse as the one before, until all has settled."""
     poles: Any = np.asarray(system.poles())
-    if system.isdtime(strict=True):
-        step = 1.0 if system.dt is True else float(system.dt or 1)
+    if step := sample_step(system.dt):
         slowest = float(np.abs(poles).max(initial=0.0))
         count = _SETTLED / -math.log(slowest) if 0 < slowest < 1 else len(poles) + 1
         whole: Any = np.arange(int(min(count + len(poles), _MOST_EFFORT_SAMPLES)) + 2) * step
@@ -595,9 +519,8 @@ def _time_scales(system: control.StateSpace) -> list[Vector]:
     least = float(np.abs(poles.real).min())
     last = _SETTLED / least if least > 0 else math.inf
     grids: list[Any] = []
-    for _ in range(_MOST_SCALES):
-        grids.append(np.arange(_STEPS + 1) * step)
+    for doublings in range(_MOST_SCALES):
+        grids.append(np.arange(_STEPS + 1) * step * 2.0**doublings)
         if grids[-1][-1] >= last:
             break
-        step *= 2
     return grids

@@ -14,25 +14,28 @@ from matplotlib.axes import Axes
 from robustpolish.base.arrays import AnyVector, Vector
 from robustpolish.linear.norms.singular_values import frequency_grid
 from robustpolish.linear.response import linear_response
-from robustpolish.loops.response import MeasuredResponse, SystemResponse
+from robustpolish.loops.loop import sample_step
+from robustpolish.loops.response import LineResponse, SystemResponse
 from robustpolish.plots.frequency import plot_bode, plot_gains, plot_nichols, plot_nyquist_disks
 from robustpolish.plots.time import plot_time_series
 
+# Of a step response: in continuous time, and at most in discrete time.
 _STEPS = 2000
+_MOST_SAMPLES = 100_000
 
 
 System = control.StateSpace | control.FrequencyResponseData
 
 
-def _response(system: System) -> SystemResponse | MeasuredResponse:
+def _response(system: System) -> SystemResponse | LineResponse:
     measured = isinstance(system, control.FrequencyResponseData)
-    return MeasuredResponse(system) if measured else SystemResponse(system)
+    return LineResponse(system) if measured else SystemResponse(system)
 
 
 def grid_of(systems: Mapping[str, System], rates: AnyVector | None = None) -> Vector:
     """Return frequencies in rad/s that show all of several systems; measured ones have theirs."""
     found: Any = [_response(system) for system in systems.values()]
-    if isinstance(found[0], MeasuredResponse):
+    if isinstance(found[0], LineResponse):
         return found[0].omega
     rates = np.zeros(0, complex) if rates is None else rates
     own: Any = np.concatenate([rates, *(response.rates for response in found)])
@@ -51,10 +54,9 @@ def responses(
     found = {}
     for name, system in systems.items():
         values = _response(system).at(omega)
-        several = values.shape[1:] != (1, 1)
         for i, output in enumerate(system.output_labels):
             for j, entry in enumerate(system.input_labels):
-                label = f"{name} {entry} to {output}" if several else name
+                label = f"{name} {entry} to {output}" if _several(system) else name
                 found[label] = _over_frequency(omega, values[:, i, j])
     return found
 
@@ -68,7 +70,7 @@ def plot_sigma(
         name: _over_frequency(omega, _response(system).sizes(omega)[:, 0])
         for name, system in systems.items()
     }
-    several = any(system.ninputs != 1 or system.noutputs != 1 for system in systems.values())
+    several = any(map(_several, systems.values()))
     return plot_gains(gains, None, ax, name="largest singular value" if several else "gain")
 
 
@@ -93,21 +95,21 @@ def plot_steps(
     """Draw the responses of stable systems to a unit step at each input."""
     traces = {}
     for name, system in systems.items():
-        discrete = system.isdtime(strict=True)
-        step = 1.0 if system.dt is True else float(system.dt or 0)
-        count = min(math.ceil(duration / step), 100_000) if discrete else _STEPS
-        time = np.arange(count + 1) * (step if discrete else duration / _STEPS)
-        for j, entry in enumerate(system.input_labels):
-            inputs = np.zeros((time.size, system.ninputs or 0))
-            inputs[:, j] = 1.0
-            outputs = linear_response(system, time, inputs).outputs
-            several = (system.ninputs or 0) > 1 or (system.noutputs or 0) > 1
-            for i, output in enumerate(system.output_labels):
-                label = f"{name} {entry} to {output}" if several else name
+        step = sample_step(system.dt)
+        count = min(math.ceil(duration / step), _MOST_SAMPLES) if step else _STEPS
+        time = np.arange(count + 1) * (step or duration / _STEPS)
+        for entry, inputs in zip(system.input_labels, np.eye(system.ninputs or 0), strict=True):
+            outputs = linear_response(system, time, np.tile(inputs, (time.size, 1))).outputs
+            for output, values in zip(system.output_labels, outputs.T, strict=True):
+                label = f"{name} {entry} to {output}" if _several(system) else name
                 traces[label] = xr.DataArray(
-                    outputs[:, i], {"time": time}, "time", "response to a unit step"
+                    values, {"time": time}, "time", "response to a unit step"
                 )
     return plot_time_series(traces, ax)
+
+
+def _several(system: System) -> bool:
+    return system.ninputs != 1 or system.noutputs != 1
 
 
 def _over_frequency(omega: Vector, values: AnyVector) -> xr.DataArray:

@@ -17,7 +17,7 @@ from robustpolish.base.checks import invalid, one_of
 from robustpolish.base.results import Displayed, Table, bears_prefix, prefix_power, prefixed
 from robustpolish.linear.stability import Stability
 from robustpolish.loops.disk_margins import DiskMargin, decibel
-from robustpolish.loops.loop import PLACES, Loop, Place
+from robustpolish.loops.loop import PLACES, Loop, Place, sample_step
 from robustpolish.loops.margins import LoopMargins, MarginsAtOnce, Where
 from robustpolish.loops.performance import (
     SHOWN,
@@ -122,18 +122,13 @@ class LoopFigures(Displayed):
     @property
     def largest_rate(self) -> dict[str, float]:
         """Largest rate of each control, in units per second, after a unit step of a disturbance."""
-        names = {row.control: 0.0 for row in self.effort}
+        names: dict[str, float] = {}
         for row in self.effort:
-            names[row.control] = max(names[row.control], row.step_rate)
+            names[row.control] = max(names.get(row.control, 0.0), row.step_rate)
         return names
 
     def _drawn(
-        self,
-        ax: Axes | None,
-        kind: str,
-        signal: str | None,
-        place: Place,
-        rates: AnyVector | None,
+        self, ax: Axes | None, kind: str, signal: str | None, place: Place, rates: AnyVector | None
     ) -> Axes:
         """Draw the loops at chosen signals, or the singular values of S, T, KS and GS."""
         chosen = self._chosen(place, signal)
@@ -146,13 +141,17 @@ class LoopFigures(Displayed):
     def _chosen(self, place: Place, signal: str | None) -> list[tuple[Place, int]]:
         """Return where loops are broken to be shown: at one signal, or at those of a place."""
         one_of("place", place, PLACES)
+        known: dict[str, tuple[Place, int]] = {
+            name: (where, i)
+            for where in PLACES[::-1]
+            for i, name in enumerate(self.loop.names(where))
+        }
         if signal is None:
             return [(place, i) for i in range(min(len(self.loop.names(place)), _MOST_SHOWN))]
-        for where in PLACES:
-            if signal in self.loop.names(where):
-                return [(where, self.loop.names(where).index(signal))]
-        known = ", ".join(name for where in PLACES for name in self.loop.names(where))
-        raise invalid("signal", signal, f"one of {known}", "Check its spelling.")
+        if signal not in known:
+            listed = ", ".join(self.loop.signals)
+            raise invalid("signal", signal, f"one of {listed}", "Check its spelling.")
+        return [known[signal]]
 
     def _least(self, of: Callable[[LoopMargins], float]) -> float:
         return min((of(margins) for margins in self.margins), default=math.nan)
@@ -183,20 +182,16 @@ class LoopFigures(Displayed):
 
 def _numbers(found: Any) -> Any:
     """Return dataclasses as dictionaries and tuples as lists, without systems."""
-    if isinstance(found, DiskMargin):
-        names = ("alpha", "gain_db", "phase_deg", "frequency_hz", "proven")
-        return {name: getattr(found, name) for name in names}
     if isinstance(found, tuple):
         return [_numbers(item) for item in found]
     if isinstance(found, Mapping):
         return {name: _numbers(item) for name, item in found.items()}
-    if is_dataclass(found):
-        return {
-            item.name: _numbers(getattr(found, item.name))
-            for item in fields(found)
-            if item.name not in ("loop", "where")
-        }
-    return found
+    if not is_dataclass(found):
+        return found
+    names = [item.name for item in fields(found) if item.name not in ("loop", "where")]
+    if isinstance(found, DiskMargin):
+        names = ["alpha", "gain_db", "phase_deg", "frequency_hz", "proven"]
+    return {name: _numbers(getattr(found, name)) for name in names}
 
 
 # The figures of a loop as tables.
@@ -209,22 +204,19 @@ def tables_of(found: LoopFigures) -> tuple[Table, ...]:
     """Return what is known of a loop as tables; none for an unstable one."""
     if not found.stable:
         return ()
-    rate, rules = found.sample_rate, []
-    if rate is not None:
-        rules = [*rate.rules.items(), ("needed", rate.needed_hz)]
-        rules.append(("lowest stable", rate.lowest_stable_hz))
-    noise, effort = _strongest(found.noise), _strongest(found.effort)
+    (noisy, noise), (driven, effort) = _strongest(found.noise), _strongest(found.effort)
     tables = [
         _table("Margins, one loop at a time", _MARGINS, found.margins),
         _table("Margins, all at once", _AT_ONCE, tuple(found.at_once.values())),
         _table("Bandwidths", _BANDWIDTHS, found.bandwidths),
-        _table(f"Noise on the measurements: what the controls do{noise[0]}", _EFFORT, noise[1]),
-        _table(f"Disturbances: what the controls do{effort[0]}", _EFFORT, effort[1]),
+        _table(f"Noise on the measurements: what the controls do{noisy}", _EFFORT, noise),
+        _table(f"Disturbances: what the controls do{driven}", _EFFORT, effort),
     ]
     if found.given:
         tables.append(_table("Under the given disturbance", _GIVEN, found.given))
-    if rules:
-        tables.append(Table("Sampling", ("rule", "rate [Hz]"), tuple(rules)))
+    if rate := found.sample_rate:
+        last = ("needed", rate.needed_hz), ("lowest stable", rate.lowest_stable_hz)
+        tables.append(Table("Sampling", ("rule", "rate [Hz]"), (*rate.rules.items(), *last)))
     return tuple(tables)
 
 
@@ -236,48 +228,27 @@ def _table(caption: str, columns: Mapping[str, str], rows: Sequence[Any]) -> Tab
 
 _DISK = {"disk": "disk.alpha", "disk [dB]": "disk.gain_db", "disk [deg]": "disk.phase_deg"}
 _MARGINS = {
-    "broken at": "place",
-    "signal": "name",
-    "gain down [dB]": "gain_down_db",
-    "gain up [dB]": "gain_up_db",
-    "phase [deg]": "phase_deg",
-    "delay [s]": "delay_s",
-    **_DISK,
+    "broken at": "place", "signal": "name", "gain down [dB]": "gain_down_db",
+    "gain up [dB]": "gain_up_db", "phase [deg]": "phase_deg", "delay [s]": "delay_s", **_DISK,
     "modulus": "modulus",
-}
+}  # fmt: skip
 _AT_ONCE = {
-    "changed at": "where",
-    **_DISK,
-    "worst at [Hz]": "disk.frequency_hz",
-    "common delay [s]": "common_delay_s",
-    "any delays [s]": "any_delay_s",
-}
+    "changed at": "where", **_DISK, "worst at [Hz]": "disk.frequency_hz",
+    "common delay [s]": "common_delay_s", "any delays [s]": "any_delay_s",
+}  # fmt: skip
 _BANDWIDTHS = {
-    "broken at": "place",
-    "signal": "name",
-    "crossover [Hz]": "crossover_hz",
-    "S -3 dB [Hz]": "sensitivity_hz",
-    "T -3 dB [Hz]": "complementary_hz",
-    "peak S": "peak_s",
+    "broken at": "place", "signal": "name", "crossover [Hz]": "crossover_hz",
+    "S -3 dB [Hz]": "sensitivity_hz", "T -3 dB [Hz]": "complementary_hz", "peak S": "peak_s",
     "peak T": "peak_t",
-}
+}  # fmt: skip
 _EFFORT = {
-    "source": "source",
-    "control": "control",
-    "RMS": "rms",
-    "peak gain": "peak_gain",
-    "at [Hz]": "peak_gain_hz",
-    "step peak": "step_peak",
-    "step rate [1/s]": "step_rate",
+    "source": "source", "control": "control", "RMS": "rms", "peak gain": "peak_gain",
+    "at [Hz]": "peak_gain_hz", "step peak": "step_peak", "step rate [1/s]": "step_rate",
     "unit": "_unit_per_source",
-}
+}  # fmt: skip
 _GIVEN = {
-    "control": "control",
-    "peak": "peak",
-    "RMS": "rms",
-    "rate [1/s]": "peak_rate",
-    "unit": "unit",
-}
+    "control": "control", "peak": "peak", "RMS": "rms", "rate [1/s]": "peak_rate", "unit": "unit",
+}  # fmt: skip
 
 
 def _strongest(rows: Sequence[Effort]) -> tuple[str, list[Effort]]:
@@ -285,52 +256,42 @@ def _strongest(rows: Sequence[Effort]) -> tuple[str, list[Effort]]:
     kept = [row for row in rows if row.peak_gain > 0]
     if len(kept) <= _MOST_ROWS:
         return "", kept
-    by_control: dict[str, list[Effort]] = {}
+    worst: dict[str, Effort] = {}
     for row in kept:
-        by_control.setdefault(row.control, []).append(row)
-    worst = [max(group, key=lambda row: row.peak_gain) for group in by_control.values()]
-    return ", the strongest source of each", worst
+        worst[row.control] = max(worst.get(row.control, row), row, key=lambda row: row.peak_gain)
+    return ", the strongest source of each", list(worst.values())
 
 
 def problems(found: LoopFigures) -> list[str]:
     """Return what speaks against building the loop, the worst first; nothing if it can be built."""
+    loop, asked = found.loop, found.requirements
     if not found.stable:
-        return [_unstable(found)]
-    asked, told = found.requirements, []
-    told += _delays(found)
-    rate = found.sample_rate
+        text = f"the closed loop is not stable ({found.stability.reason})"
+        if loop.opposite_stability:
+            text += "; with the opposite sign it would be, so pass -K: here u = K y"
+        return [text]
+    told, bought = _delays(found), quantity(asked.sample_rate_hz, "Hz")
+    rate, dt = found.sample_rate, loop.dt
     if rate is not None and rate.needed_hz > asked.sample_rate_hz:
-        wanted = (
-            f"it needs sampling at {quantity(rate.needed_hz, 'Hz')} ({rate.limited_by})"
-            if math.isfinite(rate.needed_hz)
-            else "no sampling is fast enough for it"
-        )
-        told.append(f"{wanted}, where {quantity(asked.sample_rate_hz, 'Hz')} can be bought")
-    dt = found.loop.dt
-    if found.loop.is_discrete and dt is not True and 1 / float(dt) > asked.sample_rate_hz:
-        told.append(
-            f"it is sampled at {quantity(1 / float(dt), 'Hz')}, where "
-            f"{quantity(asked.sample_rate_hz, 'Hz')} can be bought"
-        )
+        wanted = "no sampling is fast enough for it"
+        if math.isfinite(rate.needed_hz):
+            wanted = f"it needs sampling at {quantity(rate.needed_hz, 'Hz')} ({rate.limited_by})"
+        told.append(f"{wanted}, where {bought} can be bought")
+    if loop.is_discrete and dt is not True and 1 / float(dt) > asked.sample_rate_hz:
+        own = quantity(1 / float(dt), "Hz")
+        told.append(f"it is sampled at {own}, where {bought} can be bought")
     weak = [m for m in found.margins if m.disk.alpha < asked.disk]
     if weak:
         worst = min(weak, key=lambda m: m.disk.alpha)
         told.append(
-            f"its disk margin at {worst.place} {worst.name} is "
-            f"{_disk_text(worst.disk)}, below {asked.disk_gain_db:g} dB "
-            f"and {asked.disk_phase_deg:g} deg"
+            f"its disk margin at {worst.place} {worst.name} is {_disk_text(worst.disk)}, below "
+            f"{asked.disk_gain_db:g} dB and {asked.disk_phase_deg:g} deg"
         )
-    weak_together = [
-        m
-        for where, m in found.at_once.items()
-        if where != "inputs and outputs"
-        and len(m.signals) > 1
-        and m.disk.alpha < asked.disk_at_once
-    ]
-    if weak_together:
-        worst = min(weak_together, key=lambda m: m.disk.alpha)
+    together = [m for m in _several(found) if m.disk.alpha < asked.disk_at_once]
+    if together:
+        least = min(together, key=lambda m: m.disk.alpha)
         told.append(
-            f"its disk margin at all {worst.where} at once is {_disk_text(worst.disk)}, below "
+            f"its disk margin at all {least.where} at once is {_disk_text(least.disk)}, below "
             f"{asked.at_once_gain_db:g} dB"
         )
     near = [m for m in found.margins if m.modulus < asked.modulus and m not in weak]
@@ -343,9 +304,14 @@ def problems(found: LoopFigures) -> list[str]:
     return told
 
 
+def _several(found: LoopFigures) -> list[MarginsAtOnce]:
+    """Return the margins of all inputs, and of all outputs, where there is more than one."""
+    return [m for m in found.at_once.values() if len(m.signals) > 1 and " " not in m.where]
+
+
 def explain(found: LoopFigures, more: Sequence[str]) -> str:
     """Say in a paragraph whether a loop can be built, and what limits it; `more` ends it."""
-    against = problems(found)
+    against = found.problems
     if not found.stable:
         return f"This loop cannot be built: {against[0]}. There are no margins."
     can = "This loop can be built."
@@ -365,11 +331,11 @@ def details(found: LoopFigures) -> list[str]:
 def lines_in_words(found: LoopFigures) -> str:
     """Say on what the figures of a measured loop rest."""
     loop: Any = found.loop
-    low, high = (float(loop.omega[i] / (2 * np.pi)) for i in (0, -1))
+    low, high = (quantity(float(loop.omega[i] / (2 * np.pi)), "Hz") for i in (0, -1))
+    reason = found.stability.reason
     text = (
-        f"All this rests on {len(loop.omega)} measured lines from {quantity(low, 'Hz')} to "
-        f"{quantity(high, 'Hz')}: between and beyond them nothing is proven. "
-        f"{found.stability.reason[0].upper()}{found.stability.reason[1:]}."
+        f"All this rests on {len(loop.omega)} measured lines from {low} to {high}: between and "
+        f"beyond them nothing is proven. {reason[0].upper()}{reason[1:]}."
     )
     last = float(loop.response("output").sizes()[-1, 0])
     if last > 0.5:
@@ -380,29 +346,17 @@ def lines_in_words(found: LoopFigures) -> str:
     return text + " Efforts, noise and sampling rates need a model."
 
 
-def _unstable(found: LoopFigures) -> str:
-    loop = found.loop
-    text = f"the closed loop is not stable ({found.stability.reason})"
-    if loop.opposite_stability:
-        text += "; with the opposite sign it would be, so pass -K: here u = K y"
-    return text
-
-
 def _delays(found: LoopFigures) -> list[str]:
     asked, margin = found.requirements, found.delay_margin
     if found.loop.dt is True:  # without a sampling time, seconds mean nothing
         return []
-    if found.loop.is_discrete:
-        total = asked.delay_s
-        what = f"a chain of measurement and drive takes {quantity(total, 's')}"
-    else:
-        sampling = asked.sampling_delay_samples / asked.sample_rate_hz
-        total = asked.delay_s + sampling
-        what = (
-            f"{asked.sampling_delay_samples:g} samples at "
-            f"{quantity(asked.sample_rate_hz, 'Hz')} and the chain of measurement and drive take "
-            f"{quantity(total, 's')}"
-        )
+    late, what = asked.sampling_delay_samples, "a chain of measurement and drive takes"
+    total = asked.delay_s
+    if not found.loop.is_discrete:
+        total += late / asked.sample_rate_hz
+        rate = quantity(asked.sample_rate_hz, "Hz")
+        what = f"{late:g} samples at {rate} and the chain of measurement and drive take"
+    what = f"{what} {quantity(total, 's')}"
     if margin == 0:
         return [f"any delay makes it unstable, and {what}"]
     if margin <= total:
@@ -415,82 +369,61 @@ def _delays(found: LoopFigures) -> list[str]:
 
 def _margins(found: LoopFigures) -> str:
     """Say what one loop at a time bears."""
-    down, up = found.gain_margin
-    gains = f"the gain may {_gain_words(down, up)}"
-    phase = found.phase_margin
-    turns = (
-        f"the phase turn by {phase:.3g} deg" if math.isfinite(phase) else "the phase turn freely"
-    )
-    delay = found.delay_margin
-    if delay == 0:
-        waits = "but no delay be added"
-    elif math.isfinite(delay):
-        waits = f"and a delay reach {_delay(found, delay)}"
-    else:
-        waits = "and any delay be added"
-    disk = found.disk_margin
-    return (
-        f"One loop at a time, {gains}, {turns} {waits}; gain and phase together may change by "
-        f"{_disk_text(disk)}{_at(found, disk.frequency_hz)}."
-    )
-
-
-def _gain_words(down: float, up: float) -> str:
+    (down, up), phase, delay = found.gain_margin, found.phase_margin, found.delay_margin
     falls = f"fall by {-decibel(down):.3g} dB" if down > 0 else "fall to nothing"
     rises = f"rise by {decibel(up):.3g} dB" if math.isfinite(up) else "rise without limit"
-    return f"{falls} and {rises}"
+    turns = f"by {phase:.3g} deg" if math.isfinite(phase) else "freely"
+    waits = "and any delay be added"
+    if math.isfinite(delay):
+        waits = f"and a delay reach {_delay(found, delay)}" if delay else "but no delay be added"
+    disk, hertz = found.disk_margin, found.disk_margin.frequency_hz
+    worst = f", worst at {_frequency(found, hertz)}" if 0 < hertz < math.inf else ""
+    return (
+        f"One loop at a time, the gain may {falls} and {rises}, the phase turn {turns} {waits}; "
+        f"gain and phase together may change by {_disk_text(disk)}{worst}."
+    )
 
 
 def _at_once(found: LoopFigures) -> str:
     """Say what all loops bear at once; nothing of a single one."""
-    several = {where: m for where, m in found.at_once.items() if len(m.signals) > 1}
-    single = [m for where, m in several.items() if where != "inputs and outputs"]
-    if not single:
+    several = _several(found)
+    if not several:
         return ""
-    parts = [
-        f"{_disk_text(m.disk)} at all {where}"
-        for where, m in several.items()
-        if where != "inputs and outputs"
-    ]
-    delay = min(m.any_delay_s for m in single)
-    waits = f", and delays up to {_delay(found, delay)} in any combination" if delay > 0 else ""
-    return f"All at once they bear {' and '.join(parts)}{waits if math.isfinite(delay) else ''}."
+    parts = [f"{_disk_text(m.disk)} at all {m.where}" for m in several]
+    delay = min(m.any_delay_s for m in several)
+    waits = ""
+    if 0 < delay < math.inf:
+        waits = f", and delays up to {_delay(found, delay)} in any combination"
+    return f"All at once they bear {' and '.join(parts)}{waits}."
 
 
 def _where(found: LoopFigures) -> str:
     crossovers = [c.frequency_hz for m in found.margins for c in m.gain_crossovers]
     if not crossovers:
         return "The gain of no single loop reaches 1: control changes little."
-    fastest = max(crossovers)
-    own = _plant_frequencies(found)
+    fastest, loop = max(crossovers), found.loop
+    poles: Any = np.linalg.eigvals(loop.plant_matrices[0]) if loop.inside else np.zeros(0)
+    if loop.is_discrete:
+        poles = np.log(poles[poles != 0]) / sample_step(loop.dt)
+    own = float(np.abs(poles).max(initial=0.0)) / (2 * math.pi)
     text = f"The highest gain crossover is at {_frequency(found, fastest)}"
-    if own and fastest > 10 * max(own):
-        ratio = fastest / max(own)
+    if own and fastest > 10 * own:
         text += (
-            f", {ratio:.3g} times the plant's fastest own frequency of "
-            f"{_frequency(found, max(own))}: the gain is far above what the plant asks for"
+            f", {fastest / own:.3g} times the plant's fastest own frequency of "
+            f"{_frequency(found, own)}: the gain is far above what the plant asks for"
         )
     return text + "."
 
 
-def _plant_frequencies(found: LoopFigures) -> list[float]:
-    loop = found.loop
-    poles: Any = np.linalg.eigvals(loop.plant_matrices[0]) if loop.inside else np.zeros(0)
-    if loop.is_discrete:
-        poles = np.log(poles[poles != 0]) / (1.0 if loop.dt is True else float(loop.dt))
-    hertz = np.abs(poles) / (2 * math.pi)
-    return [float(value) for value in hertz if value > 0]
-
-
 def _sampling(found: LoopFigures) -> str:
-    rate = found.sample_rate
+    rate, dt = found.sample_rate, found.loop.dt
     if rate is None:
-        dt = found.loop.dt
         unit = "" if dt is True else f" ({quantity(1 / float(dt), 'Hz')})"
         extra = min((m.delay_samples for m in found.margins), default=math.inf)
-        if not math.isfinite(extra):
-            return f"It is sampled{unit}, and bears any further delay."
-        return f"It is sampled{unit}, and bears a further delay of less than {extra:.3g} samples."
+        bears = f"a further delay of less than {extra:.3g} samples"
+        return (
+            f"It is sampled{unit}, and bears {bears if extra < math.inf else 'any further delay'}."
+        )
     text = f"It needs sampling at {quantity(rate.needed_hz, 'Hz')} for its {rate.limited_by}"
     if rate.lowest_stable_hz == 0:
         return text + ", and no slower rate makes it unstable."
@@ -507,8 +440,7 @@ def _sampling(found: LoopFigures) -> str:
 
 def _sensors(found: LoopFigures) -> str:
     plant = found.loop.plant
-    whole = plant.C2.shape == (plant.nx, plant.nx) and (np.eye(plant.nx) == plant.C2).all()
-    if not whole or plant.nx < 2 or plant.D22.any():
+    if plant.nx < 2 or plant.D22.any() or not np.array_equal(plant.C2, np.eye(plant.nx)):
         return ""
     return (
         f"It takes all {plant.nx} states as measured: as many sensors, or an observer with margins "
@@ -518,13 +450,12 @@ def _sensors(found: LoopFigures) -> str:
 
 def _noise(found: LoopFigures) -> str:
     rows = [row for row in found.noise if row.peak_gain > 0]
+    endless = sorted({row.control for row in rows if not math.isfinite(row.rms)})
     if not rows:
         return ""
-    endless = [row for row in rows if not math.isfinite(row.rms)]
     if endless:
-        names = sorted({row.control for row in endless})
         return (
-            f"White measurement noise drives {_listed(names)} without bound, because the "
+            f"White measurement noise drives {_listed(endless)} without bound, because the "
             "controller answers at once: give it a low-pass filter beyond the bandwidth "
             "that is needed."
         )
@@ -593,10 +524,6 @@ def _disk_text(disk: Any) -> str:
     if math.isinf(disk.gain_db):
         return f"any gain or ±{disk.phase_deg:.3g} deg"
     return f"±{disk.gain_db:.3g} dB and ±{disk.phase_deg:.3g} deg"
-
-
-def _at(found: LoopFigures, hertz: float) -> str:
-    return f", worst at {_frequency(found, hertz)}" if 0 < hertz < math.inf else ""
 
 
 def _frequency(found: LoopFigures, hertz: float) -> str:

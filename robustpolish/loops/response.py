@@ -6,8 +6,8 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import control
 import numpy as np
@@ -66,12 +66,15 @@ class SystemResponse:
 
         At a pole on the boundary of stability it is infinite; at infinity it is D.
         """
-        omega = np.atleast_1d(np.asarray(frequencies, dtype=float))
-        model = self.model
-        values = np.empty((omega.size, *model.D.shape), dtype=complex)
-        for start in range(0, omega.size, _BATCH):
-            part = slice(start, start + _BATCH)
-            values[part] = self._batch(omega[part])
+        omega, model = np.atleast_1d(np.asarray(frequencies, dtype=float)), self.model
+        values = np.broadcast_to(model.D, (omega.size, *model.D.shape)).astype(complex)
+        finite = np.flatnonzero(np.isfinite(omega)) if model.states else np.zeros(0, int)
+        respond = self._eliminated if model.states <= _ELIMINATED_STATES else self._substituted
+        for start in range(0, finite.size, _BATCH):
+            part = finite[start : start + _BATCH]
+            w: Any = omega[part]
+            points = np.exp(1j * w * model.step) if model.discrete else 1j * w / model.time
+            values[part] = respond(points)
         with np.errstate(invalid="ignore"):
             return values * model.gain
 
@@ -87,30 +90,10 @@ class SystemResponse:
         T, Q = found
         return np.asarray(T), np.asarray(Q.conj().T @ model.B), np.asarray(model.C @ Q)
 
-    def _batch(self, omega: Vector) -> AnyArray:
-        model = self.model
-        D = np.broadcast_to(model.D, (omega.size, *model.D.shape)).astype(complex)
-        finite = np.flatnonzero(np.isfinite(omega))
-        if not model.states or not finite.size:
-            return D
-        s: Any = omega[finite]
-        s = np.exp(1j * s * model.step) if model.discrete else 1j * s / model.time
-        few = model.states <= _ELIMINATED_STATES
-        D[finite] += self._eliminated(s) if few else self._substituted(s)
-        return D
-
     def _eliminated(self, s: AnyVector) -> AnyArray:
-        """Return C (s - A)^-1 B at every point by elimination, which respects small entries."""
-        model, n = self.model, self.model.states
-        resolvent = np.broadcast_to(-model.A, (s.size, n, n)).astype(complex)
-        resolvent[:, range(n), range(n)] += s[:, None]
-        B = np.broadcast_to(model.B.astype(complex), (s.size, *model.B.shape))
-        try:
-            return model.C @ np.linalg.solve(resolvent, B)
-        except np.linalg.LinAlgError:  # a pole at one of the points
-            if s.size == 1:
-                return np.full((1, *model.D.shape), np.inf, dtype=complex)
-            return np.concatenate([self._eliminated(s[i : i + 1]) for i in range(s.size)])
+        """Return the response at every point by elimination, which respects small entries."""
+        model = self.model
+        return resolvent_response(model.A, model.B, model.C, model.D, s)
 
     def _substituted(self, s: AnyVector) -> AnyArray:
         """Return the same for many states, whose triangular form costs no elimination."""
@@ -123,7 +106,7 @@ class SystemResponse:
                 inner[i] = (entry / (s - T[i, i])).ravel()
             values = np.moveaxis((C @ inner).reshape(-1, m, s.size), 2, 0)
         values[~np.isfinite(values).all(axis=(1, 2))] = np.inf
-        return values
+        return self.model.D + values
 
     def sizes(self, frequencies: Vector | float) -> Array:
         """Return the singular values at frequencies, largest first."""
@@ -141,13 +124,11 @@ class SystemResponse:
         model = self.model
         if not model.states:
             return self.others
-        found: Any = [np.linalg.eigvals(model.A).astype(complex)]
+        found: Any = np.linalg.eigvals(model.A).astype(complex)
         if model.D.shape == (1, 1):
-            found.append(_zeros(model.A, model.B, model.C, model.D))
-        rates = np.concatenate(found)
-        if model.discrete:
-            return np.concatenate([np.log(rates[rates != 0]) / model.step, self.others])
-        return np.concatenate([rates * model.time, self.others])
+            found = np.concatenate([found, _zeros(model.A, model.B, model.C, model.D)])
+        own = np.log(found[found != 0]) / model.step if model.discrete else found * model.time
+        return np.concatenate([own, self.others])
 
     @cached_property
     def grid(self) -> Vector:
@@ -189,9 +170,9 @@ class SystemResponse:
     @property
     def stays_large(self) -> bool:
         """Whether the gain of a response stays at or above 1 for ever: no delay is bearable."""
-        return not self.model.discrete and bool(
-            np.abs(self._eigenvalues(math.inf)).max() >= 1 - 1e-12
-        )
+        if self.model.discrete:
+            return False
+        return bool(np.abs(self._eigenvalues(math.inf)).max() >= 1 - 1e-12)
 
     def half_power(self) -> tuple[float, float]:
         """Return the frequency where the gain first rises through -3 dB, and where it falls last.
@@ -203,9 +184,7 @@ class SystemResponse:
         ends = [0.0, *found, self.highest if math.isfinite(self.highest) else 3 * last]
         middles = np.array([(low + high) / 2 for low, high in itertools.pairwise(ends)])
         above = self.sizes(middles)[:, 0] > _HALF_POWER
-        rising = [
-            w for w, low, high in zip(found, above[:-1], above[1:], strict=True) if high > low
-        ]
+        rising = [found[i] for i in np.flatnonzero(above[1:] & ~above[:-1])]
         falling = math.inf if above[-1] else max(found, default=math.nan)
         return min(rising, default=math.nan), falling
 
@@ -236,14 +215,14 @@ class SystemResponse:
         if self.stays_large:
             return 0.0
         points = [self.grid, self.level_hints(1.0)]
-
-        def excess(omega: Vector | float, rank: int) -> Vector:
-            with np.errstate(divide="ignore"):
-                return np.log(np.abs(self._eigenvalues(omega)[:, rank]))
-
         least = math.inf
         for rank in range(self.system.ninputs or 0):
-            for omega in roots(partial(excess, rank=rank), points, self.highest):
+
+            def excess(omega: Vector | float, rank: int = rank) -> Vector:
+                with np.errstate(divide="ignore"):
+                    return np.log(np.abs(self._eigenvalues(omega)[:, rank]))
+
+            for omega in roots(excess, points, self.highest):
                 found = self._eigenvalues(omega)[0]
                 crossing = found[np.abs(np.abs(found) - 1) < 1e-6]
                 least = min(least, float(lag(np.angle(crossing)).min(initial=math.inf)) / omega)
@@ -259,20 +238,16 @@ class SystemResponse:
 
         found = roots(sine, [self.grid, self._phase_hints()], self.highest)
         # The sign also changes where a pole or zero on the axis turns the phase.
-        return [
-            omega
-            for omega in found
-            if abs(sine(omega)[0]) < 1e-6 and self.scalar(omega)[0].real < 0
-        ]
+        return [w for w in found if abs(sine(w)[0]) < 1e-6 and self.scalar(w)[0].real < 0]
 
     @cached_property
     def _continuous(self) -> Realisation | None:
-        """The system by z = (1 + s)/(1 - s), with a pole at z = -1 out of reach."""
+        """The system by z = (1 + s)/(1 - s); None without states or with a pole at z = -1."""
         try:
             model = cayley(self.model)
         except (np.linalg.LinAlgError, ValueError, RuntimeWarning):
             return None
-        return model if np.isfinite(model.A).all() else None
+        return model if model.states and np.isfinite(model.A).all() else None
 
     def _back(self, values: Any) -> Vector:
         """Return the rad/s of eigenvalues in scaled units, by height and by size."""
@@ -285,20 +260,17 @@ class SystemResponse:
     def level_hints(self, level: float) -> Vector:
         """Return the frequencies at which a singular value may have a level."""
         model = self._continuous
-        if model is None or not model.states:
-            return np.zeros(0)
-        H = hamiltonian(model, level / self.model.gain)
-        if H is None or not np.isfinite(H).all():
-            # The level is that of D: move it a little, and look for the crossings beside it.
-            H = hamiltonian(model, level / self.model.gain * (1 + 1e-7))
-        if H is None or not np.isfinite(H).all():
-            return np.zeros(0)
-        return self._back(np.linalg.eigvals(H).astype(complex))
+        # Where the level is that of D, it is moved a little: crossings are looked for beside it.
+        for shift in (1.0, 1 + 1e-7) if model is not None else ():
+            H = hamiltonian(model, level / self.model.gain * shift)
+            if H is not None and np.isfinite(H).all():
+                return self._back(np.linalg.eigvals(H).astype(complex))
+        return np.zeros(0)
 
     def _phase_hints(self) -> Vector:
         """Return where L(s) - L(-s), which is twice the imaginary part, has its zeros."""
         model = self._continuous
-        if model is None or not model.states:
+        if model is None:
             return np.zeros(0)
         A: Any = sla.block_diag(model.A, -model.A)
         B, C = np.vstack([model.B, model.B]), np.hstack([model.C, model.C])
@@ -340,50 +312,48 @@ def roots(
     list of float
         Rising.
     """
-    all_points = np.concatenate(points)
-    all_points = all_points[(all_points > 0) & (all_points <= highest)]
-    if not all_points.size:
-        all_points = np.ones(1)
+    looked = np.concatenate(points)
+    looked = looked[(looked > 0) & (looked <= highest)]
+    if not looked.size:
+        looked = np.ones(1)
     # A root at the outermost point needs a neighbour on either side.
-    outer = np.array([all_points.min() / 10, min(10 * all_points.max(), highest)])
-    all_points = np.unique(np.concatenate([all_points, outer]))
-    all_points = all_points[all_points <= highest]
-    middles = np.sqrt(all_points[1:]) * np.sqrt(all_points[:-1])
-    omega = np.unique(np.concatenate([all_points, middles]))
+    outer = [looked.min() / 10, min(10 * looked.max(), highest)]
+    looked = np.unique(np.concatenate([looked, outer]))
+    looked = looked[looked <= highest]
+    omega = np.unique(np.concatenate([looked, np.sqrt(looked[1:]) * np.sqrt(looked[:-1])]))
     values = function(omega)
     flat = np.abs(values) <= _NOTHING
-    found: list[float] = []
-    strict = np.flatnonzero(~flat & ~np.isnan(values))
     if flat.all():  # zero everywhere
         return [float(omega[0]), float(omega[-1])]
-    for i, j in itertools.pairwise(strict):
+
+    def one(w: float) -> float:
+        return float(np.clip(function(w)[0], -1e300, 1e300))
+
+    found: list[float] = []
+    for i, j in itertools.pairwise(np.flatnonzero(~flat & ~np.isnan(values))):
+        low, high = float(omega[i]), float(omega[j])
         if (values[i] > 0) != (values[j] > 0):
-            found.append(_bracketed(function, float(omega[i]), float(omega[j])))
+            root: Any = brentq(one, low, high, xtol=1e-15 * high, rtol=1e-14)
+            found.append(float(root))
         elif j > i + 1:  # it only touches, or stays at, zero
             found += sorted({float(omega[i + 1]), float(omega[j - 1])})
     return found
 
 
-def _bracketed(function: Callable[[Any], Vector], low: float, high: float) -> float:
-    def one(omega: float) -> float:
-        return float(np.clip(function(omega)[0], -1e300, 1e300))
-
-    return float(brentq(one, low, high, xtol=1e-15 * high, rtol=1e-14))  # type: ignore[arg-type]
-
-
 def _zeros(A: Array, B: Array, C: Array, D: Array) -> AnyVector:
     """Return the finite zeros of a system of one input and one output."""
-    n = A.shape[0]
     M = np.block([[A, B], [C, D]])
-    N = np.zeros(M.shape)
-    N[:n, :n] = np.eye(n)
+    N = np.diag(np.arange(len(M)) < len(A)).astype(float)
     with np.errstate(divide="ignore", invalid="ignore"):
         zeros = np.asarray(sla.eigvals(M, N))
     size = max(float(np.linalg.norm(A)), 1e-300)
     return zeros[np.isfinite(zeros) & (np.abs(zeros) < 1e6 * size)]
 
 
-# A loop with the delays of its plant as they are, over frequency.
+Matrices = tuple[Matrix, Matrix, Matrix, Matrix]
+"""A, B, C and D."""
+
+# A loop opened or closed anywhere, and with the delays of its plant as they are over frequency.
 
 _POINTS_PER_TURN = 8
 """So many points show every turn of the delays' phase."""
@@ -394,42 +364,86 @@ _CANDIDATES = 5
 """Highest points of a grid that are climbed to their tops."""
 
 
-def closed_values(G: AnyArray, K: AnyArray) -> AnyArray:
-    """Return a loop from (disturbance at u, noise at y) to (u, y), frequency by frequency.
+class Ports(NamedTuple):
+    """Where signals enter and leave a loop: q = back o + entry w, z = out o + through q.
+
+    q = (u, y) are the inputs of plant and controller, o = (K y, G u) their outputs.
+    """
+
+    back: Matrix
+    entry: Matrix
+    out: Matrix
+    through: Matrix
+
+    @classmethod
+    def closed(
+        cls, size: int, inputs: Sequence[int], outputs: Sequence[int], weight: float = 1.0,
+        less: float = 0.0,
+    ) -> Ports:  # fmt: skip
+        """Return those of weight * S - less * 1 with everything closed, where q - o = w."""
+        one = np.eye(size)
+        return cls(one, one[:, inputs], less * one[outputs], (weight - less) * one[outputs])
+
+    @classmethod
+    def opened(cls, size: int, broken: Sequence[int]) -> Ports:
+        """Return those of L at some signals, the rest closed."""
+        one = np.eye(size)
+        back = one.copy()
+        back[broken] = 0.0
+        return cls(back, one[:, broken], -one[broken], np.zeros((len(broken), size)))
+
+
+def connected(plant: Matrices, controller: Matrices, ports: Ports, delayed: int = 0) -> Matrices:
+    """Return A, B, C, D from (w, d) to (z, v), the states of the plant first.
+
+    Parameters
+    ----------
+    plant : tuple of ndarray
+        A, B, C, D from (u, d) to (y, v).
+    controller : tuple of ndarray
+        A, B, C, D of K.
+    ports : Ports
+    delayed : int, optional
+        Number of signals d and v.
+    """
+    (A, B, C, D), (Ak, Bk, Ck, Dk), k = plant, controller, delayed
+    nu, ny, n, m = len(Ck), Bk.shape[1], len(A), len(Ak)
+    # Inputs (u, y, d), outputs (K y, G u, v).
+    into = np.zeros((n + m, nu + ny + k))
+    into[:n, :nu], into[:n, nu + ny :], into[n:, nu : nu + ny] = B[:, :nu], B[:, nu:], Bk
+    seen, through = np.zeros((nu + ny + k, n + m)), np.zeros((nu + ny + k, nu + ny + k))
+    seen[:nu, n:], seen[nu:, :n], through[:nu, nu : nu + ny] = Ck, C, Dk
+    through[nu:, :nu], through[nu:, nu + ny :] = D[:, :nu], D[:, nu:]
+    one, none = np.eye(k), np.zeros((k, k))
+    F, E, P, R = (
+        np.asarray(sla.block_diag(own, beside))
+        for own, beside in zip(ports, (none, one, one, none), strict=True)
+    )
+    both = np.linalg.solve(np.eye(len(F)) - F @ through, np.hstack([F @ seen, E]))
+    on_x, on_w = both[:, : n + m], both[:, n + m :]
+    inner = P @ through + R
+    whole: Any = sla.block_diag(A, Ak)
+    return np.asarray(whole) + into @ on_x, into @ on_w, P @ seen + inner @ on_x, inner @ on_w
+
+
+def line_values(G: AnyArray, K: AnyArray, ports: Ports) -> AnyArray:
+    """Return a loop from w to z, frequency by frequency.
 
     Parameters
     ----------
     G, K : ndarray of complex, shapes (k, ny, nu) and (k, nu, ny)
+    ports : Ports
 
     Returns
     -------
-    ndarray of complex, shape (k, nu + ny, nu + ny)
+    ndarray of complex, shape (k, z, w)
     """
-    nu, ny = K.shape[1], G.shape[1]
-    both = np.concatenate([np.broadcast_to(np.eye(nu), (len(K), nu, nu)), K], axis=2)
-    u = np.linalg.solve(np.eye(nu) - K @ G, both)
-    return np.concatenate([u, G @ u + np.eye(ny, nu + ny, k=nu)], axis=1)
-
-
-def opened_values(G: AnyArray, K: AnyArray, at_input: bool, broken: Sequence[int]) -> AnyArray:
-    """Return L where a loop is broken, at inputs or outputs of the plant, the rest closed.
-
-    Parameters
-    ----------
-    G, K : ndarray of complex, shapes (k, ny, nu) and (k, nu, ny)
-    at_input : bool
-    broken : sequence of int
-
-    Returns
-    -------
-    ndarray of complex, shape (k, len(broken), len(broken))
-    """
-    around = K @ G if at_input else G @ K
-    shut = np.eye(around.shape[1])
-    entry = shut[:, broken]
-    shut[broken, broken] = 0.0
-    back = np.linalg.solve(np.eye(len(shut)) - around @ shut, around @ entry)
-    return -back[:, broken]
+    nu, size = K.shape[1], len(ports.back)
+    loop = np.zeros((len(G), size, size), dtype=complex)
+    loop[:, :nu, nu:], loop[:, nu:, :nu] = K, G
+    entry = np.broadcast_to(ports.entry, (len(G), *ports.entry.shape))
+    q = np.linalg.solve(np.eye(size) - ports.back @ loop, entry)
+    return (ports.out @ loop + ports.through) @ q
 
 
 @dataclass(frozen=True, eq=False)
@@ -445,26 +459,18 @@ class DelayedLoop:
     """
 
     plant: DelayedSystem
-    controller: tuple[Matrix, Matrix, Matrix, Matrix]
+    controller: Matrices
 
     @property
     def seconds(self) -> float:
         """All delays together, which is the most that a signal can meet."""
         return float(sum(line.seconds for line in self.plant.lines))
 
-    def closed(self, omega: Vector) -> AnyArray:
-        """Return the loop from (disturbance at u, noise at y) to (u, y) at frequencies in rad/s."""
-        return closed_values(*self._values(omega))
-
-    def opened(self, at_input: bool, broken: Sequence[int], omega: Vector) -> AnyArray:
-        """Return L where it is broken, at inputs or outputs of the plant, the rest closed."""
-        return opened_values(*self._values(omega), at_input, broken)
-
-    def _values(self, omega: Vector) -> tuple[AnyArray, AnyArray]:
-        """Return plant and controller at frequencies."""
+    def values(self, ports: Ports, omega: Vector) -> AnyArray:
+        """Return the loop from w to z at frequencies in rad/s."""
         omega = np.atleast_1d(omega)
-        A, B, C, D = self.controller
-        return self.plant.response(omega), resolvent_response(A, B, C, D, 1j * omega)
+        K = resolvent_response(*self.controller, 1j * omega)
+        return line_values(self.plant.response(omega), K, ports)
 
 
 @dataclass(frozen=True, eq=False)
@@ -537,7 +543,7 @@ _ONLY_LINES = "the largest of the measured lines: no proof between them"
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredResponse:
+class LineResponse:
     """A frequency response at measured lines, asked as :class:`SystemResponse` is.
 
     Attributes
@@ -578,16 +584,14 @@ class MeasuredResponse:
 
     def level_crossings(self, level: float) -> list[float]:
         """Return where the largest singular value passes a level."""
-        return [
-            self._between(*change) for change in _sign_changes(np.log(self.sizes()[:, 0] / level))
-        ]
+        return [omega for omega, _, _ in self._sign_changes(np.log(self.sizes()[:, 0] / level))]
 
     def half_power(self) -> tuple[float, float]:
         """Return where the gain first rises through -3 dB, and where it falls last; or nan."""
         sizes = self.sizes()[:, 0]
-        found = _sign_changes(np.log(sizes / _HALF_POWER))
-        rising = [self._between(share, i) for share, i in found if sizes[i] < _HALF_POWER]
-        falling = [self._between(share, i) for share, i in found if sizes[i] >= _HALF_POWER]
+        found = self._sign_changes(np.log(sizes / _HALF_POWER))
+        rising = [omega for omega, _, i in found if sizes[i] < _HALF_POWER]
+        falling = [omega for omega, _, i in found if sizes[i] >= _HALF_POWER]
         if sizes[-1] > _HALF_POWER:
             falling = []
         return min(rising, default=math.nan), max(falling, default=math.nan)
@@ -596,11 +600,8 @@ class MeasuredResponse:
         """Return where a scalar response has size 1, and its phase in rad there."""
         L: Any = self.values[:, 0, 0] if values is None else values
         return [
-            (
-                self._between(share, i),
-                float(np.angle(L[i])) + share * float(np.angle(L[i + 1] / L[i])),
-            )
-            for share, i in _sign_changes(np.log(np.abs(L)))
+            (omega, float(np.angle(L[i])) + share * float(np.angle(L[i + 1] / L[i])))
+            for omega, share, i in self._sign_changes(np.log(np.abs(L)))
         ]
 
     def phase_crossovers(self) -> list[tuple[float, float]]:
@@ -609,8 +610,8 @@ class MeasuredResponse:
         away = np.angle(-L)
         near = np.abs(np.diff(away)) < math.pi
         found = [
-            (self._between(share, i), 1 / float(np.abs(L[i]) * np.abs(L[i + 1] / L[i]) ** share))
-            for share, i in _sign_changes(away)
+            (omega, 1 / float(np.abs(L[i]) * np.abs(L[i + 1] / L[i]) ** share))
+            for omega, share, i in self._sign_changes(away)
             if near[i]
         ]
         # At rest, or for ever above, L may be on the axis, where no line can lie.
@@ -626,14 +627,13 @@ class MeasuredResponse:
         found = [c for one in _eigenvalues(self.values).T for c in self.gain_crossovers(one)]
         return min((lag(angle) / omega for omega, angle in found), default=math.inf)
 
-    def _between(self, share: float, i: int) -> float:
-        """Return the frequency at a share of the way, in octaves, from a line to the next."""
-        return float(self.omega[i] * (self.omega[i + 1] / self.omega[i]) ** share)
+    def _sign_changes(self, values: Vector) -> list[tuple[float, float, int]]:
+        """Return where a value changes its sign: frequency, share of the step, the line before.
 
-
-def _sign_changes(values: Vector) -> list[tuple[float, int]]:
-    """Return where a value changes its sign: the share of the step, and the line before."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        shares = values[:-1] / (values[:-1] - values[1:])
-    changes = (values[:-1] > 0) != (values[1:] > 0)
-    return [(float(shares[i]), int(i)) for i in np.flatnonzero(changes & np.isfinite(shares))]
+        Between two lines it is a straight line over octaves.
+        """
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            shares = values[:-1] / (values[:-1] - values[1:])
+            between = self.omega[:-1] * (self.omega[1:] / self.omega[:-1]) ** shares
+        changes = ((values[:-1] > 0) != (values[1:] > 0)) & np.isfinite(shares)
+        return [(float(between[i]), float(shares[i]), int(i)) for i in np.flatnonzero(changes)]

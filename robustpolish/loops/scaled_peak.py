@@ -180,10 +180,7 @@ def interval(model: Realisation, omega: float, scales: Vector, level: float) -> 
     if not model.states:
         return 0.0, math.inf
     scaled = replace(
-        model,
-        B=model.B / scales,
-        C=model.C * scales[:, None],
-        D=model.D * scales[:, None] / scales,
+        model, B=model.B / scales, C=model.C * scales[:, None], D=model.D * scales[:, None] / scales
     )
     H = hamiltonian(scaled, level)
     if H is None or not np.isfinite(H).all():

@@ -57,13 +57,12 @@ def plot_bars(
     flags = np.zeros(numbers.size, bool) if bad is None else np.asarray(bad.values, bool)
     places = np.arange(numbers.size)
     usable = np.isfinite(numbers) & (numbers > 0)
-    least = numbers[usable].min() if usable.any() else 1.0
+    shown = numbers[usable] if usable.any() else np.ones(1)
     for style, chosen in ((GOOD, ~flags), (BAD, flags)):
-        shown = np.where(usable, numbers, 0.0)[chosen]
-        ax.barh(places[chosen], shown, height=0.7, **style)
+        ax.barh(places[chosen], np.where(usable, numbers, 0.0)[chosen], height=0.7, **style)
     ax.set_yticks(places, labels)
     ax.invert_yaxis()
-    ax.set_xlim(least / 3, (numbers[usable].max() if usable.any() else 1.0) * 3)
+    ax.set_xlim(shown.min() / 3, shown.max() * 3)
     log_axis(ax, "x", str(values.name or ""), str(values.attrs.get("units", "")))
     ax.set_ylabel(str(values.dims[0]))
     if bad is not None:
@@ -175,20 +174,16 @@ def plot_gain_against_norm(points: xr.Dataset, ax: Axes | None = None) -> Axes:
     known = points.where((points["gain"] > 0) & (points["norm"] > 0)).dropna("controller")
     single = {name: known.sel(controller=name) for name in known["controller"].values}
     for style, name, one in in_styles(single, 0, MARKER_STYLES):
-        ax.plot(
-            float(one["gain"]), float(one["norm"]), linestyle="", label=name, markersize=8,
-            fillstyle="none", **style,
-        )  # fmt: skip
-    for which, key in (("x", "gain"), ("y", "norm")):
+        style |= {"linestyle": "", "markersize": 8, "fillstyle": "none"}
+        ax.plot(float(one["gain"]), float(one["norm"]), label=name, **style)
+    for which, key, axis, wide in (("x", "gain", ax.xaxis, 1.5), ("y", "norm", ax.yaxis, 10)):
         name, unit = (str(points[key].attrs.get(k, "")) for k in ("long_name", "units"))
         values = known[key].values
-        axis = ax.xaxis if which == "x" else ax.yaxis
-        if values.size and values.max() > (1.5 if which == "x" else 10) * values.min():
+        if values.size and values.max() > wide * values.min():
             log_axis(ax, which, name, unit)
         else:
             si_axis(axis, name, unit)
-    if known.sizes["controller"]:
-        ax.legend(loc="best")
+    legend(ax, least=1)
     return ax
 
 
@@ -257,18 +252,16 @@ def plot_path_in_space(
     if ax is None:
         figure = plt.figure(layout="constrained", figsize=(7, 5))
         ax = figure.add_subplot(projection="3d")
-    thin = [slice(None, None, max(1, n // _ACROSS)) for n in ground.shape]
-    shown = 1e3 * ground.transpose("x", "y").values[thin[0], thin[1]]
-    x, y = np.meshgrid(
-        1e3 * ground["x"].values[thin[0]], 1e3 * ground["y"].values[thin[1]], indexing="ij"
-    )
+    rows, columns = (slice(None, None, max(1, n // _ACROSS)) for n in ground.shape)
+    shown = 1e3 * ground.transpose("x", "y").values[rows, columns]
+    sides = 1e3 * ground["x"].values[rows], 1e3 * ground["y"].values[columns]
+    x, y = np.meshgrid(*sides, indexing="ij")
     ax.plot_surface(x, y, shown, color="#cccccc", alpha=0.4, linewidth=0, rstride=1, cstride=1)
     every = max(1, colour.size // _PIECES)
     points = 1e3 * np.stack([part.values[::every] for part in place], axis=1)
     pieces = Line3DCollection(list(np.stack([points[:-1], points[1:]], axis=1)), cmap="cividis")
     pieces.set_array(colour.values[::every][:-1])
-    pieces.set_linewidth(2.0)
-    pieces.set_zorder(2.5)
+    pieces.set(linewidth=2.0, zorder=2.5)
     ax.computed_zorder = False  # the path lies on the surface and has to be seen
     ax.add_collection(pieces)
     bar = ax.figure.colorbar(pieces, ax=ax, shrink=0.7)
@@ -303,29 +296,18 @@ def plot_waterfall(
     ax = new_axes(ax)
     names = [str(step) for step in levels["step"].values]
     values = levels.values.astype(float)
-    for i, level in enumerate(values):
-        if i == 0:
-            ax.bar(i, level, **LEVEL)
-        else:
-            before = values[i - 1]
-            style = GOOD if level <= before else BAD
-            ax.bar(i, abs(level - before), bottom=min(level, before), **style)
+    for i, (before, level) in enumerate(zip([0.0, *values], values, strict=False)):
+        style = LEVEL if i == 0 else GOOD if level <= before else BAD
+        ax.bar(i, abs(level - before), bottom=min(level, before), **style)
+        arrow = ""
+        if i:
             ax.plot([i - 1.4, i + 0.4], [before, before], color="#333333", linewidth=0.6)
-        top = level if i == 0 else max(level, values[i - 1])
-        change = "" if i == 0 else ("↓ to " if level <= values[i - 1] else "↑ to ")
-        ax.annotate(
-            f"{change}{level:.3g}",
-            (i, top),
-            (0, 3),
-            textcoords="offset points",
-            ha="center",
-            va="bottom",
-        )
-    handles: list[Any] = [
-        Patch(label="start", **LEVEL),
-        Patch(label="taken away", **GOOD),
-        *([Patch(label="added", **BAD)] if np.any(np.diff(values) > 0) else []),
-    ]
+            arrow = "↓ to " if level <= before else "↑ to "
+        above = {"textcoords": "offset points", "ha": "center", "va": "bottom"}
+        ax.annotate(f"{arrow}{level:.3g}", (i, max(level, before)), (0, 3), **above)
+    handles: list[Any] = [Patch(label="start", **LEVEL), Patch(label="taken away", **GOOD)]
+    if np.any(np.diff(values) > 0):
+        handles.append(Patch(label="added", **BAD))
     if floor is not None and np.isfinite(floor):
         label = f"noise floor, {floor:.3g}"
         handles.append(ax.axhline(floor, color="black", linestyle="--", linewidth=1, label=label))

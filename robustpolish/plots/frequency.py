@@ -46,19 +46,22 @@ def plot_bode(
     matplotlib.axes.Axes
         Of the magnitude; the phase's follow in its figure.
     """
-    upper, below = _two_axes() if ax is None else (ax, phase)
+    upper, below = ax, phase
+    if upper is None:
+        figure = plt.figure(layout="constrained")
+        upper, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     for i, (style, label, response) in enumerate(in_styles(responses)):
         style["linewidth"] = 1.2 if i else 2.5
         frequency, values = response["frequency"].values, response.values
-        size = np.abs(values)
-        upper.plot(frequency, np.where(size > 0, size, np.nan), label=label, **style)
+        upper.plot(frequency, _positive(np.abs(values)), label=label, **style)
         if below is not None:
-            below.plot(frequency, _degrees(values), **style)
+            angle = np.degrees(np.angle(values))
+            # with gaps instead of lines where it jumps by a turn
+            angle[np.flatnonzero(np.abs(np.diff(angle)) > 180)] = np.nan
+            below.plot(frequency, angle, **style)
     if spread is not None:
-        floor = np.where(spread.values > 0, spread.values, np.nan)
-        upper.plot(
-            spread["frequency"].values, floor, label="noise", linewidth=0.8, **LINE_STYLES[0]
-        )
+        style = {**LINE_STYLES[0], "linewidth": 0.8, "label": "noise"}
+        upper.plot(spread["frequency"].values, _positive(spread.values), **style)
     log_axis(upper, "y", name, unit)
     log_axis(upper, "x", "frequency", "Hz")
     legend(upper, least=1)
@@ -69,6 +72,11 @@ def plot_bode(
         below.set_ylim(-200, 200)
         below.set_ylabel("phase [deg]")
     return upper
+
+
+def _positive(sizes: np.ndarray) -> np.ndarray:
+    """Return what a logarithmic axis can show."""
+    return np.where(sizes > 0, sizes, np.nan)
 
 
 def plot_nyquist(
@@ -112,20 +120,6 @@ def _complex_plane(ax: Axes, name: str, unit: str) -> None:
     si_axis(ax.yaxis, f"imaginary part of {name}", unit)
 
 
-def _two_axes() -> tuple[Axes, Axes]:
-    figure = plt.figure(layout="constrained")
-    upper, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-    return upper, below
-
-
-def _degrees(values: np.ndarray) -> np.ndarray:
-    """Return the phase in degrees, with gaps instead of lines where it jumps by a turn."""
-    phase = np.degrees(np.angle(values))
-    jumps = np.flatnonzero(np.abs(np.diff(phase)) > 180)
-    phase[jumps] = np.nan
-    return phase
-
-
 # Gains over frequency.
 
 
@@ -158,16 +152,15 @@ def plot_gains(
     -------
     matplotlib.axes.Axes
     """
-    ax = new_axes(ax)
-    unit = ""
+    ax, unit = new_axes(ax), ""
     for style, label, gain in in_styles(gains, first_style):
-        values = np.where(gain.values > 0, gain.values, np.nan)
-        ax.plot(gain["frequency"].values, values, label=label, linewidth=1.2, **style)
+        style["linewidth"] = 1.2
+        ax.plot(gain["frequency"].values, _positive(gain.values), label=label, **style)
         unit = str(gain.attrs.get("units", unit))
     for label, (frequency, value) in (marks or {}).items():
-        if not np.isfinite(value) or value <= 0:
+        if not 0 < value < np.inf:
             continue
-        if np.isfinite(frequency) and frequency > 0:
+        if 0 < frequency < np.inf:
             ax.plot([frequency], [value], "o", color="black", fillstyle="none", label=label)
         else:
             ax.axhline(value, color="black", linewidth=0.8, linestyle=":", label=label)
@@ -207,6 +200,7 @@ def plot_over_frequency(
 
 # What of a Nyquist curve is drawn: beyond it lie integrators, and nothing that matters.
 _FAR = 4.0
+_CRITICAL: dict[str, Any] = {"marker": "+", "color": "black", "markersize": 10, "linestyle": ""}
 _LOWEST_DB, _HIGHEST_DB = -40.0, 40.0
 
 
@@ -233,15 +227,19 @@ def plot_nyquist_disks(
         For positive frequencies; the curve of the negative ones is the mirror image.
     """
     ax = new_axes(ax)
+    # What lies around -1 is shown, whatever integrators do.
+    across, up = [-1.5, 0.5], [-1.0, 1.0]
     for style, label, loop in in_styles(loops):
         values: Any = np.where(np.isfinite(loop.values), loop.values, np.nan)
         ax.plot(values.real, values.imag, label=label, **style)
-        alpha = (disks or {}).get(label)
-        if alpha is not None and 0 < alpha < 2:
-            edge: Any = _disk(alpha)
+        if (edge := _disk(disks, label)) is not None:
             ax.fill(edge.real, edge.imag, color=style["color"], alpha=0.15, linewidth=0)
-    ax.plot([-1], [0], marker="+", color="black", markersize=10, linestyle="", label="-1")
-    _limits(ax, loops)
+        near = values[np.abs(values) < _FAR]
+        across, up = [*across, *near.real], [*up, *near.imag]
+    ax.plot([-1], [0], label="-1", **_CRITICAL)
+    half = 0.55 * max(np.ptp(across), np.ptp(up))
+    x, y = (min(across) + max(across)) / 2, (min(up) + max(up)) / 2
+    ax.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
     _complex_plane(ax, "L", "")
     ax.set_aspect("equal")
     legend(ax)
@@ -273,44 +271,28 @@ def plot_nichols(
         phase -= 360 * np.round((phase[0] + 90) / 360) if phase.size else 0
         decibels = 20 * np.log10(np.abs(values))
         ax.plot(phase, decibels, label=label, **style)
-        near = (decibels > _LOWEST_DB) & (decibels < _HIGHEST_DB)
-        shown += [float(phase[near].min()), float(phase[near].max())] if near.any() else []
-        alpha = (disks or {}).get(label)
-        if alpha is not None and 0 < alpha < 2:
-            edge = _disk(alpha)
+        near = phase[(decibels > _LOWEST_DB) & (decibels < _HIGHEST_DB)]
+        shown += [float(near.min()), float(near.max())] if near.size else []
+        if (edge := _disk(disks, label)) is not None:
             turned = np.degrees(np.mod(np.angle(edge), 2 * np.pi)) - 360
-            ax.fill(
-                turned, 20 * np.log10(np.abs(edge)), color=style["color"], alpha=0.15, linewidth=0
-            )
+            shade = {"color": style["color"], "alpha": 0.15, "linewidth": 0}
+            ax.fill(turned, 20 * np.log10(np.abs(edge)), **shade)
     low = 180 * np.floor((min(shown) - 1) / 180)
     high = 180 * np.ceil((max(shown) + 1) / 180)
     critical = [angle for angle in np.arange(low, high + 1, 180) if (angle / 180) % 2 == 1]
-    ax.plot(
-        critical, [0] * len(critical), marker="+", color="black", markersize=10, linestyle="",
-        label="-1",
-    )  # fmt: skip
-    ax.set_xlim(low, high)
-    ax.set_ylim(_LOWEST_DB, _HIGHEST_DB)
+    ax.plot(critical, [0] * len(critical), label="-1", **_CRITICAL)
+    ax.set(xlim=(low, high), ylim=(_LOWEST_DB, _HIGHEST_DB))
     ax.set_xticks(np.arange(low, high + 1, 90 if high - low <= 720 else 180))
-    ax.set_xlabel("phase of L [deg]")
-    ax.set_ylabel("gain of L [dB]")
+    ax.set(xlabel="phase of L [deg]", ylabel="gain of L [dB]")
     legend(ax)
     return ax
 
 
-def _disk(alpha: float) -> AnyVector:
-    """Return the edge of the disk of L that a balanced disk margin alpha excludes."""
+def _disk(disks: Mapping[str, float] | None, label: str) -> AnyVector | None:
+    """Return the edge of the disk of L that a balanced disk margin excludes, if it has one."""
+    alpha = (disks or {}).get(label, 0.0)
+    if not 0 < alpha < 2:
+        return None
     # 1 + f L = 0 for a factor f = (1 + d alpha/2) / (1 - d alpha/2) with |d| = 1
     turn = np.exp(1j * np.linspace(0, 2 * np.pi, 361)) * alpha / 2
     return -(1 - turn) / (1 + turn)
-
-
-def _limits(ax: Axes, loops: Mapping[str, xr.DataArray]) -> None:
-    """Show what lies around -1, whatever integrators do."""
-    values: Any = np.concatenate([loop.values.ravel() for loop in loops.values()])
-    near: Any = values[np.isfinite(values) & (np.abs(values) < _FAR)]
-    across, up = [-1.5, 0.5, *near.real], [-1.0, 1.0, *near.imag]
-    middles = (min(across) + max(across)) / 2, (min(up) + max(up)) / 2
-    half = 0.55 * max(max(across) - min(across), max(up) - min(up))
-    ax.set_xlim(middles[0] - half, middles[0] + half)
-    ax.set_ylim(middles[1] - half, middles[1] + half)

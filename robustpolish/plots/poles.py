@@ -65,20 +65,19 @@ def plot_campbell(
         name = "neither" if abs(mean) < _CLEAR else "forward" if mean > 0 else "backward"
         used.add(name)
         ax.plot(turns, height, **_WAYS[name])
-    top = float(np.nanmax(heights, initial=0.0)) * 1.05
-    ax.plot(turns, turns / 60, color="#999999", linewidth=0.8)
+    spin: dict[str, Any] = {"color": "#999999", "linewidth": 0.8}
+    ring: dict[str, Any] = {"marker": "o", "color": "black", "fillstyle": "none", "linestyle": ""}
+    handles = [Line2D([], [], label=name, **way) for name, way in _WAYS.items() if name in used]
+    handles.append(Line2D([], [], label="once per turn", **spin))
+    ax.plot(turns, turns / 60, **spin)
     where = np.asarray(critical, dtype=float) * 30 / math.pi
     if where.size:
-        ax.plot(where, where / 60, "o", color="black", fillstyle="none")
+        ax.plot(where, where / 60, **ring)
+        handles.append(Line2D([], [], label="critical speed", **ring))
     ax.set_xlim(float(turns.min()), float(turns.max()))
-    ax.set_ylim(0.0, top or 1.0)
+    ax.set_ylim(0.0, float(np.nanmax(heights, initial=0.0)) * 1.05 or 1.0)
     ax.set_xlabel("speed [rev/min]")
     si_axis(ax.yaxis, "whirl frequency", "Hz")
-    handles = [Line2D([], [], label=name, **way) for name, way in _WAYS.items() if name in used]
-    handles.append(Line2D([], [], color="#999999", linewidth=0.8, label="once per turn"))
-    if where.size:
-        ring: dict[str, Any] = {"marker": "o", "color": "black", "fillstyle": "none"}
-        handles.append(Line2D([], [], linestyle="", label="critical speed", **ring))
     ax.legend(handles=handles, loc="best")
     return ax
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -84,39 +85,40 @@ def plot_residual_map(
     time = residual["time"].values
     values = np.asarray(residual.values, dtype=float)
     rate = (time.size - 1) / float(time[-1] - time[0])
-    length = max(16, min(1024, time.size // _SEGMENTS * 4))
-    length = min(length, time.size)
+    length = min(max(16, min(1024, time.size // _SEGMENTS * 4)), time.size)
     window = np.hanning(length + 2)[1:-1]
     transform = ShortTimeFFT(window, max(1, length // 4), rate, scale_to="psd")
     density = np.abs(transform.stft(values - values.mean()))
-    moments = transform.t(time.size) + time[0]
-    frequency = transform.f
+    moments, frequency = transform.t(time.size) + time[0], transform.f
     inside = (moments >= time[0]) & (moments <= time[-1])
     density, moments = density[1:, inside], moments[inside]
-    top = float(density.max()) if density.size and density.max() > 0 else 1.0
-    image = ax.pcolormesh(
-        moments,
-        frequency[1:],
-        np.maximum(density, top / _DYNAMICS),
-        norm=LogNorm(top / _DYNAMICS, top),
-        cmap="cividis",
-        shading="nearest",
-        rasterized=True,
-    )
+    top = float(density.max(initial=0.0)) or 1.0
+    shown = moments, frequency[1:], np.maximum(density, top / _DYNAMICS)
+    scale = LogNorm(top / _DYNAMICS, top)
+    image = ax.pcolormesh(*shown, norm=scale, cmap="cividis", shading="nearest", rasterized=True)
     unit = str(residual.attrs.get("units", "")) or "1"
     bar = ax.figure.colorbar(image, ax=ax)
     bar.set_label(f"amplitude density [{unit}/sqrt(Hz)]")
-    for style, (what, frequencies) in zip(LINE_STYLES[2:], (marks or {}).items(), strict=False):
-        near = [f for f in np.ravel(np.asarray(frequencies, dtype=float)) if f < frequency[-1]]
-        for i, line in enumerate(near):
-            shade = {**style, "color": "white", "linewidth": 1.0}
-            ax.axhline(line, label=what if i == 0 else None, **shade)
+    white = {"color": "white", "linewidth": 1.0}
+    _mark(ax.axhline, marks or {}, lambda line: line < frequency[-1], white)
     si_axis(ax.xaxis, "time", "s")
     log_axis(ax, "y", "frequency", "Hz")
     ax.set_ylim(frequency[1], frequency[-1])
     if ax.get_legend_handles_labels()[0]:
         ax.legend(loc="best", facecolor="#333333", labelcolor="white")
     return ax
+
+
+def _mark(
+    draw: Callable[..., Any],
+    marks: Mapping[str, ArrayLike],
+    inside: Callable[[float], bool],
+    look: Mapping[str, Any],
+) -> None:
+    """Draw a line at every frequency to be marked; the first of a kind has its name."""
+    for style, (what, frequencies) in zip(LINE_STYLES[2:], marks.items(), strict=False):
+        for i, at in enumerate(filter(inside, np.ravel(np.asarray(frequencies, dtype=float)))):
+            draw(at, label=what if i == 0 else None, **{**style, **look})
 
 
 _LAGS = 200
@@ -220,9 +222,7 @@ def plot_band_shares(
     low, high = shares["low"].values.copy(), shares["high"].values
     low[0] = max(low[0], high[0] / 2)  # the axis is logarithmic
     ax.bar(low, 100 * shares.values, width=high - low, align="edge", color="#0072b2", alpha=0.7)
-    for style, (what, frequencies) in zip(LINE_STYLES[2:], marks.items(), strict=False):
-        for i, frequency in enumerate(np.ravel(np.asarray(frequencies, dtype=float))):
-            ax.axvline(frequency, label=what if i == 0 else None, **style)
+    _mark(ax.axvline, marks, lambda _: True, {})
     ax.set_xlim(low[0], high[-1])
     log_axis(ax, "x", "frequency", "Hz")
     ax.set_ylabel("share of the error [%]")
@@ -268,11 +268,9 @@ def plot_coherence(value: xr.DataArray, threshold: float, ax: Axes | None = None
     matplotlib.axes.Axes
     """
     ax = new_axes(ax)
-    frequency = value["frequency"].values
-    ax.plot(
-        frequency[frequency > 0], value.values[frequency > 0], color="#0072b2", linewidth=0.8,
-        label="coherence",
-    )  # fmt: skip
+    shown = value[value["frequency"].values > 0]
+    line = {"color": "#0072b2", "linewidth": 0.8, "label": "coherence"}
+    ax.plot(shown["frequency"].values, shown.values, **line)
     ax.axhline(threshold, color="#333333", linestyle="--", label="chance")
     ax.set_ylim(0, 1)
     log_axis(ax, "x", "frequency", "Hz")
@@ -313,21 +311,13 @@ def plot_surface(shown: xr.Dataset, ax: Axes | None = None) -> Axes:
     """
     ax = new_axes(ax)
     force = shown["force"]
-    largest = float(np.nanmax(np.abs(force.values))) if force.notnull().any() else 1.0
-    image = ax.pcolormesh(
-        shown["displacement"].values,
-        shown["velocity"].values,
-        force.values.T,
-        cmap="cividis",
-        vmin=-largest,
-        vmax=largest,
-    )
+    sides = shown["displacement"].values, shown["velocity"].values
     known = force.values[np.isfinite(force.values)]
+    largest = float(np.abs(known).max()) if known.size else 1.0
+    image = ax.pcolormesh(*sides, force.values.T, cmap="cividis", vmin=-largest, vmax=largest)
     if known.size > 1 and known.min() < 0 < known.max() and min(force.shape) > 1:
         # Dark pushes one way, light the other, in grey too; the line is where the force turns.
-        sides = shown["displacement"].values, shown["velocity"].values
-        turns = _smoothed(shown).T
-        ax.contour(*sides, turns, levels=[0.0], colors="white", linewidths=1.5)
+        ax.contour(*sides, _smoothed(shown).T, levels=[0.0], colors="white", linewidths=1.5)
         line = Line2D([], [], color="white", linewidth=1.5, label="no force")
         # off the map, in the room below the bar of its colours: titles stand above
         ax.legend(

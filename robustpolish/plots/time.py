@@ -10,11 +10,12 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 from scipy.signal import welch
 
+from robustpolish.base.arrays import Vector
 from robustpolish.base.results import prefix_power
-from robustpolish.plots.style import BAD, GOOD, LINE_STYLES, log_axis, new_axes, si_axis
+from robustpolish.plots.charts import plot_bars
+from robustpolish.plots.style import LINE_STYLES, log_axis, new_axes, si_axis
 
 # Signals over time, drawn so that no peak gets lost.
 
@@ -49,20 +50,21 @@ def plot_time_series(
     """
     ax = new_axes(ax)
     unit, banded = "", False
-    shown: set[str] = set()
     for i, (label, signal) in enumerate(signals.items()):
         time, values = signal["time"].to_numpy(), signal.to_numpy()
         style = LINE_STYLES[(i if len(signals) > 1 else 1) % len(LINE_STYLES)]
         band = _band(time, values) if bands else None
-        if band is not None:
-            banded = True
-            _draw_band(ax, band, label, style["color"])
-        else:
+        if band is None:
             ax.plot(*_envelope(time, values), label=label, linewidth=1.0, **style)
-        shown.add(str(signal.name or ""))
+        else:
+            banded, color = True, style["color"]
+            ax.fill_between(*band, facecolor=color, alpha=0.35, label=label, linewidth=0)
+            for edge in band[1:]:
+                ax.plot(band[0], edge, color=color, linewidth=0.8)
         unit = signal.attrs.get("units", "")
+    names = {str(signal.name or "") for signal in signals.values()}
     si_axis(ax.xaxis, "time", "s")
-    si_axis(ax.yaxis, shown.pop() if len(shown) == 1 else "", unit)  # the legend names the others
+    si_axis(ax.yaxis, names.pop() if len(names) == 1 else "", unit)  # the legend names the others
     if len(signals) > 1 and banded:  # "best" does not see what lies within a band
         ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(len(signals), 3))
     elif len(signals) > 1:
@@ -70,42 +72,29 @@ def plot_time_series(
     return ax
 
 
-def _band(
-    time: NDArray[np.float64], values: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
+def _band(time: Vector, values: Vector) -> tuple[Vector, Vector, Vector] | None:
     """Return time, smallest and largest value of bins; None for what a line can show."""
     size = values.size // _BAND_BINS
     if size < 4:
         return None
     whole = values[: size * _BAND_BINS].reshape(_BAND_BINS, size)
     low, high = whole.min(axis=1), whole.max(axis=1)
-    if np.median(high - low) <= _QUICK * np.ptp(values):
-        return None
     turns = np.sum(np.diff(np.sign(np.diff(whole, axis=1)), axis=1) != 0, axis=1)
-    if np.median(turns) < 2:  # steep, not quick
+    # What moves little within a bin is a line; what turns less than twice is steep, not quick.
+    if np.median(high - low) <= _QUICK * np.ptp(values) or np.median(turns) < 2:
         return None
-    middles = time[: size * _BAND_BINS].reshape(_BAND_BINS, size).mean(axis=1)
-    return middles, low, high
+    return time[: size * _BAND_BINS].reshape(_BAND_BINS, size).mean(axis=1), low, high
 
 
-def _draw_band(ax: Axes, band: tuple[NDArray[np.float64], ...], label: str, color: str) -> None:
-    time, low, high = band
-    ax.fill_between(time, low, high, facecolor=color, alpha=0.35, label=label, linewidth=0)
-    for edge in (low, high):
-        ax.plot(time, edge, color=color, linewidth=0.8)
-
-
-def _envelope(
-    time: NDArray[np.float64], values: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _envelope(time: Vector, values: Vector) -> tuple[Vector, Vector]:
     """Keep the smallest and the largest sample of every bin, in their order in time."""
     size = values.size // _BINS
     if size < 4:
         return time, values
     whole = values[: size * _BINS].reshape(_BINS, size)
-    pairs = np.sort(np.stack([whole.argmin(axis=1), whole.argmax(axis=1)], axis=1), axis=1)
-    kept = (pairs + size * np.arange(_BINS)[:, None]).ravel()
-    kept = np.unique(np.concatenate([kept, np.arange(size * _BINS, values.size)]))
+    ends = size * np.arange(_BINS)
+    kept = [whole.argmin(axis=1) + ends, whole.argmax(axis=1) + ends]
+    kept = np.unique(np.concatenate([*kept, np.arange(size * _BINS, values.size)]))
     return time[kept], values[kept]
 
 
@@ -141,15 +130,10 @@ def plot_panels(
     shown = {name: {k: r[name] for k, r in responses.items() if name in r} for name in signals}
     closer = _closer([signal for found in shown.values() for signal in found.values()])
     figure, panels = plt.subplots(
-        len(signals),
-        1 if closer is None else 2,
-        sharex="col",
-        sharey="row",
-        squeeze=False,
-        figsize=(width, 1.4 + 1.7 * len(signals)),
+        len(signals), 1 if closer is None else 2, sharex="col", sharey="row", squeeze=False,
+        figsize=(width, 1.4 + 1.7 * len(signals)), layout="constrained",
         width_ratios=None if closer is None else (5, 3),
-        layout="constrained",
-    )
+    )  # fmt: skip
     for row, found in zip(panels, shown.values(), strict=True):
         plot_time_series(found, row[0], bands=True)
         if closer is not None:
@@ -163,7 +147,15 @@ def plot_panels(
                 ax.get_legend().remove()
     if closer is not None:
         panels[-1, 1].xaxis.set_major_locator(MaxNLocator(2))
-    _share_prefixes(list(panels[:, 0]), shown)
+    # Panels of one unit have one prefix, that of the largest.
+    units = [
+        str(next(iter(found.values())).attrs.get("units", "")) if found else ""
+        for found in shown.values()
+    ]
+    limits = [max(map(abs, ax.get_ylim())) for ax in panels[:, 0]]
+    for ax, name, unit in zip(panels[:, 0], shown, units, strict=True):
+        alike = [limit for limit, u in zip(limits, units, strict=True) if u == unit]
+        si_axis(ax.yaxis, name, unit, prefix_power(max(alike)))
     handles, labels = panels[0, 0].get_legend_handles_labels()
     if len(labels) > 1:
         figure.legend(handles, labels, loc="outside upper center", ncols=min(len(labels), 3))
@@ -176,8 +168,8 @@ def _closer(signals: Sequence[xr.DataArray]) -> tuple[float, float] | None:
     if not periods:
         return None
     time = signals[0]["time"].to_numpy()
-    length, middle = _SHOWN_PERIODS * max(periods), (time[0] + time[-1]) / 2
-    return float(middle), float(middle + length)
+    middle = float(time[0] + time[-1]) / 2
+    return middle, middle + _SHOWN_PERIODS * max(periods)
 
 
 def _period(signal: xr.DataArray) -> float | None:
@@ -190,18 +182,6 @@ def _period(signal: xr.DataArray) -> float | None:
     if strongest < _TOO_MANY:
         return None
     return float(time[-1] - time[0]) / strongest
-
-
-def _share_prefixes(axes: Sequence[Axes], shown: Mapping[str, Mapping[str, xr.DataArray]]) -> None:
-    """Give panels of one unit one prefix, that of the largest."""
-    units = {
-        name: str(next(iter(found.values())).attrs.get("units", "")) if found else ""
-        for name, found in shown.items()
-    }
-    limits = [max(map(abs, ax.get_ylim())) for ax in axes]
-    for ax, (name, unit) in zip(axes, units.items(), strict=True):
-        alike = [v for v, u in zip(limits, units.values(), strict=True) if u == unit]
-        si_axis(ax.yaxis, name, unit, prefix_power(max(alike)))
 
 
 # A measured signal and two models of it, before and after a step, with what is left of both.
@@ -293,17 +273,14 @@ def plot_overlay(
     figure, panels = plt.subplots(
         len(names), 3, squeeze=False, figsize=(14, 0.8 + 2.4 * len(names)), layout="constrained"
     )
-    for row, name in zip(panels, names, strict=True):
-        overlay, rest, spectra = row
-        plot_response(
-            measured[name], simulated[name], None if band is None else band[name], overlay
-        )
+    for (overlay, rest, spectra), name in zip(panels, names, strict=True):
+        own = None if band is None else band[name]
+        plot_response(measured[name], simulated[name], own, overlay)
         residual = (measured[name] - simulated[name]).assign_attrs(simulated[name].attrs)
         plot_time_series({"residual": residual}, rest)
         plot_spectra({"measured": measured[name], "residual": residual}, spectra)
-        overlay.set_title(name)
-        rest.set_title("residual")
-        spectra.set_title("spectra")
+        for ax, title in ((overlay, name), (rest, "residual"), (spectra, "spectra")):
+            ax.set_title(title)
     return figure
 
 
@@ -363,11 +340,10 @@ def plot_spectra(signals: dict[str, xr.DataArray], ax: Axes) -> Axes:
         frequency, density = welch(values, rate, nperseg=min(values.size, 4096))
         ax.plot(frequency[1:], np.sqrt(density[1:]), label=label, **style)
         unit = str(signal.attrs.get("units", ""))
+    ax.set_ylabel(f"amplitude density [{unit or '1'}/sqrt(Hz)]")
     if ax.lines:
         log_axis(ax, "x", "frequency", "Hz")
         ax.set_yscale("log")
-    ax.set_ylabel(f"amplitude density [{unit or '1'}/sqrt(Hz)]")
-    if ax.lines:
         ax.legend(loc="best")
     return ax
 
@@ -438,14 +414,12 @@ def plot_distances(ratios: xr.DataArray, clear: float, ax: Axes | None = None) -
     -------
     matplotlib.axes.Axes
     """
-    ax = new_axes(ax)
-    values = np.maximum(np.asarray(ratios.values, dtype=float), 1e-3)
-    for place, value in enumerate(values):
-        ax.barh(place, value, height=0.7, **(GOOD if value >= clear else BAD))
-    ax.set_yticks(range(values.size), [str(label) for label in ratios[ratios.dims[0]].values])
-    ax.invert_yaxis()
+    values = ratios.copy(data=np.maximum(np.asarray(ratios.values, dtype=float), 1e-3))
+    ax = plot_bars(values, values < clear, ax)
+    ax.get_legend().remove()  # pyright: ignore[reportOptionalMemberAccess]
     ax.axvline(clear, color="black", linestyle="--", linewidth=1, label="told apart from here")
-    ax.set_xlim(min(values.min(), clear) / 2, max(values.max(), clear) * 2)
+    ax.set_xlim(min(float(values.min()), clear) / 2, max(float(values.max()), clear) * 2)
     log_axis(ax, "x", str(ratios.name or "difference over noise"), "")
+    ax.set_ylabel("")
     ax.legend(loc="best")
     return ax

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import xarray as xr
 from scipy.signal import butter, firwin, kaiserord, sosfiltfilt, upfirdn
 
-from robustpolish.base.checks import described, invalid, is_whole, positive
+from robustpolish.base.checks import invalid, is_whole, misfit, positive
 from robustpolish.signals.quality import sampling_time
 
 FLAT = 0.8
@@ -61,13 +60,13 @@ def lowpass(data: xr.Dataset, cutoff: float, order: int = 4) -> xr.Dataset:
     step = sampling_time(data)
     frequency = positive("cutoff", cutoff, "Hz")
     if frequency >= 0.5 / step:
-        shown = described(f"{cutoff} Hz")
-        raise invalid("cutoff", shown, f"less than {0.5 / step:.6g} Hz", "Choose a lower one.")
+        want = f"less than {0.5 / step:.6g} Hz"
+        raise misfit("cutoff", f"{cutoff} Hz", want, "Choose a lower one.")
     edge = int(np.ceil(4 / (frequency * step)))
     samples = data.sizes["time"]
     if samples < 3 * edge + 30:
-        shown = described(f"{samples} samples for {cutoff} Hz")
-        raise invalid("cutoff", shown, "a longer record", "Choose a higher one.")
+        shown = f"{samples} samples for {cutoff} Hz"
+        raise misfit("cutoff", shown, "a longer record", "Choose a higher one.")
     sos = butter(order, frequency, fs=1 / step, output="sos")
     filtered = data.copy()
     for name, variable in data.data_vars.items():
@@ -126,34 +125,29 @@ def decimate(data: xr.Dataset, rate: float) -> xr.Dataset:
     every = int(np.floor(1 / (step * positive("rate", rate, "Hz")) * (1 + 1e-6)))
     if every < 2:
         return data
-    taps = _lowpass_taps(every)
+    band = 2 * (1 - FLAT) / every  # of the transition: aliases stay above the flat part
+    count, beta = kaiserord(_ATTENUATION, band)
+    taps = np.asarray(firwin(count | 1, 1 / every, window=("kaiser", beta)))  # pyright: ignore[reportArgumentType]
     edge = int(np.ceil((taps.size // 2) / every))  # in new samples
     samples = data.sizes["time"]
     kept = np.arange(edge * every, samples - edge * every, every)
     if kept.size < 2:
-        shown = described(f"{samples} samples for {rate:.6g} Hz, every {every}th")
+        shown = f"{samples} samples for {rate:.6g} Hz, every {every}th"
         least = f"at least {2 * (edge + 1) * every} samples"
-        raise invalid("rate", shown, least, "Choose a higher rate, or record longer.")
+        raise misfit("rate", shown, least, "Choose a higher rate, or record longer.")
     fewer = data.isel(time=kept)
     for name, variable in data.data_vars.items():
         if variable.dims == ("time",):
             values = np.asarray(variable.values, dtype=float)
             fewer[name] = ("time", _filtered(values, taps, kept), variable.attrs)
     new = 1 / (step * every)
+    ending = {1: "st", 2: "nd", 3: "rd"}.get(every % 10 * (every // 10 % 10 != 1), "th")
     note = (
-        f"decimated from {1 / step:.6g} to {new:.6g} Hz: every {every}{_ordinal(every)} sample, no "
+        f"decimated from {1 / step:.6g} to {new:.6g} Hz: every {every}{ending} sample, no "
         f"delay, unchanged up to {FLAT * new / 2:.6g} Hz"
     )
     fewer.attrs["notes"] = [*data.attrs.get("notes", ()), note]
     return fewer
-
-
-def _lowpass_taps(every: int) -> np.ndarray:
-    """Return a symmetric filter, odd in length, for one sample of `every`."""
-    band = 2 * (1 - FLAT) / every  # of the transition: aliases stay above the flat part
-    count, beta = kaiserord(_ATTENUATION, band)
-    window: Any = ("kaiser", beta)
-    return np.asarray(firwin(count | 1, 1 / every, window=window))
 
 
 def _filtered(values: np.ndarray, taps: np.ndarray, kept: np.ndarray) -> np.ndarray:
@@ -165,12 +159,6 @@ def _filtered(values: np.ndarray, taps: np.ndarray, kept: np.ndarray) -> np.ndar
     whole = upfirdn(taps, np.concatenate([np.zeros((-2 * half) % every), inside - about]), 1, every)
     first = (2 * half + (-2 * half) % every) // every
     return about + whole[first : first + kept.size]
-
-
-def _ordinal(number: int) -> str:
-    if number % 100 in (11, 12, 13):
-        return "th"
-    return {1: "st", 2: "nd", 3: "rd"}.get(number % 10, "th")
 
 
 # Records in contiguous parts, for estimation and for judging.
@@ -207,7 +195,7 @@ def split_blocks(data: xr.Dataset, parts: int | Sequence[float] = (0.6, 0.4)) ->
     >>> [block.sizes["time"] for block in split_blocks(data)]
     [6, 4]
     """
-    samples = data.sizes["time"]
+    samples, remedy = data.sizes["time"], "Pass (0.6, 0.4)."
     if is_whole(parts):
         if parts < 1:
             raise invalid("parts", parts, "one block or more", "Ask for fewer or more blocks.")
@@ -216,15 +204,12 @@ def split_blocks(data: xr.Dataset, parts: int | Sequence[float] = (0.6, 0.4)) ->
         try:
             shares = [float(share) for share in parts]  # type: ignore[union-attr]
         except (TypeError, ValueError):
-            raise invalid("parts", parts, "a number or shares", "Pass (0.6, 0.4).") from None
+            raise invalid("parts", parts, "a number or shares", remedy) from None
     if not shares or not all(share > 0 for share in shares) or sum(shares) > 1 + 1e-9:
-        raise invalid("parts", parts, "positive shares of at most 1 in all", "Pass (0.6, 0.4).")
+        raise invalid("parts", parts, "positive shares of at most 1 in all", remedy)
     edges = np.rint(np.concatenate([[0.0], np.cumsum(shares)]) * samples).astype(int)
     if np.min(np.diff(edges)) < 2:
-        raise invalid(
-            "parts",
-            described(f"{len(shares)} blocks of a record with {samples} samples"),
-            "two samples or more in each",
-            "Ask for fewer blocks or record longer.",
-        )
+        shown = f"{len(shares)} blocks of a record with {samples} samples"
+        remedy = "Ask for fewer blocks or record longer."
+        raise misfit("parts", shown, "two samples or more in each", remedy)
     return [data.isel(time=slice(first, last)) for first, last in pairwise(edges)]

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicSpline
 
-from robustpolish.base.checks import described, invalid, positive
+from robustpolish.base.checks import invalid, misfit, positive
 from robustpolish.signals.filtering import decimate, lowpass
 from robustpolish.signals.quality import sampling_time
 from robustpolish.signals.read import read_measurement
@@ -87,12 +87,12 @@ def measured_forces(
         expected = "a column for each input, such as {'F_x': 'Fx'}"
         raise invalid("forces", forces, expected, "Name them.")
     given, held = dict(factors or {}), dict(steady or {})
-    for name, known in (("factors", set(forces)), ("steady", set(held) - set(forces))):
-        strange = set(given if name == "factors" else held) - known
-        if strange:
-            shown = described(f"entries for {', '.join(sorted(strange))}")
+    strange = {"factors": given.keys() - forces.keys(), "steady": held.keys() & forces.keys()}
+    for name, entries in strange.items():
+        if entries:
             expected = "factors of recorded inputs, and steady values of others"
-            raise invalid(name, shown, expected, "Correct the names.")
+            shown = f"entries for {', '.join(sorted(entries))}"
+            raise misfit(name, shown, expected, "Correct the names.")
     columns = list(dict.fromkeys(forces.values()))
     record = read_measurement(source, columns=columns, units=units)
     signals = {name: _force(record, name, column) for name, column in forces.items()}
@@ -100,32 +100,31 @@ def measured_forces(
     for name, factor in given.items():
         data[name] = factor * data[name]
     if unloaded is not None:
-        data = data - _part(data, "unloaded", unloaded).mean("time")
-        data.attrs["notes"] = [
-            *record.attrs.get("notes", ()),
-            f"mean from {unloaded[0]:g} to {unloaded[1]:g} s taken off as the sensor's offset",
-        ]
+        told = f"mean from {unloaded[0]:g} to {unloaded[1]:g} s taken off as the sensor's offset"
+        notes = [*data.attrs["notes"], told]
+        data = (data - _part(data, "unloaded", unloaded).mean("time")).assign_attrs(notes=notes)
     if between is not None:
         data = _part(data, "between", between)
     if sample_rate is not None:
         data = _resampled(data, positive("sample_rate", sample_rate, "Hz"))
-    began = float(data["time"][0])
-    step, notes = sampling_time(data), data.attrs["notes"]
+    began, step = float(data["time"][0]), sampling_time(data)
     time = step * np.arange(data.sizes["time"])
-    load = {name: ("time", data[name].to_numpy(), {"units": "N"}) for name in forces}
-    for name, value in held.items():
-        load[name] = ("time", np.full(time.size, float(value)), {"units": "N"})
-    attributes = {"notes": notes, "began": began}
-    return xr.Dataset(load, {"time": ("time", time, {"units": "s"})}, attributes)
+    load = {name: data[name].to_numpy() for name in forces}
+    load |= {name: np.full(time.size, float(value)) for name, value in held.items()}
+    return xr.Dataset(
+        {name: ("time", values, {"units": "N"}) for name, values in load.items()},
+        {"time": ("time", time, {"units": "s"})},
+        {"notes": data.attrs["notes"], "began": began},
+    )
 
 
 def _force(record: xr.Dataset, name: str, column: str) -> xr.DataArray:
     """Return a column that is a force in N, and say so of any other."""
     unit = record[column].attrs["units"]
     if unit != "N":
-        shown = described(f"column {column!r} with unit {unit or 'not known'}")
+        shown = f"column {column!r} with unit {unit or 'not known'}"
         remedy = f"Pass units={{{column!r}: 'N'}}, or another unit of force."
-        raise invalid(f"forces[{name!r}]", shown, "a force", remedy)
+        raise misfit(f"forces[{name!r}]", shown, "a force", remedy)
     return record[column].astype(float)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from scipy.signal import csd, get_window
 
-from robustpolish.base.checks import described, invalid, one_of, positive
+from robustpolish.base.checks import invalid, misfit, one_of, positive
 from robustpolish.base.input_files import FileSpec, file_size
 from robustpolish.errors import InvalidInputError
 from robustpolish.signals.headers import is_count, is_time, split_header, to_si
@@ -77,12 +77,8 @@ def responses_of(table: RawTable) -> list[RawResponse]:
     axis = next((name for name in table.columns if is_frequency(name)), None)
     if axis is None:
         listed = ", ".join(table.columns) or "none"
-        raise invalid(
-            "frequency",
-            described(f"no such column among {listed}"),
-            "a column 'frequency [Hz]'",
-            "Name it so.",
-        )
+        shown, want = f"no such column among {listed}", "a column 'frequency [Hz]'"
+        raise misfit("frequency", shown, want, "Name it so.")
     unit = table.units.get(axis, "") or ("rad/s" if axis.casefold() in ANGULAR_NAMES else "Hz")
     frequency = numeric(axis, table.columns[axis])
     pairs: dict[str, dict[str, str]] = {}
@@ -124,18 +120,15 @@ def _meaning(name: str, is_complex: bool) -> tuple[str, str]:
     text = name.strip()
     if is_complex:
         return text, "complex"
-    bars = re.match(r"^\|(?P<pair>.+)\|$", text)
-    if bars:
+    if bars := re.match(r"^\|(?P<pair>.+)\|$", text):
         return bars["pair"].strip(), "magnitude"
     found = _BEHIND.match(text) or _BEFORE.match(text)
     if not found:
-        raise invalid(
-            "column",
-            name,
+        want = (
             "a head such as 'x/F real [m/N]', 'x/F imag [m/N]', 'x/F magnitude [m/N]', "
-            "'x/F phase [deg]' or 'x/F coherence'",
-            "Rename the column.",
+            "'x/F phase [deg]' or 'x/F coherence'"
         )
+        raise invalid("column", name, want, "Rename the column.")
     return (found["pair"] or "").strip(), _PART[found["part"].casefold()]
 
 
@@ -153,17 +146,13 @@ def _joined(pair: str, parts: dict[str, str], table: RawTable) -> tuple[np.ndarr
         return columns["real"] + 1j * imag, units["real"]
     if {"magnitude", "phase"} <= set(parts):
         size, unit = columns["magnitude"], units["magnitude"]
-        decibels = re.match(r"^dB(?:\s+re)?\s*(?:1\s)?\s*(.*)$", unit)
-        if decibels:
+        if decibels := re.match(r"^dB(?:\s+re)?\s*(?:1\s)?\s*(.*)$", unit):
             size, unit = 10 ** (size / 20), decibels[1].strip("() ")
         angle, _ = to_si(columns["phase"], units["phase"] or "deg", f"unit of {parts['phase']!r}")
         return size * np.exp(1j * angle), unit
-    raise invalid(
-        pair or "frequency response",
-        described(f"the columns {', '.join(parts.values())}"),
-        "real and imaginary part, or magnitude and phase",
-        "Export the missing one: a magnitude alone does not say enough.",
-    )
+    shown, want = ", ".join(parts.values()), "real and imaginary part, or magnitude and phase"
+    remedy = "Export the missing one: a magnitude alone does not say enough."
+    raise misfit(pair or "frequency response", f"the columns {shown}", want, remedy)
 
 
 # The currency of frequency responses: one labelled array over frequency, output and input.
@@ -234,18 +223,17 @@ def labelled_response(
     >>> array.dims, array["units"].item()
     (('frequency', 'output', 'input'), 'm/N')
     """
-    shape = (len(outputs), len(inputs))
+    units = np.broadcast_to(np.asarray(units, dtype=str), (len(outputs), len(inputs)))
     coords: dict[str, Any] = {
         "frequency": ("frequency", np.asarray(frequency, dtype=float), {"units": "Hz"}),
         "output": list(outputs),
         "input": list(inputs),
-        "units": (("output", "input"), np.broadcast_to(np.asarray(units, dtype=str), shape)),
+        "units": (("output", "input"), units),
     }
     for name, curve in (beside or {}).items():
         coords[name] = (DIMENSIONS, np.asarray(curve, dtype=float))
-    array = np.asarray(values, dtype=complex)
     attrs = {**(attributes or {}), "notes": list(notes)}
-    return xr.DataArray(array, coords, DIMENSIONS, "response", attrs)
+    return xr.DataArray(np.asarray(values, dtype=complex), coords, DIMENSIONS, "response", attrs)
 
 
 def checked_response(data: xr.DataArray) -> xr.DataArray:
@@ -266,40 +254,38 @@ def checked_response(data: xr.DataArray) -> xr.DataArray:
     InvalidInputError
         If a dimension or name is missing, or numbers are not what they have to be.
     """
+    shown = f"an array over {', '.join(map(str, data.dims))}"
     for name in ("output", "input"):
         if name not in data.coords:
-            raise invalid(
-                "frequency response",
-                described(f"an array over {', '.join(map(str, data.dims))} without {name!r}"),
-                "the dimensions frequency, output and input, with names",
-                "Read it with read_frequency_response.",
-            )
+            want = "the dimensions frequency, output and input, with names"
+            remedy = "Read it with read_frequency_response."
+            raise misfit("frequency response", f"{shown} without {name!r}", want, remedy)
         if name not in data.dims:
             data = data.expand_dims(name)
     if set(data.dims) != set(DIMENSIONS) or "frequency" not in data.coords:
-        shown = described(f"an array over {', '.join(map(str, data.dims))}")
-        raise invalid(
-            "frequency response", shown, "frequency, output and input", "Select one of the others."
-        )
+        shown, want = f"an array over {', '.join(map(str, data.dims))}", ", ".join(DIMENSIONS[:2])
+        raise misfit("frequency response", shown, f"{want} and input", "Select one of the others.")
+    data = data.transpose(*DIMENSIONS).sortby("frequency")
     # expand_dims leaves what lies beside the array without the new dimension
     beside = {
         name: data.coords[name].broadcast_like(data).transpose(*DIMENSIONS).values
         for name in (COHERENCE, VARIANCE)
         if name in data.coords
     }
-    data = data.transpose(*DIMENSIONS)
     units: Any = ""
     if "units" in data.coords:
         like = data.isel(frequency=0, drop=True)
         units = data.coords["units"].broadcast_like(like).transpose("output", "input").values
-    order = np.argsort(data["frequency"].values, kind="stable")
+    names = [[str(name) for name in data[dimension].values] for dimension in DIMENSIONS[1:]]
+    for dimension, own in zip(DIMENSIONS[1:], names, strict=True):
+        if len(set(own)) < len(own):
+            raise misfit(dimension, ", ".join(own), "each name once", "Rename one.")
     result = labelled_response(
-        data["frequency"].values[order],
-        data.values[order],
-        _names(data, "output"),
-        _names(data, "input"),
+        data["frequency"].values,
+        data.values,
+        *names,
         units,
-        beside={name: curve[order] for name, curve in beside.items()},
+        beside=beside,
         notes=data.attrs.get("notes", ()),
         attributes={str(name): value for name, value in data.attrs.items()},
     )
@@ -307,42 +293,24 @@ def checked_response(data: xr.DataArray) -> xr.DataArray:
     return result
 
 
-def _names(data: xr.DataArray, dimension: str) -> list[str]:
-    names = [str(name) for name in data[dimension].values]
-    if len(set(names)) < len(names):
-        raise invalid(dimension, described(", ".join(names)), "each name once", "Rename one.")
-    return names
-
-
 def _check_numbers(data: xr.DataArray) -> None:
-    frequency = data["frequency"].values
-    if frequency.size < 3:
-        shown = described(f"{frequency.size} lines")
-        raise invalid("frequency response", shown, "three or more", "Measure more frequencies.")
-    if not np.isfinite(frequency).all() or frequency[0] < 0:
-        raise invalid(
-            "frequency", described("negative or no numbers"), "Hz from 0", "Leave them out."
-        )
+    frequency, what = data["frequency"].values, "frequency response"
     twice = np.flatnonzero(np.diff(frequency) == 0)
+    if frequency.size < 3:
+        lines = f"{frequency.size} lines"
+        raise misfit(what, lines, "three or more", "Measure more frequencies.")
+    if not np.isfinite(frequency).all() or frequency[0] < 0:
+        raise misfit("frequency", "negative or no numbers", "Hz from 0", "Leave them out.")
     if twice.size:
-        raise invalid(
-            "frequency",
-            described(f"{frequency[twice[0]]:g} Hz twice"),
-            "each frequency once",
-            "Read runs at several amplitudes as several responses.",
-        )
+        shown = f"{frequency[twice[0]]:g} Hz twice"
+        remedy = "Read runs at several amplitudes as several responses."
+        raise misfit("frequency", shown, "each frequency once", remedy)
     if np.isinf(data.values).any():
-        raise invalid(
-            "frequency response", described("infinite numbers"), "finite ones", "Leave them out."
-        )
-    for k, output in enumerate(data["output"].values):
-        for j, source in enumerate(data["input"].values):
-            curve = data.values[:, k, j]
-            if np.isfinite(curve).any() and not np.nan_to_num(curve).any():
-                shown = described("zero at every frequency")
-                raise invalid(
-                    f"{output}/{source}", shown, "a response", "Check sensor and channel."
-                )
+        raise misfit(what, "infinite numbers", "finite ones", "Leave them out.")
+    empty = np.isfinite(data.values).any(axis=0) & ~np.nan_to_num(data.values).any(axis=0)
+    for k, j in np.argwhere(empty):
+        pair = f"{data['output'].values[k]}/{data['input'].values[j]}"
+        raise misfit(pair, "zero at every frequency", "a response", "Check sensor and channel.")
 
 
 # Frequency responses estimated from time records.
@@ -412,28 +380,31 @@ def estimate_frequency_response(
     (True, 'm/N')
     """
     one_of("method", method, ("H1", "H2", "Hv"))
-    names = [[n] if isinstance(n, str) else list(n) for n in (inputs, outputs)]
-    u, y = (_columns(data, each) for each in names)
+    sources, ends = ([n] if isinstance(n, str) else list(n) for n in (inputs, outputs))
+    u, y = (_columns(data, each) for each in (sources, ends))
     if method != "H1" and len(u) > 1:
-        shown = described(f"{len(u)} inputs for {method}")
-        raise invalid("method", shown, "one input, or H1", "Choose H1.")
-    dt = sampling_time(data)
-    length = _length(data.sizes["time"], dt, segment)
+        shown = f"{len(u)} inputs for {method}"
+        raise misfit("method", shown, "one input, or H1", "Choose H1.")
+    samples, dt = data.sizes["time"], sampling_time(data)
+    length = max(samples // _SEGMENTS, 8)
+    if segment is not None:
+        length = round(positive("segment", segment, "s") / dt)
+        if not 8 <= length <= samples:
+            shown, want = (
+                f"{segment:g} s, {length} samples",
+                f"8 to {samples} samples of {dt:.6g} s",
+            )
+            raise misfit("segment", shown, want, "Choose an eighth of the record.")
     share = positive("overlap", overlap, zero=True)
     if share > 0.9:
         raise invalid("overlap", overlap, "a share of at most 0.9", "Choose 0.5.")
     step = length - round(share * length)
-    averages = _independent(data.sizes["time"], length, step, window)
-    least = len(u) + 2
+    averages, least = _independent(samples, length, step, window), len(u) + 2
     if averages < least:
-        raise invalid(
-            "segment",
-            described(f"{length * dt:.4g} s, {averages:.1f} independent segments"),
-            f"{least} or more of them",
-            "Shorten the segments, or record for longer.",
-        )
-
-    welch = {
+        shown = f"{length * dt:.4g} s, {averages:.1f} independent segments"
+        remedy = "Shorten the segments, or record for longer."
+        raise misfit("segment", shown, f"{least} or more of them", remedy)
+    welch: Any = {
         "fs": 1 / dt, "window": window, "nperseg": length, "noverlap": length - step,
         "detrend": "constant",
     }  # fmt: skip
@@ -449,30 +420,22 @@ def estimate_frequency_response(
     H1 = np.linalg.solve(np.swapaxes(Suu, 1, 2), np.swapaxes(Syu, 1, 2)).swapaxes(1, 2)
     explained = np.real(np.sum(H1 * Syu.conj(), axis=2))
     coherence = np.clip(explained / Syy, 1e-12, 1.0)
-    share = {"H1": np.ones_like(coherence), "H2": coherence, "Hv": np.sqrt(coherence)}[method]
-    H = H1 / share[..., None]
+    kept = {"H1": np.ones_like(coherence), "H2": coherence, "Hv": np.sqrt(coherence)}[method]
+    H = H1 / kept[..., None]
     # what is left of each output, over what each input has of its own
     left = Syy * (1 - coherence) / (averages - len(u))
     own = np.real(np.diagonal(np.linalg.inv(Suu), axis1=1, axis2=2))
     grown = np.abs(H / np.where(H1 == 0, 1.0, H1)) ** 2
-    variance = left[..., None] * own[:, None] * grown
-    units = [
-        [
-            ratio_unit(data[o].attrs.get("units", ""), data[i].attrs.get("units", ""))
-            for i in names[0]
-        ]
-        for o in names[1]
-    ]
+    unit = {name: data[name].attrs.get("units", "") for name in (*sources, *ends)}
     beside = {
-        "coherence": np.broadcast_to(coherence[..., None], H.shape),
-        "variance": variance,
+        COHERENCE: np.broadcast_to(coherence[..., None], H.shape),
+        VARIANCE: left[..., None] * own[:, None] * grown,
     }
-    notes = [
-        f"{method} over {length * dt:.4g} s with a {window} window, {averages:.1f} averages",
-        *data.attrs.get("notes", ()),
-    ]
+    note = f"{method} over {length * dt:.4g} s with a {window} window, {averages:.1f} averages"
+    units = [[ratio_unit(unit[o], unit[i]) for i in sources] for o in ends]
     return labelled_response(
-        frequency, H, names[1], names[0], units, beside=beside, notes=notes,
+        frequency, H, ends, sources, units, beside=beside,
+        notes=[note, *data.attrs.get("notes", ())],
         attributes={"averages": averages, "sampling_time": dt},
     )  # fmt: skip
 
@@ -483,40 +446,22 @@ def _columns(data: xr.Dataset, names: Sequence[str]) -> np.ndarray:
     for name in names:
         if name not in data:
             listed = ", ".join(map(str, data.data_vars)) or "none"
-            raise invalid("data", described(f"no column {name!r}"), listed, "Check the names.")
+            raise misfit("data", f"no column {name!r}", listed, "Check the names.")
         rows.append(np.asarray(data[name].values, dtype=float))
         if not np.isfinite(rows[-1]).all() or np.ptp(rows[-1]) == 0:
-            shown = described("a constant, or no numbers")
-            raise invalid(name, shown, "a signal that moves", "Read it with read_measurement.")
+            shown, remedy = "a constant, or no numbers", "Read it with read_measurement."
+            raise misfit(name, shown, "a signal that moves", remedy)
     return np.array(rows)
-
-
-def _length(samples: int, dt: float, segment: float | None) -> int:
-    """Return the samples of a segment."""
-    if segment is None:
-        return max(samples // _SEGMENTS, 8)
-    length = round(positive("segment", segment, "s") / dt)
-    if not 8 <= length <= samples:
-        raise invalid(
-            "segment",
-            described(f"{segment:g} s, {length} samples"),
-            f"8 to {samples} samples of {dt:.6g} s",
-            "Choose an eighth of the record.",
-        )
-    return length
 
 
 def _independent(samples: int, length: int, step: int, window: str) -> float:
     """Return the number of segments, those that overlap counted as fewer (Welch)."""
     segments = (samples - length) // step + 1
     shape = np.asarray(get_window(window, length), dtype=float)
-    shares = [
-        float(shape[k * step :] @ shape[: length - k * step]) ** 2
-        for k in range(1, min(segments, -(-length // step)))
-    ]
-    weights = [1 - k / segments for k in range(1, len(shares) + 1)]
-    power = float(shape @ shape) ** 2
-    return segments / (1 + 2 * sum(w * s for w, s in zip(weights, shares, strict=True)) / power)
+    lags = range(1, min(segments, -(-length // step)))
+    shared = [float(shape[k * step :] @ shape[: length - k * step]) ** 2 for k in lags]
+    total = sum((1 - k / segments) * s for k, s in zip(lags, shared, strict=True))
+    return segments / (1 + 2 * total / float(shape @ shape) ** 2)
 
 
 # Frequency responses from files and objects, checked, in SI units.
@@ -585,11 +530,19 @@ def read_frequency_response(
     (-4e-06j, 'm/N')
     """
     if isinstance(source, xr.DataArray):
-        return _renamed(checked_response(source), outputs, inputs)
+        array = checked_response(source)
+        for dimension, names in (("output", outputs), ("input", inputs)):
+            known = [str(name) for name in array[dimension].values]
+            renames = _renames(f"{dimension}s", known, names)
+            array = array.assign_coords({dimension: [renames[name] for name in known]})
+        return array
     curves = _curves(source, max_bytes)
     if not any(curve.kind == "response" for curve in curves):
         raise _nothing(source)
-    array = _assembled(_named(curves, outputs, inputs), units)
+    out = _renames("outputs", list(dict.fromkeys(c.output for c in curves)), outputs)
+    into = _renames("inputs", list(dict.fromkeys(c.input for c in curves)), inputs)
+    curves = [replace(c, output=out[c.output], input=into[c.input]) for c in curves]
+    array = _assembled(curves, units)
     if isinstance(source, str | Path):
         array.attrs["source"] = str(source)
     return checked_response(array)
@@ -621,28 +574,28 @@ def holds_frequency_response(source: Any) -> bool:
     if not isinstance(source, str | Path):
         return False
     path = Path(source)
+    suffix = path.suffix.casefold()
     try:
         file_size(path, _FILE)
-    except InvalidInputError:  # whoever reads it will say what is wrong
+        heads = csv_headers(path) if suffix in TEXT else ()
+    except (InvalidInputError, OSError):  # whoever reads it will say what is wrong
         return False
-    if path.suffix.casefold() in TEXT:
-        return _begins_with_frequency(path)
-    if path.suffix.casefold() in UNIVERSAL:
+    if suffix in UNIVERSAL:
         return uff_holds_responses_only(path)
-    return False
+    # The head of a text table names frequencies first, and no time.
+    names = [split_header(head, fraction=True)[0] for head in heads]
+    named = [name for name in names if not is_count(name)]
+    return len(named) > 1 and is_frequency(named[0]) and not any(map(is_time, named))
 
 
 def _curves(source: Any, max_bytes: float | None) -> list[RawResponse]:
-    found = read_frd(source)
-    if found is not None:
+    if (found := read_frd(source)) is not None:
         return found
-    table = read_object(source)
-    if table is not None:
+    if (table := read_object(source)) is not None:
         return responses_of(table)
     if not isinstance(source, str | Path):
         raise _nothing(source)
-    path = Path(source)
-    wanted = _FILE.limited(max_bytes)
+    path, wanted = Path(source), _FILE.limited(max_bytes)
     if file_size(path, wanted) == 0:
         raise wanted.refused(path, "empty")
     suffix = path.suffix.casefold()
@@ -656,70 +609,34 @@ def _curves(source: Any, max_bytes: float | None) -> list[RawResponse]:
 
 def _nothing(source: Any) -> Exception:
     shown = str(source) if isinstance(source, str | Path) else type(source).__name__
-    return invalid(
-        "frequency response",
-        described(shown),
-        "a file or object with frequency responses",
-        "Estimate them from a time record with estimate_frequency_response.",
-    )
-
-
-def _begins_with_frequency(path: Path) -> bool:
-    """Return whether the head of a text table names frequencies first, and no time."""
-    try:
-        heads = csv_headers(path)
-    except (InvalidInputError, OSError):  # whoever reads it will say what is wrong
-        return False
-    names = [split_header(head, fraction=True)[0] for head in heads]
-    named = [name for name in names if not is_count(name)]
-    return len(named) > 1 and is_frequency(named[0]) and not any(map(is_time, named))
-
-
-def _renamed(array: xr.DataArray, outputs: Names | None, inputs: Names | None) -> xr.DataArray:
-    for dimension, names in (("output", outputs), ("input", inputs)):
-        known = [str(name) for name in array[dimension].values]
-        renames = _renames(f"{dimension}s", known, names)
-        array = array.assign_coords({dimension: [renames[name] for name in known]})
-    return array
-
-
-def _named(
-    curves: list[RawResponse], outputs: Names | None, inputs: Names | None
-) -> list[RawResponse]:
-    """Return the curves with the names that were asked for."""
-    by_output = _renames("outputs", list(dict.fromkeys(c.output for c in curves)), outputs)
-    by_input = _renames("inputs", list(dict.fromkeys(c.input for c in curves)), inputs)
-    return [replace(c, output=by_output[c.output], input=by_input[c.input]) for c in curves]
+    want = "a file or object with frequency responses"
+    remedy = "Estimate them from a time record with estimate_frequency_response."
+    return misfit("frequency response", shown, want, remedy)
 
 
 def _renames(argument: str, known: list[str], names: Names | None) -> dict[str, str]:
-    if names is None:
-        return {name: name for name in known}
+    names = {} if names is None else [names] if isinstance(names, str) else names
     if isinstance(names, Mapping):
-        unknown = [name for name in names if name not in known]
-        if unknown:
-            listed = ", ".join(known)
-            raise invalid(argument, unknown[0], f"one of {listed}", "Check the file.")
+        for name in names:
+            if name not in known:
+                raise invalid(argument, name, f"one of {', '.join(known)}", "Check the file.")
         return {name: str(names.get(name, name)) for name in known}
-    given = [names] if isinstance(names, str) else [str(name) for name in names]
-    if len(given) != len(known):
-        shown = described(f"{len(given)} names for {', '.join(known)}")
-        raise invalid(argument, shown, f"{len(known)} names", "Name each, in this order.")
-    return dict(zip(known, given, strict=True))
+    if len(names) != len(known):
+        shown = f"{len(names)} names for {', '.join(known)}"
+        raise misfit(argument, shown, f"{len(known)} names", "Name each, in this order.")
+    return dict(zip(known, map(str, names), strict=True))
 
 
 def _assembled(curves: list[RawResponse], units: str | Mapping[str, str] | None) -> xr.DataArray:
     """Put the curves into one array over frequency, output and input."""
-    first = _hertz(curves[0])
+    first, what = _hertz(curves[0]), "frequency response"
     if not first.size:
-        shown = described("no frequencies")
-        raise invalid("frequency response", shown, "one or more", "Check that the file is whole.")
+        raise misfit(what, "no frequencies", "one or more", "Check that the file is whole.")
     outputs = list(dict.fromkeys(c.output for c in curves))
     inputs = list(dict.fromkeys(c.input for c in curves))
     size = (first.size, len(outputs), len(inputs))
     layers: dict[str, np.ndarray] = {"response": np.full(size, np.nan, dtype=complex)}
-    names = np.full(size[1:], "", dtype=object)
-    factors = np.ones(size[1:])
+    names, factors = np.full(size[1:], "", dtype=object), np.ones(size[1:])
     seen: set[tuple[str, str]] = set()
     given = {} if units is None or isinstance(units, str) else dict(units)
     for pair in set(given) - {f"{c.output}/{c.input}" for c in curves}:
@@ -727,33 +644,30 @@ def _assembled(curves: list[RawResponse], units: str | Mapping[str, str] | None)
     for curve in curves:
         frequency, pair = _hertz(curve), f"{curve.output}/{curve.input}"
         if curve.values.shape != frequency.shape:
-            shown = described(f"{pair} with {curve.values.size} values")
+            shown = f"{pair} with {curve.values.size} values"
             want = f"one for each of the {frequency.size} frequencies"
-            raise invalid("frequency response", shown, want, "Check that the file is whole.")
+            raise misfit(what, shown, want, "Check that the file is whole.")
         if frequency.shape != first.shape or not np.allclose(frequency, first, rtol=1e-6):
-            shown = described(f"{pair} over other frequencies than the first curve")
-            raise invalid("frequency", shown, "one axis for all", "Export them together.")
+            shown = f"{pair} over other frequencies than the first curve"
+            raise misfit("frequency", shown, "one axis for all", "Export them together.")
         if (pair, curve.kind) in seen:
-            shown = described(f"{pair} twice")
-            raise invalid("frequency response", shown, "each pair once", "Split the file.")
+            raise misfit(what, f"{pair} twice", "each pair once", "Split the file.")
         seen.add((pair, curve.kind))
         k, j = outputs.index(curve.output), inputs.index(curve.input)
-        layer = layers.setdefault(curve.kind, np.full(size, np.nan))
-        layer[:, k, j] = curve.values
+        layers.setdefault(curve.kind, np.full(size, np.nan))[:, k, j] = curve.values
         if curve.kind == "response":
             unit = units if isinstance(units, str) else given.get(pair, curve.unit)
             factor, names[k, j] = to_si(np.ones(1), unit, f"unit of {pair!r}")
             factors[k, j] = factor[0]
     values = layers.pop("response") * factors
-    if "variance" in layers:
-        layers["variance"] = layers["variance"] * factors**2
+    if VARIANCE in layers:
+        layers[VARIANCE] = layers[VARIANCE] * factors**2
     return labelled_response(first, values, outputs, inputs, names, beside=layers)
 
 
 def _hertz(curve: RawResponse) -> np.ndarray:
-    values, unit = to_si(
-        np.asarray(curve.frequency, dtype=float), curve.frequency_unit, "unit of the frequency"
-    )
+    what, frequency = "unit of the frequency", np.asarray(curve.frequency, dtype=float)
+    values, unit = to_si(frequency, curve.frequency_unit, what)
     if unit not in ("Hz", "rad/s"):
-        raise invalid("unit of the frequency", unit, "Hz or rad/s", "Correct the header.")
+        raise invalid(what, unit, "Hz or rad/s", "Correct the header.")
     return values / (2 * np.pi) if unit == "rad/s" else values

@@ -82,16 +82,12 @@ def line_of_units(cells: list[str]) -> list[str] | None:
     >>> line_of_units(["(ms)", "[kN]", "mm"]), line_of_units(["left", "mm", "kN"])
     (['ms', 'kN', 'mm'], None)
     """
-    units, named = [], 0
-    for cell in cells:
-        found = _LINE.match(cell)
-        unit = (found["unit"] if found else cell).strip()
-        # An empty cell, or a stroke, stands for a column without a unit.
-        if unit and not _UNIT.fullmatch(unit) and not _TIME_UNIT.fullmatch(unit) and unit != "-":
-            return None
-        units.append("" if unit == "-" else unit)
-        named += bool(units[-1])
-    return units if named else None
+    found = [_LINE.match(cell) for cell in cells]
+    units = [(f["unit"] if f else c).strip() for f, c in zip(found, cells, strict=True)]
+    # An empty cell, or a stroke, stands for a column without a unit.
+    units = ["" if unit == "-" else unit for unit in units]
+    known = all(not u or _UNIT.fullmatch(u) or _TIME_UNIT.fullmatch(u) for u in units)
+    return units if known and any(units) else None
 
 
 def is_time(name: str) -> bool:
@@ -227,19 +223,14 @@ def _conversion(unit: str, argument: str) -> tuple[float, float, str]:
     try:
         one, zero = (_quantity(unit, value) for value in (1.0, 0.0))
     except Exception:  # pint raises its own, and those of the tokenizer, for odd text
-        raise invalid(
-            argument,
-            unit,
-            "a unit that pint knows, such as mm, um, kN, g or deg",
-            "Correct it in the file's header, or pass units={column: unit}.",
-        ) from None
-    name = _names().get(str(one.units))
+        want = "a unit that pint knows, such as mm, um, kN, g or deg"
+        remedy = "Correct it in the file's header, or pass units={column: unit}."
+        raise invalid(argument, unit, want, remedy) from None
     factor = one.magnitude - zero.magnitude
     if not np.isfinite(factor) or factor == 0:
         raise invalid(argument, unit, "a unit other than zero", "Correct it.")
-    if name is None:
-        name = "1" if one.dimensionless else f"{one.units:~C}".replace("**", "^")
-    return float(factor), float(zero.magnitude), name
+    base = "1" if one.dimensionless else f"{one.units:~C}".replace("**", "^")
+    return float(factor), float(zero.magnitude), _names().get(str(one.units), base)
 
 
 def _quantity(unit: str, value: float) -> Any:
@@ -270,9 +261,8 @@ def _registry() -> Any:
 @lru_cache(maxsize=1)
 def _names() -> dict[str, str]:
     """Preferred name of each set of base units."""
-    registry = _registry()
-    names: dict[str, str] = {}
-    for name in _PREFERRED:
-        units = registry.parse_expression(name.replace("^", "**")).to_base_units().units
-        names.setdefault(str(units), name)
-    return names
+    parsed = _registry().parse_expression
+    return {
+        str(parsed(name.replace("^", "**")).to_base_units().units): name
+        for name in reversed(_PREFERRED)
+    }

@@ -10,7 +10,7 @@ import xarray as xr
 from scipy.interpolate import make_interp_spline
 
 from robustpolish.base.arrays import Array, Vector
-from robustpolish.base.checks import described, invalid
+from robustpolish.base.checks import misfit
 
 # Missing values: short gaps filled, with a note, and long ones refused.
 
@@ -84,28 +84,21 @@ def fill_gaps(
     missing = np.isnan(values)
     if not missing.any():
         return values, ""
-    gaps = marked_runs(missing)
-    longest = max(gaps, key=lambda gap: gap[1] - gap[0])
-    count = int(missing.sum())
-    if longest[1] - longest[0] >= LONGEST_GAP or count > max(_MISSING * values.size, 1):
-        first, last = longest
-        when = f"{time[first]:.6g} to {time[last]:.6g} s"
-        long = last - first + 1
-        raise invalid(
-            name,
-            described(
-                f"{count} missing value{'s' if count > 1 else ''}, the longest gap of {long} at "
-                f"{_places([longest], lines)} ({when})"
-            ),
-            f"gaps of at most {LONGEST_GAP} samples, {100 * _MISSING:.0f} % of the record in all",
-            f"Read what lies before or behind with between=(START, END), or leave {name!r} out "
-            "with columns=.",
+    gaps, count = marked_runs(missing), int(missing.sum())
+    first, last = max(gaps, key=lambda gap: gap[1] - gap[0])
+    what = f"{count} missing value{'s' if count > 1 else ''}"
+    if last - first >= LONGEST_GAP or count > max(_MISSING * values.size, 1):
+        shown = (
+            f"{what}, the longest gap of {last - first + 1} at {_places([(first, last)], lines)} "
+            f"({time[first]:.6g} to {time[last]:.6g} s)"
         )
+        want = f"gaps of at most {LONGEST_GAP} samples, {100 * _MISSING:.0f} % of the record in all"
+        remedy = "Read what lies before or behind with between=(START, END), or leave "
+        raise misfit(name, shown, want, f"{remedy}{name!r} out with columns=.")
     there = ~missing
     degree = min(3, int(there.sum()) - 1)
     filled = values.copy()
     filled[missing] = make_interp_spline(time[there], values[there], k=degree)(time[missing])
-    what = f"{count} missing value{'s' if count > 1 else ''}"
     return filled, f"{name}: {what} filled in by cubic interpolation (at {_places(gaps, lines)})"
 
 
@@ -123,7 +116,7 @@ def numeric(name: str, values: Any) -> Vector:
     """Return a channel as floats, or refuse text, complex numbers and what is no number."""
     array = np.asarray(values)
     if array.dtype.kind == "c":
-        raise invalid(name, described("complex numbers"), "a real signal", "Take one part of it.")
+        raise misfit(name, "complex numbers", "a real signal", "Take one part of it.")
     try:
         return array.astype(float)
     except (TypeError, ValueError):
@@ -131,9 +124,9 @@ def numeric(name: str, values: Any) -> Vector:
             try:
                 float(item)
             except (TypeError, ValueError):
-                shown = described(f"{str(item)!r} at sample {i}")
-                raise invalid(name, shown, "numbers", "Remove the text.") from None
-        raise invalid(name, described("no numbers"), "numbers", "Check the column.") from None
+                shown = f"{str(item)!r} at sample {i}"
+                raise misfit(name, shown, "numbers", "Remove the text.") from None
+        raise misfit(name, "no numbers", "numbers", "Check the column.") from None
 
 
 def check_finite(name: str, values: Vector, time: Vector | None = None) -> None:
@@ -143,23 +136,15 @@ def check_finite(name: str, values: Vector, time: Vector | None = None) -> None:
         i = int(bad[0])
         when = "" if time is None or not np.isfinite(time[i]) else f" ({time[i]:.6g} s)"
         more = f" and {bad.size - 1} more" if bad.size > 1 else ""
-        raise invalid(
-            name,
-            described(f"{values[i]} at sample {i}{when}{more}"),
-            "finite numbers",
-            "Cut the record there, or leave the samples out: short gaps are filled.",
-        )
+        remedy = "Cut the record there, or leave the samples out: short gaps are filled."
+        raise misfit(name, f"{values[i]} at sample {i}{when}{more}", "finite numbers", remedy)
 
 
 def check_moves(name: str, values: Vector) -> None:
     """Refuse a channel that never changes."""
     if np.ptp(values) == 0:
-        raise invalid(
-            name,
-            described(f"{values[0]:.6g} throughout"),
-            "a signal that changes",
-            "Check the sensor, or leave the channel out with columns=.",
-        )
+        remedy = "Check the sensor, or leave the channel out with columns=."
+        raise misfit(name, f"{values[0]:.6g} throughout", "a signal that changes", remedy)
 
 
 def check_not_clipped(name: str, values: Vector) -> None:
@@ -170,15 +155,11 @@ def check_not_clipped(name: str, values: Vector) -> None:
     (few slopes), smooth holds (the signal slows down first), the flat tops of a coarse converter
     (likewise), and pulses that rest at zero.
     """
-    plateaus = clipped_plateaus(values)
-    if plateaus:
+    if plateaus := clipped_plateaus(values):
         share = sum(plateaus) / values.size
-        raise invalid(
-            name,
-            described(f"{len(plateaus)} plateaus at the ends of its range, {share:.1%} of it"),
-            "a signal that is not clipped",
-            "Lower the amplitude or widen the range of the sensor and record again.",
-        )
+        shown = f"{len(plateaus)} plateaus at the ends of its range, {share:.1%} of it"
+        remedy = "Lower the amplitude or widen the range of the sensor and record again."
+        raise misfit(name, shown, "a signal that is not clipped", remedy)
 
 
 def clipped_plateaus(values: Vector) -> list[int]:
@@ -289,9 +270,6 @@ def check_sampling(data: xr.Dataset, frequencies: Sequence[float]) -> None:
     rate = 1 / sampling_time(data)
     highest = float(np.max(frequencies, initial=0.0))
     if highest >= rate / 2:
-        raise invalid(
-            "sampling rate",
-            described(f"{rate:.6g} Hz"),
-            f"more than {2 * highest:.6g} Hz, for the model's mode at {highest:.6g} Hz",
-            "Sample faster, or leave the mode out of the model.",
-        )
+        want = f"more than {2 * highest:.6g} Hz, for the model's mode at {highest:.6g} Hz"
+        remedy = "Sample faster, or leave the mode out of the model."
+        raise misfit("sampling rate", f"{rate:.6g} Hz", want, remedy)

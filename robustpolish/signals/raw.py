@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from robustpolish.base.checks import described, invalid
+from robustpolish.base.checks import invalid, misfit
 from robustpolish.base.input_files import FileSpec
 from robustpolish.errors import InvalidInputError
 from robustpolish.signals.headers import split_header
@@ -72,9 +72,9 @@ class RawTable:
         ends = [column for column in self.columns if column.endswith(f"/{name}")]
         if len(ends) == 1:
             return ends[0]
-        shown = described(f"no channel {name!r}" if not ends else f"{name!r} in several groups")
+        shown = f"no channel {name!r}" if not ends else f"{name!r} in several groups"
         expected = f"the channels that are there: {', '.join(ends or self.columns) or 'none'}"
-        raise invalid(argument, shown, expected, "Check the header, or rename with rename=.")
+        raise misfit(argument, shown, expected, "Check the header, or rename with rename=.")
 
     def rename(self, names: Mapping[str, str]) -> None:
         """Call columns otherwise.
@@ -116,12 +116,11 @@ def library_errors(source: object, kind: str) -> Iterator[None]:
         raise
     except Exception as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise invalid(
-            "measurement",
-            described(f"{source} ({reason})"),
+        want, remedy = (
             f"a readable {kind} file",
             "Check that the file is whole and its suffix right.",
-        ) from None
+        )
+        raise misfit("measurement", f"{source} ({reason})", want, remedy) from None
 
 
 # What a reader gets out of a file of frequency responses, before any check.

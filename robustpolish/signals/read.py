@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.base.arrays import Vector
-from robustpolish.base.checks import described, invalid, positive
+from robustpolish.base.checks import invalid, misfit, positive
 from robustpolish.signals.headers import is_count, to_si
 from robustpolish.signals.quality import (
     check_finite,
@@ -92,7 +92,10 @@ def read_measurement(
     """
     raw = raw_table(source, table, max_bytes)
     raw.rename(rename or {})
-    raw.units.update(_known(units or {}, raw, "units"))
+    for column, unit in (units or {}).items():
+        if not isinstance(unit, str):
+            raise invalid(f"units[{column!r}]", unit, "text such as 'mm'", "Quote it.")
+    raw.units.update({raw.resolve("units", column): unit for column, unit in (units or {}).items()})
     name = find_time(raw, time) if raw.columns else None
     stamps = _stamps(raw, name, sampling_rate)
     channels = _channels(raw, columns, name, stamps.size)
@@ -101,7 +104,7 @@ def read_measurement(
     taken = stamps[kept] if axis.taken is None else axis.taken
     lines = None if raw.lines is None else raw.lines[kept]
     data: dict[str, Any] = {}
-    doubts = []
+    notes = [*raw.notes, axis.note]
     for column, whole in channels.items():
         given = whole[kept]
         check_finite(column, np.where(np.isnan(given), 0.0, given), taken)  # gaps may stay, so far
@@ -109,84 +112,65 @@ def read_measurement(
         check_finite(column, values, taken)
         check_moves(column, values)
         check_not_clipped(column, values)
-        source_name = column if column in raw.columns else raw.resolve("column", column)
-        values, unit = to_si(values, raw.units.get(source_name, ""), f"unit of {column!r}")
+        unit = raw.units.get(raw.resolve("column", column), "")
+        values, unit = to_si(values, unit, f"unit of {column!r}")
         data[column] = ("time", axis.move(values), {"units": unit})
-        doubts += [text for text in (note, axis.interpolation_warning(column, values)) if text]
+        notes += [note, axis.interpolation_warning(column, values)]
     dataset = xr.Dataset(data, coords={"time": ("time", axis.time, {"units": "s"})})
-    dataset.attrs["notes"] = [*raw.notes, *([axis.note] if axis.note else []), *doubts]
+    dataset.attrs["notes"] = list(filter(None, notes))
     if isinstance(source, str | Path):
         dataset.attrs["source"] = str(source)
     return dataset
 
 
-def _known(units: Mapping[str, str], raw: RawTable, argument: str) -> dict[str, str]:
-    for name, unit in units.items():
-        if not isinstance(unit, str):
-            raise invalid(f"{argument}[{name!r}]", unit, "text such as 'mm'", "Quote it.")
-    return {raw.resolve(argument, name): unit for name, unit in units.items()}
-
-
 def _stamps(raw: RawTable, name: str | None, sampling_rate: float | None) -> Vector:
     """Return the times in s at which the samples were taken, as the file says."""
     if not raw.columns:
-        raise invalid("measurement", described("no channels"), "signals", "Check the file.")
+        raise misfit("measurement", "no channels", "signals", "Check the file.")
     if name is not None and sampling_rate is None:
         return seconds(raw, name)
     rate = raw.sampling_rate if sampling_rate is None else sampling_rate
     if rate is None:
-        raise invalid(
-            "time",
-            described(f"no channel of that name among {', '.join(raw.columns)}"),
-            "a time channel or a sampling rate",
-            "Pass time=NAME or sampling_rate=HZ.",
-        )
+        shown = f"no channel of that name among {', '.join(raw.columns)}"
+        remedy = "Pass time=NAME or sampling_rate=HZ."
+        raise misfit("time", shown, "a time channel or a sampling rate", remedy)
     step = 1 / positive("sampling_rate", rate, "Hz")
     lengths = [np.size(values) for column, values in raw.columns.items() if column != name]
-    length = max(set(lengths), key=lengths.count) if lengths else 0
+    length = max(set(lengths), key=lengths.count, default=0)
     if length < 2:
-        shown = described(f"{length} samples")
-        raise invalid("measurement", shown, "two or more", "Record longer.")
+        raise misfit("measurement", f"{length} samples", "two or more", "Record longer.")
     return step * np.arange(length, dtype=np.float64)
 
 
 def _channels(
     raw: RawTable, columns: Sequence[str] | None, time: str | None, length: int
 ) -> dict[str, Vector]:
-    """Return the signals by the names that they are wanted under."""
+    """Return the signals by the names that they are wanted under, with a note for what is none."""
+    found: dict[str, Any] = {}
     if columns is None:
-        found = _all_channels(raw, time, length)
+        for name, values in raw.columns.items():
+            if name == time:
+                continue
+            if is_text(values):
+                raw.notes.append(f"left out: {name}, which is text")
+            elif np.shape(values) != (length,):
+                raw.notes.append(f"left out: {name}, which is not as long as the time")
+            elif is_count(name) and _counts(values):
+                raw.notes.append(f"left out: {name}, which numbers the samples")
+            else:
+                found[name] = values
     else:
         wanted = [columns] if isinstance(columns, str) else list(columns)
         found = {name: raw.columns[raw.resolve("column", name)] for name in wanted}
-    channels = {}
-    for name, given in found.items():
-        values = numeric(name, given)
+    channels = {name: numeric(name, given) for name, given in found.items()}
+    for name, values in channels.items():
         if values.shape != (length,):
-            shown = described(f"shape {values.shape}")
-            raise invalid(name, shown, f"{length} samples, like the time", "Check the file.")
-        channels[name] = values
+            want = f"{length} samples, like the time"
+            raise misfit(name, f"shape {values.shape}", want, "Check the file.")
     if not channels:
-        shown = described("no channel beside the time")
-        raise invalid("measurement", shown, "one channel or more", "Check the file.")
+        shown = "no channel beside the time"
+        raise misfit("measurement", shown, "one channel or more", "Check the file.")
     return channels
-
-
-def _all_channels(raw: RawTable, time: str | None, length: int) -> dict[str, Any]:
-    """Return what is a signal beside the time, with a note for what is none."""
-    found: dict[str, Any] = {}
-    for name, values in raw.columns.items():
-        if name == time:
-            continue
-        if is_text(values):
-            raw.notes.append(f"left out: {name}, which is text")
-        elif np.shape(values) != (length,):
-            raw.notes.append(f"left out: {name}, which is not as long as the time")
-        elif is_count(name) and _counts(values):
-            raw.notes.append(f"left out: {name}, which numbers the samples")
-        else:
-            found[name] = values
-    return found
 
 
 def _counts(values: Any) -> bool:
@@ -210,13 +194,12 @@ def _kept(
             raise invalid("between", between, "(START, END)", remedy) from None
         inside = np.flatnonzero((stamps >= start) & (stamps <= end))
         if inside.size < 2:
-            shown = described(f"{inside.size} samples from {start:.6g} to {end:.6g} s")
+            shown = f"{inside.size} samples from {start:.6g} to {end:.6g} s"
             ends = f"{np.min(stamps, initial=np.inf):.6g} to {np.max(stamps, initial=-np.inf):.6g}"
-            raise invalid("between", shown, f"a part of the record, {ends} s", "Choose another.")
+            raise misfit("between", shown, f"a part of the record, {ends} s", "Choose another.")
         first, last = int(inside[0]), int(inside[-1]) + 1
     if last - first > 2:
-        parts = [values[first:last] for values in channels.values()]
-        before, behind = ends_without_values(parts)
+        before, behind = ends_without_values([values[first:last] for values in channels.values()])
         if before + behind and last - first - before - behind > 2:
             where = [f"the first {before}"] * bool(before) + [f"the last {behind}"] * bool(behind)
             raw.notes.append(f"cut off, as a channel has no value there: {' and '.join(where)}")

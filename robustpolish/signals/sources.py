@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from robustpolish.base.checks import described, instance_of, invalid
-from robustpolish.base.input_files import FileSpec, file_size
+from robustpolish.base.checks import instance_of, invalid, misfit
+from robustpolish.base.input_files import file_size
 from robustpolish.signals.raw import RECORD, RawTable
 from robustpolish.signals.readers.arrays import read_npz, read_wav
 from robustpolish.signals.readers.csv import read_csv
@@ -20,19 +20,16 @@ from robustpolish.signals.readers.objects import read_object
 TEXT = (".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm")
 UNIVERSAL = (".uff", ".unv", ".uf", ".58")
 
-_WITHOUT_TABLES: dict[str, Callable[[Path, FileSpec], RawTable]] = {
+_READERS: dict[str, Callable[..., RawTable]] = {
     **dict.fromkeys(TEXT, read_csv),
     ".wav": read_wav,
     **dict.fromkeys(UNIVERSAL, read_uff),
-}
-_WITH_TABLES: dict[str, Callable[[Path, str | None, FileSpec], RawTable]] = {
     ".mat": read_mat,
-    ".h5": read_hdf5,
-    ".hdf5": read_hdf5,
-    ".hdf": read_hdf5,
+    **dict.fromkeys((".h5", ".hdf5", ".hdf"), read_hdf5),
     ".npz": read_npz,
     ".tdms": read_tdms,
 }
+_ONE_TABLE = (*TEXT, ".wav", *UNIVERSAL)
 
 
 def raw_table(source: Any, table: str | None = None, max_bytes: float | None = None) -> RawTable:
@@ -60,20 +57,20 @@ def raw_table(source: Any, table: str | None = None, max_bytes: float | None = N
         return found
     expected, remedy = "a path, or a pandas or xarray object", "Convert it to a pandas.DataFrame."
     path = Path(instance_of("measurement", source, (str, Path), expected, remedy))
-    wanted = RECORD.limited(max_bytes)
+    wanted, suffix = RECORD.limited(max_bytes), path.suffix.casefold()
     if file_size(path, wanted) == 0:
-        raise invalid("measurement", described(f"{path}, empty"), "data", "Export it again.")
-    suffix = path.suffix.casefold()
+        raise misfit("measurement", f"{path}, empty", "data", "Export it again.")
+    if suffix not in _READERS:
+        known = ", ".join(_READERS)
+        want = f"one of the suffixes {known}"
+        raise invalid("measurement", path.name, want, "Convert the file.")
     try:
-        if suffix in _WITH_TABLES:
-            return _WITH_TABLES[suffix](path, table, wanted)
-        if suffix in _WITHOUT_TABLES:
-            if table is not None:
-                shown = described(f"{table!r} for a {suffix} file")
-                raise invalid("table", shown, "no table: the file has but one", "Leave it out.")
-            return _WITHOUT_TABLES[suffix](path, wanted)
+        if suffix not in _ONE_TABLE:
+            return _READERS[suffix](path, table, wanted)
+        if table is None:
+            return _READERS[suffix](path, wanted)
     except OSError as error:
-        shown = described(f"{path} ({error.strerror or error})")
-        raise invalid("measurement", shown, "a file that can be read", "Check it.") from None
-    known = ", ".join([*_WITHOUT_TABLES, *_WITH_TABLES])
-    raise invalid("measurement", path.name, f"one of the suffixes {known}", "Convert the file.")
+        shown = f"{path} ({error.strerror or error})"
+        raise misfit("measurement", shown, "a file that can be read", "Check it.") from None
+    shown = f"{table!r} for a {suffix} file"
+    raise misfit("table", shown, "no table: the file has but one", "Leave it out.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 import warnings
 from collections.abc import Sequence
@@ -14,7 +15,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator, make_interp_spline
 
 from robustpolish.base.arrays import Vector
-from robustpolish.base.checks import described, invalid
+from robustpolish.base.checks import invalid, misfit
 from robustpolish.signals.headers import rank_as_time, to_si
 from robustpolish.signals.quality import LONGEST_GAP, check_finite, numeric
 from robustpolish.signals.raw import RawTable
@@ -120,29 +121,32 @@ def uniform_time(time: Vector, name: str = "time") -> UniformTime:
     with np.errstate(over="ignore"):
         counts = np.maximum(np.rint(steps / step), 1)
     missing = float(np.sum(counts)) + 1 - time.size
-    # With many rounded stamps the median is a rounded step: fit a line through all of them.
-    number = np.concatenate([[0.0], np.cumsum(counts)])
     if missing > max(_MISSING * time.size, 1):
         return _irregular(time, steps)
-    step, start = _line(number, time - time[0])
-    worst = float(np.max(np.abs(time - time[0] - start - step * number)))
+    # With many rounded stamps the median is a rounded step: fit a line through all of them.
+    number, since = np.concatenate([[0.0], np.cumsum(counts)]), time - time[0]
+    about = number - number.mean()
+    step = float(about @ since / (about @ about))
+    start = float(since.mean() - step * number.mean())
+    worst = float(np.max(np.abs(since - start - step * number)))
     exact = worst <= _ROUNDING * step
     grid = time[0] + (0.0 if exact else start) + step * np.arange(int(number[-1]) + 1)
     exact = exact or worst <= 0.51 * _resolution(time)
-    if exact and not missing:
-        return UniformTime(grid)
     if not (exact or worst <= _JITTER * step):
         return _irregular(time, steps)
-    if exact:
-        return UniformTime(grid, grid[number.astype(int)], _gap_note(counts, missing))
-    note = (
-        f"time jittered by up to {worst:.3g} s ({100 * (worst / step):.0f} % of a step): resampled"
-    )
+    gaps = ""
     if missing:
-        note += f"; {_gap_note(counts, missing)}"
+        places = int(np.count_nonzero(counts > 1))
+        gaps = (
+            f"{missing:.0f} missing sample{'s' if missing > 1 else ''} filled in at {places} "
+            f"place{'s' if places > 1 else ''}, by cubic interpolation"
+        )
+    if exact:
+        return UniformTime(grid, grid[number.astype(int)] if missing else None, gaps)
+    share = f"{worst:.3g} s ({100 * (worst / step):.0f} % of a step)"
+    note = f"time jittered by up to {share}: resampled{f'; {gaps}' if gaps else ''}"
     # Only times inside the record can be interpolated.
-    grid = grid[(grid >= time[0]) & (grid <= time[-1])]
-    return UniformTime(grid, time, note)
+    return UniformTime(grid[(grid >= time[0]) & (grid <= time[-1])], time, note)
 
 
 def _irregular(time: Vector, steps: Vector) -> UniformTime:
@@ -156,30 +160,20 @@ def _irregular(time: Vector, steps: Vector) -> UniformTime:
     return UniformTime(grid, time, note, irregular=True)
 
 
-def _gap_note(counts: Vector, missing: float) -> str:
-    gaps = int(np.count_nonzero(counts > 1))
-    samples = f"{missing:.0f} missing sample{'s' if missing > 1 else ''}"
-    places = f"{gaps} place{'s' if gaps > 1 else ''}"
-    return f"{samples} filled in at {places}, by cubic interpolation"
-
-
 def _check_rising(time: Vector, name: str) -> None:
     if time.size < 2:
-        shown = described(f"{time.size} sample{'' if time.size == 1 else 's'}")
-        raise invalid(name, shown, "two samples or more", "Record longer.")
+        shown = f"{time.size} sample{'' if time.size == 1 else 's'}"
+        raise misfit(name, shown, "two samples or more", "Record longer.")
     largest = float(np.max(np.abs(time)))
     if not largest < _LATEST:
-        raise invalid(name, described(f"{largest:.3g} s"), "a time in s", "Check its unit.")
+        raise misfit(name, f"{largest:.3g} s", "a time in s", "Check its unit.")
     steps = np.diff(time)
     falls = np.flatnonzero(steps <= _NO_STEP * max(float(np.median(steps)), 0.0))
     if falls.size:
         i = int(falls[0]) + 1
-        raise invalid(
-            name,
-            described(f"{time[i]:.9g} s after {time[i - 1]:.9g} s, at sample {i}"),
-            "a time that rises from sample to sample",
-            "Sort the record, remove repeated samples or cut it there.",
-        )
+        shown = f"{time[i]:.9g} s after {time[i - 1]:.9g} s, at sample {i}"
+        remedy = "Sort the record, remove repeated samples or cut it there."
+        raise misfit(name, shown, "a time that rises from sample to sample", remedy)
 
 
 def _check_gaps(time: Vector, steps: Vector, name: str) -> None:
@@ -193,31 +187,20 @@ def _check_gaps(time: Vector, steps: Vector, name: str) -> None:
     longest = sorted(sorted(parts, key=lambda part: part[0] - part[1])[:4])
     listed = ", ".join(f"{time[a]:.6g} to {time[b]:.6g} s" for a, b in longest)
     remedy = f"Read an unbroken part with between=(START, END): {listed}."
-    raise invalid(
-        name,
-        described(
-            f"{gaps.size} gap{'s' if gaps.size > 1 else ''}, the longest of {steps[i]:.4g} s "
-            f"after {time[i]:.6g} s, with steps of {np.median(steps):.4g} s"
-        ),
-        f"no gap of more than {LONGEST_GAP} samples",
-        remedy if parts else "Record at a fixed rate.",
+    shown = (
+        f"{gaps.size} gap{'s' if gaps.size > 1 else ''}, the longest of {steps[i]:.4g} s "
+        f"after {time[i]:.6g} s, with steps of {np.median(steps):.4g} s"
     )
-
-
-def _line(x: Vector, y: Vector) -> tuple[float, float]:
-    """Return slope and intercept of the least-squares line."""
-    about = x - x.mean()
-    slope = float(about @ y / (about @ about))
-    return slope, float(y.mean() - slope * x.mean())
+    want = f"no gap of more than {LONGEST_GAP} samples"
+    raise misfit(name, shown, want, remedy if parts else "Record at a fixed rate.")
 
 
 def _resolution(time: Vector) -> float:
     """Return the decimal place that the time stamps were rounded to, in s, or 0."""
-    relative = time - time[0]
     for digits in range(9):
         scaled = time * 10.0**digits
-        noise = 4 * np.spacing(np.max(np.abs(time)) * 10.0**digits)
-        if np.max(np.abs(scaled - np.rint(scaled))) <= noise + 1e-9 and np.ptp(relative) > 0:
+        noise = 4 * np.spacing(np.max(np.abs(scaled)))
+        if np.max(np.abs(scaled - np.rint(scaled))) <= noise + 1e-9:
             return 10.0**-digits
     return 0.0
 
@@ -306,7 +289,8 @@ def clock_times(cells: Sequence[str]) -> ClockTimes | int:
         return quick
     dated = timed = False
     days, seconds = np.zeros(len(cells), dtype=np.int64), np.zeros(len(cells))
-    known: dict[tuple[str, ...], int] = {}  # there are few days, and many samples of each
+    # there are few days, and many samples of each
+    ordinal = functools.lru_cache(maxsize=None)(_ordinal)
     for i, cell in enumerate(cells):
         found = _STAMP.fullmatch(cell)
         if found is None:
@@ -314,21 +298,13 @@ def clock_times(cells: Sequence[str]) -> ClockTimes | int:
         kinds = (_has_date(found), found["h"] is not None)
         if i == 0:
             dated, timed = kinds
-        if kinds != (dated, timed) or not (dated or timed):
+        if kinds != (dated, timed) or not any(kinds):
             return i
-        if dated:
-            written = found.group("y", "m", "d", "y2", "m2", "d2", "between")
-            if written not in known:
-                day = _ordinal(*written)
-                if day is None:
-                    return i
-                known[written] = day
-            days[i] = known[written]
-        if timed:
-            second = _of_day(found)
-            if second is None:
-                return i
-            seconds[i] = second
+        day = ordinal(*found.group("y", "m", "d", "y2", "m2", "d2", "between")) if dated else 0
+        second = _of_day(found) if timed else 0.0
+        if day is None or second is None:
+            return i
+        days[i], seconds[i] = day, second
     return ClockTimes(days if dated else None, seconds if timed else None)
 
 
@@ -400,12 +376,10 @@ def find_time(raw: RawTable, wanted: str | None) -> str | None:
     best = [name for name, rank in ranks.items() if rank == min(ranks.values())]
     groups = {name.rpartition("/")[0] for name in best}
     if len(best) > 1 and len(groups) == len(best) and "" not in groups:
-        raise invalid(
-            "measurement",
-            described(f"{len(groups)} groups with a time of their own"),
-            f"one of them to be chosen; the file holds {raw.listed()}",
-            f"Pass table=, one of {', '.join(sorted(groups))}.",
-        )
+        shown = f"{len(groups)} groups with a time of their own"
+        want = f"one of them to be chosen; the file holds {raw.listed()}"
+        remedy = f"Pass table=, one of {', '.join(sorted(groups))}."
+        raise misfit("measurement", shown, want, remedy)
     return best[0]
 
 
@@ -419,7 +393,8 @@ def seconds(raw: RawTable, name: str) -> Vector:
     """
     values = np.asarray(raw.columns[name]).reshape(-1)
     if values.dtype.kind in "mM":
-        return _since_first(values)
+        values = values - values[0] if values.dtype.kind == "M" and values.size else values
+        return values / np.timedelta64(1, "ns") * 1e-9
     if values.dtype.kind in "US" or (values.dtype == object and _is_stamped(values)):
         return _from_text(raw, name, values)
     stamps = numeric(name, values)
@@ -448,28 +423,18 @@ def _is_stamped(values: Any) -> bool:
     return is_clock_text(str(array[0]))
 
 
-def _since_first(values: np.ndarray) -> Vector:
-    if values.dtype.kind == "M" and values.size:
-        values = values - values[0]
-    return values / np.timedelta64(1, "ns") * 1e-9
-
-
 def _from_text(raw: RawTable, name: str, values: np.ndarray) -> Vector:
     found = _read(raw, name, values)
-    others = [
-        other
-        for other, column in raw.columns.items()
-        if other != name and is_text(column) and _is_stamped(column)
-    ]
     days, clock = found.days, found
-    for other in others:
-        beside = _read(raw, other, np.asarray(raw.columns[other]).reshape(-1))
+    for other, column in raw.columns.items():
+        if other == name or not is_text(column) or not _is_stamped(column):
+            continue
+        beside = _read(raw, other, np.asarray(column).reshape(-1))
         if found.seconds is None and beside.days is None:
             clock = beside  # the column that was chosen holds the dates, this one the hours
         elif days is None and beside.seconds is None:
             days = beside.days
-    unit = raw.units.get(name, "")
-    raw.notes.append(f"time counts from {values[0]}{f' {unit}' if unit else ''}")
+    raw.notes.append(f"time counts from {values[0]} {raw.units.get(name, '')}".rstrip())
     return clock.since_first(days)
 
 
@@ -477,9 +442,6 @@ def _read(raw: RawTable, name: str, values: np.ndarray) -> ClockTimes:
     found = clock_times(values.astype(str).tolist())
     if isinstance(found, ClockTimes):
         return found
-    raise invalid(
-        name,
-        described(f"{str(values[found])!r} at {raw.place(found)}"),
-        "dates or times of day of one kind, such as 2024-05-03T12:00:00.001",
-        "Mend the stamp, or cut the record there.",
-    )
+    shown = f"{str(values[found])!r} at {raw.place(found)}"
+    want = "dates or times of day of one kind, such as 2024-05-03T12:00:00.001"
+    raise misfit(name, shown, want, "Mend the stamp, or cut the record there.")

@@ -21,10 +21,7 @@ from robustpolish.base.atomic_writes import (
     stage,
     write_file,
 )
-from robustpolish.base.input_files import (
-    is_write_error,
-    write_errors_as_storage_errors,
-)
+from robustpolish.base.input_files import is_write_error, write_errors_as_storage_errors
 from robustpolish.errors import InvalidInputError, StorageError
 
 

@@ -61,11 +61,11 @@ def test_limits_of_a_share_solve_the_equations_of_clopper_and_pearson():
     assert binom.cdf(7, 40, high) == pytest.approx(0.05)
     assert share_limits(0, 10, 0.95)[0] == 0.0
     assert share_limits(10, 10, 0.95)[1] == 1.0
-
-
-def test_59_draws_without_failure_prove_95_percent():
-    # S.S. Wilks, Annals of Mathematical Statistics 12, 1941
+    # S.S. Wilks, Annals of Mathematical Statistics 12, 1941: 59 draws without failure prove 95 %,
+    # and 72 are the first to bound the 95th percentile.
     assert share_at_least(58, 58, 0.95) < 0.95 <= share_at_least(59, 59, 0.95)
+    assert percentile_limits(np.arange(71.0), 0.95, 0.95)[1] == np.inf
+    assert percentile_limits(np.arange(72.0), 0.95, 0.95)[1] == 71.0
 
 
 @pytest.mark.parametrize("samples", [1, 20, 72, 500])
@@ -82,11 +82,6 @@ def test_limits_of_a_percentile_hold_for_every_distribution(samples, share, conf
     # no narrower ones would do
     assert above > samples or binom.sf(above - 2, samples, share) > (1 - confidence) / 2
     assert below < 1 or binom.cdf(below, samples, share) > (1 - confidence) / 2
-
-
-def test_72_draws_are_the_first_to_bound_the_95th_percentile():
-    assert percentile_limits(np.arange(71.0), 0.95, 0.95)[1] == np.inf
-    assert percentile_limits(np.arange(72.0), 0.95, 0.95)[1] == 71.0
 
 
 def test_a_percentile_is_a_value_of_the_sample():

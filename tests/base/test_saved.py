@@ -32,9 +32,8 @@ def test_each_kind_is_loaded_by_one_name(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda c: c.update(format=99), "format 99 of robustpolish"),
+        (lambda c: c.update(format=99), "format 99 of robustpolish.*Update robustpolish"),
         (lambda c: c.update(robustpolish="poem"), "a poem"),
-        (lambda c: c.pop("robustpolish"), "does not say what it holds"),
     ],
 )
 def test_what_another_version_wrote_is_refused(tmp_path, change, message):
@@ -45,20 +44,6 @@ def test_what_another_version_wrote_is_refused(tmp_path, change, message):
     path.write_text(json.dumps(content))
     with pytest.raises(rp.InvalidInputError, match=message):
         rp.load(path)
-
-
-def test_what_is_no_file_of_ours_is_refused(tmp_path):
-    for name, text in (("a.json", "{"), ("b.json", "[1]"), ("c.json", '{"a": NaN}')):
-        (tmp_path / name).write_text(text)
-        with pytest.raises(rp.InvalidInputError, match=name):
-            rp.load(tmp_path / name)
-    with pytest.raises(rp.InvalidInputError, match="No such file"):
-        rp.load(tmp_path / "none.json")
-    with pytest.raises(rp.InvalidInputError, match=r"got a plant in p\.json, expected a design"):
-        plant().save(tmp_path / "p.json")
-        rp.results.Design.load(tmp_path / "p.json")
-    with pytest.raises(rp.InvalidInputError, match=r"\.json"):
-        plant().save(tmp_path / "p.pkl")
 
 
 def test_nothing_is_replaced_by_accident(tmp_path):
@@ -149,26 +134,10 @@ def test_the_file_is_strict_json_with_its_head(path):
     assert found == ("poem", FORMAT, __version__)
 
 
-def test_nothing_is_replaced_by_accident_saved_file(path):
-    before = path.read_bytes()
-    with pytest.raises(InvalidInputError, match="force"):
-        write_saved(path, "poem", {})
-    assert path.read_bytes() == before
-    write_saved(path, "novel", {}, force=True)
-    assert read_saved(path).kind == "novel"
-
-
-def test_another_kind_or_a_newer_format_is_refused(path):
-    with pytest.raises(InvalidInputError, match=r"path: got a poem in a\.json, expected a design"):
-        read_saved(path, "design")
-    path.write_text(path.read_text().replace(f'"format": {FORMAT}', '"format": 99'))
-    with pytest.raises(InvalidInputError, match="Update robustpolish"):
-        read_saved(path)
-
-
 @pytest.mark.parametrize(
     ("text", "told"),
     [
+        ('{"a": NaN}', "a.json"),
         ("{", "a JSON file of robustpolish"),
         ('{"robustpolish": "poem", "format": NaN}', "NaN is not JSON"),
         ("[" * 100_000, "a JSON file of robustpolish"),
@@ -178,8 +147,19 @@ def test_another_kind_or_a_newer_format_is_refused(path):
 )
 def test_other_files_are_refused(path, text, told):
     path.write_text(text)
-    with pytest.raises(InvalidInputError, match=told):
-        read_saved(path)
+    for read in (read_saved, rp.load):
+        with pytest.raises(InvalidInputError, match=told):
+            read(path)
+
+
+def test_another_kind_or_ending_is_refused(tmp_path):
+    plant().save(tmp_path / "p.json")
+    with pytest.raises(InvalidInputError, match=r"got a plant in p\.json, expected a design"):
+        rp.results.Design.load(tmp_path / "p.json")
+    with pytest.raises(InvalidInputError, match="No such file"):
+        rp.load(tmp_path / "none.json")
+    with pytest.raises(InvalidInputError, match=r"\.json"):
+        plant().save(tmp_path / "p.pkl")
 
 
 FIELDS = Fields(

@@ -1,7 +1,11 @@
 """Loops with known margins, and the closed loop with a delay approximated to high order."""
 
+from functools import cache
+
 import control
 import numpy as np
+
+import robustpolish as rp
 
 s = control.tf("s")
 TEXTBOOK = 1 / (s * (s + 1) * (0.5 * s + 1))
@@ -12,6 +16,18 @@ CONDITIONAL = 80 * (s + 1) ** 2 / (s**3 * (0.02 * s + 1) ** 2)
 
 SATELLITE = control.ss([[0, 10], [-10, 0]], np.eye(2), [[1, 10], [-10, 1]], 0)
 """The spinning satellite with a = 10, Skogestad and Postlethwaite, section 3.7.1."""
+
+
+@cache
+def satellite():
+    """Return the analysis of the satellite with a gain of one in both loops."""
+    return rp.loop_analysis(SATELLITE, -np.eye(2))
+
+
+@cache
+def textbook(gain=-1):
+    """Return the analysis of the textbook's loop with a gain."""
+    return rp.loop_analysis(TEXTBOOK, gain)
 
 
 def delayed_poles(system, gain, delays, order=8):

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from functools import cache
 
 import control
 import matplotlib.pyplot as plt
@@ -19,6 +20,8 @@ from tests.loops.loops_for_tests import (
     delayed_poles,
     random_loop,
     s,
+    satellite,
+    textbook,
 )
 
 
@@ -29,6 +32,7 @@ def thesis():
     return design, rp.loop_analysis(design)
 
 
+@pytest.mark.slow
 def test_the_ideal_design_bears_a_fraction_of_a_microsecond(thesis):
     design, analysis = thesis
     assert 0.1e-6 < analysis.delay_margin < 0.3e-6
@@ -46,6 +50,7 @@ def test_the_ideal_design_bears_a_fraction_of_a_microsecond(thesis):
         assert text in analysis.explain()
 
 
+@pytest.mark.slow
 def test_the_ideal_design_with_delay_by_pade(thesis):
     design, analysis = thesis
     plant = design.plant
@@ -58,6 +63,7 @@ def test_the_ideal_design_with_delay_by_pade(thesis):
         )
 
 
+@pytest.mark.slow
 def test_the_ideal_design_cannot_be_sampled_at_a_megahertz(thesis):
     _, analysis = thesis
     assert 1e6 < analysis.sample_rate.lowest_stable_hz < analysis.sample_rate.needed_hz
@@ -67,7 +73,7 @@ def test_the_ideal_design_cannot_be_sampled_at_a_megahertz(thesis):
 
 
 def test_it_shows_itself_and_gives_plain_numbers():
-    analysis = rp.loop_analysis(TEXTBOOK, -1)
+    analysis = textbook()
     text = repr(analysis)
     assert text.startswith("Loop analysis, continuous time: stable, cannot be built as it is")
     for caption in ("one loop at a time", "all at once", "Bandwidths", "Noise", "Sampling"):
@@ -86,7 +92,7 @@ def test_it_shows_itself_and_gives_plain_numbers():
 
 
 def test_the_worst_of_several_loops_counts():
-    analysis = rp.loop_analysis(SATELLITE, -np.eye(2))
+    analysis = satellite()
     assert analysis.gain_margin == (0.0, math.inf)
     assert analysis.phase_margin == pytest.approx(90.0)
     assert analysis.delay_margin == min(
@@ -97,13 +103,16 @@ def test_the_worst_of_several_loops_counts():
 
 
 def test_an_unstable_loop_says_so():
-    analysis = rp.loop_analysis(TEXTBOOK, 1)
+    analysis = textbook(1)
     assert not analysis.stable
     assert not analysis.buildable
     assert (analysis.margins, analysis.at_once, analysis.sample_rate) == ((), {}, None)
     numbers = [*analysis.gain_margin, analysis.phase_margin, analysis.delay_margin]
     assert np.isnan([*numbers, analysis.modulus_margin, analysis.disk_margin.alpha]).all()
     assert "NOT stable" in repr(analysis)
+    for told in ("not stable", "with the opposite sign it would be", "no margins"):
+        assert told in analysis.explain()
+    assert "opposite" not in words(control.tf([1], [1, -1]) ** 2, -1)
     assert analysis.to_dict()["stable"] is False
     assert analysis.largest_rate == {}
     ax = analysis.plot(kind="nyquist")  # the curve shows why
@@ -120,7 +129,7 @@ def test_marginal_loops_are_not_stable():
 
 @pytest.mark.parametrize("kind", ["bode", "sigma", "nyquist", "nichols", "step"])
 def test_pictures(kind):
-    analysis = rp.loop_analysis(SATELLITE, -np.eye(2))
+    analysis = satellite()
     for ax in (analysis.plot(kind), analysis.plot(kind=kind, place="output")):
         assert len(ax.lines) >= 2
         plt.close(ax.figure)
@@ -130,7 +139,7 @@ def test_pictures(kind):
 
 
 def test_pictures_of_other_things_and_bad_names():
-    analysis = rp.loop_analysis(SATELLITE, -np.eye(2))
+    analysis = satellite()
     for of in ("S", "KS", "GS"):
         plt.close(analysis.plot(kind="step", of=of, duration=3.0).figure)
     for bad in (
@@ -145,13 +154,11 @@ def test_pictures_of_other_things_and_bad_names():
         rp.loop_analysis(SATELLITE, -np.eye(2), requirements={"disk": 1})
 
 
+@pytest.mark.slow
 def test_units_of_signals_change_no_margin():
     scale = np.diag([1e6, 1e-3])
     plant = control.ss(SATELLITE.A, SATELLITE.B @ scale, SATELLITE.C, 0)
-    one, other = (
-        rp.loop_analysis(SATELLITE, -np.eye(2)),
-        rp.loop_analysis(plant, -np.linalg.inv(scale)),
-    )
+    one, other = satellite(), rp.loop_analysis(plant, -np.linalg.inv(scale))
     assert other.delay_margin == pytest.approx(one.delay_margin, rel=1e-6)
     for where in ("inputs", "outputs", "inputs and outputs"):
         alphas = [analysis.at_once[where].disk.alpha for analysis in (one, other)]
@@ -206,14 +213,6 @@ def test_noise_is_as_small_as_a_sensor_may_have():
     assert re.search(r"noise of 1 mm per root hertz on x moves F by \d.*e\+\d+ N RMS", told("mm"))
 
 
-def test_an_unstable_loop_has_no_margins():
-    text = words(TEXTBOOK, 1)
-    assert "not stable" in text
-    assert "with the opposite sign it would be" in text
-    assert "no margins" in text
-    assert "opposite" not in words(control.tf([1], [1, -1]) ** 2, -1)
-
-
 def test_delay_and_sampling_are_told_with_their_numbers():
     text = words(control.tf([1e6], [1, 0]))
     assert "a delay of 1.57 µs makes it unstable" in text
@@ -225,8 +224,8 @@ def test_delay_and_sampling_are_told_with_their_numbers():
 
 
 def test_small_disks_alone_and_together():
-    assert "disk margin at input u[0] is ±4.49 dB and ±28.4 deg" in words(TEXTBOOK)
-    assert "at all inputs at once is ±0.866 dB" in words(SATELLITE, -np.eye(2))
+    assert "disk margin at input u[0] is ±4.49 dB and ±28.4 deg" in textbook().explain()
+    assert "at all inputs at once is ±0.866 dB" in satellite().explain()
     near = words(TEXTBOOK, disk_gain_db=3, disk_phase_deg=20)
     assert "comes within 0.432 of -1" in near
 
@@ -248,6 +247,7 @@ def test_all_states_measured_is_told():
     assert "takes all 2 states as measured" in words(plant, [[-1.0, -2.0]])
 
 
+@pytest.mark.slow
 def test_delays_that_the_plant_keeps_are_named():
     plant = rp.GeneralizedPlant.from_matrices([[-1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
     assert "Padé" not in words(plant)
@@ -282,7 +282,11 @@ def test_time_may_be_counted_in_any_unit(scale):
     assert found.sample_rate.lowest_stable_hz == pytest.approx(1.955 * scale, rel=1e-3)
 
 
-def machine(controller):
+LAGGED = control.ss([[-20.0]], [[20.0]], [[-3.0]], 0)
+
+
+@cache
+def machine(controller=LAGGED):
     plant = rp.GeneralizedPlant.from_matrices(
         [[0, 1.0], [-4.0, -0.4]], [[0], [1.0]], [[0], [1.0]], [[1.0, 0]], [[1.0, 0]],
         disturbances=["F_d"], controls=["F"], measurements=["x"],
@@ -300,8 +304,9 @@ def test_noise_of_a_first_order_loop():
     assert found.step_rate == pytest.approx(2.0)
 
 
+@pytest.mark.slow
 def test_noise_by_simulation():
-    analysis = machine(control.ss([[-20.0]], [[20.0]], [[-3.0]], 0))
+    analysis = machine()
     rng = np.random.default_rng(0)
     step, samples = 2e-3, 400_000
     density = 0.5
@@ -322,7 +327,7 @@ def test_a_controller_that_answers_at_once_has_no_finite_noise():
 
 
 def test_disturbances_of_the_plant():
-    analysis = machine(control.ss([[-20.0]], [[20.0]], [[-3.0]], 0))
+    analysis = machine()
     row = analysis.effort[0]
     assert (row.source, row.control, row.unit, row.source_unit) == ("F_d", "F", "N", "N")
     whole = analysis.loop.plant.with_control_outputs().closed_loop(analysis.loop.controller)
@@ -349,8 +354,8 @@ def test_fast_and_slow_modes_together():
 
 
 def test_given_signals():
-    controller = control.ss([[-20.0]], [[20.0]], [[-3.0]], 0)
-    analysis = machine(controller)
+    controller = LAGGED
+    analysis = machine()
     time = np.linspace(0, 10, 5001)
     force = xr.Dataset({"F_d": ("time", np.sin(2 * time))}, {"time": time})
     found = rp.loop_analysis(analysis.loop.plant, controller, disturbance=force)

@@ -9,14 +9,9 @@ import pytest
 import robustpolish as rp
 from robustpolish.loops.margins import margins_of, simultaneous_margins
 from robustpolish.loops.measured import MeasuredLoop
-
-s = control.tf("s")
+from tests.loops.loops_for_tests import SATELLITE, TEXTBOOK, s
 
 LINES = np.logspace(-2, 3, 400)
-
-TEXTBOOK = 1 / (s * (s + 1) * (0.5 * s + 1))
-
-SATELLITE = control.ss([[0, 10], [-10, 0]], np.eye(2), [[1, 10], [-10, 1]], 0)
 
 
 def measured(plant, lines=LINES):
@@ -30,7 +25,7 @@ def measured(plant, lines=LINES):
         (1 / (s - 1), -3, 1),
         (1 / s**2, -control.ss((s + 1) / (0.1 * s + 1)), 0),
         (1 / (s + 1), -control.ss(5 / s), 0),
-        (SATELLITE, -np.eye(2), 0),
+        pytest.param(SATELLITE, -np.eye(2), 0, marks=pytest.mark.slow),
     ],
 )
 def test_figures_are_those_of_the_model(plant, controller, unstable):
@@ -117,9 +112,14 @@ def test_a_model_tells_its_poles_itself():
         rp.loop_analysis(TEXTBOOK, -1, unstable_poles=1)
 
 
+@pytest.fixture(scope="module")
+def satellite_lines():
+    return rp.loop_analysis(measured(SATELLITE), -np.eye(2))
+
+
 @pytest.mark.parametrize("kind", ["bode", "nyquist", "nichols", "sigma"])
-def test_pictures_show_the_lines(kind):
-    analysis = rp.loop_analysis(measured(SATELLITE), -np.eye(2))
+def test_pictures_show_the_lines(kind, satellite_lines):
+    analysis = satellite_lines
     ax = analysis.plot(kind, place="output")
     drawn = [line for line in ax.lines if len(line.get_xdata()) == len(LINES)]
     assert len(drawn) == (4 if kind == "sigma" else 2)
@@ -147,10 +147,9 @@ def test_one_signal_is_drawn_and_an_unstable_loop_too():
         ({"signal": "w"}, "one of u"),
     ],
 )
-def test_what_cannot_be_drawn_is_told(wrong, said):
-    analysis = rp.loop_analysis(measured(TEXTBOOK), -1)
+def test_what_cannot_be_drawn_is_told(wrong, said, satellite_lines):
     with pytest.raises(rp.InvalidInputError, match=said):
-        analysis.plot(**wrong)
+        satellite_lines.plot(**wrong)
 
 
 def lines_of(system, lines):

@@ -31,11 +31,15 @@ from tests.plotting.legends import names
 # Axes carry names and units with SI prefixes, and follow what is shown.
 
 
+@pytest.fixture(autouse=True)
+def closed():
+    yield
+    plt.close("all")
+
+
 @pytest.fixture
 def ax():
-    figure, ax = plt.subplots()
-    yield ax
-    plt.close(figure)
+    return plt.subplots()[1]
 
 
 def ticks(axis):
@@ -161,7 +165,6 @@ def test_values_and_bars_stand_where_they_belong():
     np.testing.assert_allclose(line.get_ydata(), [1, 2, 4])
     np.testing.assert_allclose(bars[0].get_segments()[2][:, 1], [3.7, 4.3])
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["first", "second"]
-    plt.close(ax.figure)
 
 
 # Norm over gain, a marker per controller.
@@ -211,7 +214,6 @@ def test_a_map_has_its_axes_and_its_line():
     ax = plot_over_plane(MAP, level=0.02)
     assert (ax.get_xlabel(), ax.get_ylabel(), len(ax.collections)) == ("x [mm]", "y [mm]", 2)
     np.testing.assert_allclose(ax.collections[0].get_array().ravel(), MAP.values.T.ravel())
-    plt.close("all")
 
 
 def test_a_path_stands_in_space_in_millimetres():
@@ -221,7 +223,6 @@ def test_a_path_stands_in_space_in_millimetres():
     ax = plot_path_in_space(MAP, place, colour)
     _, line = ax.collections
     assert len(line.get_array()) == 10
-    plt.close("all")
 
 
 # Long records keep their peaks when they are drawn.
@@ -246,7 +247,6 @@ def test_a_single_peak_survives_the_reduction():
     assert time[np.argmax(drawn)] == 54_321 / 2e4
     assert (np.diff(time) > 0).all()
     assert axes.get_legend() is None
-    plt.close(axes.figure)
 
 
 def signal(name, values, unit="N"):
@@ -306,28 +306,17 @@ def test_quick_oscillations_become_bands_with_a_closer_look():
     assert not closer.collections
     assert not below.collections  # a ramp is not quick
     assert [ax.get_ylabel() for ax in (whole, closer, below)] == ["x [µm]", "", "y [µm]"]
-    plt.close(figure)
 
 
 TIME = np.arange(100) / 10
 
 
-def signal_of_before_and_after_fit(size):
-    return xr.DataArray(size * np.sin(TIME), {"time": TIME}, "time", "x", {"units": "m"})
-
-
-@pytest.fixture(autouse=True)
-def closed():
-    yield
-    plt.close("all")
+def wave(size, unit="m", shape=np.sin):
+    return xr.DataArray(size * shape(TIME), {"time": TIME}, "time", "x", {"units": unit})
 
 
 def test_what_each_model_leaves_stands_below_it():
-    above, below = plot_before_and_after(
-        signal_of_before_and_after_fit(1.0),
-        signal_of_before_and_after_fit(0.5),
-        signal_of_before_and_after_fit(0.9),
-    ).axes
+    above, below = plot_before_and_after(wave(1.0), wave(0.5), wave(0.9)).axes
     sizes = [np.abs(np.asarray(line.get_ydata())).max() for line in above.lines]
     top = np.abs(np.sin(TIME)).max()
     assert sizes == pytest.approx([top, 0.5 * top, 0.9 * top])
@@ -342,13 +331,7 @@ def test_what_each_model_leaves_stands_below_it():
 
 
 def test_a_stretch_is_shown_large_and_marked_in_the_whole():
-    figure = plot_before_and_after(
-        signal_of_before_and_after_fit(1.0),
-        None,
-        signal_of_before_and_after_fit(0.9),
-        slice(2.0, 4.0),
-        width=6.0,
-    )
+    figure = plot_before_and_after(wave(1.0), None, wave(0.9), slice(2.0, 4.0), width=6.0)
     above, below, whole = figure.axes
     for ax in (above, below):
         times = np.asarray(ax.lines[0].get_xdata())
@@ -395,15 +378,10 @@ def test_every_signal_has_overlay_residual_and_spectra():
     assert names(spectra) == ["measured", "residual"]
 
 
-def signal_of_told_apart(size, unit="m"):
-    return xr.DataArray(size * np.cos(TIME), {"time": TIME}, "time", "x", {"units": unit})
-
-
 def test_the_difference_stands_against_the_noise():
-    runs = [signal_of_told_apart(1.0), signal_of_told_apart(0.5), signal_of_told_apart(0.9)]
-    drive, both, apart = plot_two_machines(
-        signal_of_told_apart(3.0, "N"), runs, ("one", "other"), 0.02
-    ).axes
+    runs = [wave(size, shape=np.cos) for size in (1.0, 0.5, 0.9)]
+    drive = wave(3.0, "N", np.cos)
+    drive, both, apart = plot_two_machines(drive, runs, ("one", "other"), 0.02).axes
     assert np.asarray(drive.lines[0].get_ydata())[0] == pytest.approx(3.0)
     assert [str(line.get_label()) for line in both.lines] == ["one", "other"]
     assert [line.get_ydata()[0] for line in apart.lines] == pytest.approx([0.5, 0.1])
@@ -559,14 +537,12 @@ def test_magnitude_stands_above_phase():
     phase = lower.lines[0].get_ydata()
     assert -180 <= np.nanmin(phase) < -170
     assert len(upper.lines) == 2
-    plt.close(ax.figure)
 
 
 def test_jumps_of_a_turn_are_gaps():
     turning = xr.DataArray(np.exp(-1j * LINES), {"frequency": LINES}, "frequency")
     ax = plot_bode({"x": turning})
     assert np.isnan(ax.figure.axes[1].lines[0].get_ydata()).sum() == 2  # at pi and 3 pi
-    plt.close(ax.figure)
 
 
 def test_the_plane_keeps_circles_round():
@@ -574,7 +550,6 @@ def test_the_plane_keeps_circles_round():
     assert ax.get_aspect() == 1.0
     assert ax.get_xlabel() == "real part of x/F [mm/N]"
     assert len(ax.get_legend().get_texts()) == 2
-    plt.close(ax.figure)
 
 
 # Gains over frequency show the data that they were given.
@@ -629,14 +604,8 @@ def test_the_disk_lies_around_the_critical_point():
     assert ax.get_aspect() == 1.0
     assert ax.get_xlim()[0] < -1.5  # the critical point is seen, the integrator's end is not
     assert ax.get_ylim()[0] > -10
-    plt.close(ax.figure)
-
-
-def test_disks_of_other_loops_and_half_planes_are_left_out():
-    for disks in (None, {"v": 0.5}, {"u": 2.0}):
-        ax = plot_nyquist_disks(LOOP, disks)
-        assert len(ax.patches) == 0
-        plt.close(ax.figure)
+    for disks in (None, {"v": 0.5}, {"u": 2.0}):  # of another loop, and a half plane
+        assert not plot_nyquist_disks(LOOP, disks).patches
 
 
 def test_nichols_shows_gain_over_phase():
@@ -647,7 +616,6 @@ def test_nichols_shows_gain_over_phase():
     corners = ax.patches[0].get_xy()
     assert corners[:, 1].max() == pytest.approx(20 * np.log10(1 / 0.6))
     np.testing.assert_allclose(ax.lines[1].get_xdata(), [-180])
-    plt.close(ax.figure)
 
 
 # Poles in the plane, with what is forbidden.

@@ -87,17 +87,14 @@ def test_bad_rates_are_refused(rate):
         decimate(record(5000, 10_000.0, 40.0), rate)
 
 
-DATA_SPLIT = xr.Dataset({"x": ("time", np.arange(100.0))}, {"time": np.arange(100) * 0.01})
-
-
 def test_blocks_are_contiguous_and_complete():
-    blocks = split_blocks(DATA_SPLIT, 7)
-    np.testing.assert_array_equal(np.concatenate([b["x"] for b in blocks]), DATA_SPLIT["x"])
+    blocks = split_blocks(DATA, 7)
+    np.testing.assert_array_equal(np.concatenate([b["x"] for b in blocks]), DATA["x"])
     assert all(np.all(np.diff(b["x"]) == 1) for b in blocks)
 
 
 def test_shares_may_leave_a_rest():
-    first, second = split_blocks(DATA_SPLIT, (0.5, 0.2))
+    first, second = split_blocks(DATA, (0.5, 0.2))
     assert (first.sizes["time"], second.sizes["time"]) == (50, 20)
     assert float(second["time"][0]) == 0.5
 
@@ -105,13 +102,17 @@ def test_shares_may_leave_a_rest():
 @pytest.mark.parametrize("parts", [0, 60, (0.9, 0.2), (-0.1, 0.5), (), "ab", None, (0.001,), True])
 def test_bad_parts_are_refused(parts):
     with pytest.raises(InvalidInputError, match="parts"):
-        split_blocks(DATA_SPLIT, parts)
+        split_blocks(DATA, parts)
 
 
 def record_forces(rate=50e3, seconds=0.1, offset=0.0):
     time = np.arange(round(seconds * rate) + 1) / rate
     x = 3.0 + 2.0 * np.sin(2 * np.pi * 190 * time)
     return pd.DataFrame({"t [s]": time, "Fx [kN]": 1e-3 * (x + offset), "Fz": -(x**2)})
+
+
+def forces(asked, **more):
+    return rp.signals.measured_forces(record_forces(), asked, **more)
 
 
 def test_a_file_is_replayed_into_a_loop(tmp_path):
@@ -144,13 +145,13 @@ def test_the_same_load_drives_a_model():
         inputs=[rp.Input("F_x", "x")],
         outputs=[rp.Output("x", ("x", "ground"))],
     )
-    load = rp.signals.measured_forces(record_forces(), {"F_x": "Fx"}, sample_rate=20e3)
+    load = forces({"F_x": "Fx"}, sample_rate=20e3)
     assert np.abs(simulate_model(model, load).outputs).max() > 1e-5
 
 
 def test_rates_up_down_and_in_between():
     for rate in (10e3, 50e3, 60e3, 18e3):
-        load = rp.signals.measured_forces(record_forces(), {"F_x": "Fx"}, sample_rate=rate)
+        load = forces({"F_x": "Fx"}, sample_rate=rate)
         time = load["time"].to_numpy() + load.attrs["began"]
         np.testing.assert_allclose(np.diff(time), 1 / rate, rtol=1e-6)
         expected = 3.0 + 2.0 * np.sin(2 * np.pi * 190 * time)
@@ -179,17 +180,18 @@ def test_datasets_are_taken_as_they_are():
     np.testing.assert_allclose(load["F_y"], 2 * data["F"])
 
 
-def test_what_is_no_force_is_refused():
-    with pytest.raises(InvalidInputError, match=r"forces\['F_z'\].*unit not known"):
-        rp.signals.measured_forces(record_forces(), {"F_z": "Fz"})
-    rp.signals.measured_forces(record_forces(), {"F_z": "Fz"}, units={"Fz": "mN"})
-    with pytest.raises(InvalidInputError, match="unit m"):
-        rp.signals.measured_forces(record_forces(), {"F_z": "Fz"}, units={"Fz": "mm"})
-    with pytest.raises(InvalidInputError, match="factors: got entries for F_q"):
-        rp.signals.measured_forces(record_forces(), {"F_x": "Fx"}, factors={"F_q": 1.0})
-    with pytest.raises(InvalidInputError, match="steady: got entries for F_x"):
-        rp.signals.measured_forces(record_forces(), {"F_x": "Fx"}, steady={"F_x": 1.0})
-    with pytest.raises(InvalidInputError, match="unloaded"):
-        rp.signals.measured_forces(record_forces(), {"F_x": "Fx"}, unloaded=(5.0, 6.0))
-    with pytest.raises(InvalidInputError, match="forces"):
-        rp.signals.measured_forces(record_forces(), {})
+@pytest.mark.parametrize(
+    ("asked", "more", "message"),
+    [
+        ({"F_z": "Fz"}, {}, r"forces\['F_z'\].*unit not known"),
+        ({"F_z": "Fz"}, {"units": {"Fz": "mm"}}, "unit m"),
+        ({"F_x": "Fx"}, {"factors": {"F_q": 1.0}}, "factors: got entries for F_q"),
+        ({"F_x": "Fx"}, {"steady": {"F_x": 1.0}}, "steady: got entries for F_x"),
+        ({"F_x": "Fx"}, {"unloaded": (5.0, 6.0)}, "unloaded"),
+        ({}, {}, "forces"),
+    ],
+)
+def test_what_is_no_force_is_refused(asked, more, message):
+    with pytest.raises(InvalidInputError, match=message):
+        forces(asked, **more)
+    forces({"F_z": "Fz"}, units={"Fz": "mN"})

@@ -21,11 +21,14 @@ from robustpolish.signals.readers.mat import DamagedFileError, readable_variable
 from tests.signals.records import FORCE, MOTION, TIME, UNITS, check, uff_record
 
 
-@pytest.mark.parametrize("shape", [(-1, 1), (1, -1)])
-def test_mat(tmp_path, shape):
+@pytest.mark.parametrize(
+    ("shape", "options"), [((-1, 1), {}), ((1, -1), {}), ((-1, 1), {"format": "4"})]
+)
+def test_mat(tmp_path, shape, options):
     path = tmp_path / "data.mat"
     content = {"t": TIME, "F": FORCE / 1e3, "x": MOTION * 1e6}
-    scipy.io.savemat(path, {k: v.reshape(shape) for k, v in content.items()} | {"gain": 3.0})
+    content = {k: v.reshape(shape) for k, v in content.items()} | {"gain": 3.0}
+    scipy.io.savemat(path, content, **options)
     check(read_measurement(path, units=UNITS))
 
 
@@ -45,13 +48,6 @@ def test_mat_with_what_is_no_signal_and_compressed(tmp_path):
     }  # fmt: skip
     scipy.io.savemat(path, content, do_compression=True)
     check(read_measurement(path, units=UNITS, columns=["F", "x"]))
-
-
-def test_mat_of_version_4(tmp_path):
-    path = tmp_path / "data.mat"
-    content = {"t": TIME, "F": FORCE / 1e3, "x": MOTION * 1e6}
-    scipy.io.savemat(path, content, format="4")
-    check(read_measurement(path, units=UNITS))
 
 
 def test_mat_of_version_7_3(tmp_path):
@@ -219,16 +215,11 @@ def damaged(path, place, number):
     path.write_bytes(content)
 
 
-def test_good_ones_pass(heap_file):
-    path = heap_file
-    with path.open("rb") as file:
-        check_heaps(file)
-    assert list(rp.read_measurement(path, sampling_rate=1.0, columns=["x"])) == ["x"]
-
-
 @pytest.mark.parametrize("number", [10**6, 2**63, 2**64 - 1])
 @pytest.mark.parametrize("place", [8, 24])  # of the heap, of its first object
 def test_impossible_sizes_are_refused(heap_file, place, number):
+    with heap_file.open("rb") as file:
+        check_heaps(file)
     damaged(heap_file, place, number)
     with pytest.raises(rp.InvalidInputError, match="heap"):
         rp.read_measurement(heap_file)
@@ -304,17 +295,6 @@ def test_a_matrix_is_a_table_whose_columns_may_have_names():
     assert lying.units == {"x": "mm"}
 
 
-def test_one_of_several_matrices_has_to_be_chosen():
-    matrices = {"a": np.ones((4, 2)), "b": np.zeros((4, 2))}
-    assert sorted_out("b", **matrices).columns["b_1"].sum() == 0
-    with pytest.raises(InvalidInputError, match=r"a\.npz with the tables a, b"):
-        sorted_out(**matrices)
-    with pytest.raises(InvalidInputError, match="table: got 'c', expected a matrix or a group"):
-        sorted_out("c", **matrices)
-    with pytest.raises(InvalidInputError, match=r"which holds x \(3\)"):
-        sorted_out("c", x=np.arange(3.0))
-
-
 def test_a_group_is_a_table():
     arrays = {"a/t": np.arange(3.0), "a/x": np.ones(3), "b/t": np.arange(4.0), "fs": np.array(5.0)}
     table = table_of(arrays, "a", "f.h5")
@@ -366,10 +346,7 @@ def test_pandas_and_xarray():
     )
     check(read_measurement(stamped))
     data = xr.Dataset(
-        {
-            "F": ("time", FORCE / 1e3, {"units": "kN"}),
-            "x": ("time", MOTION * 1e6, {"units": "um"}),
-        },
+        {"F": ("time", FORCE / 1e3, {"units": "kN"}), "x": ("time", MOTION * 1e6, {"units": "um"})},
         {"time": ("time", TIME * 1e3, {"units": "ms"})},
     )
     check(read_measurement(data))

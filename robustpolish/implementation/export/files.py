@@ -13,7 +13,7 @@ import tempfile
 import textwrap
 import uuid
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -119,8 +119,8 @@ def target(path: str | os.PathLike[str], name: str, suffix: str) -> Path:
 # A controller as one C99 file without allocation, from a template; test vectors beside it.
 
 
-def rendered(template: str, **values: Any) -> str:
-    """Return a jinja2 template of the folder `templates`, filled in."""
+def rendered(template: str, spec: CodeSpec, name: str, **values: Any) -> str:
+    """Return a jinja2 template of the folder `templates`, filled in for a controller."""
     import jinja2  # needed by exports only
 
     environment = jinja2.Environment(
@@ -131,7 +131,9 @@ def rendered(template: str, **values: Any) -> str:
     )
     environment.filters.update(comment=_comment, numbers=_numbers, plain=_plain, quote=quoteattr)
     text = resources.files(__package__).joinpath("templates", template).read_text("utf-8")  # pyright: ignore[reportArgumentType]
-    return environment.from_string(text).render(values)
+    ny, nu = len(spec.measurements), len(spec.controls)
+    own = {"version": __version__, "ny": ny, "nu": nu, "period": repr(float(spec.period))}
+    return environment.from_string(text).render(spec=spec, name=name, **own, **values)
 
 
 def c_text(spec: CodeSpec, name: str, precision: str, facts: tuple[str, ...] = ()) -> str:
@@ -155,23 +157,17 @@ def c_text(spec: CodeSpec, name: str, precision: str, facts: tuple[str, ...] = (
     winds = bool(M["L"].any()) and spec.limits is not None
     wanted = ("A", "B", "C") * bool(n) + ("D",) + ("L",) * winds
     return rendered(
-        "controller.c.jinja",
-        spec=spec,
-        name=name,
-        version=__version__,
+        "controller.c.jinja", spec, name,
         real=precision,
         zero="0.0f" if precision == "float" else "0.0",
         n=n,
         stored=max(n, 1),  # C has no empty arrays
-        nu=len(spec.controls),
-        ny=len(spec.measurements),
-        period=repr(spec.period),
         late=f"{spec.delay:.6g} s later" if spec.delay else "at once",
         facts=(*spec.about, *facts),
         matrices={key: M[key] for key in wanted},
         limits=dict(zip(("low", "high"), spec.limits or (), strict=False)),
         winds=winds,
-    )
+    )  # fmt: skip
 
 
 def _comment(sentence: str) -> str:
@@ -202,6 +198,8 @@ def number(value: float, precision: str) -> str:
 
 SEED = 20_240_229
 """Of the random measurements, so that every export of a controller has the same ones."""
+
+_SIGN = "u[k] = +K y[k]"
 
 
 def write_c(
@@ -234,17 +232,16 @@ def write_c(
     pathlib.Path
         Of the C file.
     """
-    identifier(name)
+    place = target(path, identifier(name), ".c")
     one_of("precision", precision, ("double", "float"))
     if not is_whole(test_vectors) or test_vectors < 0:
         raise invalid("test_vectors", test_vectors, "a number of samples", "Pass 10000, or 0.")
-    place = target(path, name, ".c")
     write_file(place, c_text(spec, name, precision, _facts(spec, loss)), force)
     if test_vectors:
-        y, u = vectors(spec, test_vectors)
         with new_file(place.with_name(f"{place.stem}_vectors.csv"), force) as draft:
             head = ",".join((*spec.measurements, *spec.controls))
-            np.savetxt(draft, np.hstack([y, u]), delimiter=",", header=head, comments="")
+            samples = np.hstack(vectors(spec, test_vectors))
+            np.savetxt(draft, samples, delimiter=",", header=head, comments="")
     return place
 
 
@@ -289,21 +286,15 @@ def _texts(spec: CodeSpec, name: str) -> tuple[str, str]:
     core = c_text(spec, name, "double")
     signals = (*spec.measurements, *spec.controls)
     values = {
-        "spec": spec,
-        "name": name,
-        "version": __version__,
         # The same controller has the same identity, wherever and whenever it is exported.
         "guid": f"{{{uuid.uuid5(uuid.NAMESPACE_URL, core)}}}",
         "signals": signals,
         "units": sorted({spec.units[n] for n in signals if spec.units.get(n)}),
-        "ny": len(spec.measurements),
-        "nu": len(spec.controls),
-        "period": repr(float(spec.period)),
         "delay": repr(float(spec.delay)),
         "queue": math.floor(spec.delay / spec.period) + 3,
     }
-    description = rendered("modelDescription.xml.jinja", **values)
-    return description, core + rendered("fmu.c.jinja", **values)
+    description = rendered("modelDescription.xml.jinja", spec, name, **values)
+    return description, core + rendered("fmu.c.jinja", spec, name, **values)
 
 
 _FLAGS = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-fPIC", "-shared")
@@ -334,22 +325,21 @@ def write_fmu(
     SolverError
         If the compiler refuses the source, which a working one does not.
     """
-    identifier(name)
-    place = target(path, name, ".fmu")
+    place = target(path, identifier(name), ".fmu")
     description, source = _texts(spec, name)
     with new_file(place, force, (".fmu",)) as draft, zipfile.ZipFile(draft, "w") as archive:
-        _add(archive, "modelDescription.xml", description.encode())
-        _add(archive, f"sources/{name}.c", source.encode())
         folder, suffix = _platform()
-        _add(archive, f"binaries/{folder}/{name}.{suffix}", _compiled(source, name))
+        contents = {
+            "modelDescription.xml": description.encode(),
+            f"sources/{name}.c": source.encode(),
+            f"binaries/{folder}/{name}.{suffix}": _compiled(source, name),
+        }
+        for inside, content in contents.items():
+            # with a fixed date, so that the same controller gives the same bytes
+            entry = zipfile.ZipInfo(inside, (1980, 1, 1, 0, 0, 0))
+            entry.external_attr = 0o644 << 16
+            archive.writestr(entry, content, zipfile.ZIP_DEFLATED)
     return place
-
-
-def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
-    """Add a file with a fixed date, so that the same controller gives the same bytes."""
-    entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
-    entry.external_attr = 0o644 << 16
-    archive.writestr(entry, content, zipfile.ZIP_DEFLATED)
 
 
 def _platform() -> tuple[str, str]:
@@ -399,13 +389,12 @@ def write_json(
     -------
     pathlib.Path
     """
-    identifier(name)
-    place = target(path, name, ".json")
+    place = target(path, identifier(name), ".json")
     names = (*spec.measurements, *spec.controls)
     content = {
         "period": spec.period,
         "delay": spec.delay,
-        "sign": "u[k] = +K y[k]",
+        "sign": _SIGN,
         **spec.matrices,
         "measurements": list(spec.measurements),
         "controls": list(spec.controls),
@@ -434,8 +423,7 @@ def write_mat(
     -------
     pathlib.Path
     """
-    identifier(name)
-    place = target(path, name, ".mat")
+    place = target(path, identifier(name), ".mat")
     none = np.full(len(spec.controls), np.inf)
     low, high = spec.limits if spec.limits is not None else (-none, none)
     content = {
@@ -444,11 +432,11 @@ def write_mat(
         "delay": spec.delay,
         "InputName": _cells(spec.measurements),
         "OutputName": _cells(spec.controls),
-        "InputUnit": _cells(tuple(spec.units.get(n, "") for n in spec.measurements)),
-        "OutputUnit": _cells(tuple(spec.units.get(n, "") for n in spec.controls)),
+        "InputUnit": _cells([spec.units.get(n, "") for n in spec.measurements]),
+        "OutputUnit": _cells([spec.units.get(n, "") for n in spec.controls]),
         "low": low[:, None],
         "high": high[:, None],
-        "sign": "u[k] = +K y[k]",
+        "sign": _SIGN,
         "about": " ".join(spec.about),
         "use": "K = ss(A, B, C, D, Ts, 'InputName', InputName, 'OutputName', OutputName);",
     }
@@ -457,8 +445,6 @@ def write_mat(
     return place
 
 
-def _cells(names: tuple[str, ...]) -> np.ndarray:
+def _cells(names: Sequence[str]) -> np.ndarray:
     """Return texts as a column of MATLAB's cells."""
-    cells = np.empty((len(names), 1), dtype=object)
-    cells[:, 0] = names
-    return cells
+    return np.array([[name] for name in names], dtype=object)

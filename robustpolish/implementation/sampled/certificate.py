@@ -14,7 +14,7 @@ from scipy import linalg
 
 from robustpolish.base.arrays import AnyMatrix, Matrix, Vector
 from robustpolish.base.budget import single_threaded_blas
-from robustpolish.base.checks import described, invalid, positive, state_space
+from robustpolish.base.checks import invalid, is_whole, misfit, positive, state_space
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.implementation.sampled.induced_norm import (
     GainTest,
@@ -30,7 +30,7 @@ from robustpolish.implementation.sampled.lifting import (
     without_loop_delay,
 )
 from robustpolish.implementation.sampled.proof import average_power, prove_above, prove_below
-from robustpolish.plants.blocks import as_state_space
+from robustpolish.plants.blocks import as_state_space, matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import lag
 from robustpolish.plots.poles import plot_poles
@@ -67,22 +67,24 @@ def filter_system(anti_aliasing: AntiAliasing, measurements: int) -> control.Sta
     """
     if anti_aliasing is None:
         return None
-    if isinstance(anti_aliasing, control.TransferFunction):
-        anti_aliasing = as_state_space("anti_aliasing", anti_aliasing)
-    if isinstance(anti_aliasing, control.StateSpace):
-        return _repeated(_checked(anti_aliasing, measurements), measurements)
-    if isinstance(anti_aliasing, tuple | list):
-        if len(anti_aliasing) != 2:
-            raise invalid("anti_aliasing", anti_aliasing, "(order, corner in Hz)", _REMEDY)
-        order, corner = anti_aliasing
+    found: Any = anti_aliasing
+    if isinstance(found, control.TransferFunction):
+        found = as_state_space("anti_aliasing", found)
+    if isinstance(found, control.StateSpace):
+        _check(found, measurements)
     else:
-        order, corner = 2, anti_aliasing
-    if isinstance(corner, bool | str) or isinstance(order, bool):
-        raise invalid("anti_aliasing", anti_aliasing, "a filter or its corner in Hz", _REMEDY)
-    if not isinstance(order, int | np.integer) or not 1 <= order <= 8:
-        raise invalid("anti_aliasing", order, "a whole order from 1 to 8", _REMEDY)
-    corner = positive("anti_aliasing", corner, "Hz")
-    return _repeated(lag(corner, int(order), None, 0), measurements)
+        if isinstance(found, tuple | list) and len(found) != 2:
+            raise invalid("anti_aliasing", found, "(order, corner in Hz)", _REMEDY)
+        order, corner = found if isinstance(found, tuple | list) else (2, found)
+        if isinstance(corner, bool | str) or isinstance(order, bool):
+            raise invalid("anti_aliasing", found, "a filter or its corner in Hz", _REMEDY)
+        if not is_whole(order) or not 1 <= order <= 8:
+            raise invalid("anti_aliasing", order, "a whole order from 1 to 8", _REMEDY)
+        found = lag(positive("anti_aliasing", corner, "Hz"), int(order), None, 0)
+    if found.ninputs == measurements:
+        return found
+    each = [np.kron(np.eye(measurements), M) for M in matrices_of(found)]
+    return control.StateSpace(*each, 0, remove_useless_states=False)
 
 
 def with_filter(plant: GeneralizedPlant, found: control.StateSpace | None) -> GeneralizedPlant:
@@ -105,28 +107,18 @@ def with_filter(plant: GeneralizedPlant, found: control.StateSpace | None) -> Ge
     return plant.rewired(wiring.matrix_series(wiring.nz, found, "filter"))
 
 
-def _checked(found: control.StateSpace, measurements: int) -> control.StateSpace:
+def _check(found: control.StateSpace, measurements: int) -> None:
     state_space("anti_aliasing", found)
+    sizes = found.ninputs, found.noutputs
     if found.dt not in (0, None):
-        shown = described(f"a discrete system, dt = {found.dt}")
-        raise invalid("anti_aliasing", shown, "a continuous filter", _REMEDY)
-    if (found.ninputs, found.noutputs) not in ((1, 1), (measurements, measurements)):
-        shown = described(f"{found.ninputs} inputs and {found.noutputs} outputs")
-        raise invalid("anti_aliasing", shown, f"1 or {measurements} of each", _REMEDY)
-    if found.nstates and np.linalg.eigvals(found.A).real.max() >= 0:
-        raise invalid("anti_aliasing", described("an unstable filter"), "a stable one", _REMEDY)
-    return found
-
-
-def _repeated(found: control.StateSpace, measurements: int) -> control.StateSpace:
-    if found.ninputs == measurements:
-        return found
-    one = np.eye(measurements)
-    return control.StateSpace(
-        *(np.kron(one, np.asarray(M)) for M in (found.A, found.B, found.C, found.D)),
-        0,
-        remove_useless_states=False,
-    )
+        shown, want = f"a discrete system, dt = {found.dt}", "a continuous filter"
+    elif sizes not in ((1, 1), (measurements, measurements)):
+        shown, want = f"{sizes[0]} inputs and {sizes[1]} outputs", f"1 or {measurements} of each"
+    elif found.nstates and np.linalg.eigvals(found.A).real.max() >= 0:
+        shown, want = "an unstable filter", "a stable one"
+    else:
+        return
+    raise misfit("anti_aliasing", shown, want, _REMEDY)
 
 
 Norm = Literal["hinf", "h2"]
@@ -241,12 +233,8 @@ class SampledCertificate(Displayed):
             ("delay [s]", self.delay),
             ("largest pole", self.spectral_radius),
         )
-        verdict = "valid" if self.valid else "NOT valid"
-        return Card(
-            f"Certificate of the sampled loop: {verdict}",
-            (quantities(*rows),),
-            (*self.reasons, *self.notes),
-        )
+        title = f"Certificate of the sampled loop: {'valid' if self.valid else 'NOT valid'}"
+        return Card(title, (quantities(*rows),), (*self.reasons, *self.notes))
 
 
 @single_threaded_blas
@@ -265,41 +253,31 @@ def certificate_of(
         raise beyond_a_period(period)
     poles: Any = np.linalg.eigvals(transition).astype(complex)
     poles = poles[np.argsort(-np.abs(poles), kind="stable")]
-    notes = (*_delay_note(given, plant, own), *_noise_note(plant, found.noisy))
+    notes = [*_delay_notes(given, plant, own), *_noise_notes(plant, found.noisy)]
     size = float(np.abs(poles).max(initial=0.0))
-    reasons: list[str] = []
+    reason = "stability and norm could not be proven in ball arithmetic"
     lower, achieved, bound, storage, peak = 0.0, np.inf, np.inf, None, None
     if not size < 1:
         worst = poles[0] if poles.size else size
-        reasons.append(
-            f"the sampled loop is unstable: a pole of size {abs(worst):.6g} at {worst:.6g}"
-        )
+        reason = f"the sampled loop is unstable: a pole of size {abs(worst):.6g} at {worst:.6g}"
     elif norm == "h2":
-        power = average_power(loop)
-        if power is None:
-            reasons.append("stability and norm could not be proven in ball arithmetic")
-        else:
+        if power := average_power(loop):
             lower, bound = power
             achieved = bound
+    elif tests := bracket(loop, _first_guess(loop)):
+        failed, passed = tests
+        achieved = passed.gamma
+        if failed.gamma > 0:
+            peak, lower = peak_frequency(loop, achieved), _proven_gain(loop, failed)
+        bound, storage = prove_below(loop, achieved) or (np.inf, None)
     else:
-        tests = bracket(loop, _first_guess(loop))
-        if tests is None:
-            reasons.append("no finite gain was found")
-        else:
-            achieved = tests[1].gamma
-            peak = peak_frequency(loop, achieved) if tests[0].gamma > 0 else None
-            lower = _proven_gain(loop, tests[0]) if tests[0].gamma > 0 else 0.0
-            proven = prove_below(loop, achieved)
-            if proven is None:
-                reasons.append("stability and norm could not be proven in ball arithmetic")
-            else:
-                bound, storage = proven
+        reason = "no finite gain was found"
     if np.isfinite(bound) and lower > 0 and bound > _TIGHT * lower:
-        notes = (*notes, f"between {lower:.6g} and {bound:.6g} nothing was decided")
+        notes.append(f"between {lower:.6g} and {bound:.6g} nothing was decided")
     return SampledCertificate(
         norm=norm,
-        valid=not reasons,
-        reasons=tuple(reasons),
+        valid=bool(np.isfinite(bound)),
+        reasons=() if np.isfinite(bound) else (reason,),
         stable=bool(size < 1),
         achieved=float(achieved),
         lower=float(lower),
@@ -308,18 +286,17 @@ def certificate_of(
         poles=poles,
         period=period,
         delay=delay,
-        notes=notes,
+        notes=tuple(notes),
         storage=storage,
     )
 
 
 def _first_guess(loop: ScaledMap) -> float:
     """Return a gain of the right order, from the energies of a single period."""
-    sizes = [
+    guess = max(
         float(np.linalg.norm(p.C) * np.linalg.norm(p.B)) * p.length + float(np.linalg.norm(p.D))
         for p in loop.phases
-    ]
-    guess = max(sizes)
+    )
     return guess if guess > 0 and np.isfinite(guess) else 1.0
 
 
@@ -332,28 +309,26 @@ def _proven_gain(loop: ScaledMap, failed: GainTest) -> float:
     return 0.0
 
 
-def _delay_note(given: GeneralizedPlant, plant: GeneralizedPlant, own: float) -> tuple[str, ...]:
+def _delay_notes(given: GeneralizedPlant, plant: GeneralizedPlant, own: float) -> list[str]:
     """Say which delays of the plant, other than that of the computation, are models."""
     notes = []
     if own:
-        named = ", ".join(given.delays)
-        exact = f"the plant's own delays ({named}) are exact: {own:.6g} s round the loop"
-        notes.append(exact if not plant.delays else f"{exact}, the rest is not")
+        exact = f"the plant's own delays ({', '.join(given.delays)}) are exact: {own:.6g} s round"
+        notes.append(f"{exact} the loop{', the rest is not' if plant.delays else ''}")
     if plant.delays:
         left = ", ".join(f"{seconds:.6g} s at {name}" for name, seconds in plant.delays.items())
         notes.append(f"proven for Pade models of the plant's own delays ({left})")
-    return tuple(notes)
+    return notes
 
 
-def _noise_note(plant: GeneralizedPlant, noisy: tuple[int, ...]) -> tuple[str, ...]:
-    if not noisy:
-        return ()
+def _noise_notes(plant: GeneralizedPlant, noisy: tuple[int, ...]) -> list[str]:
     names = ", ".join(plant.measurement_names[i] for i in noisy)
-    return (
+    note = (
         f"What w adds directly to {names} enters as its average over the period before each "
         "sample (a discrete noise of the same density): sampled as it is, without a filter, its "
-        "gain would be infinite.",
+        "gain would be infinite."
     )
+    return [note] * bool(noisy)
 
 
 # The gain of a sampled loop for disturbances of one frequency at a time.
@@ -385,16 +360,11 @@ def sinusoid_gains(
     period = float(controller.dt)
     plant, own = without_loop_delay(plant)
     loop = scaled(period_map(plant, controller, period, delay + own))
-    half = 0.5 / period
     poles = np.abs(np.angle(np.linalg.eigvals(loop.transition()))) / (2 * np.pi * period)
-    grid = half * np.logspace(-_DECADES, 0, _POINTS)
+    grid = 0.5 / period * np.logspace(-_DECADES, 0, _POINTS)
     hertz = np.unique(np.concatenate([grid, poles[poles > grid[0]]]))
-    values = [_gain(loop, 2 * np.pi * f) for f in hertz]
-    return xr.DataArray(
-        np.array(values),
-        dims="frequency",
-        coords={"frequency": ("frequency", hertz, {"units": "Hz"})},
-    )
+    coords = {"frequency": ("frequency", hertz, {"units": "Hz"})}
+    return xr.DataArray([_gain(loop, 2 * np.pi * f) for f in hertz], coords, "frequency")
 
 
 def _gain(loop: ScaledMap, omega: float) -> float:
@@ -404,14 +374,12 @@ def _gain(loop: ScaledMap, omega: float) -> float:
     for phase in loop.phases:
         E = np.zeros((n + m, n + m), dtype=complex)
         E[:n, :n], E[:n, n:], E[n:, n:] = phase.A, phase.B, 1j * omega * np.eye(m)
-        out = np.hstack([phase.C, phase.D])
-        step, own = _flow(E, out, phase.length)
+        step, own = _flow(E, np.hstack([phase.C, phase.D]), phase.length)
         energy = energy + through.conj().T @ own @ through
         through = step @ through
-    turn = np.exp(1j * omega * loop.map.period)
-    L, N, M = loop.L, loop.N, loop.M
-    back = turn * np.eye(len(N)) - N - M @ through[:n, :n] @ L
-    start: AnyMatrix = np.vstack([L @ np.linalg.solve(back, M @ through[:n, n:]), np.eye(m)])
+    back = np.exp(1j * omega * loop.map.period) * np.eye(len(loop.N)) - loop.N
+    back = back - loop.M @ through[:n, :n] @ loop.L
+    start = np.vstack([loop.L @ np.linalg.solve(back, loop.M @ through[:n, n:]), np.eye(m)])
     power: Vector = np.linalg.eigvalsh(start.conj().T @ energy @ start) / loop.map.period
     return float(np.sqrt(max(power[-1], 0.0)))
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -74,8 +74,7 @@ def _clash(G: Matrix, Q: Matrix) -> Matrix | None:
         return None
     if not (np.isfinite(G).all() and np.isfinite(Q).all()):
         return np.zeros(G.shape[0])
-    values, vectors = np.linalg.eigh(G)
-    root = vectors * np.sqrt(np.maximum(values, 0))
+    root = square_root(G)
     gains, modes = np.linalg.eigh(root.T @ Q @ root)
     return Q @ root @ modes[:, -1] if gains[-1] >= 1 else None
 
@@ -85,13 +84,12 @@ def hamiltonian(phase: Phase, gamma: float) -> Matrix | None:
     A, B, C, D = phase.A, phase.B / math.sqrt(gamma), phase.C / math.sqrt(gamma), phase.D / gamma
     if D.size and np.linalg.norm(D, 2) >= 1:
         return None
+    G, Q = B @ B.T, C.T @ C
     if D.any():
         into = np.linalg.solve(np.eye(D.shape[1]) - D.T @ D, np.hstack([B.T, D.T @ C]))
         n = A.shape[0]
         G, A = B @ into[:, :n], A + B @ into[:, n:]
         Q = C.T @ np.linalg.solve(np.eye(D.shape[0]) - D @ D.T, C)
-    else:
-        G, Q = B @ B.T, C.T @ C
     return np.block([[A, G], [-Q, -A.T]])
 
 
@@ -119,11 +117,7 @@ def phase_section(phase: Phase, gamma: float) -> EnergySection | GainReached:
         # A = I + E; keeping E saves what would be lost in a sum with the identity.
         W = np.linalg.inv(eye - G @ Q)
         A = eye + E
-        Q, G, E = (
-            Q + A.T @ Q @ W @ A,
-            G + A @ W @ G @ A.T,
-            2 * E + E @ E + A @ (G @ Q @ W) @ A,
-        )
+        Q, G, E = (Q + A.T @ Q @ W @ A, G + A @ W @ G @ A.T, 2 * E + E @ E + A @ (G @ Q @ W) @ A)
         Q, G = (Q + Q.T) / 2, (G + G.T) / 2
     return EnergySection(eye + E, G, Q)
 
@@ -183,21 +177,16 @@ def period_section(loop: ScaledMap, gamma: float) -> EnergySection | GainTest:
     -------
     Section or GainTest
     """
-    flow: EnergySection | None = None
+    flow: Any = None
     for i, phase in enumerate(loop.phases):
         found = phase_section(phase, gamma)
         if isinstance(found, GainReached):
             return GainTest(gamma, False, None, i, found.stage, found.costate)
-        both = found if flow is None else joined(flow, found)
-        if not isinstance(both, EnergySection):
-            return GainTest(gamma, False, None, len(loop.phases), 0, both)
-        flow = both
-    assert flow is not None
-    return EnergySection(
-        loop.N + loop.M @ flow.A @ loop.L,
-        loop.M @ flow.G @ loop.M.T,
-        loop.L.T @ flow.Q @ loop.L,
-    )
+        flow = found if flow is None else joined(flow, found)
+        if not isinstance(flow, EnergySection):
+            return GainTest(gamma, False, None, len(loop.phases), 0, flow)
+    onward = loop.N + loop.M @ flow.A @ loop.L
+    return EnergySection(onward, loop.M @ flow.G @ loop.M.T, loop.L.T @ flow.Q @ loop.L)
 
 
 def check_gain(loop: ScaledMap, gamma: float, margin: float = 0.0) -> GainTest:
@@ -256,8 +245,7 @@ def bracket(
     low, high = GainTest(0.0, False), check_gain(loop, start)
     factor = 2.0
     while not high.below:
-        low = high
-        factor **= 2
+        low, factor = high, factor**2
         if low.gamma * factor > start * 1e30:
             return None
         high = check_gain(loop, low.gamma * factor)
@@ -265,12 +253,9 @@ def bracket(
     while low.gamma == 0.0:
         factor **= 2
         test = check_gain(loop, max(high.gamma / factor, start * _NOTHING))
-        if not test.below:
-            low = test
-        elif test.gamma <= start * _NOTHING:
+        if test.below and test.gamma <= start * _NOTHING:
             return low, test
-        else:
-            high = test
+        low, high = (low, test) if test.below else (test, high)
     while high.gamma > low.gamma * (1 + tolerance):
         middle = check_gain(loop, math.sqrt(low.gamma * high.gamma))
         low, high = (low, middle) if middle.below else (middle, high)
@@ -300,28 +285,24 @@ def peak_frequency(loop: ScaledMap, gamma: float) -> float | None:
     section = period_section(loop, gamma)
     if not isinstance(section, EnergySection):
         return None
-    poles = np.linalg.eigvals(section.A)
-    angles = np.concatenate(
-        [np.logspace(-6, 0, _GRID) * np.pi, np.linspace(0, np.pi, _GRID), np.abs(np.angle(poles))]
-    )
-    angles = np.unique(angles)
-    values = _gains(section, angles)
+    poles = np.abs(np.angle(np.linalg.eigvals(section.A)))
+    grids = np.logspace(-6, 0, _GRID) * np.pi, np.linspace(0, np.pi, _GRID), poles
+    angles = np.unique(np.concatenate(grids))
     for _ in range(_REFINED):
-        best = int(np.argmax(values))
+        best = int(np.argmax(_gains(section, angles)))
         low, high = angles[max(best - 1, 0)], angles[min(best + 1, angles.size - 1)]
         angles = np.linspace(low, high, 41)
-        values = _gains(section, angles)
-    return float(angles[int(np.argmax(values))]) / loop.map.period
+    return float(angles[int(np.argmax(_gains(section, angles)))]) / loop.map.period
 
 
 def _gains(section: EnergySection, angles: np.ndarray) -> np.ndarray:
-    reach, see = _root(section.G), _root(section.Q).T
-    eye = np.eye(len(section.A))
-    shifted = np.exp(1j * angles)[:, None, None] * eye - section.A
+    reach, see = square_root(section.G), square_root(section.Q).T
+    shifted = np.exp(1j * angles)[:, None, None] * np.eye(len(section.A)) - section.A
     states = np.linalg.solve(shifted, np.broadcast_to(reach, (angles.size, *reach.shape)))
     return np.linalg.svd(see @ states, compute_uv=False)[:, 0]
 
 
-def _root(M: np.ndarray) -> np.ndarray:
-    values, vectors = np.linalg.eigh(M)
-    return vectors * np.sqrt(np.maximum(values, 0))
+def square_root(M: Matrix, floor: float = 0.0) -> Matrix:
+    """Return R with R R' = M, symmetric, eigenvalues raised to a share of the largest."""
+    values, vectors = np.linalg.eigh((M + M.T) / 2)
+    return vectors * np.sqrt(np.maximum(values, floor * values[-1:]))

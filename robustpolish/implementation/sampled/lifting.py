@@ -12,9 +12,8 @@ import numpy as np
 from scipy import linalg
 
 from robustpolish.base.arrays import Matrix, Vector
-from robustpolish.base.checks import described, invalid
+from robustpolish.base.checks import misfit
 from robustpolish.errors import InvalidInputError
-from robustpolish.linear.delayed_systems import DelayLine
 from robustpolish.plants.blocks import matrices_of, named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wiring import Wiring
@@ -49,7 +48,8 @@ def without_loop_delay(plant: GeneralizedPlant) -> tuple[GeneralizedPlant, float
     """
     wiring, total = plant.wiring, 0.0
     for side in ("control", "measurement"):
-        chains = [_chain(wiring, side, i) for i in range(_count(wiring, side))]
+        count = wiring.nu if side == "control" else wiring.ny
+        chains = [_chain(wiring, side, i) for i in range(count)]
         delays = [sum(wiring.lines[i].seconds for i in chain) for chain in chains]
         common = min(delays, default=0.0)
         if common <= 0:
@@ -57,26 +57,19 @@ def without_loop_delay(plant: GeneralizedPlant) -> tuple[GeneralizedPlant, float
         last = {chain[-1]: delay for chain, delay in zip(chains, delays, strict=True)}
         # Of each chain that is longer than the others one line stays, with what it has more.
         kept = {i: delay - common for i, delay in last.items() if delay - common > _SAME * common}
-        for i, rest in kept.items():
-            wiring = replace(wiring, lines=_with(wiring.lines, i, rest))
-        shut = sorted({i for chain in chains for i in chain} - kept.keys(), reverse=True)
-        for i in shut:
+        lines = tuple(
+            replace(line, seconds=kept.get(i, line.seconds)) for i, line in enumerate(wiring.lines)
+        )
+        wiring = replace(wiring, lines=lines)
+        for i in sorted({i for chain in chains for i in chain} - kept.keys(), reverse=True):
             wiring = _without_line_delay(wiring, i)
         total += common
     if not total:
         return plant, 0.0
-    delays_left: dict[str, float] = {}
+    left: dict[str, float] = {}
     for line in wiring.lines:
-        delays_left[line.name] = delays_left.get(line.name, 0.0) + line.seconds
-    return plant.rewired(wiring, delays=delays_left), total
-
-
-def _count(wiring: Wiring, side: str) -> int:
-    return wiring.nu if side == "control" else wiring.ny
-
-
-def _with(lines: tuple[DelayLine, ...], at: int, seconds: float) -> tuple[DelayLine, ...]:
-    return (*lines[:at], replace(lines[at], seconds=seconds), *lines[at + 1 :])
+        left[line.name] = left.get(line.name, 0.0) + line.seconds
+    return plant.rewired(wiring, delays=left), total
 
 
 def _chain(wiring: Wiring, side: str, signal: int) -> list[int]:
@@ -98,19 +91,17 @@ def _chain(wiring: Wiring, side: str, signal: int) -> list[int]:
 
 def _only_line(B: Matrix, C: Matrix, D: Matrix, at: int, w: int, z: int, k: int) -> int | None:
     """Return the line that an input enters alone; None if it goes anywhere else."""
-    enters = [int(i) for i in np.flatnonzero(D[:, at]) if z <= i < z + k]
+    rows = np.flatnonzero(D[:, at])
+    enters = [int(i) for i in rows if z <= i < z + k]
     if B[:, at].any() or len(enters) != 1 or D[enters[0], at] != 1.0:
         return None
     port = enters[0]
     if C[port].any() or np.flatnonzero(D[port]).tolist() != [at]:
         return None
-    for row in np.flatnonzero(D[:, at]):
-        # An output beside it may show signals of the outside, and no others.
-        if row == port:
-            continue
-        others = np.flatnonzero(D[row])
-        if row >= z or C[row].any() or (others < w + k).any():
-            return None
+    # An output beside it may show signals of the outside, and no others.
+    beside = rows[rows != port]
+    if (beside >= z).any() or C[beside].any() or D[beside, : w + k].any():
+        return None
     return port - z
 
 
@@ -122,13 +113,10 @@ def _without_line_delay(wiring: Wiring, line: int) -> Wiring:
     enter, out = B[:, [i]], D[:, [i]]
     A, B = A + enter @ C[[o]], B + enter @ D[[o]]
     C, D = C + out @ C[[o]], D + out @ D[[o]]
-    system = named_system(
-        (A, np.delete(B, i, 1), np.delete(C, o, 0), np.delete(np.delete(D, i, 1), o, 0)),
-        wiring.dt,
-        np.delete(np.array(wiring.system.input_labels, dtype=object), i).tolist(),
-        np.delete(np.array(wiring.system.output_labels, dtype=object), o).tolist(),
-        wiring.states,
-    )
+    matrices = A, np.delete(B, i, 1), np.delete(C, o, 0), np.delete(np.delete(D, i, 1), o, 0)
+    inputs, outputs = list(wiring.system.input_labels), list(wiring.system.output_labels)
+    del inputs[i], outputs[o]
+    system = named_system(matrices, wiring.dt, inputs, outputs, wiring.states)
     lines = (*wiring.lines[:line], *wiring.lines[line + 1 :])
     return Wiring(system, wiring.measurements, wiring.controls, lines)
 
@@ -178,6 +166,14 @@ class Phase(NamedTuple):
     D: Matrix
 
 
+def _through(phases: tuple[Phase, ...]) -> Matrix:
+    """Return the transition matrix of phases one after the other."""
+    through = np.eye(len(phases[0].A))
+    for phase in phases:
+        through = np.asarray(linalg.expm(phase.A * phase.length)) @ through
+    return through
+
+
 @dataclass(frozen=True, eq=False)
 class PeriodMap:
     """What a sampled loop does in one period; every entry is one of plant or controller.
@@ -224,15 +220,16 @@ class PeriodMap:
         kept = matrix(self.N0) + times(matrix(self.Nu), u)
         return start, kept + times(matrix(self.Ny), matrix(self.Y))
 
+    def transition(self) -> Matrix:
+        """Return the matrix from zeta(0) to zeta(h) without disturbance."""
+        return _through(self.phases)
+
 
 def beyond_a_period(period: float) -> InvalidInputError:
     """Build the error about states that grow beyond doubles in a period; the caller raises it."""
-    return invalid(
-        "period",
-        described(f"{period:.6g} s, in which states grow beyond 1e308"),
-        "a period that suits the poles of the plant",
-        "Take a shorter one, and check the unit of time of the plant.",
-    )
+    shown, want = f"{period:.6g} s, in which states grow beyond 1e308", "that suits the poles"
+    remedy = "Take a shorter one, and check the unit of time of the plant."
+    return misfit("period", shown, f"a period {want} of the plant", remedy)
 
 
 def split_delay(period: float, delay: float) -> tuple[int, float]:
@@ -352,10 +349,7 @@ class ScaledMap:
 
     def transition(self) -> Matrix:
         """Return the matrix from s[k] to s[k+1] without disturbance."""
-        through = np.eye(self.flow.size)
-        for phase in self.phases:
-            through = linalg.expm(phase.A * phase.length) @ through
-        return self.N + self.M @ through @ self.L
+        return self.N + self.M @ _through(self.phases) @ self.L
 
 
 def scaled(found: PeriodMap) -> ScaledMap:
@@ -369,31 +363,23 @@ def scaled(found: PeriodMap) -> ScaledMap:
     -------
     ScaledMap
     """
-    h = found.period
-    parts = [np.zeros_like(found.phases[0].A), 0.0, 0.0]
-    for phase in found.phases:
-        parts[0] = np.maximum(parts[0], np.abs(phase.A) * h)
-        parts[1] = np.maximum(parts[1], np.linalg.norm(phase.B, axis=1) * np.sqrt(h))
-        parts[2] = np.maximum(parts[2], np.linalg.norm(phase.C, axis=0) * np.sqrt(h))
-    flow = border_scale(*parts)
+    h, phases = found.period, found.phases
+    flow = border_scale(
+        np.max([np.abs(p.A) * h for p in phases], axis=0),
+        np.max([np.linalg.norm(p.B, axis=1) * np.sqrt(h) for p in phases], axis=0),
+        np.max([np.linalg.norm(p.C, axis=0) * np.sqrt(h) for p in phases], axis=0),
+    )
     phases = tuple(
         Phase(p.length, p.A * flow / flow[:, None], p.B / flow[:, None], p.C * flow, p.D)
-        for p in found.phases
+        for p in phases
     )
     L, N = found.connected()
     L, M = L / flow[:, None], found.M * flow
     # What a state at a sample means: how it starts the flow, and how the flow and it come back.
     back = np.abs(N) + np.abs(M) @ np.abs(L)
     sample = border_scale(back, np.abs(M).max(axis=1), np.abs(L).max(axis=0))
-    return ScaledMap(
-        found,
-        flow,
-        sample,
-        phases,
-        L * sample,
-        N * sample / sample[:, None],
-        M / sample[:, None],
-    )
+    rows = sample[:, None]
+    return ScaledMap(found, flow, sample, phases, L * sample, N * sample / rows, M / rows)
 
 
 def border_scale(A: Matrix, reach: Vector, seen: Vector) -> Vector:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Any, NamedTuple
 
@@ -39,11 +40,9 @@ class BallSection(NamedTuple):
 
 def bits_needed(loop: ScaledMap, gamma: float) -> int:
     """Return the precision for a period: each doubling of a short step costs a bit or two."""
-    most = 0
-    for phase in loop.phases:
-        H = double_hamiltonian(phase, gamma)
-        most = max(most, 0 if H is None else halvings(H, phase.length))
-    return _SPARE_BITS + 3 * most
+    tested = ((double_hamiltonian(phase, gamma), phase.length) for phase in loop.phases)
+    counts = [halvings(H, length) for H, length in tested if H is not None]
+    return _SPARE_BITS + 3 * max(counts, default=0)
 
 
 def joined_balls(first: BallSection, second: BallSection) -> BallSection:
@@ -131,16 +130,12 @@ def _diagonal(*scales: Vector) -> tuple[Ball, ...]:
 
 def period_balls(loop: ScaledMap, gamma: float) -> tuple[BallSection, bool]:
     """Enclose a whole period, in the loop's scaled states at the samples."""
-    found: BallSection | None = None
+    found: Any = None
     sound = True
     for phase in loop.map.phases:
         own, safe = phase_balls(phase, loop.flow, gamma)
-        sound = sound and safe
-        if found is not None:
-            sound = sound and prove_joined_gain(found, own)
-            own = joined_balls(found, own)
-        found = own
-    assert found is not None
+        sound = sound and safe and (found is None or prove_joined_gain(found, own))
+        found = own if found is None else joined_balls(found, own)
     return at_samples(loop, *found), sound
 
 
@@ -197,11 +192,8 @@ def average_power(loop: ScaledMap) -> tuple[float, float] | None:
     h = loop.map.period
     times = [_halvings(loop, phase) for phase in loop.map.phases]
     with balls.precision(_POWER_SPARE_BITS + 3 * max(times)):
-        flow: PowerSection | None = None
-        for phase, halved in zip(loop.map.phases, times, strict=True):
-            own = _phase(loop, phase, halved)
-            flow = own if flow is None else _joined(flow, own)
-        assert flow is not None
+        parts = (_phase(loop, *each) for each in zip(loop.map.phases, times, strict=True))
+        flow = functools.reduce(_joined, parts)
         A, W, Q = at_samples(loop, flow.A, flow.W, flow.Q)
         upper = _covariance_above(A, W)
         if upper is None:
@@ -264,19 +256,15 @@ def _joined(first: PowerSection, second: PowerSection) -> PowerSection:
 def _covariance_above(A: Ball, W: Ball) -> Ball | None:
     """Return an S with S > A S A' + W, which proves stability and bounds the covariance."""
     step, source = balls.midpoint(A), balls.midpoint(W)
-    n = len(step)
     if np.abs(np.linalg.eigvals(step)).max(initial=0.0) >= 1:
         return None
     size = max(float(np.linalg.norm(source, 2)), 1e-300)
     for margin in _POWER_MARGINS:
-        S = np.asarray(
-            linalg.solve_discrete_lyapunov(step, source + margin * size * np.eye(n)), dtype=float
-        )
+        S: Any = linalg.solve_discrete_lyapunov(step, source + margin * size * np.eye(len(step)))
         if not np.isfinite(S).all():
             return None
         ball = balls.symmetric(balls.ball(S))
-        rest = balls.symmetric(ball - A * ball * A.transpose() - W)
-        if is_definite(rest) and is_definite(ball):
+        if is_definite(balls.symmetric(ball - A * ball * A.transpose() - W)) and is_definite(ball):
             return ball
     return None
 
@@ -323,13 +311,9 @@ def prove_below(loop: ScaledMap, gamma: float) -> tuple[float, Matrix] | None:
         try:
             with balls.precision(bits_needed(loop, bound)):
                 section, sound = period_balls(loop, bound)
-                if not sound:
-                    continue
-                for margin in _MARGINS:
-                    test = check_gain(loop, bound, margin)
-                    if test.storage is None:
-                        continue
-                    proven = _dissipating(section, test.storage, margin)
+                for margin in _MARGINS if sound else ():
+                    storage = check_gain(loop, bound, margin).storage
+                    proven = None if storage is None else _dissipating(section, storage, margin)
                     if proven is not None:
                         return bound, proven
         except ZeroDivisionError:
@@ -397,16 +381,17 @@ def prove_above(loop: ScaledMap, test: GainTest) -> bool:
         False where the balls leave it open.
     """
     if test.stage < 0 and test.phase >= 0:
-        return all(_direct(loop, test.gamma))
+        # D alone reaches gamma in each phase, for inputs that change quickly enough.
+        gains = [np.linalg.norm(p.D, 2) if p.D.size else 0.0 for p in loop.phases]
+        return all(gain * (1 - 1e-13) >= test.gamma for gain in gains)
     if test.costate is None or not test.costate.any():
         return False
-    return any(_witnessed(loop, test, bits) for bits in _BITS_PER_STAGE)
+    return any(_witnessed(loop, test, test.costate, bits) for bits in _BITS_PER_STAGE)
 
 
-def _witnessed(loop: ScaledMap, test: GainTest, bits_per_stage: int) -> bool:
+def _witnessed(loop: ScaledMap, test: GainTest, costate: Matrix, bits_per_stage: int) -> bool:
     """Compare cost and energy of the input that a costate names."""
     bits = bits_needed(loop, test.gamma) + bits_per_stage * max(0, test.stage)
-    costate = np.zeros(0) if test.costate is None else test.costate
     try:
         with balls.precision(bits):
             first, second = _pair(loop, test)
@@ -418,12 +403,6 @@ def _witnessed(loop: ScaledMap, test: GainTest, bits_per_stage: int) -> bool:
         return False
 
 
-def _direct(loop: ScaledMap, gamma: float) -> list[bool]:
-    """Tell of each phase whether D alone reaches gamma, for inputs that change quickly enough."""
-    gains = [np.linalg.norm(p.D, 2) if p.D.size else 0.0 for p in loop.phases]
-    return [bool(gain * (1 - 1e-13) >= gamma) for gain in gains]
-
-
 def _pair(loop: ScaledMap, test: GainTest) -> tuple[BallSection, BallSection]:
     """Return the two stretches between which the gain is reached."""
     phases = loop.map.phases
@@ -433,8 +412,7 @@ def _pair(loop: ScaledMap, test: GainTest) -> tuple[BallSection, BallSection]:
     parts = [phase_balls(phase, loop.flow, test.gamma)[0] for phase in phases]
     if test.phase == len(phases):
         return parts[0], parts[1]
-    whole = parts[0] if len(parts) == 1 else joined_balls(parts[0], parts[1])
-    section = at_samples(loop, *whole)
+    section = at_samples(loop, *functools.reduce(joined_balls, parts))
     for _ in range(test.stage):
         section = joined_balls(section, section)
     return section, section

@@ -11,7 +11,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import scipy.io.wavfile
 
-from robustpolish.base.checks import described, invalid
+from robustpolish.base.checks import invalid, misfit
 from robustpolish.base.input_files import FileSpec, members, open_checked
 from robustpolish.signals.headers import split_header
 from robustpolish.signals.raw import RECORD, RawTable, library_errors
@@ -53,40 +53,42 @@ def table_of(arrays: dict[str, Any], chosen: str | None, source: str) -> RawTabl
     InvalidInputError
         If there is no such matrix or group, or one has to be chosen; with what the file holds.
     """
-    matrices = {}
-    for name, values in arrays.items():
-        array = np.asarray(values)
-        if array.dtype.kind in "fiub" and array.ndim == 2 and min(array.shape) > 1:
-            matrices[name] = array
+    arrays = {name: np.asarray(values) for name, values in arrays.items()}
+    matrices = {
+        name: array
+        for name, array in arrays.items()
+        if array.dtype.kind in "fiub" and array.ndim == 2 and min(array.shape) > 1
+    }
     if chosen is not None and chosen not in matrices:
         group = chosen.rstrip("/") + "/"
         inside = {name[len(group) :]: a for name, a in arrays.items() if name.startswith(group)}
         if inside:
-            rates = {name: a for name, a in arrays.items() if "/" not in name and np.size(a) == 1}
-            inside = {**rates, **inside}
-            return table_of(inside, None, f"{source}, {chosen}")
+            rates = {name: a for name, a in arrays.items() if "/" not in name and a.size == 1}
+            return table_of({**rates, **inside}, None, f"{source}, {chosen}")
         expected = f"a matrix or a group of the file, which holds {_contents(arrays)}"
         raise invalid("table", chosen, expected, "Check its name.")
-    if chosen is None and len(matrices) == 1 and not _vectors(arrays, matrices):
-        chosen = next(iter(matrices))
+    vectors = {name: real_vector(values) for name, values in arrays.items()}
+    found = {name: vector for name, vector in vectors.items() if vector is not None}
+    if chosen is None and len(matrices) == 1 and not found:
+        (chosen,) = matrices
     table = RawTable(sampling_rate=_rate(arrays))
     if chosen is not None:
-        _add_matrix(table, chosen, matrices[chosen], arrays)
+        matrix = matrices[chosen]
+        matrix = matrix.T if matrix.shape[0] < matrix.shape[1] else matrix
+        names = [f"{chosen}_{i}" for i in range(1, matrix.shape[1] + 1)]
+        for array in arrays.values():
+            if array.dtype.kind in "US" and array.size == len(names):
+                names = [str(item).strip() for item in array.reshape(-1)]
+        for name, column in zip(names, matrix.T, strict=True):
+            table.add(name, column)
         return table
-    for name, vector in _vectors(arrays, matrices).items():
+    for name, vector in found.items():
         table.add(name, vector)
     if not table.columns and matrices:
-        raise invalid(
-            "measurement",
-            described(f"{source} with the tables {', '.join(matrices)}"),
-            f"one table to be chosen; the file holds {_contents(arrays)}",
-            "Pass table=NAME.",
-        )
-    left = [
-        name
-        for name, values in arrays.items()
-        if split_header(name)[0] not in table.columns and np.size(values) > 1
-    ]
+        shown = f"{source} with the tables {', '.join(matrices)}"
+        want = f"one table to be chosen; the file holds {_contents(arrays)}"
+        raise misfit("measurement", shown, want, "Pass table=NAME.")
+    left = [n for n, a in arrays.items() if split_header(n)[0] not in table.columns and a.size > 1]
     if left:
         table.notes.append(f"left out, as they are no signals: {', '.join(sorted(left))}")
     return table
@@ -95,42 +97,22 @@ def table_of(arrays: dict[str, Any], chosen: str | None, source: str) -> RawTabl
 def _contents(arrays: dict[str, Any]) -> str:
     """List what a file holds, with the shapes."""
     shown = [
-        f"{name} ({' x '.join(map(str, np.shape(values))) or 'one number'})"
+        f"{name} ({' x '.join(map(str, values.shape)) or 'one number'})"
         for name, values in list(arrays.items())[:_SHOWN]
     ]
     more = f" and {len(arrays) - _SHOWN} more" if len(arrays) > _SHOWN else ""
     return (", ".join(shown) or "nothing") + more
 
 
-def _vectors(arrays: dict[str, Any], matrices: dict[str, Any]) -> dict[str, np.ndarray]:
-    found = {name: real_vector(values) for name, values in arrays.items() if name not in matrices}
-    return {name: vector for name, vector in found.items() if vector is not None}
-
-
 def _rate(arrays: dict[str, Any]) -> float | None:
     """Find the sampling rate in a lone number called fs or dt, as files without time often hold."""
-    for name, values in arrays.items():
-        array = np.asarray(values)
-        if array.size == 1 and array.dtype.kind in "fiu" and float(array.reshape(-1)[0]) > 0:
-            number = float(array.reshape(-1)[0])
+    for name, array in arrays.items():
+        if array.size == 1 and array.dtype.kind in "fiu" and (number := float(array.item())) > 0:
             if name.casefold() in ("fs", "sampling_rate", "sample_rate", "samplerate"):
                 return number
             if name.casefold() in ("dt", "ts", "sampling_time"):
                 return 1 / number
     return None
-
-
-def _add_matrix(table: RawTable, name: str, matrix: np.ndarray, arrays: dict[str, Any]) -> None:
-    if matrix.shape[0] < matrix.shape[1]:
-        matrix = matrix.T
-    width = matrix.shape[1]
-    names = [f"{name}_{i + 1}" for i in range(width)]
-    for values in arrays.values():
-        array = np.asarray(values)
-        if array.dtype.kind in "US" and array.size == width:
-            names = [str(item).strip() for item in array.reshape(-1)]
-    for i, column in enumerate(names):
-        table.add(column, matrix[:, i])
 
 
 # NumPy archives.
@@ -150,15 +132,12 @@ def read_npz(path: Path, table: str | None = None, wanted: FileSpec = RECORD) ->
 
 def _check_head(file: BinaryIO, member: zipfile.ZipInfo) -> None:
     """Refuse an array that says it is larger than its part of the archive: it would be reserved."""
+    header = np.lib.format
     with zipfile.ZipFile(file) as archive, archive.open(member) as part:
-        if part.read(6) != np.lib.format.MAGIC_PREFIX:
+        if part.read(6) != header.MAGIC_PREFIX:
             return  # NumPy gives it as bytes
-        version = tuple(part.read(2))
-        read = (
-            np.lib.format.read_array_header_1_0
-            if version == (1, 0)
-            else np.lib.format.read_array_header_2_0
-        )
+        first = tuple(part.read(2)) == (1, 0)
+        read = header.read_array_header_1_0 if first else header.read_array_header_2_0
         shape, _, dtype = read(part)
     if math.prod(shape) * dtype.itemsize > member.file_size or min(shape, default=0) < 0:
         raise ValueError(f"{member.filename} is shorter than it says")
@@ -166,11 +145,7 @@ def _check_head(file: BinaryIO, member: zipfile.ZipInfo) -> None:
 
 def read_wav(path: Path, wanted: FileSpec = RECORD) -> RawTable:
     """Read the channels ``channel_1``, ``channel_2``, ...; integers become shares of full scale."""
-    with (
-        open_checked(path, wanted) as file,
-        warnings.catch_warnings(),
-        library_errors(path, "WAV"),
-    ):
+    with open_checked(path, wanted) as file, warnings.catch_warnings(), library_errors(path, "WAV"):
         # SciPy warns of chunks that it skips; they hold remarks, no samples.
         warnings.simplefilter("ignore", scipy.io.wavfile.WavFileWarning)
         rate, samples = scipy.io.wavfile.read(file)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import operator
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from robustpolish.base.checks import described, invalid
+from robustpolish.base.checks import invalid, misfit
 from robustpolish.base.input_files import FileSpec, content, open_checked
 from robustpolish.signals.headers import line_of_units
 from robustpolish.signals.raw import RECORD, RawTable
@@ -97,24 +99,22 @@ def find_layout(path: Path, lines: Sequence[Line]) -> Layout:
         begin = next(below, row)
         return Layout(delimiter, tuple(above), tuple(units), begin, _rate_above(lines[:top]))
     number, line = lines[row]
-    raise invalid(
-        "measurement",
-        described(f"{path}, line {number}, with numbers only: {line[:30]}"),
-        f"a header above it with {len(first)} names, such as 'time [s],x [mm]'",
-        "Add a line with the names and units of the columns.",
-    )
+    shown = f"{path}, line {number}, with numbers only: {line[:30]}"
+    want = f"a header above it with {len(first)} names, such as 'time [s],x [mm]'"
+    remedy = "Add a line with the names and units of the columns."
+    raise misfit("measurement", shown, want, remedy)
 
 
 def split(line: str, delimiter: str) -> list[str]:
     """Return the cells of a line, without the blanks around them."""
     if delimiter == " ":
         return line.split()
-    if '"' not in line:
-        return [cell.strip() for cell in line.split(delimiter)]
-    try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter), [])]
-    except csv.Error:  # such as a cell of more than 100 000 characters
-        return [cell.strip() for cell in line.split(delimiter)]
+    cells = line.split(delimiter)
+    if '"' in line:
+        # a cell of more than 100 000 characters, for example, is none for the reader
+        with contextlib.suppress(csv.Error):
+            cells = next(csv.reader([line], delimiter=delimiter), [])
+    return [cell.strip() for cell in cells]
 
 
 def is_empty(cell: str) -> bool:
@@ -124,14 +124,10 @@ def is_empty(cell: str) -> bool:
 
 def as_number(cell: str) -> float | None:
     """Return the number in a cell, with a decimal point or comma; None if there is none."""
-    try:
-        return float(cell)
-    except ValueError:
-        pass
-    try:
-        return float(cell.replace(",", ".")) if cell.count(",") == 1 else None
-    except ValueError:
-        return None
+    for text in (cell, cell.replace(",", ".") if cell.count(",") == 1 else ""):
+        with contextlib.suppress(ValueError):
+            return float(text)
+    return None
 
 
 def header_cells(
@@ -164,20 +160,16 @@ def header_cells(
 
 def _first_row(path: Path, lines: Sequence[Line]) -> tuple[int, str]:
     """Return where the rows begin, and their delimiter."""
-    for i in range(len(lines)):
-        delimiter = _row_delimiter(lines[i][1])
+    for i, (_, line) in enumerate(lines):
+        delimiter = _row_delimiter(line)
         if delimiter is None:
             continue
-        width = len(split(lines[i][1], delimiter))
+        width = len(split(line, delimiter))
         below = lines[i + 1 : i + _LOOKED_AT]
-        if all(_is_row(line, delimiter, width=width) for _, line in below):
+        if all(_is_row(other, delimiter, width=width) for _, other in below):
             return i, delimiter
-    raise invalid(
-        "measurement",
-        described(f"{path} with a header and no numbers"),
-        "numbers below the header",
-        "Export it again.",
-    )
+    shown, want = f"{path} with a header and no numbers", "numbers below the header"
+    raise misfit("measurement", shown, want, "Export it again.")
 
 
 def _row_delimiter(line: str) -> str | None:
@@ -241,9 +233,12 @@ def read_csv(path: Path, wanted: FileSpec = RECORD) -> RawTable:
     """
     lines = _lines(content(path, wanted))
     if not lines:
-        raise invalid("measurement", described(f"{path}, empty"), "a table", "Export it again.")
+        raise misfit("measurement", f"{path}, empty", "a table", "Export it again.")
     layout = find_layout(path, lines)
-    rows = _without_blank_end(lines[layout.begin :], layout.delimiter)
+    rows = lines[layout.begin :]
+    # Spreadsheets append rows of empty cells.
+    while len(rows) > 1 and not any(split(rows[-1][1], layout.delimiter)):
+        rows.pop()
     table = RawTable(sampling_rate=layout.sampling_rate)
     table.lines = np.array([number for number, _ in rows])
     columns = _numbers(rows, layout) or _columns(path, rows, layout)
@@ -253,8 +248,8 @@ def read_csv(path: Path, wanted: FileSpec = RECORD) -> RawTable:
         elif header:
             table.add(header, values, layout.units[i] or None, fraction=True)
         elif not _is_superfluous(values, first=i == 0):
-            shown = described(f"column {i + 1} of {path} without one")
-            raise invalid("name", shown, "a name for each column", "Complete the header.")
+            shown = f"column {i + 1} of {path} without one"
+            raise misfit("name", shown, "a name for each column", "Complete the header.")
     return table
 
 
@@ -278,14 +273,6 @@ def _lines(whole: bytes) -> list[Line]:
             text = whole.decode("latin-1")  # older instruments, for the micro sign
     ends = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     return [(number, line) for number, line in enumerate(ends, 1) if line.strip()]
-
-
-def _without_blank_end(rows: list[Line], delimiter: str) -> list[Line]:
-    """Leave out rows of empty cells at the end, which spreadsheets append."""
-    last = len(rows)
-    while last > 1 and not any(split(rows[last - 1][1], delimiter)):
-        last -= 1
-    return rows[:last]
 
 
 def _decimal_comma(lines: Sequence[str], delimiter: str) -> bool:
@@ -312,9 +299,7 @@ def _columns(path: Path, rows: list[Line], layout: Layout) -> list[Any]:
     columns = []
     for header, column in zip(layout.headers, zip(*cells, strict=True), strict=True):
         values = _floats([cell.replace(",", ".") for cell in column] if comma else column)
-        if values is None:
-            values = _text(path, rows, header, column)
-        columns.append(values)
+        columns.append(_text(path, rows, header, column) if values is None else values)
     return columns
 
 
@@ -326,61 +311,46 @@ def _cells(path: Path, rows: list[Line], layout: Layout) -> list[list[str]]:
         separator = None if layout.delimiter == " " else layout.delimiter
         cells = [line.split(separator) for line in lines]
     else:
-        try:
-            cells = [
-                [cell.strip() for cell in row]
-                for row in csv.reader(lines, delimiter=layout.delimiter)
-            ]
-        except csv.Error:
-            cells = []
+        cells = []
+        with contextlib.suppress(csv.Error):
+            found = csv.reader(lines, delimiter=layout.delimiter)
+            cells = [[cell.strip() for cell in row] for row in found]
         if len(cells) != len(lines):  # a quotation mark that is not closed
             cells = [split(line, layout.delimiter) for line in lines]
-    for i, row in enumerate(cells):
+    for (number, _), row in zip(rows, cells, strict=True):
         if len(row) == width + 1 and not row[-1].strip():
             row.pop()  # a delimiter at the end
         elif len(row) != width:
-            raise invalid(
-                f"{path}, line {rows[i][0]}",
-                described(f"{len(row)} columns"),
-                f"{width}, like the header",
-                "Mend the line.",
-            )
+            where, shown = f"{path}, line {number}", f"{len(row)} columns"
+            raise misfit(where, shown, f"{width}, like the header", "Mend the line.")
     return cells
 
 
 def _floats(column: Sequence[str]) -> np.ndarray | None:
-    try:
-        return np.array([float(cell) if cell else np.nan for cell in column])
-    except ValueError:
-        pass
-    try:
-        return np.array([np.nan if is_empty(cell.strip()) else float(cell) for cell in column])
-    except ValueError:
-        return None
+    # Most empty cells are blank; the other words for them take longer to look up.
+    for empty in (operator.not_, lambda cell: is_empty(cell.strip())):
+        with contextlib.suppress(ValueError):
+            return np.array([np.nan if empty(cell) else float(cell) for cell in column])
+    return None
 
 
 def _text(path: Path, rows: list[Line], header: str, column: Sequence[str]) -> np.ndarray:
     """Return a column of text, or refuse text among numbers."""
     column = [cell.strip() for cell in column]
-    if is_clock_text(column[0]):
-        return np.array(column)
-    numbers = [as_number(cell) is not None for cell in column]
-    if any(numbers):
-        i = next(i for i, cell in enumerate(column) if not numbers[i] and not is_empty(cell))
-        raise invalid(
-            f"{path}, line {rows[i][0]}, column {header!r}",
-            column[i],
-            "a number",
-            "Remove the text, or leave the cell empty.",
-        )
+    if not is_clock_text(column[0]):
+        numbers = [as_number(cell) is not None for cell in column]
+        words = (i for i, cell in enumerate(column) if not numbers[i] and not is_empty(cell))
+        if any(numbers):
+            i = next(words)
+            where = f"{path}, line {rows[i][0]}, column {header!r}"
+            raise invalid(where, column[i], "a number", "Remove the text, or leave the cell empty.")
     return np.array(column)
 
 
 def _is_superfluous(values: np.ndarray, first: bool) -> bool:
     """Return whether a column without a name is empty, or numbers the rows in front of them."""
-    if values.dtype.kind != "f":
-        return _is_empty(values)
-    return _is_empty(values) or (first and bool(np.all(np.diff(values) == 1)))
+    counts = first and values.dtype.kind == "f" and bool(np.all(np.diff(values) == 1))
+    return counts or _is_empty(values)
 
 
 def _is_empty(values: np.ndarray) -> bool:

@@ -45,10 +45,9 @@ def check_heaps(file: BinaryIO) -> None:
 
 
 def _check_heap(whole: mmap.mmap, start: int) -> None:
-    if start + _HEADER > len(whole):
-        raise ValueError("a heap beyond the end of the file")
-    (size,) = struct.unpack_from("<Q", whole, start + 8)
-    place, end = start + _HEADER, start + size
+    place = end = start + _HEADER
+    if place <= len(whole):
+        end = start + struct.unpack_from("<Q", whole, start + 8)[0]
     if end > len(whole):
         raise ValueError("a heap beyond the end of the file")
     while place + _HEADER <= end:
@@ -110,13 +109,10 @@ class _Hdf5Content:
             self.arrays[name] = self._texts(item) if text else np.zeros(0)
         elif kind in "fiubS" and "MATLAB_empty" not in item.attrs:
             self.arrays[name] = self._values(item)
-        for key in ("units", "unit"):
-            if key in item.attrs:
-                value = item.attrs[key]
-                self.units[name] = (
-                    value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
-                )
-                break
+        for unit in (item.attrs[key] for key in ("unit", "units") if key in item.attrs):
+            self.units[name] = (
+                unit.decode("utf-8", "replace") if isinstance(unit, bytes) else str(unit)
+            )
 
     def _values(self, item: Any) -> np.ndarray:
         """Return numbers or text; MATLAB writes text as numbers of characters."""
@@ -150,9 +146,8 @@ class _Hdf5Content:
         values = [self._values(part) for part in parts if isinstance(part, h5py.Dataset)]
         if values and all(part.dtype.kind == "U" for part in values):
             self.arrays[name] = np.concatenate(values)
-            return
-        for i, part in enumerate(values, 1):
-            self.arrays[f"{name}{{{i}}}"] = part
+        else:
+            self.arrays |= {f"{name}{{{i}}}": part for i, part in enumerate(values, 1)}
 
     def _take(self, item: Any, size: int) -> None:
         """Count what is about to be read, and refuse data that lie in other files."""

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from robustpolish.base.checks import described, invalid
+from robustpolish.base.checks import invalid, misfit
 from robustpolish.base.input_files import FileSpec, open_checked
 from robustpolish.errors import MissingDependencyError
 from robustpolish.signals.raw import RECORD, RawResponse, RawTable, library_errors
@@ -40,31 +40,24 @@ def read_tdms(path: Path, table: str | None = None, wanted: FileSpec = RECORD) -
     if table is not None and table not in filled:
         raise invalid("table", table, f"a group: {', '.join(filled)}", "Check its name.")
     chosen = {table: filled[table]} if table is not None else filled
-    result = RawTable()
-    steps = set()
+    result, steps = RawTable(), set()
     for group, channels in chosen.items():
         for name, values, properties in channels:
+            units = filter(None, map(properties.get, _UNIT_PROPERTIES))
             label = name if len(chosen) == 1 else f"{group}/{name}"
-            result.add(label, values, _tdms_unit(properties))
+            result.add(label, values, next(map(str, units), None))
             if properties.get("wf_increment"):
                 steps.add(float(properties["wf_increment"]))
     if len(steps) > 1:
-        raise invalid(
-            "measurement",
-            described(f"{path} with sampling times {sorted(steps)} s"),
-            "one sampling time",
-            "Pass table=GROUP for the channels that belong together.",
-        )
+        shown = f"{path} with sampling times {sorted(steps)} s"
+        remedy = "Pass table=GROUP for the channels that belong together."
+        raise misfit("measurement", shown, "one sampling time", remedy)
     if steps:
         result.sampling_rate = 1 / steps.pop()
     return result
 
 
-def _tdms_unit(properties: dict[str, Any]) -> str | None:
-    for key in ("unit_string", "NI_UnitDescription", "units", "unit"):
-        if properties.get(key):
-            return str(properties[key])
-    return None
+_UNIT_PROPERTIES = ("unit_string", "NI_UnitDescription", "units", "unit")
 
 
 _TIME_RESPONSE, _FREQUENCY_RESPONSE, _COHERENCE = 1, 4, 6
@@ -76,25 +69,20 @@ def read_uff(path: Path, wanted: FileSpec = RECORD) -> RawTable:
     sets, count = _sets(path, wanted)
     responses = [item for item in sets if item.get("func_type") == _TIME_RESPONSE]
     if not responses:
-        raise invalid(
-            "measurement",
-            described(f"{path} without time responses"),
-            "data sets 58 with function type 1",
-            "Export time records, or read it with read_frequency_response.",
-        )
+        want = "data sets 58 with function type 1"
+        remedy = "Export time records, or read it with read_frequency_response."
+        raise misfit("measurement", f"{path} without time responses", want, remedy)
     table = RawTable()
     if len(responses) < count:
         table.notes.append(f"left out: {count - len(responses)} data sets without time records")
+    first = np.asarray(responses[0]["x"], dtype=float)
     for item in responses:
         table.add(_name(item, table), np.real(item["data"]), _uff_unit(item))
-    first = np.asarray(responses[0]["x"], dtype=float)
-    for item in responses[1:]:
-        other = np.asarray(item["x"], dtype=float)
-        if other.shape != first.shape or not np.allclose(
-            other, first, atol=0.01 * np.ptp(first) / first.size
-        ):
-            shown = described(f"{path} with records over different times")
-            raise invalid("measurement", shown, "one time axis", "Export them together.")
+    apart = 0.01 * np.ptp(first) / first.size
+    for other in (np.asarray(item["x"], dtype=float) for item in responses):
+        if other.shape != first.shape or not np.allclose(other, first, atol=apart):
+            shown = f"{path} with records over different times"
+            raise misfit("measurement", shown, "one time axis", "Export them together.")
     table.columns = {"time": first, **table.columns}
     table.units["time"] = "s"
     return table
@@ -102,23 +90,14 @@ def read_uff(path: Path, wanted: FileSpec = RECORD) -> RawTable:
 
 def read_uff_responses(path: Path, wanted: FileSpec = RECORD) -> list[RawResponse]:
     """Read the frequency responses of a universal file, and their coherences."""
-    sets, _ = _sets(path, wanted)
     found = []
-    for item in sets:
-        kind = item.get("func_type")
-        if kind not in (_FREQUENCY_RESPONSE, _COHERENCE):
-            continue
+    for item in _sets(path, wanted)[0]:
+        ends = _end(item, "rsp"), _end(item, "ref"), np.asarray(item["x"], dtype=float)
         values = np.asarray(item["data"])
-        found.append(
-            RawResponse(
-                _end(item, "rsp"),
-                _end(item, "ref"),
-                np.asarray(item["x"], dtype=float),
-                values if kind == _FREQUENCY_RESPONSE else np.real(values),
-                _ratio(item) if kind == _FREQUENCY_RESPONSE else "",
-                "response" if kind == _FREQUENCY_RESPONSE else "coherence",
-            )
-        )
+        if item.get("func_type") == _FREQUENCY_RESPONSE:
+            found.append(RawResponse(*ends, values, _ratio(item)))
+        elif item.get("func_type") == _COHERENCE:
+            found.append(RawResponse(*ends, np.real(values), kind="coherence"))
     return found
 
 
@@ -154,8 +133,12 @@ def _optional(module: str, needed: str) -> Any:
 
 def _end(item: dict[str, Any], which: str) -> str:
     """Return the name of the response or the reference of a data set."""
-    label = str(item.get(f"{which}_ent_name") or "").strip()
-    return _node(item, which) if not label or label.upper() == "NONE" else label
+    return _label(item, f"{which}_ent_name") or _node(item, which)
+
+
+def _label(item: dict[str, Any], key: str, nothing: tuple[str, ...] = ("NONE",)) -> str:
+    label = str(item.get(key) or "").strip()
+    return "" if label.upper() in nothing else label
 
 
 def _node(item: dict[str, Any], which: str) -> str:
@@ -165,23 +148,22 @@ def _node(item: dict[str, Any], which: str) -> str:
 
 def _ratio(item: dict[str, Any]) -> str:
     """Return the unit of a frequency response; empty if one of its ends has none."""
-    above, below = _uff_unit(item) or "", _uff_unit(item, "orddenom") or ""
+    above, below = _uff_unit(item), _uff_unit(item, "orddenom")
     if above and not below and "/" in above and any(c in above for c in "NF"):
         return above  # the whole ratio stands above, as some instruments write it
     return f"({above})/({below})" if above and below else ""
 
 
 def _name(item: dict[str, Any], table: RawTable) -> str:
-    label = str(item.get("id1") or "").strip()
-    if not label or label.upper() == "NONE" or label in table.columns:
-        label = _node(item, "rsp")
-    base, count = label, 1
+    base = _label(item, "id1")
+    if not base or base in table.columns:
+        base = _node(item, "rsp")
+    label, count = base, 1
     while label in table.columns:
         count += 1
         label = f"{base}_{count}"
     return label
 
 
-def _uff_unit(item: dict[str, Any], axis: str = "ordinate") -> str | None:
-    unit = str(item.get(f"{axis}_axis_units_lab") or "").strip()
-    return None if not unit or unit.upper() in ("NONE", "UNKNOWN") else unit
+def _uff_unit(item: dict[str, Any], axis: str = "ordinate") -> str:
+    return _label(item, f"{axis}_axis_units_lab", ("NONE", "UNKNOWN"))

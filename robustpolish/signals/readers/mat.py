@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import inspect
 import io
 import math
@@ -83,39 +84,38 @@ def readable_variables(content: bytes, largest: int = _LARGEST) -> list[str] | N
     names = []
     place, unpacked = _HEADER, 0
     while place < len(content):
-        kind, start, size, place = _tag(content, place, order, padded=False)
-        part = content[start : start + size]
+        kind, part, place = _element(content, place, order, padded=False)
         if kind == _COMPRESSED:
             part = _decompressed(part, largest - unpacked)
             unpacked += len(part)
-            kind, start, size, _ = _tag(part, 0, order)
-            part = part[start : start + size]
+            kind, part, _ = _element(part, 0, order)
         if kind != _MATRIX:
             raise DamagedFileError(f"an element of type {kind} among the variables")
-        try:
+        with contextlib.suppress(_NoSignalsError):
             names.append(_check_matrix(part, order, 0))
-        except _NoSignalsError:
-            continue
     return names
 
 
-def _tag(content: bytes, place: int, order: str, padded: bool = True) -> tuple[int, int, int, int]:
-    """Return type, start and size of the element at `place`, and where the next one begins."""
-    if place + 8 > len(content):
+def _element(
+    content: bytes | memoryview, place: int, order: str, padded: bool = True
+) -> tuple[int, memoryview, int]:
+    """Return type and content of the element at `place`, and where the next one begins."""
+    whole = memoryview(content)
+    if place + 8 > len(whole):
         raise DamagedFileError("it ends in the middle of an element")
-    kind, size = struct.unpack_from(f"{order}II", content, place)
+    kind, size = struct.unpack_from(f"{order}II", whole, place)
     if kind >> 16:  # the short form, with up to four bytes in the tag itself
         kind, size = kind & 0xFFFF, kind >> 16
         if size > 4:
             raise DamagedFileError("a short element of more than four bytes")
-        return kind, place + 4, size, place + 8
-    start = place + 8
-    if start + size > len(content):
+        return kind, whole[place + 4 : place + 4 + size], place + 8
+    end = place + 8 + size
+    if end > len(whole):
         raise DamagedFileError("an element that is larger than the file")
-    return kind, start, size, start + size + (-size % 8 if padded else 0)
+    return kind, whole[place + 8 : end], end + (-size % 8 if padded else 0)
 
 
-def _decompressed(part: bytes, room: int) -> bytes:
+def _decompressed(part: memoryview, room: int) -> memoryview:
     try:
         engine = zlib.decompressobj()
         content = engine.decompress(part, room + 1)
@@ -125,69 +125,72 @@ def _decompressed(part: bytes, room: int) -> bytes:
         raise DecompressedSizeError(len(content))
     if not engine.eof:
         raise DamagedFileError("a compressed element is not complete")
-    return content
+    return memoryview(content)
 
 
-def _check_matrix(part: bytes, order: str, depth: int) -> str:
+def _check_matrix(part: memoryview, order: str, depth: int) -> str:
     """Check a variable and return its name."""
     if not part:
         return ""
     if depth > _DEEPEST:
         raise DamagedFileError("variables nested too deeply")
-    kind, start, size, place = _tag(part, 0, order)
-    if (kind, size) != (_UINT32, 8):
+    kind, flags, place = _element(part, 0, order)
+    if (kind, len(flags)) != (_UINT32, 8):
         raise DamagedFileError("a variable without its flags")
-    (flags,) = struct.unpack_from(f"{order}I", part, start)
-    if flags & 0xFF not in (_CELL, _STRUCT, _OBJECT, _CHAR, *_NUMERIC):
+    (flag,) = struct.unpack_from(f"{order}I", flags)
+    if flag & 0xFF not in (_CELL, _STRUCT, _OBJECT, _CHAR, *_NUMERIC):
         raise _NoSignalsError
-    kind, start, size, place = _tag(part, place, order)
-    if kind != _INT32 or size < 8 or size % 4 or size > 4 * 32:
+    kind, sizes, place = _element(part, place, order)
+    if kind != _INT32 or len(sizes) < 8 or len(sizes) % 4 or len(sizes) > 4 * 32:
         raise DamagedFileError("a variable without its dimensions")
-    dimensions = struct.unpack_from(f"{order}{size // 4}i", part, start)
+    dimensions = struct.unpack(f"{order}{len(sizes) // 4}i", sizes)
     if min(dimensions) < 0 or math.prod(dimensions) > _LARGEST:
         raise DamagedFileError("impossible dimensions")
-    kind, start, size, place = _tag(part, place, order)
+    kind, name, place = _element(part, place, order)
     if kind not in (_INT8, _UTF8):
         raise DamagedFileError("a variable without its name")
-    _check_content(part, place, order, flags, math.prod(dimensions), depth)
-    return part[start : start + size].decode("latin-1")
+    _check_content(part, place, order, flag, math.prod(dimensions), depth)
+    return bytes(name).decode("latin-1")
 
 
-def _check_content(part: bytes, place: int, order: str, flags: int, count: int, depth: int) -> None:
+def _check_content(
+    part: memoryview, place: int, order: str, flags: int, count: int, depth: int
+) -> None:
     what = flags & 0xFF
     if what in _NUMERIC:
         for _ in range(2 if flags & _COMPLEX else 1):
-            kind, _, size, place = _tag(part, place, order)
-            if kind not in _ITEM_SIZES or size != count * _ITEM_SIZES[kind]:
+            kind, data, place = _element(part, place, order)
+            if kind not in _ITEM_SIZES or len(data) != count * _ITEM_SIZES[kind]:
                 raise DamagedFileError("a matrix whose data do not fill it")
     elif what == _CHAR:
-        kind, _, _, _ = _tag(part, place, order)
-        if kind not in _TEXT_TYPES:
+        if _element(part, place, order)[0] not in _TEXT_TYPES:
             raise DamagedFileError("text of an impossible type")
     else:
         if what != _CELL:
             count, place = _fields(part, place, order, count, what == _OBJECT)
         for _ in range(count):
-            kind, start, size, place = _tag(part, place, order)
+            kind, inner, place = _element(part, place, order)
             if kind != _MATRIX:
                 raise DamagedFileError("a cell or field that is no variable")
-            _check_matrix(part[start : start + size], order, depth + 1)
+            _check_matrix(inner, order, depth + 1)
 
 
-def _fields(part: bytes, place: int, order: str, count: int, is_object: bool) -> tuple[int, int]:
+def _fields(
+    part: memoryview, place: int, order: str, count: int, is_object: bool
+) -> tuple[int, int]:
     """Return the number of values in a struct, and where they begin."""
     if is_object:
-        kind, _, _, place = _tag(part, place, order)
+        kind, _, place = _element(part, place, order)
         if kind != _INT8:
             raise DamagedFileError("an object without its class")
-    kind, start, size, place = _tag(part, place, order)
-    if (kind, size) != (_INT32, 4):
+    kind, width, place = _element(part, place, order)
+    if (kind, len(width)) != (_INT32, 4):
         raise DamagedFileError("a struct without the length of its names")
-    (length,) = struct.unpack_from(f"{order}i", part, start)
-    kind, _, size, place = _tag(part, place, order)
-    if kind != _INT8 or length < 1 or size % length:
+    (length,) = struct.unpack(f"{order}i", width)
+    kind, names, place = _element(part, place, order)
+    if kind != _INT8 or length < 1 or len(names) % length:
         raise DamagedFileError("a struct without its names")
-    return count * (size // length), place
+    return count * (len(names) // length), place
 
 
 # SciPy from 1.18 on asks which kind of sparse matrix is meant; none is kept.

@@ -8,7 +8,7 @@ import control
 import numpy as np
 import xarray as xr
 
-from robustpolish.base.checks import described, invalid
+from robustpolish.base.checks import invalid, misfit
 from robustpolish.signals.raw import RawResponse, RawTable
 
 
@@ -44,38 +44,30 @@ def read_frd(source: Any) -> list[RawResponse] | None:
 def _dataset(source: xr.Dataset) -> RawTable:
     table = RawTable()
     if "time" not in source.dims:
-        raise invalid(
-            "measurement",
-            described(f"an xarray object over {', '.join(map(str, source.dims)) or 'nothing'}"),
-            "the dimension time",
-            "Rename the dimension to 'time'.",
-        )
+        shown = f"an xarray object over {', '.join(map(str, source.dims)) or 'nothing'}"
+        raise misfit("measurement", shown, "the dimension time", "Rename the dimension to 'time'.")
     if "time" in source.coords:
         time = source.coords["time"]
         table.add("time", _seconds(time.values), str(time.attrs.get("units", "") or "s"))
     for name, variable in source.data_vars.items():
-        if variable.dims != ("time",):
+        if variable.dims == ("time",):
+            unit = str(variable.attrs.get("units", ""))
+            table.add(str(name), variable.values, unit or None)
+        else:
             table.notes.append(f"left out: {name}, which is not over time alone")
-            continue
-        unit = str(variable.attrs.get("units", ""))
-        table.add(str(name), variable.values, unit or None)
     table.notes.extend(str(note) for note in source.attrs.get("notes", ()))
     return table
 
 
 def _frame(source: Any) -> RawTable:
-    table = RawTable()
-    index = source.index
+    table, index = RawTable(), source.index
     # A plain count of rows is no time; anything else that is named, or dates, is.
-    counts = type(index).__name__ == "RangeIndex" or (
-        index.dtype.kind in "iu" and index.name is None
-    )
-    if not counts:
-        table.add(str(index.name or "time"), _seconds(index.to_numpy()), fraction=True)
+    unnamed = index.dtype.kind in "iu" and index.name is None
+    if type(index).__name__ != "RangeIndex" and not unnamed:
         if index.dtype.kind in "mM":
-            name = next(iter(table.columns))
-            table.columns = {"time": table.columns.pop(name)}
-            table.units = {"time": "s"}
+            table.add("time", _seconds(index.to_numpy()), "s")
+        else:
+            table.add(str(index.name or "time"), _seconds(index.to_numpy()), fraction=True)
     for name in source.columns:
         values = source[name].to_numpy()
         if values.ndim != 1:

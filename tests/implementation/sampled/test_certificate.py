@@ -45,7 +45,7 @@ def contradictions(seeds):
 
 
 def test_no_certificate_is_contradicted_by_a_simulation():
-    wrong, tightness = contradictions(range(12))
+    wrong, tightness = contradictions(range(4))
     assert wrong == []
     # The fine simulation holds w over its steps, so it falls a little short of the worst input.
     assert tightness.min() > 0.98
