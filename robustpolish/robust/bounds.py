@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -19,9 +20,9 @@ from robustpolish.robust.branch_and_bound import (
     local_witness,
     split,
 )
-from robustpolish.robust.coverage import POLICY, Coverage, cover, response
+from robustpolish.robust.coverage import SLACK, Coverage, cover, response
 from robustpolish.robust.loop_model import LoopModel
-from robustpolish.robust.real_parameters import RayCrossing, proven_real_margin, ray_crossings
+from robustpolish.robust.real_parameters import proven_real_margin, ray_crossings
 from robustpolish.robust.scalings import Inequality, ScaledBound, Space
 from robustpolish.robust.witness import Witness, singular_directions, smallest_delta
 
@@ -94,8 +95,9 @@ def bounds(loop: LoopModel, fixed: tuple[bool, ...] | None = None, gap: float = 
     -------
     Bounds
     """
+    held = fixed or (False,) * len(loop.structure.blocks)
     branches = can_branch(loop)
-    found = _settled(loop, fixed, _by_scalings(loop, fixed, _ROUGH if branches else POLICY.slack))
+    found = _settled(loop, fixed, _by_scalings(loop, fixed, _ROUGH if branches else SLACK))
     if found.witness is None:
         if branches and found.coverage.complete:
             found = _with_short_intervals(loop, fixed, found)
@@ -103,12 +105,33 @@ def bounds(loop: LoopModel, fixed: tuple[bool, ...] | None = None, gap: float = 
     exact = None if fixed else proven_real_margin(loop, found.witness.size)
     if exact is not None:
         return replace(found, coverage=_everywhere(found.coverage, 1 / exact))
+
+    def raised(found: Bounds, prove: Callable[[float, float, Probe], float]) -> Bounds:
+        """Raise the size that is proven, with looks for smaller witnesses on the way."""
+        coverage, best = found.coverage, found.witness
+
+        def probe(numbers: Vector, frequency: float) -> float:
+            nonlocal best
+            best = _better(best, local_witness(loop, numbers, frequency, held))
+            return best.size if best else math.inf
+
+        start = 1 / coverage.level if coverage.complete and coverage.level else 0.0
+        size = prove(start, best.size if best else math.inf, probe)
+        if size > start:
+            coverage = _everywhere(coverage, 1 / size)
+        return _settled(loop, fixed, Bounds(coverage, best))
+
+    aim = _AIM * gap
     if found.gap > gap and branches:
-        found = _settled(loop, fixed, _by_branching(loop, found, fixed, _AIM * gap))
+        # Both bounds together, by branch and bound over the real numbers.
+        real_alone = all(block.kind == "real" for block in loop.structure.blocks)
+        goal: Goal = "pole" if real_alone else "gain" if fixed else "both"
+        found = raised(found, partial(branch_and_bound, loop, goal, aim))
         if found.gap > gap:
             found = _with_short_intervals(loop, fixed, found)
     if found.gap > gap and can_split(loop):
-        found = _settled(loop, fixed, _bound_over_boxes(loop, found, fixed, _AIM * gap))
+        # Both bounds together, by scalings for each part of the box of real numbers.
+        found = raised(found, partial(split, loop, fixed, aim))
     return found
 
 
@@ -119,7 +142,7 @@ def _without_witness(loop: LoopModel, found: Bounds, gap: float) -> Bounds:
     far = _FAR * loop.gain
     size = proven_real_margin(loop, far)
     if size is None and can_branch(loop):
-        size = branch_and_bound(loop, "pole", 0.0, far, gap, lambda numbers, frequency: far)
+        size = branch_and_bound(loop, "pole", gap, 0.0, far, lambda numbers, frequency: far)
     return replace(found, coverage=_everywhere(found.coverage, 1 / size)) if size else found
 
 
@@ -183,50 +206,6 @@ def _everywhere(coverage: Coverage, level: float) -> Coverage:
     return replace(coverage, level=level, intervals=EVERYWHERE, complete=True)
 
 
-def _by_branching(
-    loop: LoopModel, found: Bounds, fixed: tuple[bool, ...] | None, gap: float
-) -> Bounds:
-    """Draw both bounds together by branch and bound over the real numbers."""
-    real_alone = all(block.kind == "real" for block in loop.structure.blocks)
-    goal: Goal = "pole" if real_alone else "gain" if fixed else "both"
-    return _raise_proven_size(
-        loop, found, fixed,
-        lambda proven, best, probe: branch_and_bound(loop, goal, proven, best, gap, probe),
-    )  # fmt: skip
-
-
-def _bound_over_boxes(
-    loop: LoopModel, found: Bounds, fixed: tuple[bool, ...] | None, gap: float
-) -> Bounds:
-    """Draw both bounds together by scalings for each part of the box of real numbers."""
-    return _raise_proven_size(
-        loop, found, fixed,
-        lambda proven, best, probe: split(loop, fixed, proven, best, gap, probe),
-    )  # fmt: skip
-
-
-def _raise_proven_size(
-    loop: LoopModel,
-    found: Bounds,
-    fixed: tuple[bool, ...] | None,
-    raised: Callable[[float, float, Probe], float],
-) -> Bounds:
-    """Raise the size that is proven, with looks for smaller witnesses on the way."""
-    coverage, best = found.coverage, found.witness
-    held = fixed or (False,) * len(loop.structure.blocks)
-
-    def probe(numbers: Vector, frequency: float) -> float:
-        nonlocal best
-        best = _better(best, local_witness(loop, numbers, frequency, held))
-        return best.size if best else math.inf
-
-    start = 1 / coverage.level if coverage.complete and coverage.level else 0.0
-    size = raised(start, best.size if best else math.inf, probe)
-    if size > start:
-        coverage = _everywhere(coverage, 1 / size)
-    return Bounds(coverage, best)
-
-
 def _with_short_intervals(loop: LoopModel, fixed: tuple[bool, ...] | None, found: Bounds) -> Bounds:
     """Lower the level by scalings that hold over shorter intervals, if they prove more."""
     near = 0.0 if found.witness is None else 1 / found.witness.size
@@ -238,8 +217,11 @@ def _with_short_intervals(loop: LoopModel, fixed: tuple[bool, ...] | None, found
 def _by_scalings(loop: LoopModel, fixed: tuple[bool, ...] | None, slack: float) -> Bounds:
     """Bound the peak by scalings that hold over intervals, and by searches from where they end."""
     space = Space(loop.structure, fixed or ())
-    found = None if fixed else _from_crossings(loop, ray_crossings(loop))
-    seeds = loop.seeds()
+    found, seeds, scale = None, loop.seeds(), np.ones(loop.structure.shape[1])
+    for crossing in () if fixed else ray_crossings(loop)[:_CROSSINGS]:
+        start, given = loop.start(crossing.frequency), crossing.deltas
+        args = (loop.structure, loop.response, crossing.w, *start, scale, given)
+        found = _better(found, smallest_delta(*args))
     if found is not None:
         seeds = [loop.frequency(found.at), *seeds]
     start = 1 / found.size if found else 0.0
@@ -253,19 +235,6 @@ def _by_scalings(loop: LoopModel, fixed: tuple[bool, ...] | None, slack: float) 
         near = _from_peak(loop, space, frequency, level, coverage.level, count)
         found = _better(found, near)
     return Bounds(coverage, found)
-
-
-def _from_crossings(loop: LoopModel, known: list[RayCrossing]) -> Witness | None:
-    """Return the smallest Delta near the crossings of rays."""
-    best: Witness | None = None
-    scale = np.ones(loop.structure.shape[1])
-    for crossing in known[:_CROSSINGS]:
-        angle, moves = loop.start(crossing.frequency)
-        found = smallest_delta(
-            loop.structure, loop.response, crossing.w, angle, moves, scale, crossing.deltas
-        )
-        best = _better(best, found)
-    return best
 
 
 def _from_peak(

@@ -16,7 +16,6 @@ from robustpolish.plants.blocks import (
     finite,
     interpolate_response,
     named_system,
-    realised,
     sorted_signals,
 )
 from robustpolish.plants.plant import plant_content, plant_from, system_content, system_from
@@ -352,7 +351,7 @@ def test_no_realisation_is_believed(monkeypatch):
     wrong = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]])
     monkeypatch.setattr(control, "ss", lambda *_, **__: wrong)
     with pytest.raises(rp.InvalidInputError, match="realisation has another response"):
-        realised("G", G)
+        as_state_space("G", G)
 
 
 # A controller may be a system, a transfer function or a gain.

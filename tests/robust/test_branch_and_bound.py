@@ -123,7 +123,7 @@ def test_a_size_that_nothing_has_is_not_proven(claimed, monkeypatch):
     truth = rp.robust_stability(servo())
     loop = LoopModel.of(servo())
     best = claimed * truth.upper * loop.gain
-    found = branch_and_bound(loop, "both", 0.0, best, 1e-3, lambda numbers, frequency: best)
+    found = branch_and_bound(loop, "both", 1e-3, 0.0, best, lambda numbers, frequency: best)
     assert truth.lower * 0.9 <= found / loop.gain <= truth.upper
 
 

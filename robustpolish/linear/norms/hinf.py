@@ -15,7 +15,8 @@ from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear.arithmetic.rational import to_float
 from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
 from robustpolish.linear.eigen import eigensystem
-from robustpolish.linear.norms.peak import Peak, certified_peak
+from robustpolish.linear.norms.modal_form import Peak
+from robustpolish.linear.norms.peak import certified_peak, in_units
 from robustpolish.linear.norms.singular_values import singular_values
 from robustpolish.linear.scaling import parts
 from robustpolish.linear.stability import Stability, stability_of, stable_part
@@ -190,8 +191,7 @@ def hinf_norm(
 def _norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:
     found = [_part_norm(part, tolerance, exact) for part in parts(model)]
     if not found:
-        nothing = "there are no states, inputs or outputs"
-        return HinfNorm(0.0, 0.0, 0.0, 0.0, True, nothing)
+        return HinfNorm(0.0, 0.0, 0.0, 0.0, True, "there are no states, inputs or outputs")
     if len(found) == 1:
         return found[0]
     largest = max(found, key=lambda norm: (norm.value, norm.upper))
@@ -213,7 +213,7 @@ def _part_norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:
     spectrum = eigensystem(model.A)
     verdict = stability_of(model, spectrum)
     if verdict.verdict == "unstable":
-        return _infinite(verdict.reason)
+        return HinfNorm(math.inf, math.nan, math.inf, math.inf, False, verdict.reason)
     if model.D.size == 0:
         reason = "no input acts on any output" if verdict else verdict.reason
         return HinfNorm(0.0, 0.0, 0.0, 0.0, bool(verdict), reason)
@@ -224,24 +224,17 @@ def _part_norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:
 
 def _in_units(model: Realisation, found: Peak) -> HinfNorm:
     if model.discrete:
-        found = replace(found, frequency=2 * math.atan(found.frequency) / model.step)
-    found = found.in_units(model)
-    return HinfNorm(
-        found.gain, found.frequency, found.lower, found.upper, True, f"proof: {found.proof}"
-    )
+        found = found._replace(frequency=2 * math.atan(found.frequency) / model.step)
+    *known, proof = in_units(found, model)
+    return HinfNorm(known[1], known[0], *known[2:], True, f"proof: {proof}")
 
 
 def _marginal_norm(model: Realisation, verdict: Stability, tolerance: float) -> HinfNorm:
     """Decide exactly whether the poles on the boundary reach from an input to an output."""
     seen = stable_part(model, verdict)
     if seen is None:
-        return _infinite(verdict.reason)
-    A, B, C, D = (to_float(M) for M in (seen.A, seen.B, seen.C, seen.D))
-    rounded = Realisation(A, B, C, D, model.discrete)
+        return HinfNorm(math.inf, math.nan, math.inf, math.inf, False, verdict.reason)
+    rounded = Realisation(*map(to_float, (seen.A, seen.B, seen.C, seen.D)), model.discrete)
     found = certified_peak(rounded, tolerance, True, seen)
     reason = f"{verdict.reason}, but hidden from the inputs or outputs: not internally stable"
     return replace(_in_units(model, found), stable=False, reason=reason)
-
-
-def _infinite(reason: str) -> HinfNorm:
-    return HinfNorm(math.inf, math.nan, math.inf, math.inf, False, reason)
