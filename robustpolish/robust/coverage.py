@@ -17,9 +17,9 @@ from robustpolish.linear.proofs.bounded_real import (
     BallSystem,
     adjoint,
     hamiltonian,
+    interval_without_eigenvalues,
     riccati_terms,
 )
-from robustpolish.linear.proofs.covering import interval_without_eigenvalues
 from robustpolish.linear.proofs.definite import is_definite
 from robustpolish.robust.loop_model import LoopModel
 from robustpolish.robust.scalings import (

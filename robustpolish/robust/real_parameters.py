@@ -13,7 +13,7 @@ import scipy.linalg as sla
 
 from robustpolish.base.arrays import AnyVector, Matrix, Vector
 from robustpolish.linear.arithmetic.balls import Ball, complex_ball, identity, part, precision
-from robustpolish.linear.proofs.covering import gershgorin_discs
+from robustpolish.linear.proofs.bounded_real import gershgorin_discs
 from robustpolish.robust.loop_model import DeltaStructure, LoopModel, signal_positions
 
 # The exact stability margin of one repeated real parameter, with a proof.

@@ -20,8 +20,11 @@ from robustpolish.linear.arithmetic.balls import (
 from robustpolish.linear.arithmetic.rational import ExactModel
 from robustpolish.linear.arithmetic.realisation import realisation
 from robustpolish.linear.norms.lmi import proves_lmi
-from robustpolish.linear.proofs.bounded_real import BallSystem, hamiltonian
-from robustpolish.linear.proofs.covering import interval_without_eigenvalues
+from robustpolish.linear.proofs.bounded_real import (
+    BallSystem,
+    hamiltonian,
+    interval_without_eigenvalues,
+)
 from robustpolish.linear.proofs.definite import is_definite
 from robustpolish.linear.proofs.riccati import (
     UndecidedError,

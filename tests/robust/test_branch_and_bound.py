@@ -153,7 +153,7 @@ def test_nothing_is_proven_beyond_a_witness():
     loop, margin = LoopModel.of(spring()), rp.robust_stability(spring())
     size = margin.upper * loop.gain
     # a witness is said to be a tenth larger than one that there is
-    assert split(loop, None, 0.0, 1.1 * size, 1e-3, lambda numbers, at: 1.1 * size) <= size
+    assert split(loop, None, 1e-3, 0.0, 1.1 * size, lambda numbers, at: 1.1 * size) <= size
 
 
 @pytest.mark.parametrize("gap", [2e-3, 2e-2])

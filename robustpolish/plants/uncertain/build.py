@@ -14,18 +14,21 @@ from scipy.special import chdtri
 from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import described, invalid, is_whole, matrix, positive
 from robustpolish.base.results import Card, Displayed, Table
-from robustpolish.plants.uncertain.elements import (
+from robustpolish.plants.uncertain.lft import (
     ComplexElement,
     Directions,
     DynamicElement,
     Element,
+    Lft,
     RealElement,
     UncertainBlock,
     checked_name,
+    numbers_at,
+    point_of,
     real_element,
     real_number,
+    reduce_copies,
 )
-from robustpolish.plants.uncertain.lft import Lft, numbers_at, point_of, reduce_copies
 from robustpolish.plants.uncertain.system import UncertainSystem, as_uncertain
 
 # Interconnections of operands of any kind.

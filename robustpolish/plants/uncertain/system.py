@@ -14,14 +14,12 @@ from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import closest_name_remedy, described, invalid, is_whole, matrix
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.plants.blocks import as_state_space, matrices_of, named_system
-from robustpolish.plants.uncertain.elements import (
+from robustpolish.plants.uncertain.lft import (
     ComplexElement,
     Element,
+    Lft,
     RealElement,
     UncertainBlock,
-)
-from robustpolish.plants.uncertain.lft import (
-    Lft,
     block_diagonal,
     by_element,
     constant,
