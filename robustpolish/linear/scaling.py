@@ -58,12 +58,7 @@ class Block:
 
 
 def decoupled_blocks(
-    A: ArrayLike,
-    B: ArrayLike,
-    C: ArrayLike,
-    D: ArrayLike | None = None,
-    *,
-    tolerance: float = 0.0,
+    A: ArrayLike, B: ArrayLike, C: ArrayLike, D: ArrayLike | None = None, *, tolerance: float = 0.0
 ) -> tuple[Block, ...]:
     """Find the connected components of a system's graph.
 

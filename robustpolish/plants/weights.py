@@ -241,12 +241,9 @@ def weight(
     if not is_whole(order) or not 1 <= order <= MOST_ORDER:
         raise invalid("order", order, f"a whole number from 1 to {MOST_ORDER}", "Take fewer.")
     if not (low > 1 > high or low < 1 < high):
-        raise invalid(
-            "low",
-            described(f"gains {low:g} and {high:g}"),
-            "one above and one below 1, which the weight passes at its crossover",
-            "For another gain at the crossover multiply the weight by a number.",
-        )
+        want = "one above and one below 1, which the weight passes at its crossover"
+        remedy = "For another gain at the crossover multiply the weight by a number."
+        raise invalid("low", described(f"gains {low:g} and {high:g}"), want, remedy)
     a, b, c, d = _section(low ** (1 / order), high ** (1 / order))
     one = np.ones((1, 1))
     A, B, C, D = in_a_row([(a * one, b * one, c * one, d)] * int(order))

@@ -576,9 +576,7 @@ def _regions(loop: LoopModel, size: float, norm: ParameterNorm) -> Iterator[Regi
         yield Region(rows, errors, rest, -ends, ends.copy(), band, above)
 
 
-def _polynomials(
-    loop: LoopModel,
-) -> tuple[Callable[[list[Any]], list[list[Any]]], tuple[int, int]]:
+def _polynomials(loop: LoopModel) -> tuple[Callable[[list[Any]], list[list[Any]]], tuple[int, int]]:
     """Return P and the entries of N as functions of the real numbers, and the shape of N.
 
     Each is a list of coefficients, the constant one first.

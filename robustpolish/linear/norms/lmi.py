@@ -321,12 +321,9 @@ def _checked(system: control.StateSpace, equation: Equation) -> LmiCheck:
     """Solve each decoupled part and put the proofs together."""
     model = realisation("system", system)
     if model.discrete:
-        raise invalid(
-            "system",
-            described(f"a discrete system, dt = {system.dt}"),
-            "a continuous one",
-            "Use hinf_norm or h2_norm, which take both.",
-        )
+        shown = described(f"a discrete system, dt = {system.dt}")
+        remedy = "Use hinf_norm or h2_norm, which take both."
+        raise invalid("system", shown, "a continuous one", remedy)
     K: Matrix | None = np.zeros((model.states, model.states))
     combined = math.hypot if equation == "10.45" else max
     found = parts_with_indices(model)

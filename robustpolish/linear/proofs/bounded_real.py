@@ -68,10 +68,7 @@ class BallSystem:
         on_x, on_k, on_w = inverse * Dk * C2, inverse * Ck, inverse * Dk * D21
         return cls(
             balls.block(
-                [
-                    [A + B2 * on_x, B2 * on_k],
-                    [Bk * (C2 + D22 * on_x), Ak + Bk * D22 * on_k],
-                ]
+                [[A + B2 * on_x, B2 * on_k], [Bk * (C2 + D22 * on_x), Ak + Bk * D22 * on_k]]
             ),
             balls.block([[B1 + B2 * on_w], [Bk * (D21 + D22 * on_w)]]),
             balls.block([[C1 + D12 * on_x, D12 * on_k]]),

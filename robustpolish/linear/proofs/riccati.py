@@ -12,15 +12,7 @@ import flint
 import numpy as np
 
 from robustpolish.base.budget import check_deadline, now
-from robustpolish.linear.arithmetic.balls import (
-    Ball,
-    ball,
-    block,
-    identity,
-    part,
-    symmetric,
-    zeros,
-)
+from robustpolish.linear.arithmetic.balls import Ball, ball, block, identity, part, symmetric, zeros
 from robustpolish.linear.proofs.bounded_real import hamiltonian
 
 # What decides in long arithmetic; every size is 2^-(bits / share), with these shares.

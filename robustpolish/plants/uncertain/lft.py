@@ -127,12 +127,9 @@ class RealElement:
         change = number - self.nominal
         below = self.slope + self.skew * change
         if below <= 0:
-            raise invalid(
-                self.name,
-                value,
-                f"a number on the same side of {self.nominal - self.slope / self.skew:.6g}",
-                "The range is not symmetrical, and has no meaning so far outside.",
-            )
+            want = f"a number on the same side of {self.nominal - self.slope / self.skew:.6g}"
+            remedy = "The range is not symmetrical, and has no meaning so far outside."
+            raise invalid(self.name, value, want, remedy)
         return change / below
 
     def __str__(self) -> str:
@@ -668,11 +665,8 @@ def _merged(F: Matrix, G: Matrix, H: Matrix, J: Matrix, one: Lft, two: Lft) -> L
                     copies += block.copies
         blocks.append(UncertainBlock(element, copies))
     states = _distinct((*one.states, *two.states))
-    merged = Lft(
-        F[rows][:, columns], G[rows], H[:, columns], J, states, tuple(blocks),
-        common_time(one, two),
-    )  # fmt: skip
-    return reduce_copies(merged)
+    inside, time = (F[rows][:, columns], G[rows], H[:, columns], J), common_time(one, two)
+    return reduce_copies(Lft(*inside, states, tuple(blocks), time))
 
 
 def reduce_copies(one: Lft) -> Lft:
@@ -695,12 +689,10 @@ def reduce_copies(one: Lft) -> Lft:
 def _all_used(one: Lft) -> bool:
     """Say whether every block is moved by something and seen by something."""
     whole = one.whole
-    for z, w in block_slices(one):
-        moved = np.delete(whole[z], w, axis=1)
-        seen = np.delete(whole[:, w], z, axis=0)
-        if not (moved.any() and seen.any()):
-            return False
-    return True
+    return all(
+        np.delete(whole[z], w, axis=1).any() and np.delete(whole[:, w], z, axis=0).any()
+        for z, w in block_slices(one)
+    )
 
 
 def _block_reduced(one: Lft, index: int) -> Lft:
@@ -714,26 +706,22 @@ def _block_reduced(one: Lft, index: int) -> Lft:
         return one
     out, into = basis  # copies = out @ fewer; fewer = into @ copies
     p, q = block.element.shape
-    rows = np.kron(into, np.eye(q))
-    columns = np.kron(out, np.eye(p))
-    total_rows, total_columns = whole.shape
-    left = _diagonal(np.eye(z[0]) if len(z) else np.eye(0), rows, np.eye(total_rows - z[-1] - 1))
-    right = _diagonal(np.eye(w[0]), columns, np.eye(total_columns - w[-1] - 1))
+    left, right = (
+        _diagonal(np.eye(places[0]), middle, np.eye(count - places[-1] - 1))
+        for places, middle, count in zip(
+            (z, w), (np.kron(into, np.eye(q)), np.kron(out, np.eye(p))), whole.shape, strict=True
+        )
+    )
     size = np.abs(left) @ np.abs(whole) @ np.abs(right)
     whole = left @ whole @ right
     # What cancels is zero: its rounding would look like a coupling to the next reduction.
     whole[np.abs(whole) <= _CANCELLED * size] = 0.0
     fewer = UncertainBlock(block.element, out.shape[1])
-    inside_rows = one.F.shape[0] - block.columns + fewer.columns
-    inside_columns = one.F.shape[1] - block.rows + fewer.rows
-    return replace(
-        one,
-        F=whole[:inside_rows, :inside_columns],
-        G=whole[:inside_rows, inside_columns:],
-        H=whole[inside_rows:, :inside_columns],
-        J=whole[inside_rows:, inside_columns:],
-        blocks=(*one.blocks[:index], fewer, *one.blocks[index + 1 :]),
-    )
+    n = one.F.shape[0] - block.columns + fewer.columns
+    m = one.F.shape[1] - block.rows + fewer.rows
+    F, G, H, J = whole[:n, :m], whole[:n, m:], whole[n:, :m], whole[n:, m:]
+    blocks = (*one.blocks[:index], fewer, *one.blocks[index + 1 :])
+    return replace(one, F=F, G=G, H=H, J=J, blocks=blocks)
 
 
 def _diagonal(*parts: Any) -> Matrix:
