@@ -128,10 +128,6 @@ def test_the_count_does_not_depend_on_the_pade_model(T, order):
     assert count_unstable(loop_winding(order, T))[0] == expected
 
 
-def test_a_pade_model_on_the_axis_is_replaced():
-    assert count_unstable(loop_winding(1, 2.0))[0] == 2
-
-
 def test_a_root_on_the_axis_is_not_counted():
     unstable, _, highest = count_unstable(loop_winding(3, np.pi / 2))
     assert unstable is None
@@ -168,12 +164,6 @@ def test_the_pade_model_tends_to_it():
         np.testing.assert_allclose(model(1j * w), delayed.response(w)[0], atol=1e-10)
     assert model.nstates == 4 + 24
     assert model.state_labels[4] == "a_delay[0]"
-
-
-def test_without_lines_it_is_the_system():
-    delayed = rp.simulation.DelayedSystem(system(), ())
-    np.testing.assert_allclose(delayed.response([2.0])[0], system()(2j))
-    np.testing.assert_array_equal(delayed.pade_model().A, system().A)
 
 
 def test_a_pole_on_the_axis_is_infinite():
@@ -251,6 +241,3 @@ def test_gain_one_everywhere_and_the_right_phase_up_to_its_order(order):
 def test_bad_delays_are_named(given, told):
     with pytest.raises(rp.InvalidInputError, match=told):
         pade(*given)
-
-
-#
