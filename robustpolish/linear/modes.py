@@ -190,31 +190,21 @@ def _part_modes(model: Realisation, names: list[str]) -> list[Mode]:
     scaled = rescaled(model)
     spectrum = eigensystem(scaled.A)
     values, share = spectrum.values, spectrum.shares
-    if model.states <= EXACT_STATES:
+    if model.states <= EXACT_STATES:  # in the order of those whose vectors are known
         exact = np.array(eigenvalues(rational(scaled.A)))
-        values = _matched(values, exact)
+        _, columns = linear_sum_assignment(np.abs(values[:, None] - exact[None, :]))
+        values = exact[columns]
     result = []
     for i, value in enumerate(values):
         if value.imag < 0:
             continue
-        state = int(np.argmax(share[:, i]))
-        result.append(
-            _mode(value * scaled.time, model, names[state], min(1.0, float(share[state, i])))
-        )
+        state, value = int(np.argmax(share[:, i])), value * scaled.time
+        rate = value
+        if model.discrete:
+            rate = np.log(value) / model.step if value != 0 else complex(-math.inf, 0)
+        size = abs(rate)
+        damping = math.nan if size == 0 else (1.0 if math.isinf(size) else 0.0 - rate.real / size)
+        hertz, damped = size / (2 * math.pi), abs(rate.imag) / (2 * math.pi)
+        participation = min(1.0, float(share[state, i]))
+        result.append(Mode(complex(value), hertz, damped, damping, names[state], participation))
     return result
-
-
-def _matched(values: NDArray[np.complex128], exact: NDArray[np.complex128]) -> NDArray:
-    """Order the exact eigenvalues as the computed ones, whose vectors are known."""
-    _, columns = linear_sum_assignment(np.abs(values[:, None] - exact[None, :]))
-    return exact[columns]
-
-
-def _mode(value: complex, model: Realisation, state: str, share: float) -> Mode:
-    rate = value
-    if model.discrete:
-        rate = np.log(value) / model.step if value != 0 else complex(-math.inf, 0)
-    size = abs(rate)
-    damping = math.nan if size == 0 else (1.0 if math.isinf(size) else 0.0 - rate.real / size)
-    imaginary = abs(rate.imag) / (2 * math.pi)
-    return Mode(complex(value), size / (2 * math.pi), imaginary, damping, state, share)

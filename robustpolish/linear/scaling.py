@@ -361,16 +361,15 @@ def _frequencies(model: Realisation, band: Sequence[float] | None) -> Vector:
     highest = np.pi / model.step if model.discrete else np.inf
     if band is None:
         low, high = _default_band(model)
-        low, high = min(low, highest / 2), min(high, highest)
-    else:
-        try:
-            low, high = (float(edge) for edge in band)
-        except (TypeError, ValueError):
-            low = high = np.nan
-        if not 0 < low < high <= highest or not np.isfinite(high):
-            limit = f" up to {highest:.6g} rad/s" if model.discrete else ""
-            want = f"(lowest, highest), two ascending positive frequencies{limit}"
-            raise invalid("band", described(repr(band)), want, "Give the band in rad/s.")
+        return np.geomspace(min(low, highest / 2), min(high, highest), 60)
+    try:
+        low, high = (float(edge) for edge in band)
+    except (TypeError, ValueError):
+        low = high = np.nan
+    if not 0 < low < high <= highest or not np.isfinite(high):
+        limit = f" up to {highest:.6g} rad/s" if model.discrete else ""
+        want = f"(lowest, highest), two ascending positive frequencies{limit}"
+        raise invalid("band", described(repr(band)), want, "Give the band in rad/s.")
     return np.geomspace(low, high, 60)
 
 

@@ -736,14 +736,14 @@ class GeneralizedPlant(WiredPlant, Displayed):
         lines = isinstance(self.system, control.FrequencyResponseData)
         if lines:
             time = "a frequency response"
-        groups = (
-            ("disturbances w", self.disturbance_names),
-            ("controls u", self.control_names),
-            ("performance z", self.performance_names),
-            ("measurements y", self.measurement_names),
-            *([] if lines else [("states x", self.states)]),
-        )
-        rows = [(f"{group} ({len(names)})", self._listed(names)) for group, names in groups]
+        groups = {
+            "disturbances w": self.disturbance_names,
+            "controls u": self.control_names,
+            "performance z": self.performance_names,
+            "measurements y": self.measurement_names,
+            **({} if lines else {"states x": self.states}),
+        }
+        rows = [(f"{group} ({len(names)})", self._listed(names)) for group, names in groups.items()]
         rows += [
             (what, ", ".join(f"{name} {value:g}{unit}" for name, value in facts.items()))
             for what, facts, unit in (
@@ -760,10 +760,8 @@ class GeneralizedPlant(WiredPlant, Displayed):
         by_unit: dict[str, list[str]] = {}
         for name in names:
             by_unit.setdefault(self.units.get(name, ""), []).append(name)
-        groups = [
-            ", ".join(alike) + (f" [{unit}]" if unit else "") for unit, alike in by_unit.items()
-        ]
-        return "; ".join(groups)
+        shown = {unit: f" [{unit}]" if unit else "" for unit in by_unit}
+        return "; ".join(", ".join(alike) + shown[unit] for unit, alike in by_unit.items())
 
 
 def _labels(system: control.StateSpace) -> set[str]:

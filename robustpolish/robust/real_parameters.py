@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import islice, product
 from typing import Any
 
 import flint
@@ -212,69 +212,46 @@ def _along(loop: LoopModel, inverse: Matrix, deltas: Vector) -> Iterator[RayCros
     # Sizes beyond this many times the nearest are rounding, or of no interest.
     large = np.abs(values) > _FARTHEST * np.abs(values).max(initial=0.0)
     real = values[large & (np.abs(values.imag) <= _REAL * np.abs(values))].real
-    for sign in (1.0, -1.0):
-        for value in sorted((sign * real)[sign * real > 0], reverse=True)[:3]:
-            k = sign / float(value)
-            crossing = _crossing(loop, k, deltas, (A, B, C, D), w, spread)
-            if crossing is not None:
-                yield crossing
+
+    def mode(k: float) -> tuple[complex, float, AnyVector] | None:
+        """Return the pole nearest to the axis, what its real part changes by k, its signals z."""
+        back = np.eye(len(D)) - k * D
+        if np.linalg.cond(back) > 1e12:
+            return None
+        into = np.linalg.solve(back, C)
+        modes: Any = sla.eig(A + k * B @ into, left=True)
+        poles, lefts, rights = modes
+        near = int(np.argmin(np.abs(np.real(poles)) / (np.abs(poles) + loop.rate * 1e-6)))
+        x, y = rights[:, near], lefts[:, near]
+        # The derivative of k (1 - k D)^-1 is (1 - k D)^-2.
+        change, own = np.vdot(y, B @ np.linalg.solve(back, into @ x)), np.vdot(y, x)
+        by_k = float(np.real(change / own)) if own else 0.0
+        return complex(poles[near]), by_k if np.isfinite(by_k) else 0.0, into @ x
+
+    def crossing(k: float) -> RayCrossing | None:
+        """Return the mode on the axis at a number k of the ray, if there is one."""
+        found = mode(k)
+        for _ in range(_NEWTON):
+            if found is None or not abs(found[1]) > 0 or abs(found[0].real) < _SETTLED * loop.rate:
                 break
+            step = -found[0].real / found[1]
+            nearer = mode(k + step) if abs(step) < _CLOSE * abs(k) else None
+            if nearer is None or abs(nearer[0].real) >= abs(found[0].real):
+                break
+            k, found = k + step, nearer
+        if found is None:
+            return None
+        pole, _, z = found
+        signals = np.zeros(len(spread), complex)
+        signals[w] = k * spread[w] * z
+        far = abs(pole.real) > _ON_AXIS * max(abs(pole), loop.rate * 1e-3)
+        if far or not np.isfinite(signals).all() or not signals.any():
+            return None
+        size = abs(k) * max(structure.sizes(np.abs(deltas).tolist()))
+        signals = np.conj(signals) if pole.imag < 0 else signals
+        return RayCrossing(size, tuple((k * deltas).tolist()), abs(pole.imag), signals)
 
-
-def _crossing(
-    loop: LoopModel,
-    k: float,
-    deltas: Vector,
-    matrices: tuple[Matrix, Matrix, Matrix, Matrix],
-    places: AnyVector,
-    spread: Vector,
-) -> RayCrossing | None:
-    """Return the mode on the axis at a number k of a ray, if there is one."""
-    mode = _mode(k, matrices, loop.rate)
-    for _ in range(_NEWTON):
-        if mode is None or not abs(mode.by_k) > 0 or abs(mode.value.real) < _SETTLED * loop.rate:
-            break
-        step = -mode.value.real / mode.by_k
-        nearer = _mode(k + step, matrices, loop.rate) if abs(step) < _CLOSE * abs(k) else None
-        if nearer is None or abs(nearer.value.real) >= abs(mode.value.real):
-            break
-        k, mode = k + step, nearer
-    if mode is None:
-        return None
-    value = mode.value
-    if abs(value.real) > _ON_AXIS * max(abs(value), loop.rate * 1e-3):
-        return None
-    w = np.zeros(len(spread), complex)
-    w[places] = k * spread[places] * mode.z
-    if not np.isfinite(w).all() or not w.any():
-        return None
-    if value.imag < 0:
-        w = np.conj(w)
-    frequency = abs(value.imag)
-    size = abs(k) * max(loop.structure.sizes(np.abs(deltas).tolist()))
-    return RayCrossing(size, tuple((k * deltas).tolist()), frequency, w)
-
-
-@dataclass(frozen=True, eq=False)
-class _Mode:
-    """The pole that is nearest to the axis, what its real part changes by k, and its signals z."""
-
-    value: complex
-    by_k: float
-    z: AnyVector
-
-
-def _mode(k: float, matrices: tuple[Matrix, Matrix, Matrix, Matrix], rate: float) -> _Mode | None:
-    A, B, C, D = matrices
-    back = np.eye(len(D)) - k * D
-    if np.linalg.cond(back) > 1e12:
-        return None
-    into = np.linalg.solve(back, C)
-    modes: Any = sla.eig(A + k * B @ into, left=True)
-    values, left, right = modes
-    near = int(np.argmin(np.abs(np.real(values)) / (np.abs(values) + rate * 1e-6)))
-    x, y = right[:, near], left[:, near]
-    # The derivative of k (1 - k D)^-1 is (1 - k D)^-2.
-    change, own = np.vdot(y, B @ np.linalg.solve(back, into @ x)), np.vdot(y, x)
-    by_k = float(np.real(change / own)) if own else 0.0
-    return _Mode(complex(values[near]), by_k if np.isfinite(by_k) else 0.0, into @ x)
+    for sign in (1.0, -1.0):
+        nearest = sorted((sign * real)[sign * real > 0], reverse=True)[:3]
+        found = filter(None, (crossing(sign / float(value)) for value in nearest))
+        yield from islice(found, 1)

@@ -67,31 +67,18 @@ def realisation(argument: str, system: Any) -> Realisation:
     n, m, p = system.nstates, system.ninputs, system.noutputs
     discrete = bool(system.isdtime(strict=True))
     step = 1.0 if system.dt is None or system.dt is True or not discrete else float(system.dt)
-    return Realisation(
-        np.array(system.A, dtype=float).reshape(n, n),
-        np.array(system.B, dtype=float).reshape(n, m),
-        np.array(system.C, dtype=float).reshape(p, n),
-        np.array(system.D, dtype=float).reshape(p, m),
-        discrete,
-        step,
-    )
+    shapes = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
+    matrices = (np.array(getattr(system, M), dtype=float).reshape(s) for M, s in shapes.items())
+    return Realisation(*matrices, discrete, step)
 
 
 def named_like(
     system: control.StateSpace, A: Matrix, B: Matrix, C: Matrix, D: Matrix
 ) -> control.StateSpace:
     """Return a system of these matrices with the sampling time and names of another."""
-    return control.StateSpace(
-        A,
-        B,
-        C,
-        D,
-        system.dt,
-        states=system.state_labels,
-        inputs=system.input_labels,
-        outputs=system.output_labels,
-        remove_useless_states=False,
-    )
+    kinds = ("state", "input", "output")
+    names: dict[str, Any] = {f"{kind}s": getattr(system, f"{kind}_labels") for kind in kinds}
+    return control.StateSpace(A, B, C, D, system.dt, remove_useless_states=False, **names)
 
 
 def power_of_two(value: float) -> float:

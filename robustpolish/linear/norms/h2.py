@@ -353,14 +353,10 @@ def h2_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> H2Norm:
     by_hand = [norm for norm in found if "ball" in norm.reason]
     telling = [*(norm for norm in infinite if not norm.stable), *infinite, *unsteady, *by_hand]
     reason = (telling or found)[0].reason if found else "there are no states, inputs or outputs"
-    return H2Norm(
-        math.hypot(*(norm.value for norm in found)),
-        math.hypot(*(norm.lower for norm in found)),
-        math.hypot(*(norm.upper for norm in found)),
-        not unsteady,
-        reason,
-        system,
+    value, lower, upper = (
+        math.hypot(*(getattr(norm, name) for norm in found)) for name in ("value", "lower", "upper")
     )
+    return H2Norm(value, lower, upper, not unsteady, reason, system)
 
 
 def _part_norm(model: Realisation, tolerance: float) -> H2Norm:

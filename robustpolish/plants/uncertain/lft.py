@@ -384,43 +384,6 @@ _ROUNDING = 1e-15
 _FAINT = 1e-13
 
 
-def reduced_copies(
-    own: Matrix, moved: Matrix, seen: Matrix, copies: int, shape: tuple[int, int]
-) -> tuple[Matrix, Matrix] | None:
-    """Return how to leave out copies of a block that do nothing, None if all are needed.
-
-    Parameters
-    ----------
-    own : ndarray, shape (copies * columns, copies * rows)
-        From the block's outputs to its own inputs.
-    moved : ndarray, shape (copies * columns, any)
-        From everything else to its inputs.
-    seen : ndarray, shape (any, copies * rows)
-        From its outputs to everything else.
-    copies : int
-    shape : (int, int)
-        Rows and columns of one copy.
-
-    Returns
-    -------
-    out, into : ndarray, shapes (copies, fewer) and (fewer, copies)
-        ``z = (out x I) z_fewer`` and ``z_fewer = (into x I) z``, and the same of w.
-    """
-    rows, columns = shape
-    scale = _balance(moved, seen, copies, rows, columns)
-    steps = own.reshape(copies, columns, copies, rows).transpose(1, 3, 0, 2)
-    steps = steps.reshape(-1, copies, copies) * scale[None, None, :] / scale[None, :, None]
-    enter = moved.reshape(copies, -1) / scale[:, None]
-    leave = seen.reshape(len(seen), copies, rows).transpose(0, 2, 1).reshape(-1, copies) * scale
-    reached = _invariant_subspace(enter, steps)
-    inner = np.einsum("ai,kab,bj->kij", reached, steps, reached)
-    visible = _invariant_subspace((leave @ reached).T, inner.transpose(0, 2, 1))
-    basis = reached @ visible
-    if basis.shape[1] == copies:
-        return None
-    return scale[:, None] * basis, basis.T / scale
-
-
 def _invariant_subspace(start: Matrix, steps: Matrix) -> Matrix:
     """Return an orthonormal basis of the least space with `start` that all `steps` map into it."""
     basis = np.zeros((start.shape[0], 0))
@@ -450,18 +413,6 @@ def _beyond(candidates: Matrix, basis: Matrix) -> Matrix:
         fresh = np.column_stack([fresh, direction])
         left = left - np.outer(direction, direction @ left)
     return fresh
-
-
-def _balance(moved: Matrix, seen: Matrix, copies: int, rows: int, columns: int) -> Matrix:
-    """Return powers of two that make each copy as easily moved as seen: units have no say."""
-    into = np.linalg.norm(moved.reshape(copies, -1), axis=1)
-    out = np.linalg.norm(seen.reshape(len(seen), copies, rows).transpose(1, 0, 2).reshape(
-        copies, -1), axis=1)  # fmt: skip
-    scale = np.ones(copies)
-    # A copy that is only seen by rounding must not be made as visible as the others.
-    used = (into > _FAINT * into.max(initial=0.0)) & (out > _FAINT * out.max(initial=0.0))
-    scale[used] = np.exp2(np.round(np.log2(into[used] / out[used]) / 2))
-    return scale
 
 
 # Relative size below which a matrix that has to be inverted counts as singular.
@@ -696,27 +647,36 @@ def _all_used(one: Lft) -> bool:
 
 
 def _block_reduced(one: Lft, index: int) -> Lft:
-    block = one.blocks[index]
-    z, w = block_slices(one)[index]
-    whole = one.whole
-    own, moved = whole[z][:, w], np.delete(whole[z], w, axis=1)
-    seen = np.delete(whole[:, w], z, axis=0)
-    basis = reduced_copies(own, moved, seen, block.copies, block.element.shape)
-    if basis is None:
+    block, whole = one.blocks[index], one.whole
+    (z, w), copies, (p, q) = block_slices(one)[index], block.copies, block.element.shape
+    # From everything else to the inputs of each copy, and from its outputs to everything else.
+    enter = np.delete(whole[z], w, axis=1).reshape(copies, -1)
+    leave = np.delete(whole[:, w], z, axis=0)
+    leave = leave.reshape(len(leave), copies, p).transpose(0, 2, 1).reshape(-1, copies)
+    # Powers of two make each copy as easily moved as seen: units have no say. One that is only
+    # seen by rounding must not be made as visible as the others.
+    into, out, scale = np.linalg.norm(enter, axis=1), np.linalg.norm(leave, axis=0), np.ones(copies)
+    used = (into > _FAINT * into.max(initial=0.0)) & (out > _FAINT * out.max(initial=0.0))
+    scale[used] = np.exp2(np.round(np.log2(into[used] / out[used]) / 2))
+    own = whole[z][:, w].reshape(copies, q, copies, p).transpose(1, 3, 0, 2)
+    steps = own.reshape(-1, copies, copies) * scale[None, None, :] / scale[None, :, None]
+    reached = _invariant_subspace(enter / scale[:, None], steps)
+    inner = np.einsum("ai,kab,bj->kij", reached, steps, reached)
+    visible = _invariant_subspace((leave * scale @ reached).T, inner.transpose(0, 2, 1))
+    basis = reached @ visible
+    if basis.shape[1] == copies:
         return one
-    out, into = basis  # copies = out @ fewer; fewer = into @ copies
-    p, q = block.element.shape
+    # Copies are `scale basis` times the fewer ones, and these `basis' / scale` times the copies.
+    turned = np.kron(basis.T / scale, np.eye(q)), np.kron(scale[:, None] * basis, np.eye(p))
     left, right = (
         _diagonal(np.eye(places[0]), middle, np.eye(count - places[-1] - 1))
-        for places, middle, count in zip(
-            (z, w), (np.kron(into, np.eye(q)), np.kron(out, np.eye(p))), whole.shape, strict=True
-        )
+        for places, middle, count in zip((z, w), turned, whole.shape, strict=True)
     )
     size = np.abs(left) @ np.abs(whole) @ np.abs(right)
     whole = left @ whole @ right
     # What cancels is zero: its rounding would look like a coupling to the next reduction.
     whole[np.abs(whole) <= _CANCELLED * size] = 0.0
-    fewer = UncertainBlock(block.element, out.shape[1])
+    fewer = UncertainBlock(block.element, basis.shape[1])
     n = one.F.shape[0] - block.columns + fewer.columns
     m = one.F.shape[1] - block.rows + fewer.rows
     F, G, H, J = whole[:n, :m], whole[:n, m:], whole[n:, :m], whole[n:, m:]

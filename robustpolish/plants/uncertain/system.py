@@ -98,19 +98,17 @@ def random_values(system: Lft, random: np.random.Generator) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for members in algebra.groups(system.blocks):
         values |= algebra.drawn(members, random)
-    for block in system.blocks:
-        if block.element.name not in values:
-            values[block.element.name] = _random_value(block, system, random)
+    for element in (block.element for block in system.blocks):
+        if element.name in values:
+            continue
+        if isinstance(element, RealElement):
+            values[element.name] = float(random.uniform(element.low, element.high))
+            continue
+        value: Any = _all_pass(element.shape, system, random)
+        if isinstance(element, ComplexElement):
+            value = element.nominal + element.radius * value
+        values[element.name] = value
     return values
-
-
-def _random_value(block: UncertainBlock, system: Lft, random: np.random.Generator) -> Any:
-    element = block.element
-    if isinstance(element, RealElement):
-        return float(random.uniform(element.low, element.high))
-    if isinstance(element, ComplexElement):
-        return element.nominal + element.radius * _all_pass((1, 1), system, random)
-    return _all_pass(element.shape, system, random)
 
 
 def _all_pass(
