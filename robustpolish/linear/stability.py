@@ -42,14 +42,28 @@ def unreachable_poles(A: fmpq_mat, B: fmpq_mat, discrete: bool) -> list[tuple[co
 def _sided(polynomial: fmpz_poly, discrete: bool) -> list[tuple[complex, int]]:
     """Return the roots with -1, 0 or 1 for inside, on and beyond the stability boundary."""
     n = polynomial.degree()
-    if discrete:  # roots at z = -1 go to infinity, where the degree tells
-        polynomial = _mobius(polynomial, n)
+    if discrete:  # (1 - s)^n p((1 + s)/(1 - s)): roots at z = -1 go to infinity, the degree tells
+        up, down, coefficients = fmpz_poly([1, 1]), fmpz_poly([1, -1]), polynomial.coeffs()
+        terms = (up**k * down ** (n - k) * c for k, c in enumerate(coefficients))
+        polynomial = sum(terms, fmpz_poly([0]))
     sided = [(complex(-1), 0)] * (n - polynomial.degree())
     if polynomial.degree() == 0:
         return sided
     mirrored = fmpz_poly([(-1) ** k * int(c) for k, c in enumerate(polynomial.coeffs())])
     symmetric = polynomial.gcd(mirrored)  # holds every root on the axis, and pairs around it
-    for root, times in _resolved(polynomial, _axis_count(symmetric)):
+    # Those on the axis: zero, and positive roots of the even or odd polynomial in x = -s^2.
+    coefficients = symmetric.coeffs()
+    zeros = next(k for k, c in enumerate(coefficients) if c != 0)
+    even = fmpz_poly([(-1) ** k * int(c) for k, c in enumerate(coefficients[zeros::2])])
+    on_axis = zeros + 2 * sum(times for _, times in positive_roots(even))
+    bits, roots = 64, []
+    while True:  # until only these have no sign in their real parts
+        with precision(bits):
+            roots = isolated_roots(polynomial)
+        if sum(times for root, times in roots if root.real.contains(0)) == on_axis:
+            break
+        bits *= 2
+    for root, times in roots:
         where = complex(root)
         side = int(root.real > 0) - int(root.real < 0)
         pole = where if side else 1j * where.imag
@@ -74,36 +88,6 @@ def eigenvalues(A: fmpq_mat) -> list[complex]:
 def _sharp(value: arb) -> bool:
     """Say whether a part of an eigenvalue is known to double precision or is exactly zero."""
     return value.rel_accuracy_bits() >= 56 or value == 0
-
-
-def _mobius(polynomial: fmpz_poly, n: int) -> fmpz_poly:
-    """Return (1 - s)^n p((1 + s)/(1 - s))."""
-    up, down = fmpz_poly([1, 1]), fmpz_poly([1, -1])
-    result, power = fmpz_poly([0]), fmpz_poly([1])
-    for k, c in enumerate(polynomial.coeffs()):
-        result += power * down ** (n - k) * c
-        power *= up
-    return result
-
-
-def _resolved(polynomial: fmpz_poly, on_axis: int) -> list[tuple[acb, int]]:
-    """Isolate the roots until only the `on_axis` ones have no sign in their real part."""
-    bits = 64
-    while True:
-        with precision(bits):
-            roots = isolated_roots(polynomial)
-        if sum(times for root, times in roots if root.real.contains(0)) == on_axis:
-            return roots
-        bits *= 2
-
-
-def _axis_count(symmetric: fmpz_poly) -> int:
-    """Count the roots on the imaginary axis of an even or odd polynomial."""
-    coefficients = symmetric.coeffs()
-    zeros = next(k for k, c in enumerate(coefficients) if c != 0)
-    rest = coefficients[zeros:]
-    even = fmpz_poly([(-1) ** k * int(c) for k, c in enumerate(rest[::2])])  # in x = -s^2
-    return zeros + 2 * sum(times for _, times in positive_roots(even))
 
 
 def isolated_roots(polynomial: fmpz_poly) -> list[tuple[acb, int]]:

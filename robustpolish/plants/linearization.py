@@ -172,8 +172,15 @@ def linearize(
             return point[:n]
         return np.asarray(output(point[:n], point[n:]), dtype=float).ravel()
 
-    if find_equilibrium and n:
-        q = _equilibrium(f, q, u, size[:n])
+    if find_equilibrium and n:  # each state in units of its size
+        answer = _root(lambda x: f(np.concatenate([x * size[:n], u])), q / size[:n], tol=1e-12)
+        found = answer.x * size[:n]
+        if not np.isfinite(found).all():
+            raise SolverError(
+                f"state: no equilibrium found near {q} ({answer.message}). "
+                "Give a better guess, or pass find_equilibrium=False with a known equilibrium."
+            )
+        q = found
     point = np.concatenate([q, u])
     jacobian = _derivative(f, point, size)
     # What each term of f amounts to: the yardstick for "f is zero", whatever the units.
@@ -193,18 +200,6 @@ def linearize(
         **{key: list(value) for key, value in names.items() if value is not None},
     )
     return Linearization(system, q, u, residual)
-
-
-def _equilibrium(f: Callable[[Vector], Vector], q: Vector, u: Vector, size: Vector) -> Vector:
-    """Solve f(q, u) = 0 for q, each state in units of its size."""
-    answer = _root(lambda scaled: f(np.concatenate([scaled * size, u])), q / size, tol=1e-12)
-    found = answer.x * size
-    if not np.isfinite(found).all():
-        raise SolverError(
-            f"state: no equilibrium found near {q} ({answer.message}). "
-            "Give a better guess, or pass find_equilibrium=False with a known equilibrium."
-        )
-    return found
 
 
 def _derivative(f: Callable[[Vector], Vector], point: Vector, size: Vector) -> Vector:

@@ -89,7 +89,14 @@ def mixed_sensitivity(
     >>> round(rp.output_feedback(plant).certificate.achieved, 2)
     1.37
     """
-    G = _of_loop(plant)
+    if isinstance(plant, GeneralizedPlant):
+        G = plant
+    else:
+        system = as_state_space("plant", plant)
+        G = GeneralizedPlant(system, measurements=system.noutputs, controls=system.ninputs)
+    if not (G.nu and G.ny):
+        shown = described(f"{G.nu} controls and {G.ny} measurements")
+        raise invalid("plant", shown, "at least one of each", "Check controls=, measurements=.")
     u, y = G.control_names, G.measurement_names
     wiring = G.wiring.chosen([], range(G.nu), [], range(G.ny))
     if performance is None and effort is None and robustness is None:
@@ -110,17 +117,6 @@ def mixed_sensitivity(
     own = {name: unit for name, unit in G.units.items() if name in {*u, *y, *G.states}}
     named = {f"{prefix}{name}": unit for name, unit in own.items() for prefix in prefixes}
     return G.rewired(whole, units={name: unit for name, unit in named.items() if name in there})
-
-
-def _of_loop(plant: Any) -> GeneralizedPlant:
-    """Return a plant whose part from u to y is meant."""
-    if not isinstance(plant, GeneralizedPlant):
-        G = as_state_space("plant", plant)
-        return GeneralizedPlant(G, measurements=G.noutputs, controls=G.ninputs)
-    if not (plant.nu and plant.ny):
-        shown = described(f"{plant.nu} controls and {plant.ny} measurements")
-        raise invalid("plant", shown, "at least one of each", "Check controls=, measurements=.")
-    return plant
 
 
 def _with_outputs(

@@ -101,7 +101,16 @@ def bounds(loop: LoopModel, fixed: tuple[bool, ...] | None = None, gap: float = 
     if found.witness is None:
         if branches and found.coverage.complete:
             found = _with_short_intervals(loop, fixed, found)
-        return found if fixed else _without_witness(loop, found, gap)
+        if not (fixed or found.coverage.complete):
+            # Real numbers up to a size far beyond what was said to be possible may do nothing.
+            far, size = _FAR * loop.gain, None
+            if all(block.kind == "real" for block in loop.structure.blocks):
+                size = proven_real_margin(loop, far)
+                if size is None and branches:
+                    size = branch_and_bound(loop, "pole", gap, 0.0, far, lambda *_: far)
+            if size:
+                return replace(found, coverage=_everywhere(found.coverage, 1 / size))
+        return found
     exact = None if fixed else proven_real_margin(loop, found.witness.size)
     if exact is not None:
         return replace(found, coverage=_everywhere(found.coverage, 1 / exact))
@@ -133,17 +142,6 @@ def bounds(loop: LoopModel, fixed: tuple[bool, ...] | None = None, gap: float = 
         # Both bounds together, by scalings for each part of the box of real numbers.
         found = raised(found, partial(split, loop, fixed, aim))
     return found
-
-
-def _without_witness(loop: LoopModel, found: Bounds, gap: float) -> Bounds:
-    """Prove that real numbers up to a size far beyond what was said to be possible do nothing."""
-    if found.coverage.complete or any(b.kind != "real" for b in loop.structure.blocks):
-        return found
-    far = _FAR * loop.gain
-    size = proven_real_margin(loop, far)
-    if size is None and can_branch(loop):
-        size = branch_and_bound(loop, "pole", gap, 0.0, far, lambda numbers, frequency: far)
-    return replace(found, coverage=_everywhere(found.coverage, 1 / size)) if size else found
 
 
 def _settled(loop: LoopModel, fixed: tuple[bool, ...] | None, found: Bounds) -> Bounds:

@@ -290,14 +290,6 @@ def rounded(balls: Balls) -> Realisation:
     return Realisation(A, B, C, D, False)
 
 
-def _rate(A: Matrix) -> float:
-    """Return a typical frequency, which does not depend on units of states."""
-    if not len(A):
-        return 1.0
-    states = equilibrate(np.abs(A))
-    return typical_rate(A / states[:, None] * states)
-
-
 def _units(
     matrices: tuple[Matrix, ...], time: float, w: Sequence[int], z: Sequence[int]
 ) -> tuple[Vector, Vector, float, float]:
@@ -367,7 +359,12 @@ class LoopModel:
     ) -> LoopModel:
         """Return the loop of the matrices A, B, C and D of M around the blocks."""
         A, B, C, D = matrices
-        used = _used(A, B, C)
+        # The states that something moves and that something sees, by the pattern of zeros.
+        moved, seen = B.any(axis=1), C.any(axis=0)
+        for _ in range(len(A)):
+            moved = moved | (A[:, moved] != 0).any(axis=1)
+            seen = seen | (A[seen] != 0).any(axis=0)
+        used = np.flatnonzero(moved & seen).tolist()
         A, B, C = A[used][:, used], B[used], C[:, used]
         step = 0.0 if not dt else 1.0 if dt is True else float(dt)
         # Of each signal the number of the copy that it belongs to: these share a unit, which Delta
@@ -380,7 +377,9 @@ class LoopModel:
             if dt and used:
                 A, B, C, D = cayley(A, B, C, D)
             rough = tuple(map(midpoint, (A, B, C, D)))
-            time = _rate(rough[0])
+            # A typical frequency, which does not depend on units of states.
+            even = equilibrate(np.abs(rough[0]))
+            time = typical_rate(rough[0] / even[:, None] * even)
             states, units, b, c = _units(rough, time, w, z)
             into, out = units[w] / b, 1 / (units[z] * c)
             left = 1 / (states * time)
@@ -484,12 +483,3 @@ class LoopModel:
             return []
         poles: Any = np.linalg.eigvals(self.model.A)
         return sorted({float(f"{abs(pole):.6g}") for pole in poles if abs(pole) > 0})
-
-
-def _used(A: Matrix, B: Matrix, C: Matrix) -> list[int]:
-    """Return the states that something moves and that something sees, by the pattern of zeros."""
-    moved, seen = B.any(axis=1), C.any(axis=0)
-    for _ in range(len(A)):
-        moved = moved | (A[:, moved] != 0).any(axis=1)
-        seen = seen | (A[seen] != 0).any(axis=0)
-    return np.flatnonzero(moved & seen).tolist()

@@ -136,13 +136,6 @@ def rescaled(system: Realisation) -> Realisation:
     """Balance the states, then choose units of time and gain that make the entries near one."""
     if system.states == 0:
         return system
-    try:  # no `within_doubles`: small systems would wait for the context of it
-        return _rescaled(system)
-    except FloatRangeError:
-        raise entry_range_error("system", system.matrices) from None
-
-
-def _rescaled(system: Realisation) -> Realisation:
     # Imports Numba, which what only holds a realisation does without.
     from robustpolish.linear.arithmetic.even_units import (
         equilibrate_signals,
@@ -159,9 +152,13 @@ def _rescaled(system: Realisation) -> Realisation:
     if not system.discrete:
         rates[1] = nearest_exponent(typical_rate(M[:n, :n]))
     gains = equilibrate_signals(M, n, rows, columns, rates[1])
-    time, gain = _times(system.time, rates), _times(system.gain, gains)
-    if time < _LEAST_NORMAL or not is_exact_scaling(M, rows, columns, given, LARGEST):
-        raise FloatRangeError
+    try:
+        time, gain = _times(system.time, rates), _times(system.gain, gains)
+    except OverflowError:
+        time = gain = math.inf
+    known = _LEAST_NORMAL <= time < math.inf and 0 < gain < math.inf
+    if not (known and is_exact_scaling(M, rows, columns, given, LARGEST)):
+        raise entry_range_error("system", system.matrices)
     A, B, C, D = M[:n, :n].copy(), M[:n, n:].copy(), M[n:, :n].copy(), M[n:, n:].copy()
     return Realisation(A, B, C, D, system.discrete, system.step, time, gain)
 
@@ -169,12 +166,9 @@ def _rescaled(system: Realisation) -> Realisation:
 def _times(value: float, exponents: Iterable[int]) -> float:
     """Multiply by powers of two, one after the other, none of which may leave the doubles."""
     for exponent in exponents:
-        try:
-            value = math.ldexp(value, exponent)
-        except OverflowError as error:
-            raise FloatRangeError from error
-        if not 0 < value < math.inf:
-            raise FloatRangeError
+        value = math.ldexp(value, exponent)
+        if value == 0:
+            raise OverflowError
     return value
 
 

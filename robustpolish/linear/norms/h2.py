@@ -26,7 +26,7 @@ from robustpolish.linear.eigen import EPS, eigensystem
 from robustpolish.linear.norms.modal_form import ModalForm, modal_form
 from robustpolish.linear.norms.singular_values import singular_values
 from robustpolish.linear.scaling import parts
-from robustpolish.linear.stability import Stability, stability_of, stable_part
+from robustpolish.linear.stability import stability_of, stable_part
 from robustpolish.plots.frequency import plot_gains
 
 # The square of the H2 norm with bounds, in double precision or in ball arithmetic.
@@ -360,17 +360,22 @@ def h2_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> H2Norm:
 
 
 def _part_norm(model: Realisation, tolerance: float) -> H2Norm:
-    spectrum = None
+    spectrum, stable = None, True
     if model.states:
         model = rescaled(model)
         spectrum = eigensystem(model.A)
         verdict = stability_of(model, spectrum)
         if verdict.verdict == "unstable":
             return _infinite(verdict.reason)
-        if verdict.verdict == "marginal":
-            return _marginal_norm(model, verdict)
+        seen = stable_part(model, verdict) if verdict.verdict == "marginal" else None
+        if verdict.verdict == "marginal" and seen is None:
+            return _infinite(verdict.reason)
+        if seen is not None and (model.discrete or not model.D.any()):
+            reason = f"{verdict.reason}, but hidden from inputs or outputs: not internally stable"
+            return replace(_in_units(model, exact_h2_energy(seen), reason), stable=False)
+        stable = seen is None
     if not model.discrete and model.D.any():
-        return _infinite(_FEEDTHROUGH, stable=True)
+        return _infinite(_FEEDTHROUGH, stable)
     if model.states == 0 or model.D.size == 0:
         gain = float(np.linalg.norm(model.D))
         text = "a static gain" if model.D.size else "no input acts on any output"
@@ -397,13 +402,3 @@ def _in_units(model: Realisation, found: EnergyBounds, reason: str) -> H2Norm:
 
 def _infinite(reason: str, stable: bool = False) -> H2Norm:
     return H2Norm(math.inf, math.inf, math.inf, stable, reason)
-
-
-def _marginal_norm(model: Realisation, verdict: Stability) -> H2Norm:
-    seen = stable_part(model, verdict)
-    if seen is None:
-        return _infinite(verdict.reason)
-    if not model.discrete and model.D.any():
-        return _infinite(_FEEDTHROUGH)
-    reason = f"{verdict.reason}, but hidden from inputs or outputs: not internally stable"
-    return replace(_in_units(model, exact_h2_energy(seen), reason), stable=False)

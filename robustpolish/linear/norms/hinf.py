@@ -19,7 +19,7 @@ from robustpolish.linear.norms.modal_form import Peak
 from robustpolish.linear.norms.peak import certified_peak, in_units
 from robustpolish.linear.norms.singular_values import singular_values
 from robustpolish.linear.scaling import parts
-from robustpolish.linear.stability import Stability, stability_of, stable_part
+from robustpolish.linear.stability import stability_of, stable_part
 from robustpolish.plots.frequency import plot_gains
 
 
@@ -217,20 +217,9 @@ def _part_norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:
     if model.D.size == 0:
         reason = "no input acts on any output" if verdict else verdict.reason
         return HinfNorm(0.0, 0.0, 0.0, 0.0, bool(verdict), reason)
-    if not verdict:
-        return _marginal_norm(model, verdict, tolerance)
-    return _in_units(model, certified_peak(model, tolerance, exact, spectrum=spectrum))
-
-
-def _in_units(model: Realisation, found: Peak) -> HinfNorm:
-    if model.discrete:
-        found = found._replace(frequency=2 * math.atan(found.frequency) / model.step)
-    *known, proof = in_units(found, model)
-    return HinfNorm(known[1], known[0], *known[2:], True, f"proof: {proof}")
-
-
-def _marginal_norm(model: Realisation, verdict: Stability, tolerance: float) -> HinfNorm:
-    """Decide exactly whether the poles on the boundary reach from an input to an output."""
+    if verdict:
+        return _in_units(model, certified_peak(model, tolerance, exact, spectrum=spectrum))
+    # Do the poles on the boundary reach from an input to an output? That is decided exactly.
     seen = stable_part(model, verdict)
     if seen is None:
         return HinfNorm(math.inf, math.nan, math.inf, math.inf, False, verdict.reason)
@@ -238,3 +227,10 @@ def _marginal_norm(model: Realisation, verdict: Stability, tolerance: float) -> 
     found = certified_peak(rounded, tolerance, True, seen)
     reason = f"{verdict.reason}, but hidden from the inputs or outputs: not internally stable"
     return replace(_in_units(model, found), stable=False, reason=reason)
+
+
+def _in_units(model: Realisation, found: Peak) -> HinfNorm:
+    if model.discrete:
+        found = found._replace(frequency=2 * math.atan(found.frequency) / model.step)
+    *known, proof = in_units(found, model)
+    return HinfNorm(known[1], known[0], *known[2:], True, f"proof: {proof}")

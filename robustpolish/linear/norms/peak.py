@@ -362,7 +362,11 @@ def _gain(model: ExactModel, x: fmpq | None) -> float:
 
 def _estimated(model: Realisation, frequency: float, gain: float, tolerance: float) -> Peak:
     """Widen the bracket until the Hamiltonian test in double precision is beyond doubt."""
-    error = _evaluation_error(model, frequency)
+    error = 10 * EPS  # of the gain, relative, from the spread of the resolvent
+    if math.isfinite(frequency) and model.states:
+        resolvent = 1j * frequency * np.eye(model.states) - model.A
+        sizes = np.linalg.svd(resolvent, compute_uv=False)
+        error *= math.sqrt(model.states) * float(sizes[0] / sizes[-1]) if sizes[-1] else 0.1 / EPS
     lower = gain * max(0.0, 1 - error)
     widths = [w for w in (tolerance, 1e-8, 1e-6, 1e-4, 1e-3, 1e-2, 0.1) if w >= tolerance]
     for width in widths:
@@ -371,14 +375,3 @@ def _estimated(model: Realisation, frequency: float, gain: float, tolerance: flo
             text = "no crossing within the rounding errors of double precision"
             return Peak(frequency, gain, lower, upper, text)
     return Peak(frequency, gain, lower, math.inf, "double precision proves no upper bound")
-
-
-def _evaluation_error(model: Realisation, frequency: float) -> float:
-    """Estimate the relative error of the gain from the spread of the resolvent."""
-    if not math.isfinite(frequency) or model.states == 0:
-        return 10 * EPS
-    resolvent = 1j * frequency * np.eye(model.states) - model.A
-    singular = np.linalg.svd(resolvent, compute_uv=False)
-    if singular[-1] == 0:
-        return 1.0
-    return 10 * EPS * math.sqrt(model.states) * float(singular[0] / singular[-1])

@@ -66,14 +66,10 @@ class BallSystem:
         )
         inverse = (balls.identity(nu) - Dk * D22).inv()
         on_x, on_k, on_w = inverse * Dk * C2, inverse * Ck, inverse * Dk * D21
-        return cls(
-            balls.block(
-                [[A + B2 * on_x, B2 * on_k], [Bk * (C2 + D22 * on_x), Ak + Bk * D22 * on_k]]
-            ),
-            balls.block([[B1 + B2 * on_w], [Bk * (D21 + D22 * on_w)]]),
-            balls.block([[C1 + D12 * on_x, D12 * on_k]]),
-            D11 + D12 * on_w,
-        )
+        rows = [A + B2 * on_x, B2 * on_k], [Bk * (C2 + D22 * on_x), Ak + Bk * D22 * on_k]
+        into = balls.block([[B1 + B2 * on_w], [Bk * (D21 + D22 * on_w)]])
+        out = balls.block([[C1 + D12 * on_x, D12 * on_k]])
+        return cls(balls.block(rows), into, out, D11 + D12 * on_w)
 
     def __iter__(self) -> Iterator[Ball]:
         return iter((self.A, self.B, self.C, self.D))
@@ -191,7 +187,15 @@ def interval_without_eigenvalues(H: Ball, omega: float) -> tuple[float, float] |
     ZeroDivisionError, ValueError, numpy.linalg.LinAlgError
         If there are no eigenvectors that can be inverted.
     """
-    found = _clear(*gershgorin_discs(H, _double_basis(H)), omega)
+    # Eigenvectors in doubles are quick, and good enough for most, in units of the states and
+    # co-states that make the halves of H alike.
+    middle, n = balls.midpoint(H), H.nrows() // 2
+    up, down = np.linalg.norm(middle[:n, n:]), np.linalg.norm(middle[n:, :n])
+    ratio = math.sqrt(up / down) if up > 0 and down > 0 else 1.0
+    units = np.concatenate([np.full(n, 1.0), np.full(n, 1 / ratio)])
+    vectors = np.linalg.eig(middle * units / units[:, None])[1] * units[:, None]
+    basis = balls.complex_ball(vectors / np.linalg.norm(vectors, axis=0))
+    found = _clear(*gershgorin_discs(H, basis), omega)
     if found is None or found[1] - found[0] < _SHORT * found[0]:
         found = _clear(*gershgorin_discs(H, H.eig(right=True, algorithm="approx")[1]), omega)
     return found
@@ -223,19 +227,3 @@ def gershgorin_discs(H: Ball, basis: Ball) -> tuple[Matrix, Vector]:
         rest += abs(turned[i, i] - turned[i, i].mid())
         radii[i] = float(rest.abs_upper()) * (1 + _ROUNDING)
     return centres, radii + _ROUNDING * np.abs(centres)
-
-
-def _double_basis(H: Ball) -> Ball:
-    """Return the eigenvectors in double precision: quick, and good enough for most."""
-    balanced, units = _balanced(balls.midpoint(H))
-    vectors = np.linalg.eig(balanced)[1] * units[:, None]
-    return balls.complex_ball(vectors / np.linalg.norm(vectors, axis=0))
-
-
-def _balanced(H: Matrix) -> tuple[Matrix, Matrix]:
-    """Return H in units of its states and co-states that make its halves alike, and the units."""
-    n = len(H) // 2
-    up, down = np.linalg.norm(H[:n, n:]), np.linalg.norm(H[n:, :n])
-    ratio = math.sqrt(up / down) if up > 0 and down > 0 else 1.0
-    units = np.concatenate([np.full(n, 1.0), np.full(n, 1 / ratio)])
-    return H * units / units[:, None], units

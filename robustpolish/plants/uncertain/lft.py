@@ -626,7 +626,12 @@ def reduce_copies(one: Lft) -> Lft:
     A block's copies are to its delta what states are to an integrator: those that nothing else
     moves, or that nothing else sees, are taken out.
     """
-    if not any(block.copies > 1 for block in one.blocks) and _all_used(one):
+    whole = one.whole
+    used = all(
+        np.delete(whole[z], w, axis=1).any() and np.delete(whole[:, w], z, axis=0).any()
+        for z, w in block_slices(one)
+    )
+    if used and not any(block.copies > 1 for block in one.blocks):
         return one
     before = None
     while before != [block.copies for block in one.blocks]:
@@ -635,15 +640,6 @@ def reduce_copies(one: Lft) -> Lft:
             one = _block_reduced(one, index)
         one = replace(one, blocks=tuple(block for block in one.blocks if block.copies))
     return one
-
-
-def _all_used(one: Lft) -> bool:
-    """Say whether every block is moved by something and seen by something."""
-    whole = one.whole
-    return all(
-        np.delete(whole[z], w, axis=1).any() and np.delete(whole[:, w], z, axis=0).any()
-        for z, w in block_slices(one)
-    )
 
 
 def _block_reduced(one: Lft, index: int) -> Lft:
