@@ -13,7 +13,6 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import (
     described,
     instance_of,
@@ -468,21 +467,20 @@ class GeneralizedPlant(WiredPlant, Displayed):
         C1, C2 = matrix("C1", C1, (None, nx)), matrix("C2", C2, (None, nx))
         nw, nu, nz, ny = B1.shape[1], B2.shape[1], C1.shape[0], C2.shape[0]
 
-        def feedthrough(name: str, value: ArrayLike | None, rows: int, columns: int) -> Matrix:
-            shape = (rows, columns)
-            return np.zeros(shape) if value is None else matrix(name, value, shape)
-
-        D = np.block(
-            [
-                [feedthrough("D11", D11, nz, nw), feedthrough("D12", D12, nz, nu)],
-                [feedthrough("D21", D21, ny, nw), feedthrough("D22", D22, ny, nu)],
-            ]
-        )
-        w, u = _names("disturbances", disturbances, nw, "w"), _names("controls", controls, nu, "u")
-        z = _names("performance", performance, nz, "z")
-        y = _names("measurements", measurements, ny, "y")
+        z, y, w, u = slice(nz), slice(nz, None), slice(nw), slice(nw, None)
+        parts = ((D11, z, w), (D12, z, u), (D21, y, w), (D22, y, u))
+        D = np.zeros((nz + ny, nw + nu))
+        for name, (given, rows, columns) in zip(_MATRICES[5:], parts, strict=True):
+            if given is not None:
+                D[rows, columns] = matrix(name, given, D[rows, columns].shape)
+        ins = [
+            *_names("disturbances", disturbances, nw, "w"),
+            *_names("controls", controls, nu, "u"),
+        ]
+        outs = _names("performance", performance, nz, "z")
+        outs += _names("measurements", measurements, ny, "y")
         B, C, x = np.hstack([B1, B2]), np.vstack([C1, C2]), _names("states", states, nx, "x")
-        system = named_system((A, B, C, D), dt, [*w, *u], [*z, *y], x)
+        system = named_system((A, B, C, D), dt, ins, outs, x)
         return cls._made(system, ny, nu, units=units)
 
     def replace(

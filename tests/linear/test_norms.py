@@ -10,11 +10,7 @@ import robustpolish as rp
 from robustpolish.errors import InvalidInputError
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
-from robustpolish.linear.norms.lmi import (
-    h2_norm_lmi,
-    hinf_norm_lmi,
-    lyapunov_lmi,
-)
+from robustpolish.linear.norms.lmi import h2_norm_lmi, hinf_norm_lmi, lyapunov_lmi
 from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
 
 # The H-infinity norm.

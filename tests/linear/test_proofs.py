@@ -19,9 +19,7 @@ from robustpolish.linear.arithmetic.balls import (
 )
 from robustpolish.linear.arithmetic.rational import ExactModel
 from robustpolish.linear.arithmetic.realisation import realisation
-from robustpolish.linear.proofs.bounded_real import (
-    BallSystem,
-)
+from robustpolish.linear.proofs.bounded_real import BallSystem
 from robustpolish.linear.proofs.definite import is_definite
 from robustpolish.linear.proofs.riccati import (
     UndecidedError,

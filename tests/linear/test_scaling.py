@@ -7,11 +7,7 @@ import pytest
 
 from robustpolish.errors import InvalidInputError
 from robustpolish.linear.norms.hinf import hinf_norm
-from robustpolish.linear.scaling import (
-    decoupled_blocks,
-    prescale,
-    scale_system,
-)
+from robustpolish.linear.scaling import decoupled_blocks, prescale, scale_system
 from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
 
 # Units for synthesis.

@@ -3,13 +3,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from tests.robust.loops import (
-    covers,
-    damper,
-    in_other_units,
-    random_loop,
-    servo,
-)
+from tests.robust.loops import covers, damper, in_other_units, random_loop, servo
 
 
 def test_gain_of_the_witness():

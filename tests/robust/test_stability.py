@@ -4,12 +4,7 @@ import pytest
 from scipy.linalg import block_diag
 
 import robustpolish as rp
-from tests.robust.loops import (
-    covers,
-    in_other_units,
-    random_loop,
-    singular,
-)
+from tests.robust.loops import covers, in_other_units, random_loop, singular
 
 
 def check_random(seed):

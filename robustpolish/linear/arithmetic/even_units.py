@@ -1,6 +1,6 @@
-"""Units in which the entries of a system are near one: powers of two, found by compiled loops.
+"""Units in which the entries of a system are near one, and complex eigenvectors: compiled loops.
 
-All functions work in place on the four matrices as one, [[A, B], [C, D]], and on the exponents
+Those of units work in place on the four matrices as one, [[A, B], [C, D]], and on the exponents
 which its rows and columns have been given. A power that pushes an entry out of the range of doubles
 loses it, so that :func:`is_exact_scaling` has to have the last word.
 """

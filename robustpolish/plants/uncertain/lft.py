@@ -89,9 +89,8 @@ class RealElement:
     def skew(self) -> float:
         """How far the nominal value is from the middle: 0 there, below 1 in size."""
         up, down = self.high - self.nominal, self.nominal - self.low
-        if abs(up - down) <= 1e-12 * (up + down):
-            return 0.0  # the middle but for the rounding of a percentage
-        return (up - down) / (up + down)
+        share = (up - down) / (up + down)
+        return share if abs(share) > 1e-12 else 0.0  # the middle but for a percentage's rounding
 
     @property
     def slope(self) -> float:

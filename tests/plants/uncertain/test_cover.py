@@ -6,10 +6,7 @@ import pytest
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.plants.uncertain.cover import (
-    bounding_weight,
-    envelope,
-)
+from robustpolish.plants.uncertain.cover import bounding_weight, envelope
 
 
 def rig(w, damping=0.1):
