@@ -8,6 +8,7 @@ from scipy.optimize import minimize
 import robustpolish as rp
 from robustpolish.linear.arithmetic.balls import precision
 from robustpolish.robust import branch_and_bound as branch
+from robustpolish.robust.bounds import proven_real_margin
 from robustpolish.robust.branch_and_bound import (
     ParameterNorm,
     Region,
@@ -16,7 +17,6 @@ from robustpolish.robust.branch_and_bound import (
     split,
 )
 from robustpolish.robust.loop_model import LoopModel
-from robustpolish.robust.real_parameters import proven_real_margin
 from tests.robust.loops import random_loop, servo
 
 
