@@ -131,18 +131,11 @@ class Modes(Displayed, Sequence[Mode]):
 
     def _card(self) -> Card:
         columns = ("state", "natural [Hz]", "damped [Hz]", "damping", "share", "eigenvalue")
-        rows = tuple(
-            (
-                mode.state,
-                mode.natural_frequency_hz,
-                mode.frequency_hz,
-                mode.damping_ratio,
-                round(mode.participation, 2),
-                pair_text(mode.eigenvalue),
-            )
-            for mode in self.modes
-        )
-        return Card("", (Table("", columns, rows, digits=7),))
+        rows = [
+            (m.state, m.natural_frequency_hz, m.frequency_hz, m.damping_ratio,
+             round(m.participation, 2), pair_text(m.eigenvalue)) for m in self.modes
+        ]  # fmt: skip
+        return Card("", (Table("", columns, tuple(rows), digits=7),))
 
 
 def modes(system: control.StateSpace) -> Modes:

@@ -561,13 +561,9 @@ class Scaling(Displayed):
         K = realisation("controller", controller)
         U = self.inputs[_chosen("inputs", inputs, self.inputs.size)]
         Y = self.outputs[_chosen("outputs", outputs, self.outputs.size)]
-        return named_like(
-            controller,
-            self.time * K.A,
-            self.time * matrix("controller.B", K.B, (K.states, Y.size)) / Y,
-            U[:, None] * matrix("controller.C", K.C, (U.size, K.states)),
-            U[:, None] * K.D / Y,
-        )
+        B = self.time * matrix("controller.B", K.B, (K.states, Y.size)) / Y
+        C = U[:, None] * matrix("controller.C", K.C, (U.size, K.states))
+        return named_like(controller, self.time * K.A, B, C, U[:, None] * K.D / Y)
 
 
 def scale_system(

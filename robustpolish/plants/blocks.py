@@ -221,13 +221,10 @@ def chosen_signals(
         B, C = B[:, inputs], C[outputs]
     else:
         A, B, C = A[np.ix_(x, x)], B[np.ix_(x, inputs)], C[np.ix_(outputs, x)]
-    return named_system(
-        (A, B, C, D[np.ix_(outputs, inputs)]),
-        0 if system.dt is None else system.dt,
-        [system.input_labels[i] for i in inputs],
-        [system.output_labels[i] for i in outputs],
-        [system.state_labels[i] for i in x],
-    )
+    labels = (system.input_labels, system.output_labels, system.state_labels)
+    places = zip(labels, (inputs, outputs, x), strict=True)
+    names = [[known[i] for i in own] for known, own in places]
+    return named_system((A, B, C, D[np.ix_(outputs, inputs)]), system.dt or 0, *names)
 
 
 def closed_loop(
@@ -335,12 +332,9 @@ def as_state_space(
     if (rows == 0) != (columns == 0):
         shown = described(f"shape {gain.shape}")
         raise invalid(argument, shown, "a gain with entries", "Give a row per output.")
-    return named_system(
-        ([], [], [], gain),
-        0 if dt is None else dt,
-        inputs or [f"u[{i}]" for i in range(columns)],
-        outputs or [f"y[{i}]" for i in range(rows)],
-    )
+    inputs = inputs or [f"u[{i}]" for i in range(columns)]
+    outputs = outputs or [f"y[{i}]" for i in range(rows)]
+    return named_system(([], [], [], gain), dt or 0, inputs, outputs)
 
 
 def _realised(

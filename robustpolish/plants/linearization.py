@@ -191,14 +191,10 @@ def linearize(
         remedy = "Let find_equilibrium search for it, or improve the guess."
         raise invalid("state", shown, "an equilibrium, f(q, u) = 0", remedy)
     output_jacobian = _derivative(g, point, size)
-    names = {"states": states, "inputs": inputs, "outputs": outputs}
-    system = control.StateSpace(
-        jacobian[:, :n],
-        jacobian[:, n:],
-        output_jacobian[:, :n],
-        output_jacobian[:, n:],
-        **{key: list(value) for key, value in names.items() if value is not None},
-    )
+    given = {"states": states, "inputs": inputs, "outputs": outputs}
+    names: dict[str, Any] = {key: list(each) for key, each in given.items() if each is not None}
+    (A, B), (C, D) = (np.split(M, [n], axis=1) for M in (jacobian, output_jacobian))
+    system = control.StateSpace(A, B, C, D, **names)
     return Linearization(system, q, u, residual)
 
 

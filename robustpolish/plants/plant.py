@@ -645,12 +645,9 @@ class GeneralizedPlant(WiredPlant, Displayed):
             shown = described("delays, which have infinitely many states")
             remedy = "Use an output feedback, or take plant.without_delays() with its Pade states."
             raise invalid("plant", shown, "a plant without delays for state feedback", remedy)
-        return self.replace(
-            C2=np.eye(self.nx),
-            D21=np.zeros((self.nx, self.nw)),
-            D22=np.zeros((self.nx, self.nu)),
-            measurements=[f"measured_{name}" for name in self.states],
-        )
+        names = [f"measured_{name}" for name in self.states]
+        D21, D22 = np.zeros((self.nx, self.nw)), np.zeros((self.nx, self.nu))
+        return self.replace(C2=np.eye(self.nx), D21=D21, D22=D22, measurements=names)
 
     def with_control_outputs(self) -> GeneralizedPlant:
         """Return the same plant with u appended to z, so that the loop shows the effort."""

@@ -190,14 +190,10 @@ class Wiring(PlantBlocks):
         outputs: Sequence[str] | None = None,
         states: Sequence[str] | None = None,
     ) -> Wiring:
-        system = named_system(
-            matrices,
-            self.dt,
-            self.system.input_labels if inputs is None else inputs,
-            self.system.output_labels if outputs is None else outputs,
-            self.states if states is None else states,
-        )
-        return replace(self, system=system)
+        ins = self.system.input_labels if inputs is None else inputs
+        outs = self.system.output_labels if outputs is None else outputs
+        own = self.states if states is None else states
+        return replace(self, system=named_system(matrices, self.dt, ins, outs, own))
 
 
 Matrices = tuple[Matrix, Matrix, Matrix, Matrix]

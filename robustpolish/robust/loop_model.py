@@ -383,12 +383,8 @@ class LoopModel:
             states, units, b, c = _units(rough, time, w, z)
             into, out = units[w] / b, 1 / (units[z] * c)
             left = 1 / (states * time)
-            balls = (
-                scaled(A, left, states),
-                scaled(B, left, into),
-                scaled(C, out, states),
-                scaled(D, out, into),
-            )
+            balls = (scaled(A, left, states), scaled(B, left, into),
+                     scaled(C, out, states), scaled(D, out, into))  # fmt: skip
             return cls(structure, rounded(balls), balls, b * c, time, step)
 
     def in_unit_of_gain(self, unit: float) -> LoopModel:

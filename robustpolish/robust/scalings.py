@@ -273,16 +273,12 @@ class Barrier:
             groups.append((table, np.array([constant for _, _, constant in same])))
         # Of each group what every scaling adds to the entries, the same beside each other as
         # right-hand sides, and the constant part.
-        self.parts = [
-            (
-                np.ascontiguousarray(table.transpose(0, 2, 3, 1)).reshape(-1, size),
-                np.ascontiguousarray(table.transpose(0, 2, 1, 3)).reshape(
-                    *constant.shape[:2], size * constant.shape[1]
-                ),
-                constant,
-            )
-            for table, constant in groups
-        ]
+        self.parts: list[tuple[AnyArray, AnyArray, AnyArray]] = []
+        for table, constant in groups:
+            k, n, _ = constant.shape
+            rows, columns = (np.ascontiguousarray(table.transpose(0, 2, *last))
+                             for last in ((3, 1), (1, 3)))  # fmt: skip
+            self.parts.append((rows.reshape(-1, size), columns.reshape(k, n, size * n), constant))
 
     def value(self, x: Vector) -> float:
         """Return the value; infinite where a determinant is not positive."""

@@ -196,13 +196,10 @@ def _norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:
         return found[0]
     largest = max(found, key=lambda norm: (norm.value, norm.upper))
     unsteady = next((norm.reason for norm in found if not norm.stable), largest.reason)
-    return replace(
-        largest,
-        lower=max(norm.lower for norm in found),
-        upper=max(norm.upper for norm in found),
-        stable=all(norm.stable for norm in found),
-        reason=unsteady if math.isfinite(largest.value) else largest.reason,
-    )
+    lower, upper = (max(getattr(norm, end) for norm in found) for end in ("lower", "upper"))
+    reason = unsteady if math.isfinite(largest.value) else largest.reason
+    stable = all(norm.stable for norm in found)
+    return replace(largest, lower=lower, upper=upper, stable=stable, reason=reason)
 
 
 def _part_norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:

@@ -206,11 +206,8 @@ def below(found, late, error, level):  # type: ignore[no-untyped-def]  # compile
         An estimate of t, from -1 to 1; 0 where the gain has no peak.
     """
     m = found.shape[1]
-    F0, F1, F2 = (
-        _level_remainder(found, 0, level),
-        _level_remainder(found, 1, 0.0),
-        _level_remainder(found, 2, 0.0),
-    )
+    F0 = _level_remainder(found, 0, level)
+    F1, F2 = _level_remainder(found, 1, 0.0), _level_remainder(found, 2, 0.0)
     V, room = np.empty((m, m), np.complex128), np.empty((m, m), np.complex128)
     # Coordinates in which F_0 is diagonal up to rounding; these need not be exact.
     eigen(F0, V)

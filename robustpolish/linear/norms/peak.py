@@ -102,13 +102,9 @@ def cayley(model: Realisation) -> Realisation:
     one = np.eye(model.states)
     factors = sla.lu_factor(model.A + one, check_finite=False)
     B = sla.lu_solve(factors, model.B, check_finite=False)
-    return Realisation(
-        sla.lu_solve(factors, model.A - one, check_finite=False),
-        math.sqrt(2) * B,
-        math.sqrt(2) * sla.lu_solve(factors, model.C.T, trans=1, check_finite=False).T,
-        model.D - model.C @ B,
-        False,
-    )
+    A = sla.lu_solve(factors, model.A - one, check_finite=False)
+    C = sla.lu_solve(factors, model.C.T, trans=1, check_finite=False).T
+    return Realisation(A, math.sqrt(2) * B, math.sqrt(2) * C, model.D - model.C @ B, False)
 
 
 def largest_response(model: Realisation, frequencies: Vector | None = None) -> tuple[float, float]:

@@ -112,12 +112,9 @@ def singular_values(
             raise invalid("frequencies_hz", shown, "a list of numbers from 0 on", "Give Hz.")
     angles = 2 * math.pi * hertz * (scaled.step if scaled.discrete else 1 / scaled.time)
     values = scaled.gain * np.array([_at(scaled, angle) for angle in angles])
-    return xr.DataArray(
-        values.reshape(hertz.size, -1),
-        dims=("frequency", "singular_value"),
-        coords={"frequency": ("frequency", hertz, {"units": "Hz"})},
-        name="gain",
-    )
+    coords = {"frequency": ("frequency", hertz, {"units": "Hz"})}
+    dims = ("frequency", "singular_value")
+    return xr.DataArray(values.reshape(hertz.size, -1), coords, dims, "gain")
 
 
 def _grid(model: Realisation) -> Vector:

@@ -462,11 +462,8 @@ class Lft:
     def names(self, inputs: Sequence[str], outputs: Sequence[str]) -> Lft:
         """Return it with other names of inputs and outputs; dropped if they do not fit."""
         ny, nu = self.shape
-        return replace(
-            self,
-            inputs=tuple(inputs) if len(inputs) == nu else (),
-            outputs=tuple(outputs) if len(outputs) == ny else (),
-        )
+        ins = tuple(inputs) if len(inputs) == nu else ()
+        return replace(self, inputs=ins, outputs=tuple(outputs) if len(outputs) == ny else ())
 
 
 def constant(matrix: Matrix) -> Lft:
@@ -533,33 +530,23 @@ def interconnect(one: Lft, loop: Matrix, enter: Matrix, leave: Matrix) -> Lft:
     back = _inverted(back, "the loop", "its algebraic part: the loop is not well posed")
     onto = loop @ back
     J = (one.J + one.J @ onto @ one.J) @ enter
-    return replace(
-        one,
-        F=one.F + one.G @ onto @ one.H,
-        G=(one.G + one.G @ onto @ one.J) @ enter,
-        H=leave @ (one.H + one.J @ onto @ one.H),
-        J=leave @ J,
-        inputs=(),
-        outputs=(),
-    )
+    G = (one.G + one.G @ onto @ one.J) @ enter
+    H = leave @ (one.H + one.J @ onto @ one.H)
+    F, J = one.F + one.G @ onto @ one.H, leave @ J
+    return replace(one, F=F, G=G, H=H, J=J, inputs=(), outputs=())
 
 
 def pull_out_block(one: Lft, index: int) -> Lft:
     """Return the system with the signals of a block as its first inputs and outputs."""
-    rows, columns = block_slices(one)[index]
-    F, G, H, J = one.F, one.G, one.H, one.J
-    keep_rows = np.delete(np.arange(F.shape[0]), rows)
-    keep_columns = np.delete(np.arange(F.shape[1]), columns)
-    return replace(
-        one,
-        F=F[keep_rows][:, keep_columns],
-        G=np.hstack([F[keep_rows][:, columns], G[keep_rows]]),
-        H=np.vstack([F[rows][:, keep_columns], H[:, keep_columns]]),
-        J=np.block([[F[rows][:, columns], G[rows]], [H[:, columns], J]]),
-        blocks=one.blocks[:index] + one.blocks[index + 1 :],
-        inputs=(),
-        outputs=(),
-    )
+    z, w = block_slices(one)[index]
+    rest_z = np.delete(np.arange(one.F.shape[0]), z)
+    rest_w = np.delete(np.arange(one.F.shape[1]), w)
+    F, blocks = one.F, one.blocks[:index] + one.blocks[index + 1 :]
+    G = np.hstack([F[rest_z][:, w], one.G[rest_z]])
+    H = np.vstack([F[z][:, rest_w], one.H[:, rest_w]])
+    J = np.block([[F[z][:, w], one.G[z]], [one.H[:, w], one.J]])
+    inside = F[rest_z][:, rest_w]
+    return replace(one, F=inside, G=G, H=H, J=J, blocks=blocks, inputs=(), outputs=())
 
 
 def block_slices(one: Lft) -> list[tuple[np.ndarray, np.ndarray]]:

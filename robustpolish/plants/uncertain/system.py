@@ -241,18 +241,11 @@ class UncertainSystem(Displayed):
         """
         one, n = self.matrices, self.nstates
         nz, nw = one.F.shape[0] - n, one.F.shape[1] - n
-        return named_system(
-            (
-                one.F[:n, :n],
-                np.hstack([one.F[:n, n:], one.G[:n]]),
-                np.vstack([one.F[n:, :n], one.H[:, :n]]),
-                np.block([[one.F[n:, n:], one.G[n:]], [one.H[:, n:], one.J]]),
-            ),
-            0 if one.dt is None else one.dt,
-            [*(f"w[{i}]" for i in range(nw)), *self.input_labels],
-            [*(f"z[{i}]" for i in range(nz)), *self.output_labels],
-            one.states,
-        )
+        B, C = np.hstack([one.F[:n, n:], one.G[:n]]), np.vstack([one.F[n:, :n], one.H[:, :n]])
+        D = np.block([[one.F[n:, n:], one.G[n:]], [one.H[:, n:], one.J]])
+        ins = [*(f"w[{i}]" for i in range(nw)), *self.input_labels]
+        outs = [*(f"z[{i}]" for i in range(nz)), *self.output_labels]
+        return named_system((one.F[:n, :n], B, C, D), one.dt or 0, ins, outs, one.states)
 
     # Values ---------------------------------------------------------------------------
 
