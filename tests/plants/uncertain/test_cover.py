@@ -183,8 +183,8 @@ def test_gain_of_a_system_is_found_again(unit):
     assert found.max() < 1.001
 
 
-@pytest.mark.parametrize("order", [0, 1, 2, 3, 5])
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("order", [0, 1, 3, 5])
+@pytest.mark.parametrize("seed", [0, 1])
 def test_weight_lies_above_rough_gains(seed, order):
     random = np.random.default_rng(seed)
     walk = np.cumsum(random.standard_normal(120)) * 0.2
