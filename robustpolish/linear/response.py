@@ -230,8 +230,8 @@ def varying_response(
     for i in range(len(u) - 1):
         middle = (weights[i] + weights[i + 1]) / 2
         if held is None or last is None or not np.array_equal(middle, last):
-            mixed = (np.tensordot(middle, M, axes=1) for M in (A, B))
-            last, held = middle, first_order_hold(*mixed, step)
+            mixed, into = (np.tensordot(middle, M, axes=1) for M in (A, B))
+            last, held = middle, first_order_hold(mixed, into, step)
         transition, now, later = held
         states[i + 1] = transition @ states[i] + now @ u[i] + later @ u[i + 1]
     outputs = np.einsum("tv,vij,tj->ti", weights, C, states, optimize=True)

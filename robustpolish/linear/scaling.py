@@ -326,9 +326,8 @@ def prescale(system: control.StateSpace, band: Sequence[float] | None = None) ->
         if best >= before - 1e-6:
             break
     A, B, C = model.A * scales / scales[:, None], model.B / scales[:, None], model.C * scales
-    scaled_system, matrices = named_like(system, A, B, C, model.D), (1 / scales, scales)
-    before_and_after = accuracy(one), accuracy(scales)
-    return Prescaled(scaled_system, *map(np.diag, matrices), frequency, *before_and_after)
+    found, left, right = named_like(system, A, B, C, model.D), np.diag(1 / scales), np.diag(scales)
+    return Prescaled(found, left, right, frequency, accuracy(one), accuracy(scales))
 
 
 def _accuracy(model: Realisation, frequency: Vector, even: Vector) -> Callable[[Vector], Vector]:

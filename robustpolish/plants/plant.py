@@ -82,9 +82,10 @@ def plant_from(fields: Fields) -> GeneralizedPlant:
         shown = described(f"{len(lines)} delay lines and {ports} signals for them")
         raise invalid(f"{fields.where}: lines", shown, "one per pair", edited)
     facts: dict[str, Any] = {key: fields.numbers(key) for key in _FACTS if key in fields}
-    bare = GeneralizedPlant(system, *counts)
+    ny, nu = counts
     named = {name: units.text(name) for name in units}
-    return bare.rewired(Wiring(system, *counts, lines), units=named, **facts)
+    wiring = Wiring(system, ny, nu, lines)
+    return GeneralizedPlant(system, ny, nu).rewired(wiring, units=named, **facts)
 
 
 def system_content(system: control.StateSpace) -> dict[str, Any]:
@@ -325,11 +326,11 @@ class GeneralizedPlant(WiredPlant, Displayed):
         known = _labels(system)
         names = system.input_labels[system.ninputs - controls :]
         kept = {"units": known, "limits": names, "rate_limits": names, "delays": known}
-        facts = {
+        facts: dict[str, Mapping[str, Any]] = {
             key: {name: value for name, value in getattr(self, key).items() if name in there}
             for key, there in kept.items()
         }
-        return facts | {"units": {**facts["units"], **(units or {})}}
+        return {**facts, "units": {**facts["units"], **(units or {})}}
 
     def without_delays(self) -> GeneralizedPlant:
         """Return the plant whose Pade approximations are all that is known of its delays.

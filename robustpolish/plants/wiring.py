@@ -204,7 +204,8 @@ def _seen_from(side: Side, matrices: Matrices) -> Matrices:
     A, B, C, D = matrices
     if side == "input":
         return matrices
-    return (*map(np.ascontiguousarray, (A.T, C.T, B.T, D.T)),)
+    A, B, C, D = map(np.ascontiguousarray, (A.T, C.T, B.T, D.T))
+    return A, B, C, D
 
 
 def _free(names: Sequence[str], taken: Sequence[str]) -> list[str]:

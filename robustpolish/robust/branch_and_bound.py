@@ -599,7 +599,7 @@ def split(
     real = [k for k, block in enumerate(loop.structure.blocks) if block.kind == "real"]
     radius = 1.0 if fixed else best / (1 + gap)
     ends = (radius,) * len(real)
-    heap = [(proven, 0, -np.array(ends), np.array(ends), math.nan)]
+    heap: list[Any] = [(proven, 0, -np.array(ends), np.array(ends), math.nan)]
     count = steps = work = 0
     while heap[0][0] < best / (1 + gap) and count < _COVERS and work < _INTERVALS:
         worst, _, low, high, _ = heapq.heappop(heap)

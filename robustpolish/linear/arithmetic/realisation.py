@@ -68,8 +68,10 @@ def realisation(argument: str, system: Any) -> Realisation:
     discrete = bool(system.isdtime(strict=True))
     step = 1.0 if system.dt is None or system.dt is True or not discrete else float(system.dt)
     shapes = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
-    matrices = (np.array(getattr(system, M), dtype=float).reshape(s) for M, s in shapes.items())
-    return Realisation(*matrices, discrete, step)
+    A, B, C, D = (
+        np.array(getattr(system, name), dtype=float).reshape(s) for name, s in shapes.items()
+    )
+    return Realisation(A, B, C, D, discrete, step)
 
 
 def named_like(

@@ -396,8 +396,9 @@ def _part_norm(model: Realisation, tolerance: float) -> H2Norm:
 
 
 def _in_units(model: Realisation, found: EnergyBounds, reason: str) -> H2Norm:
-    roots = map(math.sqrt, (found.square, found.lower, found.upper))
-    return H2Norm(*bracket(*roots, model.gain * math.sqrt(model.time)), True, reason)
+    value, lower, upper = map(math.sqrt, (found.square, found.lower, found.upper))
+    known = bracket(value, lower, upper, model.gain * math.sqrt(model.time))
+    return H2Norm(*known, True, reason)
 
 
 def _infinite(reason: str, stable: bool = False) -> H2Norm:

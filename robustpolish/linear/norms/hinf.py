@@ -220,8 +220,8 @@ def _part_norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:
     seen = stable_part(model, verdict)
     if seen is None:
         return HinfNorm(math.inf, math.nan, math.inf, math.inf, False, verdict.reason)
-    rounded = Realisation(*map(to_float, (seen.A, seen.B, seen.C, seen.D)), model.discrete)
-    found = certified_peak(rounded, tolerance, True, seen)
+    A, B, C, D = map(to_float, (seen.A, seen.B, seen.C, seen.D))
+    found = certified_peak(Realisation(A, B, C, D, model.discrete), tolerance, True, seen)
     reason = f"{verdict.reason}, but hidden from the inputs or outputs: not internally stable"
     return replace(_in_units(model, found), stable=False, reason=reason)
 
@@ -229,5 +229,5 @@ def _part_norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:
 def _in_units(model: Realisation, found: Peak) -> HinfNorm:
     if model.discrete:
         found = found._replace(frequency=2 * math.atan(found.frequency) / model.step)
-    *known, proof = in_units(found, model)
-    return HinfNorm(known[1], known[0], *known[2:], True, f"proof: {proof}")
+    frequency, gain, lower, upper, proof = in_units(found, model)
+    return HinfNorm(gain, frequency, lower, upper, True, f"proof: {proof}")

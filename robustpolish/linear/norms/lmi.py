@@ -55,6 +55,7 @@ class _Modal:
     def of(cls, model: Realisation) -> _Modal:
         """Choose the real modal basis, or the unit basis where that is ill conditioned."""
         n, pairs = model.states, []
+        basis: Any
         values, vectors = np.linalg.eig(model.A)
         columns, rates = [], []
         for value, vector in zip(values, vectors.T, strict=True):
@@ -152,7 +153,8 @@ class _Modal:
 
 def _moved(A: Matrix, B: Matrix, C: Matrix, basis: Matrix) -> tuple[Matrix, Matrix, Matrix]:
     """Return A, B and C in the coordinates of a basis."""
-    return np.linalg.solve(basis, A @ basis), np.linalg.solve(basis, B), C @ basis
+    moved: Any = np.linalg.solve(basis, A @ basis), np.linalg.solve(basis, B), C @ basis
+    return moved
 
 
 # Does a given matrix satisfy the strict inequality? Decided in rational arithmetic.
