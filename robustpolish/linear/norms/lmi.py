@@ -55,7 +55,6 @@ class _Modal:
     def of(cls, model: Realisation) -> _Modal:
         """Choose the real modal basis, or the unit basis where that is ill conditioned."""
         n, pairs = model.states, []
-        basis: Any
         values, vectors = np.linalg.eig(model.A)
         columns, rates = [], []
         for value, vector in zip(values, vectors.T, strict=True):
@@ -76,7 +75,8 @@ class _Modal:
         for i in pairs:  # both vectors of a pair share their factor
             reach[i : i + 2] = np.linalg.norm(reach[i : i + 2])
             show[i : i + 2] = np.linalg.norm(show[i : i + 2])
-        basis = basis * np.sqrt(np.maximum(reach, 1e-3) / np.maximum(show, 1e-3))
+        even = np.sqrt(np.maximum(reach, 1e-3) / np.maximum(show, 1e-3))
+        basis = np.asarray(basis * even, dtype=float)
         A, B, C = _moved(model.A, model.B, model.C, basis)
         return cls(A, B, C, model.D, basis, weights)
 
