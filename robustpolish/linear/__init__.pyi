@@ -1,114 +1,40 @@
-from .controllability import (
-    Feasibility as Feasibility,
-)
-from .controllability import (
-    ModeTest as ModeTest,
-)
-from .controllability import (
-    PbhTest as PbhTest,
-)
-from .controllability import (
-    controllability as controllability,
-)
-from .controllability import (
-    is_detectable as is_detectable,
-)
-from .controllability import (
-    is_stabilizable as is_stabilizable,
-)
-from .controllability import (
-    observability as observability,
-)
-from .delay_stability import (
-    DelayStability as DelayStability,
-)
-from .delay_stability import (
-    delay_stability as delay_stability,
-)
-from .delayed_systems import (
-    DelayedSystem as DelayedSystem,
-)
-from .delayed_systems import (
-    DelayLine as DelayLine,
-)
-from .modes import (
-    Mode as Mode,
-)
-from .modes import (
-    Modes as Modes,
-)
-from .modes import (
-    modes as modes,
-)
-from .norms.h2 import (
-    H2Norm as H2Norm,
-)
-from .norms.h2 import (
-    h2_norm as h2_norm,
-)
-from .norms.hinf import (
-    HinfNorm as HinfNorm,
-)
-from .norms.hinf import (
-    hinf_norm as hinf_norm,
-)
-from .norms.lmi import (
-    LmiCheck as LmiCheck,
-)
-from .norms.lmi import (
-    h2_norm_lmi as h2_norm_lmi,
-)
-from .norms.lmi import (
-    hinf_norm_lmi as hinf_norm_lmi,
-)
-from .norms.lmi import (
-    lyapunov_lmi as lyapunov_lmi,
-)
-from .norms.singular_values import (
-    singular_values as singular_values,
-)
-from .proofs.definite import (
-    is_positive_definite as is_positive_definite,
-)
-from .response import (
-    Response as Response,
-)
-from .response import (
-    first_order_hold as first_order_hold,
-)
-from .response import (
-    linear_response as linear_response,
-)
-from .scaling import (
-    Block as Block,
-)
-from .scaling import (
-    Prescaled as Prescaled,
-)
-from .scaling import (
-    Scaling as Scaling,
-)
-from .scaling import (
-    decoupled_blocks as decoupled_blocks,
-)
-from .scaling import (
-    prescale as prescale,
-)
-from .scaling import (
-    scale_system as scale_system,
-)
-from .stability import (
-    Stability as Stability,
-)
-from .stability import (
-    stability as stability,
-)
-from .zeros import (
-    AxisZero as AxisZero,
-)
-from .zeros import (
-    zeros_on_axis as zeros_on_axis,
-)
+from .controllability import Feasibility as Feasibility
+from .controllability import ModeTest as ModeTest
+from .controllability import PbhTest as PbhTest
+from .controllability import controllability as controllability
+from .controllability import is_detectable as is_detectable
+from .controllability import is_stabilizable as is_stabilizable
+from .controllability import observability as observability
+from .delay_stability import DelayStability as DelayStability
+from .delay_stability import delay_stability as delay_stability
+from .delayed_systems import DelayedSystem as DelayedSystem
+from .delayed_systems import DelayLine as DelayLine
+from .modes import Mode as Mode
+from .modes import Modes as Modes
+from .modes import modes as modes
+from .norms.h2 import H2Norm as H2Norm
+from .norms.h2 import h2_norm as h2_norm
+from .norms.hinf import HinfNorm as HinfNorm
+from .norms.hinf import hinf_norm as hinf_norm
+from .norms.lmi import LmiCheck as LmiCheck
+from .norms.lmi import h2_norm_lmi as h2_norm_lmi
+from .norms.lmi import hinf_norm_lmi as hinf_norm_lmi
+from .norms.lmi import lyapunov_lmi as lyapunov_lmi
+from .norms.singular_values import singular_values as singular_values
+from .proofs.definite import is_positive_definite as is_positive_definite
+from .response import Response as Response
+from .response import first_order_hold as first_order_hold
+from .response import linear_response as linear_response
+from .scaling import Block as Block
+from .scaling import Prescaled as Prescaled
+from .scaling import Scaling as Scaling
+from .scaling import decoupled_blocks as decoupled_blocks
+from .scaling import prescale as prescale
+from .scaling import scale_system as scale_system
+from .stability import Stability as Stability
+from .stability import stability as stability
+from .zeros import AxisZero as AxisZero
+from .zeros import zeros_on_axis as zeros_on_axis
 
 __all__ = [
     "AxisZero",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import control
@@ -19,116 +20,6 @@ from robustpolish.linear.eigen import EPS, eigensystem, pair_text
 from robustpolish.linear.scaling import decoupled_blocks, equilibrating_scales, in_units
 from robustpolish.linear.stability import poles_by_side, unreachable_poles
 from robustpolish.plots.charts import plot_bars
-
-# Distance of each mode from being unreachable, and which modes are.
-
-
-@dataclass(frozen=True)
-class Deficiency:
-    """One mode: its eigenvalue, distance, leading state's index and verdicts."""
-
-    eigenvalue: complex
-    distance: float
-    state: int
-    deficient: bool
-    stable: bool
-
-
-def deficiencies(model: Realisation, tolerance: float | None) -> list[Deficiency]:
-    """Test the pair (A, B) mode by mode, in scaled units, block by block."""
-    found: list[Deficiency] = []
-    for block in decoupled_blocks(model.A, model.B, np.zeros((0, model.states))):
-        if block.states:
-            A = model.A[np.ix_(block.states, block.states)]
-            B = model.B[np.ix_(block.states, block.inputs)]
-            part = _scaled(_pair(model, A, B))
-            found += [
-                replace(mode, state=block.states[mode.state]) for mode in _modes(part, tolerance)
-            ]
-    return found
-
-
-def _pair(model: Realisation, A: NDArray[np.float64], B: NDArray[np.float64]) -> Realisation:
-    return replace(model, A=A, B=B, C=np.zeros((0, len(A))), D=np.zeros((0, B.shape[1])))
-
-
-def _scaled(model: Realisation) -> Realisation:
-    """Scale states, time and each input on its own: none of them changes what is reachable."""
-    each = [np.array([i]) for i in range(model.B.shape[1])]
-    return in_units(model, equilibrating_scales(model, each, []))
-
-
-def _modes(model: Realisation, tolerance: float | None) -> list[Deficiency]:
-    A, B, n = model.A, model.B, model.states
-    spectrum = eigensystem(A)
-    values = spectrum.values
-    size = float(np.linalg.norm(np.hstack([A, B]), 2))
-    limit = (100 * n * EPS if tolerance is None else tolerance) * size
-    hidden = (
-        unreachable_poles(rational(A), rational(B), model.discrete) if n <= EXACT_STATES else []
-    )
-    matched = _matched(values, hidden)
-    margins = 1 - np.abs(values) if model.discrete else -values.real
-    sides = {}
-    if n <= EXACT_STATES and (np.abs(margins) <= spectrum.errors).any():
-        poles = poles_by_side(rational(A), model.discrete)
-        sides = _matched(values, [(pole, side < 0) for pole, side in poles])
-    result = []
-    for i, value in enumerate(values):
-        if value.imag < 0:
-            continue
-        distance = _distance(A, B, values, i)
-        deficient = distance <= limit
-        stable = bool(margins[i] > spectrum.errors[i])
-        if i in matched:
-            value, stable = matched[i]
-            distance, deficient = 0.0, True
-        elif i in sides:
-            stable = sides[i][1]
-        relative = distance / size if size else 0.0
-        leader = int(spectrum.shares[:, i].argmax())
-        value = complex(value) * model.time
-        result.append(Deficiency(value, relative, leader, deficient, stable))
-    return result
-
-
-def _matched(
-    values: NDArray[np.complex128], exact: list[tuple[complex, bool]]
-) -> dict[int, tuple[complex, bool]]:
-    """Assign each exact eigenvalue to the nearest computed one that is left."""
-    free = set(range(len(values)))
-    matched = {}
-    for pole, stable in exact:
-        nearest = min(free, key=lambda i: abs(values[i] - pole))
-        free.remove(nearest)
-        matched[nearest] = (pole, stable)
-    return matched
-
-
-def _distance(
-    A: NDArray[np.float64], B: NDArray[np.float64], values: NDArray[np.complex128], which: int
-) -> float:
-    """Minimise the smallest singular value of (A - x I, B) over x near one eigenvalue.
-
-    For the left singular vector u at x, the best x is u* A u: it can
-    only lessen the norm of u* (A - x I, B), so every step is downhill. It
-    ends where another eigenvalue becomes the nearest.
-    """
-    n = A.shape[0]
-    x, best = complex(values[which]), np.inf
-    for _ in range(30):
-        u, s, _ = np.linalg.svd(np.hstack([A - x * np.eye(n), B]), full_matrices=False)
-        smallest = float(s[-1])
-        if smallest >= best * (1 - 1e-3):
-            return min(best, smallest)
-        best = smallest
-        x = complex(u[:, -1].conj() @ A @ u[:, -1])
-        if np.abs(values - x).min() < abs(values[which] - x):
-            break
-    return best
-
-
-# What tests of controllability and observability find.
 
 Kind = Literal["controllability", "observability"]
 
@@ -259,13 +150,7 @@ class PbhTest(Displayed):
     def _card(self) -> Card:
         columns = ("eigenvalue", "state", "distance", "lacking", "stable")
         rows = tuple(
-            (
-                pair_text(mode.eigenvalue),
-                mode.state,
-                mode.distance,
-                mode.deficient,
-                mode.stable,
-            )
+            (pair_text(mode.eigenvalue), mode.state, mode.distance, mode.deficient, mode.stable)
             for mode in self.modes
         )
         return Card(self.reason, (Table("", columns, rows),))
@@ -325,6 +210,95 @@ class Feasibility(Displayed):
 
     def _card(self) -> Card:
         return Card(self.reason, self.test._card().tables)
+
+
+# Distance of each mode from being unreachable, and which modes are.
+
+
+def _mode_tests(
+    model: Realisation, names: Sequence[str], tolerance: float | None
+) -> Iterator[ModeTest]:
+    """Test the pair (A, B) mode by mode, block by block."""
+    for block in decoupled_blocks(model.A, model.B, np.zeros((0, model.states))):
+        n, m = len(block.states), len(block.inputs)
+        if n:
+            A = model.A[np.ix_(block.states, block.states)]
+            B = model.B[np.ix_(block.states, block.inputs)]
+            part = Realisation(A, B, np.zeros((0, n)), np.zeros((0, m)), model.discrete)
+            # Units of states, time and of each input do not change what is reachable.
+            part = in_units(part, equilibrating_scales(part, [np.array([i]) for i in range(m)], []))
+            yield from _block_tests(part, [names[i] for i in block.states], tolerance)
+
+
+def _block_tests(
+    model: Realisation, names: Sequence[str], tolerance: float | None
+) -> Iterator[ModeTest]:
+    A, B, n = model.A, model.B, model.states
+    spectrum = eigensystem(A)
+    values = spectrum.values
+    size = float(np.linalg.norm(np.hstack([A, B]), 2))
+    limit = (100 * n * EPS if tolerance is None else tolerance) * size
+    margins = 1 - np.abs(values) if model.discrete else -values.real
+    matched: dict[int, tuple[complex, bool]] = {}
+    sides: dict[int, tuple[complex, bool]] = {}
+    if n <= EXACT_STATES:
+        matched = _matched(values, unreachable_poles(rational(A), rational(B), model.discrete))
+        if (np.abs(margins) <= spectrum.errors).any():
+            poles = poles_by_side(rational(A), model.discrete)
+            sides = _matched(values, [(pole, side < 0) for pole, side in poles])
+    for i, value in enumerate(values):
+        if value.imag < 0:
+            continue
+        distance = _distance(A, B, values, i)
+        deficient = distance <= limit
+        stable = bool(margins[i] > spectrum.errors[i])
+        if i in matched:
+            value, stable = matched[i]
+            distance, deficient = 0.0, True
+        elif i in sides:
+            stable = sides[i][1]
+        relative = distance / size if size else 0.0
+        state = names[int(spectrum.shares[:, i].argmax())]
+        yield ModeTest(complex(value) * model.time, relative, state, deficient, stable)
+
+
+def _matched(
+    values: NDArray[np.complex128], exact: list[tuple[complex, bool]]
+) -> dict[int, tuple[complex, bool]]:
+    """Assign each exact eigenvalue to the nearest computed one that is left."""
+    free = set(range(len(values)))
+    matched = {}
+    for pole, stable in exact:
+        nearest = min(free, key=lambda i: abs(values[i] - pole))
+        free.remove(nearest)
+        matched[nearest] = (pole, stable)
+    return matched
+
+
+def _distance(
+    A: NDArray[np.float64], B: NDArray[np.float64], values: NDArray[np.complex128], which: int
+) -> float:
+    """Minimise the smallest singular value of (A - x I, B) over x near one eigenvalue.
+
+    For the left singular vector u at x, the best x is u* A u: it can
+    only lessen the norm of u* (A - x I, B), so every step is downhill. It
+    ends where another eigenvalue becomes the nearest.
+    """
+    n = A.shape[0]
+    x, best = complex(values[which]), np.inf
+    for _ in range(30):
+        u, s, _ = np.linalg.svd(np.hstack([A - x * np.eye(n), B]), full_matrices=False)
+        smallest = float(s[-1])
+        if smallest >= best * (1 - 1e-3):
+            return min(best, smallest)
+        best = smallest
+        x = complex(u[:, -1].conj() @ A @ u[:, -1])
+        if np.abs(values - x).min() < abs(values[which] - x):
+            break
+    return best
+
+
+# The public tests.
 
 
 def controllability(
@@ -491,34 +465,25 @@ def _feasible(test: PbhTest) -> Feasibility:
 
 
 def _test(kind: Kind, system, signals, states, dt, tolerance) -> PbhTest:
-    model, names = _read(kind, system, signals, states, dt)
-    if tolerance is not None:
-        tolerance = positive("tolerance", tolerance, zero=True)
-    if kind == "observability":
-        none = np.zeros((0, model.states))
-        empty = np.zeros((0, model.C.shape[0]))
-        model = Realisation(model.A.T, model.C.T, none, empty, model.discrete)
-    found = [
-        ModeTest(mode.eigenvalue, mode.distance, names[mode.state], mode.deficient, mode.stable)
-        for mode in deficiencies(model, tolerance)
-    ]
-    return PbhTest(kind, tuple(sorted(found, key=lambda mode: mode.distance)))
-
-
-def _read(kind: Kind, system, signals, states, dt) -> tuple[Realisation, list[str]]:
-    other = "B" if kind == "controllability" else "C"
+    inputs = kind == "controllability"
+    other = "B" if inputs else "C"
     if isinstance(system, control.StateSpace) or signals is None:
         if signals is not None:
             text = f"a matrix beside a system, which has its own {other}"
             raise invalid(other, described(text), "None", "Pass either a system or two matrices.")
-        model = realisation("system", system)
-        return model, list(system.state_labels)
-    A = square("A", system)
-    n = A.shape[0]
-    names = [f"x[{i}]" for i in range(n)] if states is None else list(states)
-    if len(names) != n:
-        raise invalid("states", names, f"{n} names", "Give one name per state.")
-    shape = (n, None) if kind == "controllability" else (None, n)
-    given = matrix(other, signals, shape)
-    B, C = (given, np.zeros((0, n))) if kind == "controllability" else (np.zeros((n, 0)), given)
-    return Realisation(A, B, C, np.zeros((C.shape[0], B.shape[1])), bool(dt)), names
+        given = realisation("system", system)
+        A, signals, discrete = given.A, given.B if inputs else given.C, given.discrete
+        names = list(system.state_labels)
+    else:
+        A = square("A", system)
+        n, discrete = len(A), bool(dt)
+        names = [f"x[{i}]" for i in range(n)] if states is None else list(states)
+        if len(names) != n:
+            raise invalid("states", names, f"{n} names", "Give one name per state.")
+        signals = matrix(other, signals, (n, None) if inputs else (None, n))
+    if tolerance is not None:
+        tolerance = positive("tolerance", tolerance, zero=True)
+    A, B = (A, signals) if inputs else (A.T, signals.T)
+    none = np.zeros((0, len(A))), np.zeros((0, B.shape[1]))
+    found = _mode_tests(Realisation(A, B, *none, discrete), names, tolerance)
+    return PbhTest(kind, tuple(sorted(found, key=lambda mode: mode.distance)))

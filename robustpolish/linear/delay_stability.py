@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -22,6 +22,7 @@ from robustpolish.linear.delayed_systems import (
     pade_sections,
     resolvent_response,
 )
+from robustpolish.linear.norms.singular_values import around_resonances
 from robustpolish.plots.poles import plot_poles
 
 # The rightmost characteristic roots of a system with delays, each with its residual.
@@ -48,68 +49,64 @@ _RESIDUAL = 1e-9
 _NEWTON, _MOVED = 12, 0.1
 
 
-def rightmost_roots(
-    ports: tuple[Matrix, Matrix, Matrix, Matrix],
-    seconds: Vector,
-    highest: float,
-    count: int = 6,
-) -> AnyVector:
+Ports = tuple[Matrix, Matrix, Matrix, Matrix]
+"""A, B, C, D from delayed signals d to the signals v that enter the lines."""
+_COUNT = 6
+"""Roots that are told; three times as many starts are followed. Pairs count twice."""
+
+
+def rightmost_roots(ports: Ports, seconds: Vector, highest: float) -> AnyVector:
     """Return the rightmost roots that were confirmed, from right to left.
 
     Parameters
     ----------
     ports : tuple of ndarray
-        A, B, C, D from delayed signals d to the signals v that enter the lines.
     seconds : ndarray, shape (lines,)
     highest : float
         Frequency in rad/s beyond which no root has to be found.
-    count : int
-        How many starts are followed; pairs count twice.
 
     Returns
     -------
     ndarray of complex
         In rad/s; empty where the system is too large or nothing was confirmed.
     """
-    A, B, C, D, unit = _scaled(*ports)
+    scaled, unit = _scaled(ports)
     delays = seconds * unit
     nodes = _NODES + int(np.ceil(_NODES_PER_RADIAN * highest * seconds.max()))
-    if len(A) + len(seconds) * nodes > MOST_SIZE:
+    if len(scaled[0]) + len(seconds) * nodes > MOST_SIZE:
         return np.zeros(0, complex)
-    starts = np.linalg.eigvals(_transport(A, B, C, D, delays, nodes))
-    starts = starts[np.argsort(-starts.real)][: 3 * count]
+    starts = np.linalg.eigvals(_transport(scaled, delays, nodes))
     found: list[complex] = []
-    for start in starts:
-        root = _root(A, B, C, D, delays, complex(start))
+    for start in starts[np.argsort(-starts.real)][: 3 * _COUNT]:
+        root = _root(scaled, delays, complex(start))
         if root is not None and not any(abs(root - r) <= 1e-6 * (1 + abs(r)) for r in found):
             found.append(root)
     found.sort(key=lambda root: (-root.real, -root.imag))
-    return np.array(found[:count], dtype=complex) * unit
+    return np.array(found[:_COUNT], dtype=complex) * unit
 
 
-def _scaled(
-    A: Matrix, B: Matrix, C: Matrix, D: Matrix
-) -> tuple[Matrix, Matrix, Matrix, Matrix, float]:
+def _scaled(ports: Ports) -> tuple[Ports, float]:
     """Balance states and lines by powers of two, and choose a unit of rate."""
+    A, B, C, D = ports
     n = len(A)
     whole = np.block([[A, B], [C, D]])
     with np.errstate(invalid="ignore"):
         _, (scale, _) = linalg.matrix_balance(whole, permute=False, separate=True)
     whole = whole * scale / scale[:, None]
-    rates = np.abs(np.linalg.eigvals(whole[:n, :n])) if n else np.zeros(0)
     through = float(np.linalg.norm(whole[:n, n:] @ whole[n:, :n]))  # gain per second, by the lines
-    rates = np.append(rates, through)
+    rates = np.append(np.abs(np.linalg.eigvals(whole[:n, :n])) if n else [], through)
     rates = rates[rates > 0]
     unit = float(np.exp2(np.round(np.log2(np.median(rates))))) if rates.size else 1.0
-    return whole[:n, :n] / unit, whole[:n, n:] / unit, whole[n:, :n], whole[n:, n:], unit
+    return (whole[:n, :n] / unit, whole[:n, n:] / unit, whole[n:, :n], whole[n:, n:]), unit
 
 
-def _transport(A: Matrix, B: Matrix, C: Matrix, D: Matrix, delays: Vector, nodes: int) -> Matrix:
+def _transport(ports: Ports, delays: Vector, nodes: int) -> Matrix:
     """Return the matrix of states and of what is under way along each line.
 
     Along line i the signal phi(theta) moves by phi' = d phi / d theta, theta from -delay to 0;
     it enters at 0, where phi = v = C x + D d, and leaves at -delay as d.
     """
+    A, B, C, D = ports
     n, k = len(A), len(delays)
     points = np.cos(np.pi * np.arange(nodes + 1) / nodes)
     weight = np.ones(nodes + 1)
@@ -120,8 +117,7 @@ def _transport(A: Matrix, B: Matrix, C: Matrix, D: Matrix, delays: Vector, nodes
     slope -= np.diag(slope.sum(axis=1))
     whole = np.zeros((n + k * nodes, n + k * nodes))
     ends = [n + (i + 1) * nodes - 1 for i in range(k)]
-    whole[:n, :n] = A
-    whole[:n, ends] = B
+    whole[:n, :n], whole[:n, ends] = A, B
     for i, delay in enumerate(delays):
         own = slice(n + i * nodes, n + (i + 1) * nodes)
         along = slope[1:] * (2 / delay)
@@ -131,21 +127,14 @@ def _transport(A: Matrix, B: Matrix, C: Matrix, D: Matrix, delays: Vector, nodes
     return whole
 
 
-def _root(
-    A: Matrix,
-    B: Matrix,
-    C: Matrix,
-    D: Matrix,
-    delays: Vector,
-    start: complex,
-) -> complex | None:
+def _root(ports: Ports, delays: Vector, start: complex) -> complex | None:
     """Follow Newton's steps on the characteristic matrix; None if they end at no root."""
     s = start
     for _ in range(_NEWTON):
-        T, slope = _characteristic(A, B, C, D, delays, s)
+        T, slope = _characteristic(ports, delays, s)
         if not np.isfinite(T).all():
             return None
-        U, sizes, Vh = np.linalg.svd(T)
+        U, _, Vh = np.linalg.svd(T)
         u, v = U[:, -1].conj(), Vh[-1].conj()
         change = u @ slope @ v
         if change == 0:
@@ -154,33 +143,27 @@ def _root(
         s = complex(s - step)
         if abs(step) <= 1e-14 * (1 + abs(s)):
             break
-    T, _ = _characteristic(A, B, C, D, delays, s)
+    T, _ = _characteristic(ports, delays, s)
     if not np.isfinite(T).all() or abs(s - start) > _MOVED * (1 + abs(start)):
         return None
     sizes = np.linalg.svd(T, compute_uv=False)
     return s if sizes[-1] <= _RESIDUAL * sizes[0] else None
 
 
-def _characteristic(
-    A: Matrix, B: Matrix, C: Matrix, D: Matrix, delays: Vector, s: complex
-) -> tuple[AnyMatrix, AnyMatrix]:
+def _characteristic(ports: Ports, delays: Vector, s: complex) -> tuple[AnyMatrix, AnyMatrix]:
     """Return the matrix that is singular at a root, and its derivative.
 
     A line is scaled by 1 + |e^(-s delay)|, lest roots far to the left drown.
     """
+    A, B, C, D = ports
     n, k = len(A), len(delays)
     with np.errstate(over="ignore", invalid="ignore"):
         E = np.exp(-s * delays)
-        E = E[:, None] / (1 + np.abs(E))[:, None]
-        one = np.diag(1 / (1 + np.abs(np.exp(-s * delays))))
+        size = 1 + np.abs(E)
+        E, one = (E / size)[:, None], np.diag(1 / size)
     T = np.block([[s * np.eye(n) - A, -B.astype(complex)], [-E * C, one - E * D]])
-    slope = np.block(
-        [
-            [np.eye(n), np.zeros((n, k))],
-            [delays[:, None] * E * C, delays[:, None] * E * D],
-        ]
-    )
-    return T, slope
+    turned = delays[:, None] * E
+    return T, np.block([[np.eye(n), np.zeros((n, k))], [turned * C, turned * D]])
 
 
 # How many roots of a system with delays are unstable: the argument principle, from Pade on.
@@ -203,15 +186,7 @@ _LEAST = 1e-9
 _AXIS = 1e-9
 
 
-class Counted(NamedTuple):
-    """The number of unstable roots or None, why none, and where (rad/s) the last can lie."""
-
-    unstable: int | None
-    reason: str
-    highest: float
-
-
-def count_unstable(system: DelayedSystem) -> Counted:
+def count_unstable(system: DelayedSystem) -> tuple[int | None, str, float]:
     """Count the characteristic roots to the right of the axis.
 
     Parameters
@@ -221,22 +196,23 @@ def count_unstable(system: DelayedSystem) -> Counted:
 
     Returns
     -------
-    Counted
+    unstable : int or None
+    reason : str
+        Why they could not be counted.
+    highest : float
+        Where the last of them can lie, in rad/s.
     """
-    lines = _orders(system)
-    if lines is None:
-        return Counted(None, "every Pade model has a pole on the axis", 0.0)
-    system = replace(system, lines=lines)
     loop = _Loop.of(system)
-    poles = np.concatenate([np.linalg.eigvals(loop.A), np.linalg.eigvals(loop.ports[0])])
-    right = int((np.linalg.eigvals(loop.A).real > 0).sum())
+    if loop is None:
+        return None, "every Pade model has a pole on the axis", 0.0
+    poles = np.concatenate([np.linalg.eigvals(M) for M in (loop.closed[0], loop.ports[0])])
     omega = _grid(poles, system.seconds)
     for _ in range(8):  # until the lines are quiet at the end of the grid
         if loop.gain(omega[-1:])[0] < _QUIET:
             break
         omega = np.append(omega, omega[-1] * np.geomspace(1.05, 10, _PER_DECADE))
     else:
-        return Counted(None, "the gain through the delays does not fall", float(omega[-1]))
+        return None, "the gain through the delays does not fall", float(omega[-1])
     gain, value = loop.gain(omega), loop.value(omega)
     widest = _DELAY / float(system.seconds.max())
     while True:
@@ -244,12 +220,11 @@ def count_unstable(system: DelayedSystem) -> Counted:
         with np.errstate(divide="ignore", invalid="ignore"):
             turn = np.abs(np.angle(value[1:] / value[:-1]))
         wide = loud & ((np.diff(omega) > widest) | ~(turn <= _TURN))
-        wide &= np.diff(omega) > 1e-13 * omega[1:]
-        if not wide.any():
+        at = np.flatnonzero(wide & (np.diff(omega) > 1e-13 * omega[1:]))
+        if not at.size:
             break
-        if omega.size + int(wide.sum()) > MOST_POINTS:
-            return Counted(None, "too many frequencies would be needed", float(omega[-1]))
-        at = np.flatnonzero(wide)
+        if omega.size + at.size > MOST_POINTS:
+            return None, "too many frequencies would be needed", float(omega[-1])
         new = (omega[at] + omega[at + 1]) / 2
         omega = np.insert(omega, at + 1, new)
         gain = np.insert(gain, at + 1, loop.gain(new))
@@ -257,65 +232,64 @@ def count_unstable(system: DelayedSystem) -> Counted:
     heard = np.flatnonzero(gain >= _QUIET)
     highest = float(omega[heard[-1]]) if heard.size else 0.0
     if np.abs(value).min() < _LEAST:
-        return Counted(None, "a root lies on the axis, as far as can be told", highest)
-    turned = np.angle(value[1:] / value[:-1])
+        return None, "a root lies on the axis, as far as can be told", highest
     # Between quiet neighbours the phase is known by itself: no eigenvalue passes zero.
-    quiet = ~loud
     own = loop.quiet_phase(omega)
-    turned[quiet] = np.diff(own)[quiet]
+    turned = np.where(loud, np.angle(value[1:] / value[:-1]), np.diff(own))
+    right = np.count_nonzero(np.linalg.eigvals(loop.closed[0]).real > 0)
     unstable = right - (turned.sum() - own[-1]) / np.pi
     whole = round(unstable)
     if abs(unstable - whole) > _WHOLE or whole < 0:
-        return Counted(None, f"the count of roots came out as {unstable:.3g}", highest)
-    return Counted(whole, "", highest)
+        return None, f"the count of roots came out as {unstable:.3g}", highest
+    return whole, "", highest
 
 
 class _Loop(NamedTuple):
     """The loop around the difference of exact delays and Pade, and the lines' own gain."""
 
-    A: Matrix
-    B: Matrix
-    C: Matrix
-    D: Matrix
-    ports: tuple[Matrix, Matrix, Matrix, Matrix]
-    system: DelayedSystem
+    closed: Ports
+    ports: Ports
+    lines: tuple[DelayLine, ...]
 
     @classmethod
-    def of(cls, system: DelayedSystem) -> _Loop:
+    def of(cls, system: DelayedSystem) -> _Loop | None:
+        """Choose Pade orders whose model is well posed and has no pole on the axis."""
         A, B, C, D = system.ports()
-        Ap, Bp, Cp, Dp = pade_sections(system.lines)
-        inner = np.linalg.inv(np.eye(len(D)) - Dp @ D)
-        # d = Pade(v) + e = inner (Cp xp + Dp C x + e), v = C x + D d
-        x, p = inner @ Dp @ C, inner @ Cp
-        whole = np.block([[A + B @ x, B @ p], [Bp @ (C + D @ x), Ap + Bp @ D @ p]])
-        into = np.vstack([B @ inner, Bp @ D @ inner])
-        return cls(whole, into, np.hstack([C + D @ x, D @ p]), D @ inner, (A, B, C, D), system)
+        names = [line.name for line in system.lines]
+        for more in range(6):
+            orders = [min(line.order + more, MOST_ORDER) for line in system.lines]
+            lines = tuple(map(DelayLine, names, system.seconds.tolist(), orders))
+            Ap, Bp, Cp, Dp = pade_sections(lines)
+            back = np.eye(len(D)) - Dp @ D
+            if np.linalg.cond(back) > 1e8:
+                continue
+            # d = Pade(v) + e = inner (Cp xp + Dp C x + e), v = C x + D d
+            inner = np.linalg.inv(back)
+            x, p = inner @ Dp @ C, inner @ Cp
+            whole = np.block([[A + B @ x, B @ p], [Bp @ (C + D @ x), Ap + Bp @ D @ p]])
+            poles = np.linalg.eigvals(whole)
+            if (np.abs(poles.real) > _AXIS * np.abs(poles).max(initial=0.0)).all():
+                into = np.vstack([B @ inner, Bp @ D @ inner])
+                closed = whole, into, np.hstack([C + D @ x, D @ p]), D @ inner
+                return cls(closed, (A, B, C, D), lines)
+        return None
 
-    def difference(self, omega: Vector) -> AnyArray:
-        """Return exact minus Pade, shape (k, lines)."""
+    def factors(self, omega: Vector) -> tuple[AnyArray, AnyArray]:
+        """Return exact delays and their Pade models, shape (k, lines)."""
         s = 1j * omega
-        exact = np.exp(-np.multiply.outer(s, self.system.seconds))
-        return exact - np.stack(
-            [
-                resolvent_response(*pade(line.seconds, line.order), s)[:, 0, 0]
-                for line in self.system.lines
-            ],
-            axis=1,
-        )
+        exact = [np.exp(-s * line.seconds) for line in self.lines]
+        models = [resolvent_response(*pade(d.seconds, d.order), s)[:, 0, 0] for d in self.lines]
+        return np.stack(exact, axis=1), np.stack(models, axis=1)
 
     def value(self, omega: Vector) -> AnyVector:
         """Return the determinant, which is 1 at rest and turns about zero for each root."""
-        M = resolvent_response(self.A, self.B, self.C, self.D, 1j * omega)
-        inside = np.eye(len(self.D)) - M * self.difference(omega)[:, None, :]
-        return np.linalg.det(inside)
-
-    def lines_response(self, omega: Vector) -> AnyArray:
-        """Return what the delayed signals come back as, without the delays."""
-        return resolvent_response(*self.ports, 1j * omega)
+        M = resolvent_response(*self.closed, 1j * omega)
+        exact, models = self.factors(omega)
+        return np.linalg.det(np.eye(M.shape[1]) - M * (exact - models)[:, None, :])
 
     def gain(self, omega: Vector) -> Vector:
         """Return the largest gain through the lines that any phases could make, in any units."""
-        size = np.abs(self.lines_response(omega))
+        size = np.abs(resolvent_response(*self.ports, 1j * omega))
         found = np.full(omega.size, np.inf)
         finite = np.isfinite(size).all(axis=(1, 2))
         if finite.any():
@@ -324,31 +298,13 @@ class _Loop(NamedTuple):
 
     def quiet_phase(self, omega: Vector) -> Vector:
         """Return the determinant's phase where the gain is below 1, and anything elsewhere."""
-        H = self.lines_response(omega)
+        H = resolvent_response(*self.ports, 1j * omega)
         H = np.where(np.isfinite(H), H, 0)
-        exact = np.exp(-np.multiply.outer(1j * omega, self.system.seconds))
-        models = exact - self.difference(omega)
-        phases = []
-        for factors in (exact, models):
-            phases.append(np.angle(1 - np.linalg.eigvals(H * factors[:, None, :])).sum(axis=1))
-        return phases[0] - phases[1]
-
-
-def _orders(system: DelayedSystem) -> tuple[DelayLine, ...] | None:
-    """Return lines whose Pade model is well posed and has no pole on the axis."""
-    for more in range(6):
-        lines = tuple(
-            replace(line, order=min(line.order + more, MOST_ORDER)) for line in system.lines
+        exact, model = (
+            np.angle(1 - np.linalg.eigvals(H * factors[:, None, :])).sum(axis=1)
+            for factors in self.factors(omega)
         )
-        trial = replace(system, lines=lines)
-        D = system.ports()[3]
-        Dp = pade_sections(lines)[3]
-        if np.linalg.cond(np.eye(len(D)) - Dp @ D) > 1e8:
-            continue
-        poles = np.linalg.eigvals(_Loop.of(trial).A)
-        if (np.abs(poles.real) > _AXIS * np.abs(poles).max(initial=0.0)).all():
-            return lines
-    return None
+        return exact - model
 
 
 def _grid(poles: Any, seconds: Vector) -> Vector:
@@ -357,11 +313,7 @@ def _grid(poles: Any, seconds: Vector) -> Vector:
     rates = rates[rates > 1e-12 * rates.max()]
     low, high = rates.min() / 100, rates.max() * 100
     many = int(np.ceil(_PER_DECADE * np.log10(high / low)))
-    grid = [np.zeros(1), np.geomspace(low, high, many)]
-    for pole in poles[np.abs(poles.imag) > 0]:
-        width = abs(pole.real / pole.imag)
-        away = np.geomspace(max(width, 1e-12) / 10, 0.3, 40)
-        grid.append(abs(pole.imag) * np.concatenate([1 - away[::-1], [1.0], 1 + away]))
+    grid = [np.zeros(1), np.geomspace(low, high, many), *around_resonances(poles)]
     return np.unique(np.concatenate(grid))
 
 
@@ -501,20 +453,17 @@ def delay_stability(system: DelayedSystem) -> DelayStability:
         surely = len(system.lines) == 1 and direct > 1
         text = f"delays feed each other with a gain of {direct:.4g}, not below 1"
         return DelayStability("unstable" if surely else "undecided", None, None, text)
-    counted = count_unstable(system)
-    roots: Any = rightmost_roots(ports, system.seconds, counted.highest)
-    first = complex(roots[0]) if roots.size else None
-    found = int((roots.real >= 0).sum())
-    if counted.unstable is None:
-        if found:
-            text = "a root right of the axis was found and confirmed"
-            return DelayStability("unstable", None, first, text, roots)
-        return DelayStability("undecided", None, first, counted.reason, roots)
-    if counted.unstable:
-        text = f"{counted.unstable} roots right of the axis, counted by the argument principle"
-        return DelayStability("unstable", counted.unstable, first, text, roots)
-    if found:
+    unstable, text, highest = count_unstable(system)
+    roots: Any = rightmost_roots(ports, system.seconds, highest)
+    first, found = (complex(roots[0]) if roots.size else None), (roots.real >= 0).any()
+    verdict, counted = "undecided", "right of the axis, counted by the argument principle"
+    if unstable:
+        verdict, text = "unstable", f"{unstable} roots {counted}"
+    elif found and unstable is None:
+        verdict, text = "unstable", "a root right of the axis was found and confirmed"
+    elif found:
+        unstable = None
         text = "the argument principle counts no root on the right, yet one was found"
-        return DelayStability("undecided", None, first, text, roots)
-    text = "no root right of the axis, counted by the argument principle from Pade to exact delays"
-    return DelayStability("stable", 0, first, text, roots)
+    elif unstable == 0:
+        verdict, text = "stable", f"no root {counted} from Pade to exact delays"
+    return DelayStability(verdict, unstable, first, text, roots)

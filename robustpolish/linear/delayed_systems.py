@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import control
@@ -61,17 +62,33 @@ def pade(seconds: float, order: int) -> tuple[Matrix, Matrix, Matrix, Matrix]:
     if not is_whole(order) or not 1 <= order <= MOST_ORDER:
         want = f"a whole number from 1 to {MOST_ORDER}"
         raise invalid("order", order, want, "3 is right up to a phase of 3 rad of the delay.")
-    A, B, C, D = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))
-    for a, b, c, d in _sections(int(order)):
-        n, k = len(A), len(a)
-        A = np.block([[A, np.zeros((n, k))], [b @ C, a]])
-        B = np.vstack([B, b @ D])
-        C = np.hstack([d @ C, c])
-        D = d @ D
+    A, B, C, D = in_a_row(_sections(int(order)))
     return A / seconds, B / math.sqrt(seconds), C / math.sqrt(seconds), D
 
 
-def _sections(order: int) -> list[tuple[Matrix, Matrix, Matrix, Matrix]]:
+Section = tuple[Matrix, Matrix, Matrix, float]
+
+
+def in_a_row(sections: Sequence[Section]) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    """Return A, B, C, D of sections of one input and one output, each fed by the one before.
+
+    Parameters
+    ----------
+    sections : sequence of (A, B, C, d)
+
+    Returns
+    -------
+    A, B, C, D : ndarray
+    """
+    A, B, C, D = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))
+    for a, b, c, d in sections:
+        A = np.block([[A, np.zeros((len(A), len(a)))], [b @ C, a]])
+        B = np.vstack([B, b @ D])
+        C, D = np.hstack([d * C, c]), d * D
+    return A, B, C, D
+
+
+def _sections(order: int) -> list[Section]:
     """Return lossless sections for the delay 1, one per real root or pair of roots."""
     f = math.factorial
     # Ascending: the sum of (2n - k)! n! / ((2n)! k! (n - k)!) s^k.
@@ -83,18 +100,12 @@ def _sections(order: int) -> list[tuple[Matrix, Matrix, Matrix, Matrix]]:
     for root in sorted(roots, key=abs):
         if abs(root.imag) < 1e-9 * abs(root):
             a, r = -root.real, math.sqrt(-2 * root.real)
-            found.append(tuple(np.array([[v]]) for v in (-a, r, r, -1.0)))
+            found.append((*(np.array([[v]]) for v in (-a, r, r)), -1.0))
         elif root.imag > 0:
             size, a = abs(root), -2 * root.real
             r = math.sqrt(2 * a)
-            found.append(
-                (
-                    np.array([[0.0, size], [-size, -a]]),
-                    np.array([[0.0], [r]]),
-                    np.array([[0.0, -r]]),
-                    np.ones((1, 1)),
-                )
-            )
+            column, row = np.array([[0.0], [r]]), np.array([[0.0, -r]])
+            found.append((np.array([[0.0, size], [-size, -a]]), column, row, 1.0))
     return found
 
 
@@ -347,9 +358,5 @@ def _solved(matrices: AnyArray, right: AnyArray) -> AnyArray:
 
 def _different(names: list[str]) -> list[str]:
     """Return the names, those that occur again with a number behind."""
-    seen: dict[str, int] = {}
-    found = []
-    for name in names:
-        seen[name] = seen.get(name, 0) + 1
-        found.append(name if seen[name] == 1 else f"{name}_{seen[name]}")
-    return found
+    seen = [names[: i + 1].count(name) for i, name in enumerate(names)]
+    return [f"{name}_{n}" if n > 1 else name for name, n in zip(names, seen, strict=True)]

@@ -131,18 +131,11 @@ class Modes(Displayed, Sequence[Mode]):
 
     def _card(self) -> Card:
         columns = ("state", "natural [Hz]", "damped [Hz]", "damping", "share", "eigenvalue")
-        rows = tuple(
-            (
-                mode.state,
-                mode.natural_frequency_hz,
-                mode.frequency_hz,
-                mode.damping_ratio,
-                round(mode.participation, 2),
-                pair_text(mode.eigenvalue),
-            )
-            for mode in self.modes
-        )
-        return Card("", (Table("", columns, rows, digits=7),))
+        rows = [
+            (m.state, m.natural_frequency_hz, m.frequency_hz, m.damping_ratio,
+             round(m.participation, 2), pair_text(m.eigenvalue)) for m in self.modes
+        ]  # fmt: skip
+        return Card("", (Table("", columns, tuple(rows), digits=7),))
 
 
 def modes(system: control.StateSpace) -> Modes:
@@ -190,31 +183,21 @@ def _part_modes(model: Realisation, names: list[str]) -> list[Mode]:
     scaled = rescaled(model)
     spectrum = eigensystem(scaled.A)
     values, share = spectrum.values, spectrum.shares
-    if model.states <= EXACT_STATES:
+    if model.states <= EXACT_STATES:  # in the order of those whose vectors are known
         exact = np.array(eigenvalues(rational(scaled.A)))
-        values = _matched(values, exact)
+        _, columns = linear_sum_assignment(np.abs(values[:, None] - exact[None, :]))
+        values = exact[columns]
     result = []
     for i, value in enumerate(values):
         if value.imag < 0:
             continue
-        state = int(np.argmax(share[:, i]))
-        result.append(
-            _mode(value * scaled.time, model, names[state], min(1.0, float(share[state, i])))
-        )
+        state, value = int(np.argmax(share[:, i])), value * scaled.time
+        rate = value
+        if model.discrete:
+            rate = np.log(value) / model.step if value != 0 else complex(-math.inf, 0)
+        size = abs(rate)
+        damping = math.nan if size == 0 else (1.0 if math.isinf(size) else 0.0 - rate.real / size)
+        hertz, damped = size / (2 * math.pi), abs(rate.imag) / (2 * math.pi)
+        participation = min(1.0, float(share[state, i]))
+        result.append(Mode(complex(value), hertz, damped, damping, names[state], participation))
     return result
-
-
-def _matched(values: NDArray[np.complex128], exact: NDArray[np.complex128]) -> NDArray:
-    """Order the exact eigenvalues as the computed ones, whose vectors are known."""
-    _, columns = linear_sum_assignment(np.abs(values[:, None] - exact[None, :]))
-    return exact[columns]
-
-
-def _mode(value: complex, model: Realisation, state: str, share: float) -> Mode:
-    rate = value
-    if model.discrete:
-        rate = np.log(value) / model.step if value != 0 else complex(-math.inf, 0)
-    size = abs(rate)
-    damping = math.nan if size == 0 else (1.0 if math.isinf(size) else 0.0 - rate.real / size)
-    imaginary = abs(rate.imag) / (2 * math.pi)
-    return Mode(complex(value), size / (2 * math.pi), imaginary, damping, state, share)

@@ -89,12 +89,9 @@ def linear_response(
 
     if system.dt is not None and system.dt != 0:
         if system.dt is not True and t.size > 1 and not np.isclose(step, system.dt, rtol=1e-6):
-            raise invalid(
-                "time",
-                described(f"a step of {step:.6g} s"),
-                f"the system's sampling time, {system.dt:.6g} s",
-                "Resample the signals to it.",
-            )
+            shown = described(f"a step of {step:.6g} s")
+            want = f"the system's sampling time, {system.dt:.6g} s"
+            raise invalid("time", shown, want, "Resample the signals to it.")
         transition, now, later = A, B, None
     else:
         transition, now, later = first_order_hold(A, B, step)
@@ -156,12 +153,8 @@ def uniform_step(t: Array) -> float:
     # Time stamps are rounded to a few units in the last place of the largest of them.
     rounding = 1e-6 * step + 4 * np.spacing(np.max(np.abs(t)))
     if not np.isfinite(t).all() or step <= 0 or np.max(np.abs(steps - step)) > rounding:
-        raise invalid(
-            "time",
-            described(f"steps from {np.min(steps):.6g} to {np.max(steps):.6g} s"),
-            "a uniform, rising grid",
-            "Resample the signals.",
-        )
+        shown = described(f"steps from {np.min(steps):.6g} to {np.max(steps):.6g} s")
+        raise invalid("time", shown, "a uniform, rising grid", "Resample the signals.")
     return step
 
 
@@ -237,12 +230,8 @@ def varying_response(
     for i in range(len(u) - 1):
         middle = (weights[i] + weights[i + 1]) / 2
         if held is None or last is None or not np.array_equal(middle, last):
-            last, held = (
-                middle,
-                first_order_hold(
-                    np.tensordot(middle, A, axes=1), np.tensordot(middle, B, axes=1), step
-                ),
-            )
+            mixed, into = (np.tensordot(middle, M, axes=1) for M in (A, B))
+            last, held = middle, first_order_hold(mixed, into, step)
         transition, now, later = held
         states[i + 1] = transition @ states[i] + now @ u[i] + later @ u[i + 1]
     outputs = np.einsum("tv,vij,tj->ti", weights, C, states, optimize=True)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import control
 import numpy as np
@@ -57,12 +58,7 @@ class Block:
 
 
 def decoupled_blocks(
-    A: ArrayLike,
-    B: ArrayLike,
-    C: ArrayLike,
-    D: ArrayLike | None = None,
-    *,
-    tolerance: float = 0.0,
+    A: ArrayLike, B: ArrayLike, C: ArrayLike, D: ArrayLike | None = None, *, tolerance: float = 0.0
 ) -> tuple[Block, ...]:
     """Find the connected components of a system's graph.
 
@@ -115,16 +111,11 @@ def decoupled_blocks(
     graph[n + m :, :n] = np.abs(C) > tolerance
     graph[n + m :, n : n + m] = np.abs(D) > tolerance
     count, labels = connected_components(csr_array(graph), directed=False)
-    blocks = []
-    for label in range(count):
-        nodes = np.flatnonzero(labels == label)
-        blocks.append(
-            Block(
-                tuple(int(i) for i in nodes if i < n),
-                tuple(int(i - n) for i in nodes if n <= i < n + m),
-                tuple(int(i - n - m) for i in nodes if i >= n + m),
-            )
-        )
+    kinds = (labels[:n], labels[n : n + m], labels[n + m :])
+    blocks = [
+        Block(*(tuple(np.flatnonzero(kind == label).tolist()) for kind in kinds))
+        for label in range(count)
+    ]
     return tuple(sorted(blocks, key=lambda b: (not b.states, b.states, b.inputs, b.outputs)))
 
 
@@ -137,50 +128,37 @@ def parts_with_indices(model: Realisation) -> list[tuple[Realisation, tuple[int,
     """Split a system into its decoupled blocks; tell which states each has."""
     if _is_one_part(model):
         return [(model, tuple(range(model.states)))]
-    blocks = decoupled_blocks(model.A, model.B, model.C, model.D)
-    if len(blocks) == 1:
-        return [(model, blocks[0].states)]
-    return [(_part(model, block), block.states) for block in blocks]
+    found = []
+    for block in decoupled_blocks(model.A, model.B, model.C, model.D):
+        x, u, y = block.states, block.inputs, block.outputs
+        places = {"A": (x, x), "B": (x, u), "C": (y, x), "D": (y, u)}
+        own = {name: M[np.ix_(*places[name])] for name, M in model.matrices.items()}
+        found.append((replace(model, **own), x))
+    return found
 
 
 def _is_one_part(model: Realisation) -> bool:
     """Say, sooner than by components, whether all states are coupled and no signal is idle."""
-    if not (_full(model.B) or model.B.any(axis=0).all()):
+    A, B, C = model.A, model.B, model.C
+
+    def full(M: Matrix) -> bool:
+        return np.count_nonzero(M) == M.size  # quicker than `all`
+
+    if not ((full(B) or B.any(axis=0).all()) and (full(C) or C.any(axis=1).all())):
         return False
-    if not (_full(model.C) or model.C.any(axis=1).all()):
-        return False
-    if model.states and _full(model.A):
+    if model.states and full(A):
         return True
-    joined = model.A != 0
-    reached = np.zeros(model.states, bool)
-    reached[:1] = True
-    count = 0
+    joined, reached, count = A != 0, np.arange(model.states) == 0, 0
     while count < (found := int(np.count_nonzero(reached))):
         count = found
         reached |= joined[reached].any(axis=0) | joined[:, reached].any(axis=1)
     return 0 < model.states == count
 
 
-def _full(M: Matrix) -> bool:
-    """Say whether no entry is zero, quicker than `all` does."""
-    return np.count_nonzero(M) == M.size
-
-
-def _part(model: Realisation, block: Block) -> Realisation:
-    return replace(
-        model,
-        A=model.A[np.ix_(block.states, block.states)],
-        B=model.B[np.ix_(block.states, block.inputs)],
-        C=model.C[np.ix_(block.outputs, block.states)],
-        D=model.D[np.ix_(block.outputs, block.inputs)],
-    )
-
-
 def parts_with_states(model: Realisation) -> list[tuple[Realisation, tuple[int, ...]]]:
     """Split the states alone, whatever the inputs and outputs join; tell which is where."""
-    none = (np.zeros((model.states, 0)), np.zeros((0, model.states)))
-    alone = replace(model, B=none[0], C=none[1], D=np.zeros((0, 0)))
-    return parts_with_indices(alone)
+    none = np.zeros((0, model.states))
+    return parts_with_indices(replace(model, B=none.T, C=none, D=np.zeros((0, 0))))
 
 
 # State scaling for an accurate frequency response, as the thesis's section 10.5 uses it.
@@ -262,11 +240,9 @@ class Prescaled(Displayed):
         >>> rp.linear.prescale(plant).plot().get_ylabel()
         'relative error to expect'
         """
+        accuracies = {"as it came": self.accuracy_before, "prescaled": self.accuracy_after}
         curves = xr.Dataset(
-            {
-                "as it came": ("frequency", self.accuracy_before),
-                "prescaled": ("frequency", self.accuracy_after),
-            },
+            {name: ("frequency", values) for name, values in accuracies.items()},
             {"frequency": self.frequency / (2 * np.pi)},
         )
         return plot_over_frequency(curves, "relative error to expect", ax)
@@ -324,122 +300,75 @@ def prescale(system: control.StateSpace, band: Sequence[float] | None = None) ->
     model = realisation("system", system)
     refuse_extreme("system", model.matrices)
     frequency = _frequencies(model, band)
+    even, _ = state_scales(model.A, model.B, model.C)
     try:
-        responses = _Responses.of(model, frequency)
+        accuracy = _accuracy(model, frequency, even)
     except np.linalg.LinAlgError:  # an undamped pole on the grid: look beside it
-        responses = _Responses.of(model, frequency * (1 + 1e-6))
-    scales = _descend(responses, _start(model, responses))
-    one = np.ones(model.states)
-    A, B, C = model.A * scales / scales[:, None], model.B / scales[:, None], model.C * scales
-    return Prescaled(
-        named_like(system, A, B, C, model.D),
-        np.diag(1 / scales),
-        np.diag(scales),
-        frequency,
-        responses.accuracy(one),
-        responses.accuracy(scales),
-    )
+        accuracy = _accuracy(model, frequency * (1 + 1e-6), even)
 
-
-@dataclass(frozen=True, eq=False)
-class _Responses:
-    """Squared entries of everything in the error estimate; scaling only weighs them.
-
-    Attributes: A (n, n), B (n,), C (n,), CR and RB (k, n), direct: norm of D,
-    point: magnitude of s or z, gain: norm of the response at each frequency.
-    """
-
-    A: Vector
-    B: Vector
-    C: Vector
-    CR: Vector
-    RB: Vector
-    direct: float
-    point: Vector
-    gain: Vector
-
-    @classmethod
-    def of(cls, model: Realisation, frequency: Vector) -> _Responses:
-        n = model.states
-        s = np.exp(1j * frequency * model.step) if model.discrete else 1j * frequency
-        scales, _ = state_scales(model.A, model.B, model.C)  # the resolvent in even units
-        A = model.A * scales / scales[:, None]
-        resolvent = s[:, None, None] * np.eye(n) - A
-        B = np.broadcast_to((model.B / scales[:, None]).astype(complex), (s.size, *model.B.shape))
-        C = np.broadcast_to((model.C * scales).T.astype(complex), (s.size, *model.C.T.shape))
-        RB = np.linalg.solve(resolvent, B) * scales[:, None]
-        CR = np.linalg.solve(resolvent.transpose(0, 2, 1), C) / scales[:, None]
-        G = model.C @ RB + model.D
-        return cls(
-            model.A**2,
-            np.sum(model.B**2, axis=1),
-            np.sum(model.C**2, axis=0),
-            np.sum(np.abs(CR) ** 2, axis=2),
-            np.sum(np.abs(RB) ** 2, axis=2),
-            float(np.linalg.norm(model.D)),
-            np.abs(s),
-            np.linalg.norm(G, axis=(1, 2)),
-        )
-
-    def accuracy(self, scales: Vector) -> Vector:
-        """Return the relative accuracy at each frequency when x = scales * x_s."""
-        squares = scales**2
-        A = np.sqrt(np.sum(self.A * squares / squares[:, None]))
-        B, C = np.sqrt(np.sum(self.B / squares)), np.sqrt(np.sum(self.C * squares))
-        RB = np.sqrt(self.RB @ (1 / squares))
-        CR = np.sqrt(self.CR @ squares)
-        error = EPS * (CR * (A + self.point) * RB + C * RB + CR * B + self.direct)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(error > 0, error / self.gain, EPS)
-
-    def worst(self, scales: Vector) -> float:
+    def worst(scales: Vector) -> float:
         """Return what the search minimises: the worst accuracy, then the mean as a tie-break."""
-        accuracy = self.accuracy(scales)
-        accuracy = accuracy[np.isfinite(accuracy)]
-        if accuracy.size == 0:
-            return 0.0
-        return float(np.log(accuracy.max()) + 0.01 * np.log(accuracy).mean())
+        finite = accuracy(scales)
+        finite = finite[np.isfinite(finite)]
+        return float(np.log(finite.max()) + 0.01 * np.log(finite).mean()) if finite.size else 0.0
 
-
-def _start(model: Realisation, responses: _Responses) -> Vector:
-    n = model.states
-    if n == 0:
-        return np.ones(0)
-    alone, _ = state_scales(model.A, 0 * model.B, 0 * model.C)
-    together, _ = state_scales(model.A, model.B, model.C)
-    return min((np.ones(n), alone, together), key=responses.worst)
-
-
-def _descend(responses: _Responses, scales: Vector) -> Vector:
-    scales, best = scales.copy(), responses.worst(scales)
+    one, (alone, _) = np.ones(model.states), state_scales(model.A, 0 * model.B, 0 * model.C)
+    scales = min((one, alone, even), key=worst)
+    best = worst(scales)
     for _ in range(40):
         before = best
-        for i in range(scales.size):
-            for factor in (0.5, 2.0, 0.125, 8.0):
-                trial = scales.copy()
-                trial[i] *= factor
-                value = responses.worst(trial)
-                if value < best - 1e-9:
-                    scales, best = trial, value
+        for i, factor in product(range(scales.size), (0.5, 2.0, 0.125, 8.0)):
+            trial = scales.copy()
+            trial[i] *= factor
+            value = worst(trial)
+            if value < best - 1e-9:
+                scales, best = trial, value
         if best >= before - 1e-6:
             break
-    return scales
+    A, B, C = model.A * scales / scales[:, None], model.B / scales[:, None], model.C * scales
+    found, left, right = named_like(system, A, B, C, model.D), np.diag(1 / scales), np.diag(scales)
+    return Prescaled(found, left, right, frequency, accuracy(one), accuracy(scales))
+
+
+def _accuracy(model: Realisation, frequency: Vector, even: Vector) -> Callable[[Vector], Vector]:
+    """Return the relative accuracy at each frequency as a function of scales, x = scales * x_s."""
+    s = np.exp(1j * frequency * model.step) if model.discrete else 1j * frequency
+    # The resolvent in even units; scaling only weighs the squares of what is in the estimate.
+    resolvent = s[:, None, None] * np.eye(model.states) - model.A * even / even[:, None]
+    B = np.broadcast_to((model.B / even[:, None]).astype(complex), (s.size, *model.B.shape))
+    C = np.broadcast_to((model.C * even).T.astype(complex), (s.size, *model.C.T.shape))
+    RB = np.linalg.solve(resolvent, B) * even[:, None]
+    CR = np.linalg.solve(resolvent.transpose(0, 2, 1), C) / even[:, None]
+    gain = np.linalg.norm(model.C @ RB + model.D, axis=(1, 2))
+    RB_squares, CR_squares = np.sum(np.abs(RB) ** 2, axis=2), np.sum(np.abs(CR) ** 2, axis=2)
+    A_squares, direct, point = model.A**2, float(np.linalg.norm(model.D)), np.abs(s)
+    B_squares, C_squares = np.sum(model.B**2, axis=1), np.sum(model.C**2, axis=0)
+
+    def accuracy(scales: Vector) -> Vector:
+        squares = scales**2
+        A = np.sqrt(np.sum(A_squares * squares / squares[:, None]))
+        B, C = np.sqrt(np.sum(B_squares / squares)), np.sqrt(np.sum(C_squares * squares))
+        RB, CR = np.sqrt(RB_squares @ (1 / squares)), np.sqrt(CR_squares @ squares)
+        error = EPS * (CR * (A + point) * RB + C * RB + CR * B + direct)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(error > 0, error / gain, EPS)
+
+    return accuracy
 
 
 def _frequencies(model: Realisation, band: Sequence[float] | None) -> Vector:
     highest = np.pi / model.step if model.discrete else np.inf
     if band is None:
         low, high = _default_band(model)
-        low, high = min(low, highest / 2), min(high, highest)
-    else:
-        try:
-            low, high = (float(edge) for edge in band)
-        except (TypeError, ValueError):
-            low = high = np.nan
-        if not 0 < low < high <= highest or not np.isfinite(high):
-            limit = f" up to {highest:.6g} rad/s" if model.discrete else ""
-            want = f"(lowest, highest), two ascending positive frequencies{limit}"
-            raise invalid("band", described(repr(band)), want, "Give the band in rad/s.")
+        return np.geomspace(min(low, highest / 2), min(high, highest), 60)
+    try:
+        low, high = (float(edge) for edge in band)
+    except (TypeError, ValueError):
+        low = high = np.nan
+    if not 0 < low < high <= highest or not np.isfinite(high):
+        limit = f" up to {highest:.6g} rad/s" if model.discrete else ""
+        want = f"(lowest, highest), two ascending positive frequencies{limit}"
+        raise invalid("band", described(repr(band)), want, "Give the band in rad/s.")
     return np.geomspace(low, high, 60)
 
 
@@ -532,12 +461,8 @@ class Scaling(Displayed):
         'variable'
         """
         names, values = zip(*self._named(), strict=True)
-        return plot_bars(
-            xr.DataArray(
-                np.array(values), {"variable": list(names)}, "variable", "scale, in SI units"
-            ),
-            ax=ax,
-        )
+        where, what = {"variable": list(names)}, "scale, in SI units"
+        return plot_bars(xr.DataArray(np.array(values), where, "variable", what), ax=ax)
 
     def _named(self) -> list[tuple[str, float]]:
         kinds = (("state", self.state), ("input", self.inputs), ("output", self.outputs))
@@ -567,12 +492,9 @@ class Scaling(Displayed):
         sizes = (self.state.size, self.inputs.size, self.outputs.size)
         found = (model.states, model.B.shape[1], model.C.shape[0])
         if sizes != found:
-            raise invalid(
-                "system",
-                described(f"{found} states, inputs, outputs"),
-                f"{sizes}, as the scaling has",
-                "Scale this system with scale_system.",
-            )
+            shown, want = f"{found} states, inputs, outputs", f"{sizes}, as the scaling has"
+            remedy = "Scale this system with scale_system."
+            raise invalid("system", described(shown), want, remedy)
         scaled = in_units(model, self)
         return named_like(system, scaled.A, scaled.B, scaled.C, scaled.D)
 
@@ -638,13 +560,9 @@ class Scaling(Displayed):
         K = realisation("controller", controller)
         U = self.inputs[_chosen("inputs", inputs, self.inputs.size)]
         Y = self.outputs[_chosen("outputs", outputs, self.outputs.size)]
-        return named_like(
-            controller,
-            self.time * K.A,
-            self.time * matrix("controller.B", K.B, (K.states, Y.size)) / Y,
-            U[:, None] * matrix("controller.C", K.C, (U.size, K.states)),
-            U[:, None] * K.D / Y,
-        )
+        B = self.time * matrix("controller.B", K.B, (K.states, Y.size)) / Y
+        C = U[:, None] * matrix("controller.C", K.C, (U.size, K.states))
+        return named_like(controller, self.time * K.A, B, C, U[:, None] * K.D / Y)
 
 
 def scale_system(
@@ -701,63 +619,50 @@ def scale_system(
 
 def in_units(model: Realisation, scaling: Scaling) -> Realisation:
     """Return the matrices in scaled variables and time."""
-    with range_errors_as_input_errors("system", model.matrices):
-        return _in_units(model, scaling)
-
-
-def _in_units(model: Realisation, scaling: Scaling) -> Realisation:
     T, U, Y, time = scaling.state, scaling.inputs, scaling.outputs, scaling.time
-    return replace(
-        model,
-        A=scaled(model.A, T, 1 / T[:, None], 1 / time),
-        B=scaled(model.B, U, 1 / T[:, None], 1 / time),
-        C=scaled(model.C, T, 1 / Y[:, None]),
-        D=scaled(model.D, U, 1 / Y[:, None]),
-        time=model.time * time,
-    )
+    with range_errors_as_input_errors("system", model.matrices):
+        return replace(
+            model,
+            A=scaled(model.A, T, 1 / T[:, None], 1 / time),
+            B=scaled(model.B, U, 1 / T[:, None], 1 / time),
+            C=scaled(model.C, T, 1 / Y[:, None]),
+            D=scaled(model.D, U, 1 / Y[:, None]),
+            time=model.time * time,
+        )
 
 
 def equilibrating_scales(
     model: Realisation, columns: list[NDArray[np.intp]], rows: list[NDArray[np.intp]]
 ) -> Scaling:
     """Choose the scales for plain matrices and complete groups of signals."""
-    with range_errors_as_input_errors("system", model.matrices):
-        scaling = _even(model, columns, rows)
-        refuse_out_of_range(*_in_units(model, scaling).matrices.values())
-    return scaling
-
-
-def _even(
-    model: Realisation, columns: list[NDArray[np.intp]], rows: list[NDArray[np.intp]]
-) -> Scaling:
     A, B, C, D = model.A, model.B, model.C, model.D
     T, U, Y, time = np.ones(A.shape[0]), np.ones(B.shape[1]), np.ones(C.shape[0]), 1.0
-    if T.size:
-        unit = power_of_two(float(np.abs(A).max()))
-        T = _states(scaled(A, 1 / unit), 0 * B, 0 * C)
-        if not model.discrete:
-            time = power_of_two(typical_rate(scaled(A, 1 / unit, T, 1 / T[:, None]))) * unit
-    for _ in range(4):
-        scaled_B, scaled_C = scaled(B, 1 / T[:, None], 1 / time), scaled(C, T)
-        scaled_D = scaled(D, 1 / Y[:, None])
-        for group in columns:
-            U[group] = 1 / power_of_two(_size(scaled_B[:, group], scaled_D[:, group]))
-        scaled_D = scaled(D, U)
-        for group in rows:
-            Y[group] = power_of_two(_size(scaled_C[group], scaled_D[group]))
+
+    def even_states(A: Vector, B: Vector, C: Vector) -> Vector:
+        scales, signal = state_scales(A, B, C)
+        return scales / signal if signal > 0 else scales
+
+    with range_errors_as_input_errors("system", model.matrices):
         if T.size:
-            T = _states(scaled(A, 1 / time), scaled(B, U, 1 / time), scaled(C, 1 / Y[:, None]))
-    return Scaling(T, U, Y, time)
-
-
-def _states(A: Vector, B: Vector, C: Vector) -> Vector:
-    scales, signal = state_scales(A, B, C)
-    return scales / signal if signal > 0 else scales
-
-
-def _size(through_states: Vector, direct: Vector) -> float:
-    """Return the norm by which a signal is scaled: through the states if it reaches them."""
-    return size(through_states) or size(direct)
+            unit = power_of_two(float(np.abs(A).max()))
+            T = even_states(scaled(A, 1 / unit), 0 * B, 0 * C)
+            if not model.discrete:
+                time = power_of_two(typical_rate(scaled(A, 1 / unit, T, 1 / T[:, None]))) * unit
+        for _ in range(4):
+            scaled_B, scaled_C = scaled(B, 1 / T[:, None], 1 / time), scaled(C, T)
+            # A signal is scaled by its gain through the states, or else by the direct one.
+            direct = scaled(D, 1 / Y[:, None])
+            for group in columns:
+                U[group] = 1 / power_of_two(size(scaled_B[:, group]) or size(direct[:, group]))
+            direct = scaled(D, U)
+            for group in rows:
+                Y[group] = power_of_two(size(scaled_C[group]) or size(direct[group]))
+            if T.size:
+                even = scaled(A, 1 / time), scaled(B, U, 1 / time), scaled(C, 1 / Y[:, None])
+                T = even_states(*even)
+        scaling = Scaling(T, U, Y, time)
+        refuse_out_of_range(*in_units(model, scaling).matrices.values())
+    return scaling
 
 
 def _chosen(argument: str, indices: Sequence[int] | None, count: int) -> NDArray[np.intp]:

@@ -24,30 +24,6 @@ from robustpolish.plots.poles import plot_poles
 # pole lies. At twelve states it costs a millisecond.
 
 
-@dataclass(frozen=True)
-class PoleCount:
-    """Poles by where they lie, decided exactly.
-
-    Attributes
-    ----------
-    unstable, marginal : tuple of complex
-        Poles beyond and on the imaginary axis or the unit circle, in the
-        units of the matrix; repeated as often as they occur.
-    """
-
-    unstable: tuple[complex, ...]
-    marginal: tuple[complex, ...]
-
-
-def count_poles(A: fmpq_mat, discrete: bool) -> PoleCount:
-    """Sort the eigenvalues of a rational matrix by the side of the stability boundary."""
-    sided = poles_by_side(A, discrete)
-    return PoleCount(
-        tuple(pole for pole, side in sided if side > 0),
-        tuple(pole for pole, side in sided if side == 0),
-    )
-
-
 def poles_by_side(A: fmpq_mat, discrete: bool) -> list[tuple[complex, int]]:
     """Return the eigenvalues with -1, 0 or 1 for inside, on and beyond the stability boundary."""
     return _sided(fmpz_poly(A.charpoly().numer().coeffs()), discrete)
@@ -66,17 +42,34 @@ def unreachable_poles(A: fmpq_mat, B: fmpq_mat, discrete: bool) -> list[tuple[co
 def _sided(polynomial: fmpz_poly, discrete: bool) -> list[tuple[complex, int]]:
     """Return the roots with -1, 0 or 1 for inside, on and beyond the stability boundary."""
     n = polynomial.degree()
-    if discrete:  # roots at z = -1 go to infinity, where the degree tells
-        polynomial = _mobius(polynomial, n)
+    if discrete:  # (1 - s)^n p((1 + s)/(1 - s)): roots at z = -1 go to infinity, the degree tells
+        up, down, coefficients = fmpz_poly([1, 1]), fmpz_poly([1, -1]), polynomial.coeffs()
+        terms = (up**k * down ** (n - k) * c for k, c in enumerate(coefficients))
+        polynomial = sum(terms, fmpz_poly([0]))
     sided = [(complex(-1), 0)] * (n - polynomial.degree())
     if polynomial.degree() == 0:
         return sided
     mirrored = fmpz_poly([(-1) ** k * int(c) for k, c in enumerate(polynomial.coeffs())])
     symmetric = polynomial.gcd(mirrored)  # holds every root on the axis, and pairs around it
-    for root, times in _resolved(polynomial, _axis_count(symmetric)):
+    # Those on the axis: zero, and positive roots of the even or odd polynomial in x = -s^2.
+    coefficients = symmetric.coeffs()
+    zeros = next(k for k, c in enumerate(coefficients) if c != 0)
+    even = fmpz_poly([(-1) ** k * int(c) for k, c in enumerate(coefficients[zeros::2])])
+    on_axis = zeros + 2 * sum(times for _, times in positive_roots(even))
+    bits, roots = 64, []
+    while True:  # until only these have no sign in their real parts
+        with precision(bits):
+            roots = isolated_roots(polynomial)
+        if sum(times for root, times in roots if root.real.contains(0)) == on_axis:
+            break
+        bits *= 2
+    for root, times in roots:
         where = complex(root)
         side = int(root.real > 0) - int(root.real < 0)
-        sided += [(_pole(where if side else 1j * where.imag, discrete), side)] * times
+        pole = where if side else 1j * where.imag
+        if discrete and pole != 1:
+            pole = (1 + pole) / (1 - pole)
+        sided += [(pole, side)] * times
     return sided
 
 
@@ -95,40 +88,6 @@ def eigenvalues(A: fmpq_mat) -> list[complex]:
 def _sharp(value: arb) -> bool:
     """Say whether a part of an eigenvalue is known to double precision or is exactly zero."""
     return value.rel_accuracy_bits() >= 56 or value == 0
-
-
-def _pole(root: complex, discrete: bool) -> complex:
-    return (1 + root) / (1 - root) if discrete and root != 1 else root
-
-
-def _mobius(polynomial: fmpz_poly, n: int) -> fmpz_poly:
-    """Return (1 - s)^n p((1 + s)/(1 - s))."""
-    up, down = fmpz_poly([1, 1]), fmpz_poly([1, -1])
-    result, power = fmpz_poly([0]), fmpz_poly([1])
-    for k, c in enumerate(polynomial.coeffs()):
-        result += power * down ** (n - k) * c
-        power *= up
-    return result
-
-
-def _resolved(polynomial: fmpz_poly, on_axis: int) -> list[tuple[acb, int]]:
-    """Isolate the roots until only the `on_axis` ones have no sign in their real part."""
-    bits = 64
-    while True:
-        with precision(bits):
-            roots = isolated_roots(polynomial)
-        if sum(times for root, times in roots if root.real.contains(0)) == on_axis:
-            return roots
-        bits *= 2
-
-
-def _axis_count(symmetric: fmpz_poly) -> int:
-    """Count the roots on the imaginary axis of an even or odd polynomial."""
-    coefficients = symmetric.coeffs()
-    zeros = next(k for k, c in enumerate(coefficients) if c != 0)
-    rest = coefficients[zeros:]
-    even = fmpz_poly([(-1) ** k * int(c) for k, c in enumerate(rest[::2])])  # in x = -s^2
-    return zeros + 2 * sum(times for _, times in positive_roots(even))
 
 
 def isolated_roots(polynomial: fmpz_poly) -> list[tuple[acb, int]]:
@@ -295,17 +254,19 @@ def stability_of(model: Realisation, spectrum: Eigensystem | None = None) -> Sta
 
 
 def _exactly(model: Realisation, pole: complex, margin: float) -> Stability:
-    count = count_poles(rational(model.A), model.discrete)
-    if count.unstable:
-        verdict, pole = "unstable", max(count.unstable, key=lambda p: _excess(p, model.discrete))
-        margin = -_excess(pole, model.discrete)
-    elif count.marginal:
-        verdict, pole, margin = "marginal", count.marginal[0], 0.0
-    else:
+    sided = poles_by_side(rational(model.A), model.discrete)
+    worst = max(side for _, side in sided)
+    if worst < 0:
         text = _sentence("stable", pole, model.discrete) + ", decided in exact arithmetic"
         return Stability("stable", pole, abs(margin), True, text)
-    pole, margin = pole * model.time, margin * model.time
-    return Stability(verdict, pole, margin, True, _sentence(verdict, pole, model.discrete))
+    excess = {p: (abs(p) - 1 if model.discrete else p.real) for p, side in sided if side == worst}
+    pole, margin = next(iter(excess)), 0.0
+    if worst > 0:
+        pole = max(excess, key=lambda p: excess[p])
+        margin = -excess[pole]
+    verdict, pole = "unstable" if worst > 0 else "marginal", pole * model.time
+    text = _sentence(verdict, pole, model.discrete)
+    return Stability(verdict, pole, margin * model.time, True, text)
 
 
 def stable_part(model: Realisation, verdict: Stability) -> ExactModel | None:
@@ -313,28 +274,19 @@ def stable_part(model: Realisation, verdict: Stability) -> ExactModel | None:
     if model.states > EXACT_STATES or not verdict.exact:
         return None
     seen = ExactModel.of(model).minimal()
-    left = count_poles(seen.A, model.discrete)
-    return None if left.marginal or left.unstable else seen
-
-
-def _excess(pole: complex, discrete: bool) -> float:
-    return abs(pole) - 1 if discrete else pole.real
+    stable = all(side < 0 for _, side in poles_by_side(seen.A, model.discrete))
+    return seen if stable else None
 
 
 def _sentence(verdict: str, pole: complex, discrete: bool) -> str:
     if verdict == "stable":
         return "all poles are strictly stable"
-    side = {
-        ("unstable", False): "in the right half-plane",
-        ("unstable", True): "outside the unit circle",
-        ("marginal", False): "on the imaginary axis",
-        ("marginal", True): "on the unit circle",
-    }[verdict, discrete]
-    return f"pole {_shown(pole, discrete)} {side}"
+    axis = "on the unit circle" if discrete else "on the imaginary axis"
+    beyond = "outside the unit circle" if discrete else "in the right half-plane"
+    return f"pole {_shown(pole, discrete)} {axis if verdict == 'marginal' else beyond}"
 
 
 def _shown(pole: complex, discrete: bool) -> str:
-    unit = "" if discrete else " rad/s"
-    if pole.imag == 0:
-        return f"{pole.real:.6g}{unit}"
-    return f"{pole.real:.6g} {'+' if pole.imag > 0 else '-'} {abs(pole.imag):.6g}j{unit}"
+    sign = "+" if pole.imag > 0 else "-"
+    imaginary = f" {sign} {abs(pole.imag):.6g}j" if pole.imag else ""
+    return f"{pole.real:.6g}{imaginary}{'' if discrete else ' rad/s'}"

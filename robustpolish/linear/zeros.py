@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import control
 import numpy as np
 import scipy.linalg as sla
-from numpy.typing import NDArray
 
 from robustpolish.base.checks import positive
-from robustpolish.linear.arithmetic.realisation import Realisation, realisation
+from robustpolish.linear.arithmetic.realisation import realisation
 from robustpolish.linear.eigen import EPS
 from robustpolish.linear.scaling import equilibrating_scales, in_units
 
@@ -75,90 +76,52 @@ def zeros_on_axis(system: control.StateSpace, *, tolerance: float = 1e-9) -> tup
     m, p = model.B.shape[1], model.C.shape[0]
     each = [np.array([i]) for i in range(m)], [np.array([i]) for i in range(p)]
     scaled = in_units(model, equilibrating_scales(model, *each))
-    pencil = _Pencil.of(scaled)
+    M = np.block([[scaled.A, scaled.B], [scaled.C, scaled.D]])
+    N = np.zeros(M.shape)
+    N[: scaled.states, : scaled.states] = np.eye(scaled.states)
+    rng, size = np.random.default_rng(0), float(np.linalg.norm(M, 2))
+    points = rng.standard_normal(3) + 1j * rng.standard_normal(3)
+    ranks = [np.linalg.matrix_rank(M - s * N, tol=100 * EPS * max(size, 1)) for s in points]
+    rank = int(max(ranks))
+
+    def smallest(angle: float) -> float:
+        """Return the last singular value of the normal rank, relative to the matrices."""
+        point = complex(np.exp(1j * angle)) if scaled.discrete else 1j * angle
+        singular = np.linalg.svd(M - point * N, compute_uv=False)
+        return float(singular[rank - 1]) / max(size, 1e-300)
+
+    rng, starts = np.random.default_rng(1), [0.0]
+    for _ in range(2):
+        left, right = (rng.standard_normal(shape) for shape in ((rank, len(M)), (len(M.T), rank)))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            values = np.asarray(sla.eigvals(left @ M @ right, left @ N @ right))
+        values = values[np.isfinite(values) & (np.abs(values) < 1e3 * max(size, 1))]
+        starts += list(np.abs(np.angle(values) if scaled.discrete else np.imag(values)))
     found: list[AxisZero] = []
-    for start in pencil.candidates():
-        angle, distance = pencil.descend(start)
+    for start in starts:
+        angle, distance = _descended(smallest, start)
         frequency = angle * scaled.time / scaled.step
-        if (
-            distance <= tolerance
-            and pencil.dips(angle, distance)
-            and all(not _same(frequency, zero.frequency) for zero in found)
-        ):
+        # Beside a zero the rank is full, unlike in the decay towards a zero at infinity.
+        width = 0.03 * angle if angle else 0.03
+        beside = min(smallest(abs(angle - width)), smallest(angle + width))
+        known = any(math.isclose(frequency, zero.frequency, rel_tol=1e-6) for zero in found)
+        if distance <= min(tolerance, 1e-3 * beside) and not known:
             found.append(AxisZero(float(frequency), distance))
     return tuple(sorted(found, key=lambda zero: zero.frequency))
 
 
-def _same(one: float, other: float) -> bool:
-    return abs(one - other) <= 1e-6 * max(abs(one), abs(other))
-
-
-@dataclass(frozen=True, eq=False)
-class _Pencil:
-    """The system matrix P(s) = M - s N, its normal rank and its size."""
-
-    M: NDArray[np.float64]
-    N: NDArray[np.float64]
-    rank: int
-    size: float
-    discrete: bool
-
-    @classmethod
-    def of(cls, model: Realisation) -> _Pencil:
-        M = np.block([[model.A, model.B], [model.C, model.D]])
-        N = np.zeros(M.shape)
-        N[: model.states, : model.states] = np.eye(model.states)
-        rng = np.random.default_rng(0)
-        points = rng.standard_normal(3) + 1j * rng.standard_normal(3)
-        size = float(np.linalg.norm(M, 2))
-        rank = max(np.linalg.matrix_rank(M - s * N, tol=100 * EPS * max(size, 1)) for s in points)
-        return cls(M, N, int(rank), size, model.discrete)
-
-    def point(self, angle: float) -> complex:
-        """Return the point of the boundary at a frequency (an angle in discrete time)."""
-        return complex(np.exp(1j * angle)) if self.discrete else 1j * angle
-
-    def candidates(self) -> list[float]:
-        """Return frequencies near which a zero may lie."""
-        rng = np.random.default_rng(1)
-        rows, columns = self.M.shape
-        found: list[float] = [0.0]
-        for _ in range(2):
-            left = rng.standard_normal((self.rank, rows))
-            right = rng.standard_normal((columns, self.rank))
-            with np.errstate(divide="ignore", invalid="ignore"):
-                values = np.asarray(sla.eigvals(left @ self.M @ right, left @ self.N @ right))
-            values = values[np.isfinite(values) & (np.abs(values) < 1e3 * max(self.size, 1))]
-            found += list(np.abs(np.angle(values) if self.discrete else np.imag(values)))
-        return found
-
-    def smallest(self, angle: float) -> float:
-        """Return the last singular value of the normal rank, relative to the matrices."""
-        P = self.M - self.point(angle) * self.N
-        singular = np.linalg.svd(P, compute_uv=False)
-        return float(singular[self.rank - 1]) / max(self.size, 1e-300)
-
-    def dips(self, angle: float, value: float) -> bool:
-        """Tell a zero from the decay towards a zero at infinity: beside a zero the rank is full."""
-        width = 0.03 * angle if angle else 0.03
-        beside = min(self.smallest(abs(angle - width)), self.smallest(angle + width))
-        return value <= 1e-3 * beside
-
-    def descend(self, start: float) -> tuple[float, float]:
-        """Minimise along the boundary by shrinking steps around the start."""
-        angle, value = start, self.smallest(start)
-        step = 0.1 * start if start else 0.01
-        for _ in range(120):
-            trials = [abs(angle - step), angle + step]
-            values = [self.smallest(trial) for trial in trials]
-            best = int(np.argmin(values))
-            if values[best] < value:
-                angle, value = trials[best], values[best]
-            else:
-                step *= 0.5
-            if step <= EPS * max(angle, 1e-3):
-                break
-        # What rounding alone tells from zero is zero.
-        if self.smallest(0.0) <= max(2 * value, 10 * EPS):
-            angle, value = 0.0, self.smallest(0.0)
-        return angle, value
+def _descended(smallest: Callable[[float], float], start: float) -> tuple[float, float]:
+    """Minimise along the boundary by shrinking steps around the start."""
+    angle, value = start, smallest(start)
+    step = 0.1 * start if start else 0.01
+    for _ in range(120):
+        reached, trial = min((smallest(x), x) for x in (abs(angle - step), angle + step))
+        if reached < value:
+            angle, value = trial, reached
+        else:
+            step *= 0.5
+        if step <= EPS * max(angle, 1e-3):
+            break
+    # What rounding alone tells from zero is zero.
+    at_rest = smallest(0.0)
+    return (0.0, at_rest) if at_rest <= max(2 * value, 10 * EPS) else (angle, value)

@@ -11,7 +11,7 @@ from control.exception import ControlMIMONotImplemented
 from numpy.typing import ArrayLike
 
 from robustpolish.base.arrays import AnyArray, Matrix, Vector
-from robustpolish.base.checks import described, instance_of, invalid, is_whole, matrix, state_space
+from robustpolish.base.checks import described, invalid, is_whole, matrix, state_space
 
 
 class PlantBlocks:
@@ -221,13 +221,10 @@ def chosen_signals(
         B, C = B[:, inputs], C[outputs]
     else:
         A, B, C = A[np.ix_(x, x)], B[np.ix_(x, inputs)], C[np.ix_(outputs, x)]
-    return named_system(
-        (A, B, C, D[np.ix_(outputs, inputs)]),
-        0 if system.dt is None else system.dt,
-        [system.input_labels[i] for i in inputs],
-        [system.output_labels[i] for i in outputs],
-        [system.state_labels[i] for i in x],
-    )
+    labels = (system.input_labels, system.output_labels, system.state_labels)
+    places = zip(labels, (inputs, outputs, x), strict=True)
+    names = [[known[i] for i in own] for known, own in places]
+    return named_system((A, B, C, D[np.ix_(outputs, inputs)]), system.dt or 0, *names)
 
 
 def closed_loop(
@@ -246,12 +243,8 @@ def closed_loop(
     on_x = np.linalg.solve(loop, Dk @ plant.C2)
     on_k = np.linalg.solve(loop, Ck)
     on_w = np.linalg.solve(loop, Dk @ plant.D21)
-    A = np.block(
-        [
-            [plant.A + plant.B2 @ on_x, plant.B2 @ on_k],
-            [Bk @ (plant.C2 + plant.D22 @ on_x), Ak + Bk @ plant.D22 @ on_k],
-        ]
-    )
+    through = Bk @ (plant.C2 + plant.D22 @ on_x), Ak + Bk @ plant.D22 @ on_k
+    A = np.block([[plant.A + plant.B2 @ on_x, plant.B2 @ on_k], [*through]])
     B = np.vstack([plant.B1 + plant.B2 @ on_w, Bk @ (plant.D21 + plant.D22 @ on_w)])
     C = np.hstack([plant.C1 + plant.D12 @ on_x, plant.D12 @ on_k])
     D = plant.D11 + plant.D12 @ on_w
@@ -328,7 +321,7 @@ def as_state_space(
     if isinstance(value, control.StateSpace):
         return state_space(argument, value)
     if isinstance(value, control.TransferFunction):
-        return realised(argument, value, dt, inputs, outputs)
+        return _realised(argument, value, dt, inputs, outputs)
     if isinstance(value, control.InputOutputSystem | control.LTI):
         shown = described(type(value).__name__)
         raise invalid(argument, shown, _KINDS, "Fit or linearise it first.")
@@ -339,35 +332,23 @@ def as_state_space(
     if (rows == 0) != (columns == 0):
         shown = described(f"shape {gain.shape}")
         raise invalid(argument, shown, "a gain with entries", "Give a row per output.")
-    return named_system(
-        ([], [], [], gain),
-        0 if dt is None else dt,
-        inputs or [f"u[{i}]" for i in range(columns)],
-        outputs or [f"y[{i}]" for i in range(rows)],
-    )
+    inputs = inputs or [f"u[{i}]" for i in range(columns)]
+    outputs = outputs or [f"y[{i}]" for i in range(rows)]
+    return named_system(([], [], [], gain), dt or 0, inputs, outputs)
 
 
-def realised(
-    argument: str,
-    system: control.TransferFunction,
-    dt: float | bool | None = None,
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
+def _realised(
+    argument: str, system: control.TransferFunction, dt: Any, inputs: Any, outputs: Any
 ) -> control.StateSpace:
     """Realise a proper transfer function; see :func:`as_state_space`."""
-    instance_of(argument, system, control.TransferFunction, "a control.TransferFunction", "")
     every = [n for pair in (system.num_list, system.den_list) for row in pair for n in row]
     if not all(np.isfinite(n).all() for n in every):
         shown = described("coefficients that are not finite")
         raise invalid(argument, shown, "finite numbers", "Check its coefficients.")
     pairs = zip(system.num_list, system.den_list, strict=True)
     if any(n.size > d.size for row in pairs for n, d in zip(*row, strict=True)):
-        raise invalid(
-            argument,
-            described("an improper TransferFunction"),
-            "one with no more zeros than poles",
-            "Add a lag to its derivative action.",
-        )
+        want, remedy = "one with no more zeros than poles", "Add a lag to its derivative action."
+        raise invalid(argument, described("an improper TransferFunction"), want, remedy)
     time = system.dt if system.dt is not None else dt
     timed = control.TransferFunction(system.num_list, system.den_list, time)
     single = system.ninputs == system.noutputs == 1
@@ -379,58 +360,27 @@ def realised(
             outputs=list(system.output_labels if outputs is None else outputs),
         )
     except (ControlMIMONotImplemented, ImportError):
-        raise invalid(
-            argument,
-            described("a TransferFunction of several inputs or outputs, and slycot is missing"),
-            "a control.StateSpace",
-            "Install slycot, or pass a state-space realisation.",
-        ) from None
-    if not single:
-        _same_response(argument, timed, found)
-    return found
-
-
-def _same_response(
-    argument: str, system: control.TransferFunction, found: control.StateSpace
-) -> None:
-    """Refuse a realisation that is not what it realises: no routine is believed."""
+        shown = "a TransferFunction of several inputs or outputs, and slycot is missing"
+        remedy = "Install slycot, or pass a state-space realisation."
+        raise invalid(argument, described(shown), "a control.StateSpace", remedy) from None
+    if single:
+        return found
+    # No routine is believed: the realisation has to have the response that it realises.
     dens = [np.roots(d) for row in system.den_list for d in row]
     sizes = np.abs(np.concatenate([*dens, [1.0]]))
     scale = float(np.median(sizes[sizes > 0]))
     for factor in (0.03, 0.4, 1.1, 3.0, 40.0):
-        s = 1.2 * np.exp(0.7j * factor) if system.isdtime(strict=True) else scale * factor * 1j
+        s = 1.2 * np.exp(0.7j * factor) if timed.isdtime(strict=True) else scale * factor * 1j
         s = complex(s) + 0.1 * scale * factor  # off the axis, where poles may lie
-        want, have = np.atleast_2d(system(s)), np.atleast_2d(found(s))
+        want, have = np.atleast_2d(timed(s)), np.atleast_2d(found(s))
         if not np.abs(want - have).max() <= _SAME_RESPONSE * np.abs(want).max():
             shown = described("a TransferFunction whose realisation has another response")
             remedy = "Build it as a control.StateSpace."
             raise invalid(argument, shown, "one that can be realised in double precision", remedy)
+    return found
 
 
 # A plant that is known by its frequency response only.
-
-
-def rearranged(
-    system: control.FrequencyResponseData, outputs: Sequence[int], inputs: Sequence[int]
-) -> control.FrequencyResponseData:
-    """Return a response with its signals in another order.
-
-    Parameters
-    ----------
-    system : control.FrequencyResponseData
-    outputs, inputs : sequence of int
-        Where each stood.
-
-    Returns
-    -------
-    control.FrequencyResponseData
-    """
-    return control.FrequencyResponseData(
-        np.asarray(system.frdata)[np.ix_(outputs, inputs)],
-        system.omega,
-        inputs=[system.input_labels[i] for i in inputs],
-        outputs=[system.output_labels[i] for i in outputs],
-    )
 
 
 def finite(argument: str, system: control.FrequencyResponseData) -> control.FrequencyResponseData:
@@ -467,10 +417,8 @@ def interpolate_response(system: control.FrequencyResponseData, omega: Vector) -
         shown = described(f"{omega.min() / (2 * np.pi):.6g} to {omega.max() / (2 * np.pi):.6g} Hz")
         want = f"frequencies within those measured, {hertz[0]:.6g} to {hertz[1]:.6g} Hz"
         raise invalid("frequency", shown, want, "Measure there, or fit a model.")
-    found = np.empty((omega.size, *values.shape[:2]), dtype=complex)
-    for i, j in np.ndindex(*values.shape[:2]):
-        found[:, i, j] = np.interp(omega, lines, values[i, j])
-    return found
+    found = [[np.interp(omega, lines, entry) for entry in row] for row in values]
+    return np.moveaxis(np.array(found).reshape(*values.shape[:2], omega.size), -1, 0)
 
 
 # Which signals of a system are controls or measurements: by name or by number.
@@ -507,7 +455,10 @@ def sorted_signals(
     if outs == sorted(outs) and ins == sorted(ins):
         return system, ny, nu
     if isinstance(system, control.FrequencyResponseData):
-        return rearranged(system, outs, ins), ny, nu
+        names = {"inputs": [system.input_labels[i] for i in ins],
+                 "outputs": [system.output_labels[i] for i in outs]}  # fmt: skip
+        values = np.asarray(system.frdata)[np.ix_(outs, ins)]
+        return control.FrequencyResponseData(values, system.omega, **names), ny, nu
     return chosen_signals(system, outs, ins), ny, nu
 
 
@@ -567,20 +518,14 @@ def controller_system(plant: PlantBlocks, controller: GivenController) -> contro
     """
     if isinstance(controller, control.StateSpace):
         return controller
-    if isinstance(controller, control.TransferFunction):
-        if (controller.noutputs, controller.ninputs) != (plant.nu, plant.ny):
-            shown = f"{controller.noutputs} outputs and {controller.ninputs} inputs"
-            want = f"one with {plant.nu} outputs and {plant.ny} inputs"
-            remedy = "It leads from the measurements y to the controls u."
-            raise invalid("controller", described(f"a TransferFunction with {shown}"), want, remedy)
-        # A transfer function without a sampling time takes that of the plant.
-        names = (plant.measurement_names, plant.control_names)
-        return realised("controller", controller, plant.dt, *names)
-    if isinstance(controller, control.InputOutputSystem | control.LTI):
-        raise invalid(
-            "controller",
-            described(type(controller).__name__),
-            "a control.StateSpace, a control.TransferFunction or a gain",
-            "Fit or linearise it first.",
-        )
-    return static_controller(plant, controller)
+    if not isinstance(controller, control.InputOutputSystem | control.LTI):
+        return static_controller(plant, controller)
+    sizes = (controller.noutputs, controller.ninputs)
+    if isinstance(controller, control.TransferFunction) and sizes != (plant.nu, plant.ny):
+        shown = f"a TransferFunction with {sizes[0]} outputs and {sizes[1]} inputs"
+        want = f"one with {plant.nu} outputs and {plant.ny} inputs"
+        remedy = "It leads from the measurements y to the controls u."
+        raise invalid("controller", described(shown), want, remedy)
+    # A transfer function without a sampling time takes that of the plant.
+    names = (plant.measurement_names, plant.control_names)
+    return as_state_space("controller", controller, plant.dt, *names)

@@ -172,8 +172,15 @@ def linearize(
             return point[:n]
         return np.asarray(output(point[:n], point[n:]), dtype=float).ravel()
 
-    if find_equilibrium and n:
-        q = _equilibrium(f, q, u, size[:n])
+    if find_equilibrium and n:  # each state in units of its size
+        answer = _root(lambda x: f(np.concatenate([x * size[:n], u])), q / size[:n], tol=1e-12)
+        found = answer.x * size[:n]
+        if not np.isfinite(found).all():
+            raise SolverError(
+                f"state: no equilibrium found near {q} ({answer.message}). "
+                "Give a better guess, or pass find_equilibrium=False with a known equilibrium."
+            )
+        q = found
     point = np.concatenate([q, u])
     jacobian = _derivative(f, point, size)
     # What each term of f amounts to: the yardstick for "f is zero", whatever the units.
@@ -184,27 +191,11 @@ def linearize(
         remedy = "Let find_equilibrium search for it, or improve the guess."
         raise invalid("state", shown, "an equilibrium, f(q, u) = 0", remedy)
     output_jacobian = _derivative(g, point, size)
-    names = {"states": states, "inputs": inputs, "outputs": outputs}
-    system = control.StateSpace(
-        jacobian[:, :n],
-        jacobian[:, n:],
-        output_jacobian[:, :n],
-        output_jacobian[:, n:],
-        **{key: list(value) for key, value in names.items() if value is not None},
-    )
+    given = {"states": states, "inputs": inputs, "outputs": outputs}
+    names: dict[str, Any] = {key: list(each) for key, each in given.items() if each is not None}
+    (A, B), (C, D) = (np.split(M, [n], axis=1) for M in (jacobian, output_jacobian))
+    system = control.StateSpace(A, B, C, D, **names)
     return Linearization(system, q, u, residual)
-
-
-def _equilibrium(f: Callable[[Vector], Vector], q: Vector, u: Vector, size: Vector) -> Vector:
-    """Solve f(q, u) = 0 for q, each state in units of its size."""
-    answer = _root(lambda scaled: f(np.concatenate([scaled * size, u])), q / size, tol=1e-12)
-    found = answer.x * size
-    if not np.isfinite(found).all():
-        raise SolverError(
-            f"state: no equilibrium found near {q} ({answer.message}). "
-            "Give a better guess, or pass find_equilibrium=False with a known equilibrium."
-        )
-    return found
 
 
 def _derivative(f: Callable[[Vector], Vector], point: Vector, size: Vector) -> Vector:

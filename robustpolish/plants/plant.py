@@ -13,7 +13,6 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import (
     described,
     instance_of,
@@ -59,29 +58,34 @@ def plant_content(plant: WiredPlant) -> dict[str, Any]:
     return content | {key: known for key, known in facts.items() if known}
 
 
-def plant_parts(fields: Fields) -> tuple[Wiring, dict[str, Any]]:
-    """Return wiring, units and facts of a plant that :func:`plant_content` described."""
+_FACTS = ("limits", "rate_limits", "delays")
+_MATRICES = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
+_GROUPS = ("states", "disturbances", "controls", "performance", "measurements")
+
+
+def plant_from(fields: Fields) -> GeneralizedPlant:
+    """Return the plant in a file that has been opened; see :meth:`GeneralizedPlant.load`."""
     units = fields.table("units")
-    system, counts = system_from(fields.table("system")), {}
+    system, counts, edited = system_from(fields.table("system")), [], "The file was edited."
     for key, available in (("measurements", system.noutputs), ("controls", system.ninputs)):
-        counts[key] = fields.whole(key)
-        if not 0 <= counts[key] <= available:
-            shown, want = counts[key], f"a whole number from 0 to {available}"
-            raise invalid(f"{fields.where}: {key}", shown, want, "The file was edited.")
+        count = fields.whole(key)
+        counts.append(count)
+        if not 0 <= count <= available:
+            want = f"a whole number from 0 to {available}"
+            raise invalid(f"{fields.where}: {key}", count, want, edited)
     lines = tuple(
         DelayLine(line.text("name"), line.number("seconds"), line.whole("order"))
         for line in (fields.tables("lines") if "lines" in fields else ())
     )
-    ports = min(system.ninputs - counts["controls"], system.noutputs - counts["measurements"])
+    ports = min(system.noutputs - counts[0], system.ninputs - counts[1])
     if len(lines) > ports:
         shown = described(f"{len(lines)} delay lines and {ports} signals for them")
-        raise invalid(f"{fields.where}: lines", shown, "one per pair", "The file was edited.")
-    facts = {key: fields.numbers(key) for key in _FACTS if key in fields}
-    wiring = Wiring(system, counts["measurements"], counts["controls"], lines)
-    return wiring, {"units": {name: units.text(name) for name in units}, **facts}
-
-
-_FACTS = ("limits", "rate_limits", "delays")
+        raise invalid(f"{fields.where}: lines", shown, "one per pair", edited)
+    facts: dict[str, Any] = {key: fields.numbers(key) for key in _FACTS if key in fields}
+    ny, nu = counts
+    named = {name: units.text(name) for name in units}
+    wiring = Wiring(system, ny, nu, lines)
+    return GeneralizedPlant(system, ny, nu).rewired(wiring, units=named, **facts)
 
 
 def system_content(system: control.StateSpace) -> dict[str, Any]:
@@ -250,38 +254,24 @@ class GeneralizedPlant(WiredPlant, Displayed):
             instance_of("system", system, control.TransferFunction, kinds, "Use control.ss(...).")
             whole = as_state_space("system", system)
         whole, ny, nu = sorted_signals(whole, measurements, controls)
-        self._set(whole, ny, nu, units or {}, limits or {}, rate_limits or {})
+        self._set(whole, ny, nu, units=units, limits=limits, rate_limits=rate_limits)
 
     def _set(
-        self,
-        system: control.StateSpace,
-        measurements: int,
-        controls: int,
-        units: Mapping[str, str],
-        limits: Mapping[str, float],
-        rate_limits: Mapping[str, float],
-        delays: Mapping[str, float] = MappingProxyType({}),
-        wiring: Wiring | None = None,
+        self, system: Any, ny: int, nu: int, wiring: Wiring | None = None, **facts: Any
     ) -> None:
         """Set the fields, names in the mappings checked."""
-        for argument, given in (("units", units), ("limits", limits), ("rate_limits", rate_limits)):
-            instance_of(argument, given, Mapping, "a mapping of names", "Write {name: value}.")
-        own: dict[str, Any] = {
-            "system": system,
-            "measurements": measurements,
-            "controls": controls,
-            "units": MappingProxyType(dict(units)),
-            "limits": MappingProxyType(dict(limits)),
-            "rate_limits": MappingProxyType(dict(rate_limits)),
-            "delays": MappingProxyType(dict(delays)),
-            "_wiring": wiring,
-        }
+        own: dict[str, Any] = {"system": system, "measurements": ny, "controls": nu}
+        own["_wiring"] = wiring
+        for key in ("units", *_FACTS):
+            given = facts.get(key) or {}
+            instance_of(key, given, Mapping, "a mapping of names", "Write {name: value}.")
+            own[key] = MappingProxyType(dict(given))
         for name, value in own.items():
             object.__setattr__(self, name, value)
-        known = _labels(system)
-        for name in self.units:
-            if name not in known:
-                raise invalid("units", name, "names of signals or states", "Check its spelling.")
+        unknown = [name for name in self.units if name not in _labels(system)]
+        if unknown:
+            want = "names of signals or states"
+            raise invalid("units", unknown[0], want, "Check its spelling.")
         for argument in ("limits", "rate_limits"):
             for name, value in own[argument].items():
                 if name not in self.control_names:
@@ -325,20 +315,22 @@ class GeneralizedPlant(WiredPlant, Displayed):
         """
         kept = wiring if wiring.lines else None
         system, ny, nu = wiring.pade_model(), wiring.measurements, wiring.controls
-        known = self._facts_in(system, nu)
         given = {"units": units, "limits": limits, "rate_limits": rate_limits, "delays": delays}
-        known |= {key: value for key, value in given.items() if value is not None}
-        return self._made(system, ny, nu, **known, wiring=kept)
+        told = {key: value for key, value in given.items() if value is not None}
+        return self._made(system, ny, nu, kept, **{**self._facts_in(system, nu), **told})
 
-    def _facts_in(self, system: control.StateSpace, controls: int) -> dict[str, Mapping[str, Any]]:
+    def _facts_in(
+        self, system: control.StateSpace, controls: int, units: Mapping[str, str] | None = None
+    ) -> dict[str, Mapping[str, Any]]:
         """Return units, limits and delays of what has the same name in another system."""
         known = _labels(system)
         names = system.input_labels[system.ninputs - controls :]
         kept = {"units": known, "limits": names, "rate_limits": names, "delays": known}
-        return {
+        facts: dict[str, Mapping[str, Any]] = {
             key: {name: value for name, value in getattr(self, key).items() if name in there}
             for key, there in kept.items()
         }
+        return {**facts, "units": {**facts["units"], **(units or {})}}
 
     def without_delays(self) -> GeneralizedPlant:
         """Return the plant whose Pade approximations are all that is known of its delays.
@@ -355,8 +347,8 @@ class GeneralizedPlant(WiredPlant, Displayed):
         >>> plant.with_delay("u1", 0.1).without_delays().delays
         mappingproxy({})
         """
-        known = (self.units, self.limits, self.rate_limits)
-        return self._made(self.system, self.measurements, self.controls, *known)
+        facts = {key: getattr(self, key) for key in ("units", "limits", "rate_limits")}
+        return self._made(self.system, self.measurements, self.controls, **facts)
 
     @classmethod
     def from_loop(
@@ -420,13 +412,10 @@ class GeneralizedPlant(WiredPlant, Displayed):
         )
         order = [*range(nu, nu + ny), *range(nu)]
         wiring = plain.chosen(order, range(nu), range(ny + nu), range(ny))
-        known = {name: unit for name, unit in inner.units.items() if name in _labels(wiring.system)}
-        for name, unit in inner.units.items():
-            if name in names[0]:
-                known |= {f"disturbance_{name}": unit, f"effort_{name}": unit}
-            if name in names[1]:
-                known |= {f"disturbance_{name}": unit, f"output_{name}": unit}
-        return inner.rewired(wiring, units=known)
+        shown_as = ("", "disturbance_", "effort_", "output_")
+        known = {f"{prefix}{n}": unit for n, unit in inner.units.items() for prefix in shown_as}
+        there = _labels(wiring.system)
+        return inner.rewired(wiring, units={n: unit for n, unit in known.items() if n in there})
 
     @classmethod
     def from_matrices(
@@ -479,27 +468,21 @@ class GeneralizedPlant(WiredPlant, Displayed):
         C1, C2 = matrix("C1", C1, (None, nx)), matrix("C2", C2, (None, nx))
         nw, nu, nz, ny = B1.shape[1], B2.shape[1], C1.shape[0], C2.shape[0]
 
-        def feedthrough(name: str, value: ArrayLike | None, rows: int, columns: int) -> Matrix:
-            shape = (rows, columns)
-            return np.zeros(shape) if value is None else matrix(name, value, shape)
-
-        D = np.block(
-            [
-                [feedthrough("D11", D11, nz, nw), feedthrough("D12", D12, nz, nu)],
-                [feedthrough("D21", D21, ny, nw), feedthrough("D22", D22, ny, nu)],
-            ]
-        )
-        inputs = [
+        z, y, w, u = slice(nz), slice(nz, None), slice(nw), slice(nw, None)
+        parts = ((D11, z, w), (D12, z, u), (D21, y, w), (D22, y, u))
+        D = np.zeros((nz + ny, nw + nu))
+        for name, (given, rows, columns) in zip(_MATRICES[5:], parts, strict=True):
+            if given is not None:
+                D[rows, columns] = matrix(name, given, D[rows, columns].shape)
+        ins = [
             *_names("disturbances", disturbances, nw, "w"),
             *_names("controls", controls, nu, "u"),
         ]
-        outputs = [
-            *_names("performance", performance, nz, "z"),
-            *_names("measurements", measurements, ny, "y"),
-        ]
+        outs = _names("performance", performance, nz, "z")
+        outs += _names("measurements", measurements, ny, "y")
         B, C, x = np.hstack([B1, B2]), np.vstack([C1, C2]), _names("states", states, nx, "x")
-        system = named_system((A, B, C, D), dt, inputs, outputs, x)
-        return cls._made(system, ny, nu, units or {}, {}, {})
+        system = named_system((A, B, C, D), dt, ins, outs, x)
+        return cls._made(system, ny, nu, units=units)
 
     def replace(
         self, *, units: Mapping[str, str] | None = None, **changes: Any
@@ -538,66 +521,43 @@ class GeneralizedPlant(WiredPlant, Displayed):
         """
         if self._wiring is not None:
             return self._renamed(units, changes)
-        feedthroughs = {name: getattr(self, name) for name in ("D11", "D12", "D21", "D22")}
-        own = {
-            **{name: getattr(self, name) for name in ("A", "B1", "B2", "C1", "C2")},
-            **{name: D for name, D in feedthroughs.items() if D.any()},
-            "dt": self.dt,
-            "states": self.states,
-            "disturbances": self.disturbance_names,
-            "controls": self.control_names,
-            "performance": self.performance_names,
-            "measurements": self.measurement_names,
-        }
-        plant = GeneralizedPlant.from_matrices(**{**own, **changes})
-        return self._with_units_of(plant.system, plant.ny, plant.nu, units)
+        own = {name: getattr(self, name) for name in _MATRICES}
+        own = {name: M for name, M in own.items() if name[0] != "D" or M.any()}
+        own |= dict(zip(_GROUPS, self._signal_names(), strict=True))
+        plant = GeneralizedPlant.from_matrices(**{**own, "dt": self.dt, **changes})
+        facts = self._facts_in(plant.system, plant.nu, units)
+        return self._made(plant.system, plant.ny, plant.nu, **facts)
 
     def _renamed(
         self, units: Mapping[str, str] | None, changes: Mapping[str, Any]
     ) -> GeneralizedPlant:
         """Return the plant with other names; its matrices are those of the Pade models."""
-        kinds = ("states", "disturbances", "controls", "performance", "measurements")
         for name in changes:
-            if name in ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22", "dt"):
+            if name in (*_MATRICES, "dt"):
                 shown = described("a change of a plant with delays")
                 remedy = "Change the plant before with_delay(...), or take plant.without_delays()."
                 raise invalid(name, shown, "changes of names and units only", remedy)
-            if name not in kinds:
+            if name not in _GROUPS:
                 raise TypeError(f"replace() got an unexpected keyword argument {name!r}")
-        old = (
-            self.states,
-            self.disturbance_names,
-            self.control_names,
-            self.performance_names,
-            self.measurement_names,
-        )
-        new = [
+        old = self._signal_names()
+        x, w, u, z, y = (
             _names(kind, changes.get(kind, names), len(names), "")
-            for kind, names in zip(kinds, old, strict=True)
-        ]
-        x, w, u, z, y = new
-        wiring, n = self.wiring, self.wiring.nx
+            for kind, names in zip(_GROUPS, old, strict=True)
+        )
         before = (*old[1], *old[3], *old[4], *old[2])  # a control's new name counts most
         called = dict(zip(before, (*w, *z, *y, *u), strict=True))
-        wiring = wiring.renamed([*w, *u], [*z, *y], x[:n]).with_lines_named(called)
+        wiring = self.wiring.renamed(w, u, z, y, x[: self.wiring.nx], called)
         facts: dict[str, Mapping[str, Any]] = {
             key: {called[name]: value for name, value in getattr(self, key).items()}
-            for key in ("limits", "rate_limits", "delays")
+            for key in _FACTS
         }
         own = {n: unit for n, unit in self.units.items() if n in _labels(wiring.pade_model())}
         return self.rewired(wiring, units={**own, **(units or {})}, **facts)
 
-    def _with_units_of(
-        self,
-        system: control.StateSpace,
-        measurements: int,
-        controls: int,
-        units: Mapping[str, str] | None = None,
-    ) -> GeneralizedPlant:
-        """Return another system with this plant's units and facts where a name is the same."""
-        facts = self._facts_in(system, controls)
-        own = {**facts["units"], **(units or {})}
-        return self._made(system, measurements, controls, **{**facts, "units": own})
+    def _signal_names(self) -> tuple[tuple[str, ...], ...]:
+        """Return the names of x, w, u, z and y."""
+        w, u, z = self.disturbance_names, self.control_names, self.performance_names
+        return self.states, w, u, z, self.measurement_names
 
     def part(
         self,
@@ -634,7 +594,7 @@ class GeneralizedPlant(WiredPlant, Displayed):
             return self.rewired(self.wiring.chosen(w, u, z, y))
         ins, outs = [*w, *(self.nw + i for i in u)], [*z, *(self.nz + i for i in y)]
         part = chosen_signals(self._model(), outs, ins, list(states))
-        return self.without_delays()._with_units_of(part, len(y), len(u))
+        return self._made(part, len(y), len(u), **self.without_delays()._facts_in(part, len(u)))
 
     @property
     def open_loop(self) -> control.StateSpace:
@@ -686,12 +646,9 @@ class GeneralizedPlant(WiredPlant, Displayed):
             shown = described("delays, which have infinitely many states")
             remedy = "Use an output feedback, or take plant.without_delays() with its Pade states."
             raise invalid("plant", shown, "a plant without delays for state feedback", remedy)
-        return self.replace(
-            C2=np.eye(self.nx),
-            D21=np.zeros((self.nx, self.nw)),
-            D22=np.zeros((self.nx, self.nu)),
-            measurements=[f"measured_{name}" for name in self.states],
-        )
+        names = [f"measured_{name}" for name in self.states]
+        D21, D22 = np.zeros((self.nx, self.nw)), np.zeros((self.nx, self.nu))
+        return self.replace(C2=np.eye(self.nx), D21=D21, D22=D22, measurements=names)
 
     def with_control_outputs(self) -> GeneralizedPlant:
         """Return the same plant with u appended to z, so that the loop shows the effort."""
@@ -775,14 +732,14 @@ class GeneralizedPlant(WiredPlant, Displayed):
         lines = isinstance(self.system, control.FrequencyResponseData)
         if lines:
             time = "a frequency response"
-        groups = (
-            ("disturbances w", self.disturbance_names),
-            ("controls u", self.control_names),
-            ("performance z", self.performance_names),
-            ("measurements y", self.measurement_names),
-            *([] if lines else [("states x", self.states)]),
-        )
-        rows = [(f"{group} ({len(names)})", self._listed(names)) for group, names in groups]
+        groups = {
+            "disturbances w": self.disturbance_names,
+            "controls u": self.control_names,
+            "performance z": self.performance_names,
+            "measurements y": self.measurement_names,
+            **({} if lines else {"states x": self.states}),
+        }
+        rows = [(f"{group} ({len(names)})", self._listed(names)) for group, names in groups.items()]
         rows += [
             (what, ", ".join(f"{name} {value:g}{unit}" for name, value in facts.items()))
             for what, facts, unit in (
@@ -799,17 +756,8 @@ class GeneralizedPlant(WiredPlant, Displayed):
         by_unit: dict[str, list[str]] = {}
         for name in names:
             by_unit.setdefault(self.units.get(name, ""), []).append(name)
-        groups = [
-            ", ".join(alike) + (f" [{unit}]" if unit else "") for unit, alike in by_unit.items()
-        ]
-        return "; ".join(groups)
-
-
-def plant_from(fields: Fields) -> GeneralizedPlant:
-    """Return the plant in a file that has been opened; see :meth:`GeneralizedPlant.load`."""
-    wiring, facts = plant_parts(fields)
-    bare = GeneralizedPlant(wiring.system, wiring.measurements, wiring.controls)
-    return bare.rewired(wiring, **facts)
+        shown = {unit: f" [{unit}]" if unit else "" for unit in by_unit}
+        return "; ".join(", ".join(alike) + shown[unit] for unit, alike in by_unit.items())
 
 
 def _labels(system: control.StateSpace) -> set[str]:

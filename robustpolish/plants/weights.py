@@ -10,9 +10,10 @@ import control
 import numpy as np
 
 from robustpolish.base.checks import described, invalid, is_whole, positive
+from robustpolish.linear.delayed_systems import in_a_row
 from robustpolish.plants.blocks import as_state_space, named_system
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.plants.wired import bilinear, in_a_row, single_filter, state_names
+from robustpolish.plants.wired import bilinear, single_filter, state_names
 from robustpolish.plants.wiring import Wiring
 
 # The plant of mixed sensitivity: performance, effort and robustness with a weight each.
@@ -88,86 +89,68 @@ def mixed_sensitivity(
     >>> round(rp.output_feedback(plant).certificate.achieved, 2)
     1.37
     """
-    G = _of_loop(plant)
+    if isinstance(plant, GeneralizedPlant):
+        G = plant
+    else:
+        system = as_state_space("plant", plant)
+        G = GeneralizedPlant(system, measurements=system.noutputs, controls=system.ninputs)
+    if not (G.nu and G.ny):
+        shown = described(f"{G.nu} controls and {G.ny} measurements")
+        raise invalid("plant", shown, "at least one of each", "Check controls=, measurements=.")
     u, y = G.control_names, G.measurement_names
     wiring = G.wiring.chosen([], range(G.nu), [], range(G.ny))
     if performance is None and effort is None and robustness is None:
         shown = described("no weight at all")
         raise invalid("performance", shown, "a weight", "Say what the loop has to achieve.")
-    # Signals are led out before the reference enters, or after it, and are weighted then.
-    rows: list[tuple[str, Weights | None, tuple[str, ...], str]] = [
-        ("robustness", robustness, y, "y"),
-        ("performance", performance, y, "y"),
-        ("effort", effort, u, "u"),
-    ]
-    own = {*u, *y, *G.states}
-    units = {name: unit for name, unit in G.units.items() if name in own}
-    for kind, given, names, letter in rows:
-        if kind == "performance":
-            references = [f"reference_{name}" for name in y]
-            wiring = wiring.with_disturbances(np.eye(G.ny), references)
-            units |= {f"reference_{n}": G.units[n] for n in y if n in G.units}
-        if given is None:
-            continue
-        count, at = len(names), wiring.nz - len(wiring.lines)
-        of_y = np.eye(count) if letter == "y" else np.zeros((count, G.ny))
-        of_u = np.eye(count) if letter == "u" else np.zeros((count, G.nu))
-        wiring = wiring.with_performance(of_y, of_u, [f"{kind}_{name}" for name in names])
-        wiring, kept = _weighted(wiring, kind, given, at, count, G.dt)
-        units |= {
-            f"{kind}_{name}": G.units[name]
-            for i, name in enumerate(names)
-            if name in G.units and i in kept
-        }
-    order = {"performance": 0, "effort": 1, "robustness": 2}
-    outs = wiring.performance_names[: wiring.nz - len(wiring.lines)]
-    z = sorted(range(len(outs)), key=lambda i: order[outs[i].partition("_")[0]])
+    # What is led out before the reference enters does not show it.
+    wiring = _with_outputs(wiring, "robustness", robustness, y, G)
+    first = wiring.nz - len(wiring.lines)
+    wiring = wiring.with_disturbances(np.eye(G.ny), [f"reference_{name}" for name in y])
+    wiring = _with_outputs(wiring, "performance", performance, y, G)
+    wiring = _with_outputs(wiring, "effort", effort, u, G)
+    z = [*range(first, wiring.nz - len(wiring.lines)), *range(first)]
     w = range(wiring.nw - len(wiring.lines))
     whole = wiring.chosen(w, range(G.nu), z, range(G.ny))
     # Disturbances and outputs of a generalised plant are gone, and their units with them.
     there = {*whole.system.input_labels, *whole.system.output_labels, *whole.states}
-    return G.rewired(whole, units={name: units[name] for name in units if name in there})
+    prefixes = ("", "reference_", "performance_", "effort_", "robustness_")
+    own = {name: unit for name, unit in G.units.items() if name in {*u, *y, *G.states}}
+    named = {f"{prefix}{name}": unit for name, unit in own.items() for prefix in prefixes}
+    return G.rewired(whole, units={name: unit for name, unit in named.items() if name in there})
 
 
-def _of_loop(plant: Any) -> GeneralizedPlant:
-    """Return a plant whose part from u to y is meant."""
-    if not isinstance(plant, GeneralizedPlant):
-        G = as_state_space("plant", plant)
-        return GeneralizedPlant(G, measurements=G.noutputs or 0, controls=G.ninputs or 0)
-    if not (plant.nu and plant.ny):
-        shown = described(f"{plant.nu} controls and {plant.ny} measurements")
-        raise invalid("plant", shown, "at least one of each", "Check controls=, measurements=.")
-    return plant
-
-
-def _weighted(
-    wiring: Wiring, kind: str, given: Any, at: int, count: int, dt: float | bool
-) -> tuple[Wiring, Sequence[int]]:
-    """Weight outputs from `at` on; return the channels that are left, too."""
-    if isinstance(given, list | tuple):
-        if len(given) != count:
-            shown = described(f"{len(given)} weights")
-            raise invalid(kind, shown, f"{count}, one per channel", "Write None for no weight.")
-        kept = [i for i, one in enumerate(given) if one is not None]
-        for i in kept:
-            name = wiring.performance_names[at + i]
-            one = single_filter(f"{kind}[{i}]", given[i], dt)
-            wiring = wiring.series("output", at + i, one, name)
-        left = [i for i in range(wiring.nz - len(wiring.lines)) if not at <= i < at + count]
-        z = sorted([*left, *(at + i for i in kept)])
-        w = range(wiring.nw - len(wiring.lines))
-        return wiring.chosen(w, range(wiring.nu), z, range(wiring.ny)), kept
-    system = as_state_space(kind, given, dt)
-    if (system.ninputs, system.noutputs) == (1, 1):
-        return _weighted(wiring, kind, [given] * count, at, count, dt)
-    if (system.ninputs, system.noutputs) != (count, count):
-        shown = described(f"{system.ninputs} inputs and {system.noutputs} outputs")
-        want = f"one of each, or {count}"
-        raise invalid(kind, shown, want, "Pass a number, a weight, or one per channel.")
-    if system.nstates and system.dt is not None and system.dt != dt:
-        shown = described(f"sampling time {system.dt}")
-        raise invalid(kind, shown, f"{dt} like the plant", "Discretise it.")
-    return wiring.matrix_series(at, system, f"{kind}_weight"), range(count)
+def _with_outputs(
+    wiring: Wiring, kind: str, given: Any, names: Sequence[str], plant: GeneralizedPlant
+) -> Wiring:
+    """Append weighted measurements or controls to the outputs, those that have a weight."""
+    if given is None:
+        return wiring
+    count, at = len(names), wiring.nz - len(wiring.lines)
+    none, one = np.zeros((count, plant.ny)), np.eye(count)
+    rows = (none, one) if kind == "effort" else (one, np.zeros((count, plant.nu)))
+    wiring = wiring.with_performance(*rows, [f"{kind}_{name}" for name in names])
+    if not isinstance(given, list | tuple):
+        system = as_state_space(kind, given, plant.dt)
+        sizes = system.ninputs, system.noutputs
+        if sizes not in ((1, 1), (count, count)):
+            shown = described(f"{system.ninputs} inputs and {system.noutputs} outputs")
+            want = f"one of each, or {count}"
+            raise invalid(kind, shown, want, "Pass a number, a weight, or one per channel.")
+        if sizes != (1, 1):
+            if system.nstates and system.dt is not None and system.dt != plant.dt:
+                shown = described(f"sampling time {system.dt}")
+                raise invalid(kind, shown, f"{plant.dt} like the plant", "Discretise it.")
+            return wiring.series("output", at, system, f"{kind}_weight")
+        given = [given] * count
+    if len(given) != count:
+        shown = described(f"{len(given)} weights")
+        raise invalid(kind, shown, f"{count}, one per channel", "Write None for no weight.")
+    kept = [i for i, weight in enumerate(given) if weight is not None]
+    for i in kept:
+        filter = single_filter(f"{kind}[{i}]", given[i], plant.dt)
+        wiring = wiring.series("output", at + i, filter, wiring.performance_names[at + i])
+    w, z = range(wiring.nw - len(wiring.lines)), [*range(at), *(at + i for i in kept)]
+    return wiring.chosen(w, range(wiring.nu), z, range(wiring.ny))
 
 
 # A weight between a gain at low and a gain at high frequencies.
@@ -254,12 +237,9 @@ def weight(
     if not is_whole(order) or not 1 <= order <= MOST_ORDER:
         raise invalid("order", order, f"a whole number from 1 to {MOST_ORDER}", "Take fewer.")
     if not (low > 1 > high or low < 1 < high):
-        raise invalid(
-            "low",
-            described(f"gains {low:g} and {high:g}"),
-            "one above and one below 1, which the weight passes at its crossover",
-            "For another gain at the crossover multiply the weight by a number.",
-        )
+        want = "one above and one below 1, which the weight passes at its crossover"
+        remedy = "For another gain at the crossover multiply the weight by a number."
+        raise invalid("low", described(f"gains {low:g} and {high:g}"), want, remedy)
     a, b, c, d = _section(low ** (1 / order), high ** (1 / order))
     one = np.ones((1, 1))
     A, B, C, D = in_a_row([(a * one, b * one, c * one, d)] * int(order))

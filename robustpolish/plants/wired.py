@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Self
 
@@ -13,12 +12,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import described, instance_of, invalid, is_whole, positive
 from robustpolish.linear.delayed_systems import (
     DelayedSystem,
     DelayLine,
+    Section,
     frequencies,
+    in_a_row,
     resolvent_response,
 )
 from robustpolish.plants.blocks import (
@@ -36,7 +36,6 @@ from robustpolish.signals.frequency_response import labelled_response, ratio_uni
 
 # What stands between a controller and its machine: lags of actuators, sensors and filters.
 
-Section = tuple[Matrix, Matrix, Matrix, float]
 MOST_ORDER = 8
 """A lag of a higher order is a delay and better given as one."""
 
@@ -77,25 +76,6 @@ def lag(
     if not dt:
         return named_system((A * rate, B * rate, C, D), 0, ["u"], ["y"], state_names(len(A)))
     return bilinear(A, B, C, D, dt, rate)
-
-
-def in_a_row(sections: Sequence[Section]) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-    """Return A, B, C, D of sections of one input and one output, each fed by the one before.
-
-    Parameters
-    ----------
-    sections : sequence of (A, B, C, d)
-
-    Returns
-    -------
-    A, B, C, D : ndarray
-    """
-    A, B, C, D = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1))
-    for a, b, c, d in sections:
-        A = np.block([[A, np.zeros((len(A), len(a)))], [b @ C, a]])
-        B = np.vstack([B, b @ D])
-        C, D = np.hstack([d * C, c]), d * D
-    return A, B, C, D
 
 
 def bilinear(
@@ -195,17 +175,8 @@ class WiredPlant(PlantBlocks):
         """The plant with its delays as lines between further signals."""
         return self._wiring or Wiring(self._model(), self.measurements, self.controls)
 
-    @abstractmethod
-    def rewired(
-        self,
-        wiring: Wiring,
-        *,
-        units: Mapping[str, str] | None = None,
-        limits: Mapping[str, float] | None = None,
-        rate_limits: Mapping[str, float] | None = None,
-        delays: Mapping[str, float] | None = None,
-    ) -> Self:
-        """Return the plant with another wiring, and other units or facts if given."""
+    rewired: Callable[..., Self]
+    without_delays: Callable[[], Self]
 
     def with_actuator(
         self,
@@ -261,7 +232,7 @@ class WiredPlant(PlantBlocks):
         """
         names = chosen_names("name", name, self.control_names, "controls")
         facts = limit is not None or rate_limit is not None
-        model = self._dynamics(bandwidth_hz, order, damping, dynamics, facts)
+        model = self._dynamics((bandwidth_hz, order, damping), dynamics, facts)
         wiring = self.wiring
         if model is not None:
             for one in names:
@@ -325,7 +296,7 @@ class WiredPlant(PlantBlocks):
         (('noise_x',), array([[1.e-09]]))
         """
         names = chosen_names("name", name, self.measurement_names, "measurements")
-        model = self._dynamics(bandwidth_hz, order, damping, dynamics, noise is not None)
+        model = self._dynamics((bandwidth_hz, order, damping), dynamics, noise is not None)
         shaped = None if noise is None else single_filter("noise", noise, self.dt)
         wiring = self.wiring
         for one in names:
@@ -461,10 +432,6 @@ class WiredPlant(PlantBlocks):
             delays[one] = delays.get(one, 0.0) + seconds
         return self.rewired(wiring, delays=delays)
 
-    @abstractmethod
-    def without_delays(self) -> Self:
-        """Return the plant whose Pade approximations are all that is known of its delays."""
-
     def delayed_loop(self, controller: GivenController) -> DelayedSystem:
         """Connect u = K y and return the loop with its delays as they are.
 
@@ -493,10 +460,8 @@ class WiredPlant(PlantBlocks):
         >>> [bool(rp.linear.delay_stability(plant.delayed_loop([[k]]))) for k in (-3.0, -5.0)]
         [True, False]
         """
-        wiring = self.wiring
-        return DelayedSystem(
-            closed_loop(wiring, controller_system(wiring, controller)), wiring.lines
-        )
+        whole = self.wiring
+        return DelayedSystem(closed_loop(whole, controller_system(whole, controller)), whole.lines)
 
     def frequency_response(self, frequency: ArrayLike) -> xr.DataArray:
         """Return the response from (w, u) to (z, y), delays as they are.
@@ -543,25 +508,22 @@ class WiredPlant(PlantBlocks):
         return labelled_response(hertz, values, outs, ins, units)
 
     def _dynamics(
-        self,
-        bandwidth_hz: float | None,
-        order: int | None,
-        damping: float | None,
-        dynamics: Given | None,
-        facts: bool,
+        self, of_lag: tuple[float | None, int | None, float | None], dynamics: Any, facts: bool
     ) -> control.StateSpace | None:
         """Return what an actuator or a sensor does to its signal; None if nothing was said."""
+        told = any(value is not None for value in of_lag)
         if dynamics is not None:
-            if bandwidth_hz is not None or order is not None or damping is not None:
+            if told:
                 shown = described("a bandwidth, order or damping besides")
                 raise invalid("dynamics", shown, "one of both", "Describe it in one way.")
             return single_filter("dynamics", dynamics, self.dt)
-        if bandwidth_hz is not None:
-            return lag(bandwidth_hz, order, damping, self.dt)
-        if facts and order is None and damping is None:
+        if facts and not told:
             return None
-        want = "a bandwidth in Hz, or dynamics="
-        raise invalid("bandwidth_hz", None, want, "Say how fast it is.")
+        bandwidth_hz, order, damping = of_lag
+        if bandwidth_hz is None:
+            want = "a bandwidth in Hz, or dynamics="
+            raise invalid("bandwidth_hz", None, want, "Say how fast it is.")
+        return lag(bandwidth_hz, order, damping, self.dt)
 
     def _shift(self, seconds: float) -> control.StateSpace:
         """Return a chain of states that delays by a whole number of samples."""
@@ -582,15 +544,14 @@ def _place(wiring: Wiring, name: str, order: Sequence[str]) -> tuple[Side, int]:
         "z": ("output", 0, wiring.performance_names[: wiring.nz - len(wiring.lines)]),
         "y": ("output", wiring.nz, wiring.measurement_names),
     }
-    first, second = order[:2], order[2:]
-    for kinds in (first, second):
+    for kinds in (order[:2], order[2:]):
         found = [groups[kind] for kind in kinds if name in groups[kind][2]]
         if len(found) > 1:
             both = "a control and a measurement" if "u" in kinds else "a disturbance and an output"
             shown = described(f"{name!r}, the name of {both}")
             raise invalid("name", shown, "the name of one signal", "Rename one by replace(...).")
-        for side, start, names in found:
+        if found:
+            side, start, names = found[0]
             return side, start + names.index(name)
-    known = [signal for kind in order for signal in groups[kind][2]]
-    want = f"one of the signals {', '.join(dict.fromkeys(known))}"
-    raise invalid("name", name, want, "Check its spelling.")
+    known = dict.fromkeys(signal for kind in order for signal in groups[kind][2])
+    raise invalid("name", name, f"one of the signals {', '.join(known)}", "Check its spelling.")

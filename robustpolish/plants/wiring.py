@@ -43,14 +43,15 @@ class Wiring(PlantBlocks):
     units: Mapping[str, str] = field(default_factory=dict)
 
     def series(self, side: Side, at: int, filter: control.StateSpace, label: str) -> Wiring:
-        """Put a filter of one input and one output before an input or behind an output.
+        """Put a filter before inputs, as many as it has outputs, or behind outputs.
 
         Parameters
         ----------
         side : {"input", "output"}
         at : int
-            Where the signal stands among all.
+            Where the first signal stands among all.
         filter : control.StateSpace
+            With as many inputs as outputs.
         label : str
             What its states are called, with a number behind.
 
@@ -58,41 +59,15 @@ class Wiring(PlantBlocks):
         -------
         Wiring
         """
-        A, B, C, D = self.arrays()
-        n, k = len(A), filter.nstates
-        a, b = np.reshape(filter.A, (k, k)), np.reshape(filter.B, (k, 1))
-        c, d = np.reshape(filter.C, (1, k)), float(np.asarray(filter.D)[0, 0])
-        if side == "input":
-            whole = np.block([[A, B[:, [at]] @ c], [np.zeros((k, n)), a]])
-            C = np.hstack([C, D[:, [at]] @ c])
-            B = np.vstack([B, np.zeros((k, B.shape[1]))])
-            B[:n, at] *= d
-            B[n:, [at]] = b
-            D[:, at] *= d
-        else:
-            whole = np.block([[A, np.zeros((n, k))], [b @ C[[at]], a]])
-            B = np.vstack([B, b @ D[[at]]])
-            row = np.hstack([d * C[[at]], c])
-            C = np.hstack([C, np.zeros((len(C), k))])
-            C[at] = row
-            D[at] *= d
+        A, B, C, D = _seen_from(side, self.arrays())
+        a, b, c, d = _seen_from(side, matrices_of(filter))
+        n, k, own = len(A), len(a), slice(at, at + len(d))
+        whole = np.block([[A, B[:, own] @ c], [np.zeros((k, n)), a]])
+        C = np.hstack([C, D[:, own] @ c])
+        B = np.vstack([B, np.zeros((k, B.shape[1]))])
+        B[:n, own], B[n:, own], D[:, own] = B[:n, own] @ d, b, D[:, own] @ d
         states = [*self.states, *_new_names(label, k, self.states)]
-        return self._with((whole, B, C, D), states=states)
-
-    def matrix_series(self, at: int, filter: control.StateSpace, label: str) -> Wiring:
-        """Put a filter of several inputs and as many outputs behind outputs from `at` on."""
-        A, B, C, D = self.arrays()
-        n, k, m = len(A), filter.nstates, filter.ninputs
-        a, b = np.reshape(filter.A, (k, k)), np.reshape(filter.B, (k, m))
-        c, d = np.reshape(filter.C, (m, k)), np.asarray(filter.D)
-        own = slice(at, at + m)
-        whole = np.block([[A, np.zeros((n, k))], [b @ C[own], a]])
-        rows = np.hstack([d @ C[own], c])
-        B = np.vstack([B, b @ D[own]])
-        C = np.hstack([C, np.zeros((len(C), k))])
-        C[own], D[own] = rows, d @ D[own]
-        states = [*self.states, *_new_names(label, k, self.states)]
-        return self._with((whole, B, C, D), states=states)
+        return self._with(_seen_from(side, (whole, B, C, D)), states=states)
 
     def delayed(self, side: Side, at: int, line: DelayLine) -> Wiring:
         """Lead an input or an output through a delay line.
@@ -108,26 +83,19 @@ class Wiring(PlantBlocks):
         -------
         Wiring
         """
-        A, B, C, D = self.arrays()
-        w, z = self.nw, self.nz
-        if side == "input":
-            # What acted was the input; it is the line's end now, and the input enters the line.
-            B, D = np.insert(B, w, B[:, at], axis=1), np.insert(D, w, D[:, at], axis=1)
-            at += at >= w
-            B[:, at], D[:, at] = 0.0, 0.0
-            C, D = np.insert(C, z, 0.0, axis=0), np.insert(D, z, 0.0, axis=0)
-            D[z, at] = 1.0
-        else:
-            C, D = np.insert(C, z, C[at], axis=0), np.insert(D, z, D[at], axis=0)
-            at += at >= z
-            C[at], D[at] = 0.0, 0.0
-            B, D = np.insert(B, w, 0.0, axis=1), np.insert(D, w, 0.0, axis=1)
-            D[at, w] = 1.0
+        A, B, C, D = _seen_from(side, self.arrays())
+        w, z = (self.nw, self.nz) if side == "input" else (self.nz, self.nw)
+        # What acted was the input; it is the line's end now, and the input enters the line.
+        B, D = np.insert(B, w, B[:, at], axis=1), np.insert(D, w, D[:, at], axis=1)
+        at += at >= w
+        B[:, at], D[:, at] = 0.0, 0.0
+        C, D = np.insert(C, z, 0.0, axis=0), np.insert(D, z, 0.0, axis=0)
+        D[z, at] = 1.0
         port = f"delay {len(self.lines) + 1}"
         ins, outs = list(self.system.input_labels), list(self.system.output_labels)
-        ins.insert(w, port)
-        outs.insert(z, port)
-        wired = self._with((A, B, C, D), ins, outs)
+        ins.insert(self.nw, port)
+        outs.insert(self.nz, port)
+        wired = self._with(_seen_from(side, (A, B, C, D)), ins, outs)
         return replace(wired, lines=(*self.lines, line))
 
     def with_disturbances(self, onto_measurements: Matrix, names: Sequence[str]) -> Wiring:
@@ -156,11 +124,6 @@ class Wiring(PlantBlocks):
         B, D = np.hstack([B[:, self.nw :], B]), np.hstack([D[:, self.nw :], D])
         return self._with((A, B, C, D), [*names, *self.system.input_labels])
 
-    def with_lines_named(self, names: Mapping[str, str]) -> Wiring:
-        """Return the same wiring, its lines named for the signals' new names."""
-        lines = tuple(replace(line, name=names.get(line.name, line.name)) for line in self.lines)
-        return replace(self, lines=lines)
-
     def with_performance(
         self, of_measurements: Matrix, of_controls: Matrix, names: Sequence[str]
     ) -> Wiring:
@@ -181,14 +144,10 @@ class Wiring(PlantBlocks):
         rows = of_measurements @ C[self.nz :]
         direct = of_measurements @ D[self.nz :]
         direct[:, self.nw :] += of_controls
+        C, D = (np.insert(M, [at] * len(names), new, axis=0) for M, new in ((C, rows), (D, direct)))
         labels = self.system.output_labels
         outs = [*labels[:at], *_free(names, labels), *labels[at:]]
-        return self._with(
-            (A, B, np.insert(C, [at] * len(names), rows, axis=0),
-             np.insert(D, [at] * len(names), direct, axis=0)),
-            None,
-            outs,
-        )  # fmt: skip
+        return self._with((A, B, C, D), None, outs)
 
     def chosen(
         self, w: Sequence[int], u: Sequence[int], z: Sequence[int], y: Sequence[int]
@@ -200,18 +159,14 @@ class Wiring(PlantBlocks):
         return Wiring(chosen_signals(self.system, outs, ins), len(y), len(u), self.lines)
 
     def renamed(
-        self, inputs: Sequence[str], outputs: Sequence[str], states: Sequence[str]
-    ) -> Wiring:
-        """Return the same wiring with other names of w and u, z and y, and states."""
-        k = len(self.lines)
-        ports = [f"delay {i + 1}" for i in range(k)]
-        w, z = len(inputs) - self.nu, len(outputs) - self.ny
-        return self._with(
-            self.arrays(),
-            [*inputs[:w], *ports, *inputs[w:]],
-            [*outputs[:z], *ports, *outputs[z:]],
-            states,
-        )
+        self, w: Sequence[str], u: Sequence[str], z: Sequence[str], y: Sequence[str],
+        states: Sequence[str], lines: Mapping[str, str],
+    ) -> Wiring:  # fmt: skip
+        """Return the same wiring with other names of its signals, states and lines."""
+        ports = [f"delay {i + 1}" for i in range(len(self.lines))]
+        wired = self._with(self.arrays(), [*w, *ports, *u], [*z, *ports, *y], states)
+        named = [replace(line, name=lines.get(line.name, line.name)) for line in self.lines]
+        return replace(wired, lines=tuple(named))
 
     def pade_model(self) -> control.StateSpace:
         """Return the plant from (w, u) to (z, y) with Pade approximations for its delays."""
@@ -224,41 +179,43 @@ class Wiring(PlantBlocks):
         outs = [*range(z - k), *range(z, z + self.ny), *range(z - k, z)]
         return DelayedSystem(chosen_signals(self.system, outs, ins), self.lines)
 
-    def arrays(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    def arrays(self) -> Matrices:
         """Copy A, B, C and D as floats of consistent shapes."""
         return matrices_of(self.system)
 
     def _with(
         self,
-        matrices: tuple[Matrix, Matrix, Matrix, Matrix],
+        matrices: Matrices,
         inputs: Sequence[str] | None = None,
         outputs: Sequence[str] | None = None,
         states: Sequence[str] | None = None,
     ) -> Wiring:
-        system = named_system(
-            matrices,
-            self.dt,
-            self.system.input_labels if inputs is None else inputs,
-            self.system.output_labels if outputs is None else outputs,
-            self.states if states is None else states,
-        )
-        return replace(self, system=system)
+        ins = self.system.input_labels if inputs is None else inputs
+        outs = self.system.output_labels if outputs is None else outputs
+        own = self.states if states is None else states
+        return replace(self, system=named_system(matrices, self.dt, ins, outs, own))
+
+
+Matrices = tuple[Matrix, Matrix, Matrix, Matrix]
+
+
+def _seen_from(side: Side, matrices: Matrices) -> Matrices:
+    """Return A, B, C and D, or those of the dual system, whose inputs are the outputs."""
+    A, B, C, D = matrices
+    if side == "input":
+        return matrices
+    A, B, C, D = map(np.ascontiguousarray, (A.T, C.T, B.T, D.T))
+    return A, B, C, D
 
 
 def _free(names: Sequence[str], taken: Sequence[str]) -> list[str]:
     """Return names, those that are taken with a number behind."""
-    found = []
-    for name in names:
-        tries = (name if i == 1 else f"{name}_{i}" for i in range(1, len(taken) + 2))
-        found.append(next(one for one in tries if one not in taken))
-    return found
+    tries = ((name, *(f"{name}_{i}" for i in range(2, len(taken) + 2))) for name in names)
+    return [next(one for one in each if one not in taken) for each in tries]
 
 
 def _new_names(label: str, count: int, taken: Sequence[str]) -> list[str]:
     """Return names that are not taken: label[0], label[1], ... or label_2[0], ..."""
-    for number in range(1, len(taken) + 2):
-        stem = label if number == 1 else f"{label}_{number}"
-        names = [f"{stem}[{i}]" for i in range(count)]
-        if not set(names) & set(taken):
-            return names
-    raise AssertionError  # as many stems as names cannot all be taken, and one more was tried
+    stems = (label, *(f"{label}_{number}" for number in range(2, len(taken) + 2)))
+    tries = ([f"{stem}[{i}]" for i in range(count)] for stem in stems)
+    return next(names for names in tries if not set(names) & set(taken))

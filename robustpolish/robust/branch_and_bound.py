@@ -5,18 +5,17 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
-from itertools import product
+from itertools import count, product
 from math import comb, prod
 from typing import Any, Literal
 
 import flint
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from robustpolish.base.arrays import AnyArray, AnyMatrix, Matrix, Vector
+from robustpolish.base.arrays import AnyArray, Matrix, Vector
 from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic.balls import identity, part, precision
 from robustpolish.linear.arithmetic.rational import fraction
@@ -28,17 +27,12 @@ from robustpolish.robust.loop_model import (
     rounded,
     signal_positions,
 )
-from robustpolish.robust.real_parameters import ray_crossings
 from robustpolish.robust.scalings import Space
-from robustpolish.robust.witness import Witness, smallest_delta
 
 # Polynomials in Bernstein's form: their values over a box lie between their coefficients.
 #
 # [1] M. Zettler, J. Garloff, "Robustness analysis of polynomials with polynomial parameter
 # dependency using Bernstein expansion", IEEE Transactions on Automatic Control 43 (1998) 425-431.
-
-Balls = NDArray[np.object_]
-"""An array of flint.arb or flint.fmpq; python-flint ships no stubs for them."""
 
 
 def nodes(degree: int) -> list[Any]:
@@ -47,7 +41,7 @@ def nodes(degree: int) -> list[Any]:
 
 
 @cache
-def from_values(degree: int) -> Balls:
+def from_values(degree: int) -> AnyArray:
     """Return the matrix from values at the nodes to the coefficients between 0 and 1, exactly."""
     rows = [
         [comb(degree, k) * x**k * (1 - x) ** (degree - k) for k in range(degree + 1)]
@@ -71,20 +65,13 @@ def from_powers(degree: int, low: float, high: float) -> Any:
         To be multiplied from the right with rows of coefficients, the constant one first.
     """
     a, b = fraction(low), fraction(high)
-    rows = []
-    for power in range(degree + 1):
-        moved = [comb(power, j) * a ** (power - j) * (b - a) ** j for j in range(power + 1)]
-        rows.append(
-            [
-                sum(
-                    (flint.fmpq(comb(k, j), comb(degree, j)) * moved[j]
-                     for j in range(min(k, power) + 1)),
-                    flint.fmpq(0),
-                )
-                for k in range(degree + 1)
-            ]
-        )  # fmt: skip
-    return flint.arb_mat(flint.fmpq_mat(rows))
+    powers = range(degree + 1)
+    # Of t between 0 and 1, which stands for a + (b - a) t.
+    moved = [
+        [comb(i, j) * a ** (i - j) * (b - a) ** j if j <= i else 0 for j in powers] for i in powers
+    ]
+    bernstein = [[flint.fmpq(comb(k, j), comb(degree, j)) for k in powers] for j in powers]
+    return flint.arb_mat(flint.fmpq_mat(moved) * flint.fmpq_mat(bernstein))
 
 
 def apply_along_axis(table: AnyArray, coefficients: AnyArray, axis: int) -> AnyArray:
@@ -98,10 +85,8 @@ def halving_matrices(degree: int) -> tuple[Matrix, Matrix]:
 
     Their entries are exact, not negative, and sum up to 1 in a row.
     """
-    lower = np.array(
-        [[comb(i, j) / 2.0**i if j <= i else 0.0 for j in range(degree + 1)]
-         for i in range(degree + 1)]
-    )  # fmt: skip
+    count = range(degree + 1)
+    lower = np.array([[comb(i, j) / 2.0**i for j in count] for i in count])
     return lower, lower[::-1, ::-1].copy()
 
 
@@ -110,222 +95,6 @@ def square(low: float, high: float, degree: int) -> AnyArray:
     k = np.arange(degree + 1)
     mixed, last = k / degree, k * (k - 1) / (degree * (degree - 1))
     return low * low * (1 - 2 * mixed + last) + 2 * low * high * (mixed - last) + high * high * last
-
-
-# A loop around real numbers as polynomials in them and in the frequency, in ball arithmetic.
-#
-# P is the characteristic polynomial of a loop with numbers in it, all denominators multiplied out,
-# and N / P the system that the one other block sees: the loop has a pole at j w just if P(j w) = 0,
-# and a block of size k that puts one there just if |P| <= k ||N||.
-
-
-@dataclass(frozen=True, eq=False)
-class BoxPolynomials:
-    """Polynomials of a loop over a box of its real numbers.
-
-    Attributes
-    ----------
-    real : tuple of int
-        Positions of the blocks that are real numbers, one axis each.
-    rest : (int, int)
-        Rows and columns of N; 0 if there is no other block.
-    degrees : tuple of int
-        In each number, of P and N.
-    size : float
-        The box is between -/+ size.
-    parts : ndarray of arb, shape (polynomials, degree 1 + 1, ..., states + 1)
-        P, then the entries of N: Bernstein coefficients over the box, of powers of s.
-    """
-
-    real: tuple[int, ...]
-    rest: tuple[int, int]
-    degrees: tuple[int, ...]
-    size: float
-    parts: Balls
-
-    @property
-    def states(self) -> int:
-        """Degree in s."""
-        return self.parts.shape[-1] - 1
-
-
-def is_small(loop: LoopModel, most: int) -> bool:
-    """Say whether a loop has polynomials, and not too many coefficients.
-
-    Parameters
-    ----------
-    loop : LoopModel
-    most : int
-        Coefficients of all numbers together.
-    """
-    blocks, n = loop.structure.blocks, loop.model.states
-    real = [block for block in blocks if block.kind == "real"]
-    others = [block for block in blocks if block.kind != "real"]
-    if not real or not n or len(others) > 1:
-        return False
-    if others and others[0].copies != 1:
-        return False
-    entries = 1 + sum(block.rows * block.columns for block in others)
-    return prod(block.copies + 1 for block in real) * (n + 1) * entries <= most
-
-
-def family(loop: LoopModel, size: float) -> BoxPolynomials:
-    """Return the polynomials of a loop over the box of real numbers up to a size.
-
-    Parameters
-    ----------
-    loop : LoopModel
-        With real numbers, and at most one other block that occurs once.
-    size : float
-        Of the largest number.
-
-    Returns
-    -------
-    BoxPolynomials
-
-    Raises
-    ------
-    ZeroDivisionError
-        If the loop is not well posed at one of the numbers that are tried.
-    """
-    blocks = loop.structure.blocks
-    real = tuple(k for k, block in enumerate(blocks) if block.kind == "real")
-    others = [k for k in range(len(blocks)) if k not in real]
-    degrees = tuple(blocks[k].copies for k in real)
-    closed = _Closed(loop, real, others)
-    shape = tuple(degree + 1 for degree in degrees)
-    parts: Any = None
-    for place in product(*(range(count) for count in shape)):
-        numbers = [
-            flint.arb(size) * flint.arb(2 * nodes(degree)[j] - 1)
-            for j, degree in zip(place, degrees, strict=True)
-        ]
-        values = closed.polynomials(numbers)
-        if parts is None:
-            parts = np.empty((len(values), *shape, loop.model.states + 1), dtype=object)
-        for i, coefficients in enumerate(values):
-            parts[(i, *place)] = coefficients
-    for axis, degree in enumerate(degrees):
-        parts = apply_along_axis(from_values(degree), parts, axis + 1)
-    return BoxPolynomials(real, closed.shape, degrees, size, parts)
-
-
-class _Closed:
-    """The loop with numbers in place of its real blocks."""
-
-    def __init__(self, loop: LoopModel, real: tuple[int, ...], others: list[int]) -> None:
-        structure = loop.structure
-        z, out = (signal_positions(structure.inputs, blocks) for blocks in (real, others))
-        w, into = (signal_positions(structure.outputs, blocks) for blocks in (real, others))
-        self.copies = [structure.blocks[k].copies for k in real]
-        A, B, C, D = loop.balls
-        states = range(loop.model.states)
-        self.A, self.B, self.C = A, part(B, states, w), part(C, z, states)
-        self.D = part(D, z, w)
-        self.shape = len(out), len(into)
-        if out:
-            self.B2, self.C2 = part(B, states, into), part(C, out, states)
-            self.D12, self.D21 = part(D, z, into), part(D, out, w)
-            self.D22 = part(D, out, into)
-
-    def polynomials(self, numbers: list[Any]) -> list[list[Any]]:
-        """Return P and the entries of N: their coefficients, the constant one first."""
-        r = sum(self.copies)
-        spread = [value for value, c in zip(numbers, self.copies, strict=True) for _ in range(c)]
-        gains = flint.arb_mat(r, r)
-        for i, value in enumerate(spread):
-            gains[i, i] = value
-        back = identity(r) - self.D * gains
-        scale = back.det()
-        onto = gains * back.inv()
-        A = self.A + self.B * onto * self.C
-        P = A.charpoly()
-        found = [P * scale]
-        if self.shape[0]:
-            B2 = self.B2 + self.B * onto * self.D12
-            C2 = self.C2 + self.D21 * onto * self.C
-            D2 = self.D22 + self.D21 * onto * self.D12
-            for i, j in product(range(self.shape[0]), range(self.shape[1])):
-                row = flint.arb_mat([C2.tolist()[i]])
-                column = flint.arb_mat([[line[j]] for line in B2.tolist()])
-                # det(s - A + b c) = det(s - A) (1 + c (s - A)^-1 b)
-                shifted = (A - column * row).charpoly()
-                found.append((shifted - P + P * D2[i, j]) * scale)
-        n = A.nrows()
-        return [[one[power] for power in range(n + 1)] for one in found]
-
-
-# Local witness search where branching finds the lowest bound.
-
-
-def local_witness(
-    loop: LoopModel, numbers: Vector, frequency: float, fixed: tuple[bool, ...]
-) -> Witness | None:
-    """Return the smallest Delta that a search finds from real numbers and a frequency.
-
-    Parameters
-    ----------
-    loop : LoopModel
-        With real numbers.
-    numbers : ndarray
-        Of the real blocks.
-    frequency : float
-        Of the model.
-    fixed : tuple of bool
-        Blocks that have size 1 whatever the size of the others.
-
-    Returns
-    -------
-    Witness or None
-        None too where rounding sees a pole at the frequency.
-    """
-    structure = loop.structure
-    real = [k for k, block in enumerate(structure.blocks) if block.kind == "real"]
-    scale = np.ones(structure.shape[1])
-    ends = frequency == 0 or math.isinf(frequency)
-    angle = loop.angle(frequency)
-    try:
-        w = worst_signals(structure, loop.response(angle)[0], numbers)
-    except np.linalg.LinAlgError:
-        return None
-    deltas: list[complex | None] = [None] * len(structure.blocks)
-    for k, number in zip(real, numbers, strict=True):
-        deltas[k] = complex(number)
-    starts = [(w, angle, not ends, tuple(deltas))]
-    if len(real) == len(structure.blocks):
-        for crossing in ray_crossings(loop, (numbers,)):
-            angle, moves = loop.start(crossing.frequency)
-            starts.append((crossing.w, angle, moves, crossing.deltas))
-    found = [
-        smallest_delta(structure, loop.response, w, at, moves, scale, given, fixed)
-        for w, at, moves, given in starts
-    ]
-    return min((one for one in found if one), key=lambda one: one.size, default=None)
-
-
-def worst_signals(structure: DeltaStructure, M: AnyMatrix, numbers: Vector) -> AnyMatrix:
-    """Return signals w that are nearly a mode with given real numbers.
-
-    They are those that what else there is amplifies most, or those that are left unchanged most
-    nearly if there is nothing else.
-    """
-    gains = np.zeros(structure.shape[::-1])
-    others_w, others_z = [], []
-    values = iter(numbers)
-    for block, w, z in zip(structure.blocks, structure.outputs, structure.inputs, strict=True):
-        if block.kind == "real":
-            gains[w, z] = float(next(values)) * np.eye(block.copies)
-        else:
-            others_w += range(w.start, w.stop)
-            others_z += range(z.start, z.stop)
-    if not others_w:
-        return np.conj(np.linalg.svd(np.eye(len(gains)) - gains @ M)[2][-1])
-    # z = M w with w = gains z + v, and v of the other blocks only
-    z = np.linalg.solve(np.eye(len(M)) - M @ gains, M[:, others_w])
-    v = np.conj(np.linalg.svd(z[others_z])[2][0])
-    whole = gains @ (z @ v)
-    whole[others_w] += v
-    return whole
 
 
 # Regions of real parameters and frequencies, with polynomials over each of them.
@@ -429,21 +198,17 @@ class Region:
         sizes = np.abs(self.rows).max(axis=tuple(range(1, self.rows.ndim)))
         degree = self.rows.shape[axis + 1] - 1
         errors = self.errors + 4 * (degree + 2) * _UNIT * sizes
-        lower, upper = (
-            apply_along_axis(half, self.rows, axis + 1) for half in halving_matrices(degree)
-        )
         if axis == len(self.low):
-            start, stop = self.band
-            middle = (start + stop) / 2
-            return (
-                replace(self, rows=lower, errors=errors, band=(start, middle)),
-                replace(self, rows=upper, errors=errors, band=(middle, stop)),
-            )
-        below, over = _cut(self.low, self.high, axis)
-        return (
-            replace(self, rows=lower, errors=errors, high=below),
-            replace(self, rows=upper, errors=errors, low=over),
+            middle = sum(self.band) / 2
+            ends = {"band": (self.band[0], middle)}, {"band": (middle, self.band[1])}
+        else:
+            below, above = _cut(self.low, self.high, axis)
+            ends = {"high": below}, {"low": above}
+        one, two = (
+            replace(self, rows=apply_along_axis(half, self.rows, axis + 1), errors=errors, **own)
+            for half, own in zip(halving_matrices(degree), ends, strict=True)
         )
+        return one, two
 
     def ball(self, together: tuple[int, ...], radius: float) -> AnyArray:
         """Return the coefficients of the sum of squares of some numbers less that of a radius."""
@@ -461,24 +226,9 @@ class Region:
         return bool(reach @ reach > radius * radius)
 
 
-@dataclass(frozen=True, eq=False)
-class Bound:
-    """A size k below which ``|P| > k ||N||`` over a region, within balls of its numbers.
-
-    Attributes
-    ----------
-    size : float
-        0 for none; infinite if N is 0, or there is none, and P is not 0.
-    parts : tuple of ndarray
-        Bernstein coefficients of what would have to be linear for the bound to be exact: what is
-        left of P in the direction that proves it, or P and the balls if there is none.
-    """
-
-    size: float
-    parts: tuple[AnyArray, ...]
-
-
-def bound(region: Region, parameter_norm: ParameterNorm, radius: float, aim: float) -> Bound:
+def bound(
+    region: Region, parameter_norm: ParameterNorm, radius: float, aim: float
+) -> tuple[float, tuple[AnyArray, ...]]:
     """Return what Bernstein coefficients prove over a region.
 
     With a direction y and weights of the balls (which are not positive within them), ::
@@ -490,18 +240,27 @@ def bound(region: Region, parameter_norm: ParameterNorm, radius: float, aim: flo
     Parameters
     ----------
     region : Region
-    gauge : ParameterNorm
+    parameter_norm : ParameterNorm
     radius : float
         Of the balls.
     aim : float
         The size that one would like to prove.
+
+    Returns
+    -------
+    size : float
+        A k below which ``|P| > k ||N||`` within balls of the numbers: 0 for none; infinite if N is
+        0, or there is none, and P is not 0.
+    parts : tuple of ndarray
+        Bernstein coefficients of what would have to be linear for the bound to be exact: what is
+        left of P in the direction that proves it, or P and the balls if there is none.
     """
     P, norms = region.rows[0], region.norms
     error = float(region.errors[0]) + _ROUNDING * float(np.abs(P).max())
     wanted = norms.ravel() if norms.any() else np.ones(P.size)
     balls = [region.ball(g, radius) for g in parameter_norm.together if region.crosses(g, radius)]
     if any(ball.min() > 0 for ball in balls):
-        return Bound(math.inf, ())
+        return math.inf, ()
     unit = float(np.abs(P).max()) or 1.0
     rows = [P.real.ravel() / unit, P.imag.ravel() / unit]
     rows += [_CHEAP * ball.ravel() / np.abs(ball).max() for ball in balls]
@@ -509,19 +268,19 @@ def bound(region: Region, parameter_norm: ParameterNorm, radius: float, aim: flo
     length = math.hypot(*weights[:2])
     curved = (P / unit, *(ball / np.abs(ball).max() for ball in balls))
     if not length > 0:
-        return Bound(0.0, curved)
+        return 0.0, curved
     y = complex(*weights[:2]) / length
     excess = np.real(np.conj(y) * P)
     for ball, weight in zip(balls, weights[2:], strict=True):
         excess = excess + unit * _CHEAP * weight / length / np.abs(ball).max() * ball
     sure = excess - error - _ROUNDING * np.abs(excess)
     if not (sure > 0).all():
-        return Bound(0.0, curved)
+        return 0.0, curved
     if not norms.any():
-        return Bound(math.inf, ())
+        return math.inf, ()
     used = norms > 0
     size = float((sure[used] / norms[used]).min()) * (1 - _ROUNDING)
-    return Bound(size, (excess - aim * norms,))
+    return size, (excess - aim * norms,)
 
 
 def _least(rows: Matrix, wanted: Vector, positive: int) -> Vector:
@@ -532,10 +291,8 @@ def _least(rows: Matrix, wanted: Vector, positive: int) -> Vector:
     count, columns = rows.shape
     table = np.zeros((count + 1, columns + positive))
     table[:count, :columns], table[count, :columns] = rows, wanted
-    for i in range(positive):
-        table[count - positive + i, columns + i] = 1.0
-    aim = np.zeros(count + 1)
-    aim[count] = 1.0
+    table[count - positive : count, columns:] = np.eye(positive)
+    aim = np.eye(count + 1)[count]
     try:
         found, _ = nnls(table, aim)
     except RuntimeError:  # too many steps: no proof here
@@ -570,8 +327,6 @@ def least_linear_axis(parts: tuple[AnyArray, ...]) -> int:
 # region with the lowest bound is halved, again and again, until none has one far below the
 # witness.
 
-_BITS = 320
-
 Goal = Literal["pole", "both", "gain"]
 
 
@@ -593,87 +348,19 @@ Probe = Callable[[Vector, float], float]
 """Looks for a witness near real numbers and a frequency; returns the size of the smallest yet."""
 
 
-@dataclass(eq=False)
-class BranchAndBound:
-    """What is asked of a loop, and how far the answer is.
-
-    Attributes
-    ----------
-    goal : {"pole", "both", "gain"}
-        Least size of real numbers that put a pole on the axis; least size of these and of the one
-        other block together; or of that block alone, with the numbers up to size 1.
-    gauge : ParameterNorm
-    proven : float
-        A size below which nothing is known to happen.
-    best : float
-        The size of the smallest witness.
-    gap : float
-        Relative distance of both that is small enough.
-    looked_at : int
-        Number of regions.
-    begun : float
-        Size of the numbers in the regions that it began with.
-    heap : list
-        Regions that are not done, with their bounds; that with the least bound is first.
-    """
-
-    goal: Goal
-    parameter_norm: ParameterNorm
-    proven: float
-    best: float
-    gap: float
-    looked_at: int = 0
-    begun: float = 0.0
-    heap: list[tuple[float, int, Region, tuple[AnyArray, ...]]] = field(default_factory=list)
-
-    @property
-    def target(self) -> float:
-        """The size that is to be proven."""
-        return self.best / (1 + self.gap)
-
-    @property
-    def radius(self) -> float:
-        """Of the balls of numbers that count together."""
-        return 1.0 if self.goal == "gain" else self.target
-
-    def begin(self, loop: LoopModel) -> None:
-        """Take the whole box: regions that reach beyond the radius would have low bounds."""
-        self.begun, self.heap = self.radius, []
-        with precision(_BITS):
-            regions = list(_first(family(loop, self.begun), loop))
-        for region in regions:
-            self.add(region, self.proven)
-
-    def add(self, region: Region, least: float) -> None:
-        """Keep a region unless it is done."""
-        self.looked_at += 1
-        far = np.maximum(np.abs(region.low), np.abs(region.high)).max()
-        near = self.parameter_norm.least(region.low, region.high)
-        if near > self.radius or (self.goal == "pole" and far <= self.proven):
-            return
-        found = bound(region, self.parameter_norm, self.radius, self.target)
-        if self.goal == "gain":
-            size = max(least, found.size)
-        elif self.goal == "both":
-            size = max(least, found.size, near)
-        else:
-            size = max(least, near) if found.size == 0 else math.inf
-        if size < self.target:
-            heapq.heappush(self.heap, (size, self.looked_at, region, found.parts))
-
-
 def can_branch(loop: LoopModel) -> bool:
-    """Say whether a loop is one of few real numbers, with at most one other block."""
-    return is_small(loop, _COEFFICIENTS)
+    """Say whether a loop is one of few real numbers, with at most one other block, of one copy."""
+    blocks, n = loop.structure.blocks, loop.model.states
+    real = [block.copies for block in blocks if block.kind == "real"]
+    others = [block for block in blocks if block.kind != "real"]
+    if not real or not n or len(others) > 1 or any(block.copies != 1 for block in others):
+        return False
+    entries = 1 + sum(block.rows * block.columns for block in others)
+    return prod(copies + 1 for copies in real) * (n + 1) * entries <= _COEFFICIENTS
 
 
 def branch_and_bound(
-    loop: LoopModel,
-    goal: Goal,
-    proven: float,
-    best: float,
-    gap: float,
-    probe: Probe,
+    loop: LoopModel, goal: Goal, gap: float, proven: float, best: float, probe: Probe
 ) -> float:
     """Raise what is proven of a loop until it is near the smallest witness, or work runs out.
 
@@ -682,11 +369,12 @@ def branch_and_bound(
     loop : LoopModel
         Stable, and one that :func:`can_branch`.
     goal : {"pole", "both", "gain"}
-        As of :class:`BranchAndBound`.
-    proven, best : float
-        Sizes that are known: nothing happens below the first, the second is that of a witness.
+        Least size of real numbers that put a pole on the axis; least size of these and of the one
+        other block together; or of that block alone, with the numbers up to size 1.
     gap : float
         Relative distance at which to stop.
+    proven, best : float
+        Sizes that are known: nothing happens below the first, the second is that of a witness.
     probe : callable
         Looks for a smaller witness: where the bound is lowest after 8, 16, 32, ... regions.
 
@@ -695,26 +383,59 @@ def branch_and_bound(
     float
         A size below which nothing happens: at most the smallest witness less the gap.
     """
-    state = BranchAndBound(goal, parameter_norm_of(loop.structure), proven, best, gap)
+    norm, heap, begun = parameter_norm_of(loop.structure), [], 0.0
+    numbers = count()
+
+    def target() -> float:
+        """Return the size that is to be proven."""
+        return best / (1 + gap)
+
+    def radius() -> float:
+        """Return the radius of the balls of numbers that count together."""
+        return 1.0 if goal == "gain" else target()
+
+    def begin() -> None:
+        """Take the whole box: regions that reach beyond the radius would have low bounds."""
+        nonlocal begun
+        begun = radius()
+        heap.clear()
+        with precision(BITS):
+            regions = list(_regions(loop, begun, norm))
+        for region in regions:
+            add(region, proven)
+
+    def add(region: Region, least: float) -> None:
+        """Keep a region unless it is done, by its bound."""
+        far = np.maximum(np.abs(region.low), np.abs(region.high)).max()
+        near = norm.least(region.low, region.high)
+        if near > radius() or (goal == "pole" and far <= proven):
+            return
+        size, parts = bound(region, norm, radius(), target())
+        if goal == "pole":
+            size = max(least, near) if size == 0 else math.inf
+        else:
+            size = max(least, size, near if goal == "both" else 0.0)
+        if size < target():
+            heapq.heappush(heap, (size, next(numbers), region, parts))
+
     try:
-        state.begin(loop)
+        begin()
     except ZeroDivisionError:
         return proven
     work, steps = 0.0, 0
-    while state.heap and state.heap[0][0] < state.target and work < _WORK:
+    while heap and heap[0][0] < target() and work < _WORK:
         check_deadline()
-        least, _, region, parts = heapq.heappop(state.heap)
+        least, _, region, parts = heapq.heappop(heap)
         work += 2 * (region.rows.size + _OVERHEAD)
         steps += 1
         if steps >= _PROBED and steps & (steps - 1) == 0:
-            state.best = probe(region.centre, region.frequency)
-            if state.radius < state.begun * (1 - _AGAIN * gap):
-                state.begin(loop)
+            best = probe(region.centre, region.frequency)
+            if radius() < begun * (1 - _AGAIN * gap):
+                begin()
                 continue
         for half in region.halved(least_linear_axis(parts)):
-            state.add(half, least)
-    least = state.heap[0][0] if state.heap else math.inf
-    return max(proven, min(least, state.target))
+            add(half, least)
+    return max(proven, min(heap[0][0] if heap else math.inf, target()))
 
 
 def parameter_norm_of(structure: DeltaStructure) -> ParameterNorm:
@@ -724,58 +445,95 @@ def parameter_norm_of(structure: DeltaStructure) -> ParameterNorm:
     return ParameterNorm(alone, real.together)
 
 
-def _first(parts: BoxPolynomials, loop: LoopModel) -> Iterator[Region]:
-    """Yield regions of the whole box, one for each band of frequency."""
-    real, imag = _on_axis(parts.parts)
-    for axis in (i for group in parameter_norm_of(loop.structure).together for i in group):
-        real, imag = _elevated(real, axis + 1), _elevated(imag, axis + 1)
+# A loop around real numbers as polynomials in them and in the frequency, in ball arithmetic.
+#
+# P is the characteristic polynomial of a loop with numbers in it, all denominators multiplied out,
+# and N / P the system that the one other block sees: the loop has a pole at j w just if P(j w) = 0,
+# and a block of size k that puts one there just if |P| <= k ||N||.
+
+
+def _regions(loop: LoopModel, size: float, norm: ParameterNorm) -> Iterator[Region]:
+    """Yield regions of the box of real numbers up to a size, one for each band of frequency.
+
+    Raises
+    ------
+    ZeroDivisionError
+        If the loop is not well posed at one of the numbers that are tried.
+    """
+    blocks, n = loop.structure.blocks, loop.model.states
+    degrees = [block.copies for block in blocks if block.kind == "real"]
+    shape = [degree + 1 for degree in degrees]
+    polynomials, rest = _polynomials(loop)
+    values = [
+        polynomials([flint.arb(size) * flint.arb(2 * nodes(degree)[j] - 1)
+                     for j, degree in zip(place, degrees, strict=True)])
+        for place in np.ndindex(*shape)
+    ]  # fmt: skip
+    parts = np.array(values, dtype=object).reshape(*shape, -1, n + 1)
+    parts = np.moveaxis(parts, -2, 0)
+    for axis, degree in enumerate(degrees):
+        parts = apply_along_axis(from_values(degree), parts, axis + 1)
+    for axis in (i + 1 for group in norm.together for i in group):  # a ball is of degree 2
+        if parts.shape[axis] == 2:
+            low, high = np.take(parts, [0], axis), np.take(parts, [1], axis)
+            parts = np.concatenate([low, (low + high) / 2, high], axis=axis)
+    # At s = j w, as coefficients of powers of w.
+    real, imag = (
+        parts * np.array([signs[power % 4] for power in range(n + 1)], dtype=object)
+        for signs in ((1, 0, -1, 0), (0, 1, 0, -1))
+    )
+    ends = np.full(len(degrees), size)
+    middle, radius = (
+        np.vectorize(number, otypes=[float]) for number in (float, lambda x: float(x.rad()))
+    )
     edges = _edges(loop)
     for start, stop in zip([0.0, *edges], [*edges, math.inf], strict=True):
         above = math.isinf(stop)
         band = (0.0, 1 / start) if above else (start, stop)
-        matrix = from_powers(parts.states, *band)
-        both = [_multiplied(one[..., ::-1] if above else one, matrix) for one in (real, imag)]
-        yield _region(both, parts, band, above)
+        matrix, both = from_powers(n, *band), []
+        for one in (real, imag):
+            flat = (one[..., ::-1] if above else one).reshape(-1, n + 1)
+            both.append(np.array((flint.arb_mat(flat.tolist()) * matrix).tolist(), dtype=object))
+        rows = (middle(both[0]) + 1j * middle(both[1])).reshape(parts.shape)
+        largest = np.abs(rows).reshape(len(rows), -1).max(axis=1)
+        radii = np.maximum(*map(radius, both)).reshape(len(rows), -1).max(axis=1)
+        errors = 2 * radii + 4 * _UNIT * largest
+        yield Region(rows, errors, rest, -ends, ends.copy(), band, above)
 
 
-def _on_axis(parts: Balls) -> tuple[Balls, Balls]:
-    """Return the real and imaginary parts at s = j w, as coefficients of powers of w."""
-    real, imag = np.full(parts.shape, flint.arb(0), dtype=object), parts.copy()
-    real[..., 0::2], imag[..., 0::2] = parts[..., 0::2], flint.arb(0)
-    for one in (real, imag):
-        for power in range(parts.shape[-1]):
-            if power % 4 in (2, 3):
-                one[..., power] = -one[..., power]
-    return real, imag
+def _polynomials(loop: LoopModel) -> tuple[Callable[[list[Any]], list[list[Any]]], tuple[int, int]]:
+    """Return P and the entries of N as functions of the real numbers, and the shape of N.
 
+    Each is a list of coefficients, the constant one first.
+    """
+    structure, n = loop.structure, loop.model.states
+    kinds = [block.kind == "real" for block in structure.blocks]
+    real, others = np.flatnonzero(kinds), np.flatnonzero(np.logical_not(kinds))
+    z, out = (signal_positions(structure.inputs, own) for own in (real, others))
+    w, into = (signal_positions(structure.outputs, own) for own in (real, others))
+    A, B, C, D = loop.balls
+    B1, B2, C1, C2 = part(B, columns=w), part(B, columns=into), part(C, z), part(C, out)
+    (D11, D12), (D21, D22) = ([part(D, rows, own) for own in (w, into)] for rows in (z, out))
+    copies = [structure.blocks[k].copies for k in real]
 
-def _elevated(table: Balls, axis: int) -> Balls:
-    """Return the coefficients with a degree of at least 2 along an axis."""
-    if table.shape[axis] > 2:
-        return table
-    low, high = np.take(table, [0], axis), np.take(table, [1], axis)
-    return np.concatenate([low, (low + high) / 2, high], axis=axis)
+    def polynomials(numbers: list[Any]) -> list[list[Any]]:
+        gains = flint.arb_mat(len(w), len(w))
+        for i, value in enumerate(np.repeat(np.array(numbers, dtype=object), copies)):
+            gains[i, i] = value
+        back = identity(len(w)) - D11 * gains
+        scale, onto = back.det(), gains * back.inv()
+        closed = A + B1 * onto * C1
+        P = closed.charpoly()
+        found = [P * scale]
+        entering, leaving = B2 + B1 * onto * D12, C2 + D21 * onto * C1
+        direct = D22 + D21 * onto * D12
+        for i, j in product(range(len(out)), range(len(into))):
+            # det(s - A + b c) = det(s - A) (1 + c (s - A)^-1 b)
+            shifted = (closed - part(entering, columns=[j]) * part(leaving, [i])).charpoly()
+            found.append((shifted - P + P * direct[i, j]) * scale)
+        return [[one[power] for power in range(n + 1)] for one in found]
 
-
-def _multiplied(table: Balls, matrix: Any) -> Balls:
-    """Return rows of coefficients times a matrix."""
-    flat = table.reshape(-1, table.shape[-1])
-    found = flint.arb_mat(flat.tolist()) * matrix
-    return np.array(found.tolist(), dtype=object).reshape(table.shape)
-
-
-def _region(
-    both: list[Balls], parts: BoxPolynomials, band: tuple[float, float], above: bool
-) -> Region:
-    middles = [np.vectorize(float, otypes=[float])(one) for one in both]
-    rows = middles[0] + 1j * middles[1]
-    errors = []
-    for row, real, imag in zip(rows, *both, strict=True):
-        radius = max(float(entry.rad()) for one in (real, imag) for entry in one.ravel())
-        errors.append(2 * radius + 4 * _UNIT * float(np.abs(row).max()))
-    k = len(parts.degrees)
-    low, high = np.full(k, -parts.size), np.full(k, parts.size)
-    return Region(rows, np.array(errors), parts.rest, low, high, band, above)
+    return polynomials, (len(out), len(into))
 
 
 def _edges(loop: LoopModel) -> list[float]:
@@ -806,17 +564,6 @@ _SLACK = 0.2
 _MOST_SLACK = 0.1
 
 
-@dataclass(frozen=True, order=True)
-class _Box:
-    """A part of the box, with a size that is proven for it."""
-
-    size: float
-    number: int
-    low: tuple[float, ...]
-    high: tuple[float, ...]
-    frequency: float
-
-
 def can_split(loop: LoopModel) -> bool:
     """Say whether there are real numbers beside other blocks."""
     kinds = {block.kind == "real" for block in loop.structure.blocks}
@@ -824,13 +571,9 @@ def can_split(loop: LoopModel) -> bool:
 
 
 def split(
-    loop: LoopModel,
-    fixed: tuple[bool, ...] | None,
-    proven: float,
-    best: float,
-    gap: float,
+    loop: LoopModel, fixed: tuple[bool, ...] | None, gap: float, proven: float, best: float,
     probe: Probe,
-) -> float:
+) -> float:  # fmt: skip
     """Raise what is proven of a loop until it is near the smallest witness, or work runs out.
 
     Parameters
@@ -839,10 +582,10 @@ def split(
         Stable, and one that :func:`can_split`.
     fixed : tuple of bool or None
         Blocks that have size 1 whatever the size of the others: all but the last one, or none.
-    proven, best : float
-        Sizes that are known: nothing happens below the first, the second is that of a witness.
     gap : float
         Relative distance at which to stop.
+    proven, best : float
+        Sizes that are known: nothing happens below the first, the second is that of a witness.
     probe : callable
         Looks for a smaller witness near real numbers and a frequency, where the bound is lowest
         after 1, 2, 4, ... steps; returns the size of the smallest yet.
@@ -855,34 +598,30 @@ def split(
     parameter_norm = parameter_norm_of(loop.structure)
     real = [k for k, block in enumerate(loop.structure.blocks) if block.kind == "real"]
     radius = 1.0 if fixed else best / (1 + gap)
-    heap = [_Box(proven, 0, (-radius,) * len(real), (radius,) * len(real), math.nan)]
+    ends = (radius,) * len(real)
+    heap: list[Any] = [(proven, 0, -np.array(ends), np.array(ends), math.nan)]
     count = steps = work = 0
-    while heap[0].size < best / (1 + gap) and count < _COVERS and work < _INTERVALS:
-        worst = heapq.heappop(heap)
+    while heap[0][0] < best / (1 + gap) and count < _COVERS and work < _INTERVALS:
+        worst, _, low, high, _ = heapq.heappop(heap)
         steps += 1
-        left = best / worst.size - 1 if worst.size > 0 else math.inf
+        left = best / worst - 1 if worst > 0 else math.inf
         slack = min(_SLACK * max(gap, left), _MOST_SLACK)
-        for low, high in _halves(worst):
-            near = parameter_norm.least(low, high)
+        below, above = _cut(low, high, int(np.argmax(high - low)))
+        for box in ((low, below), (above, high)):
+            near = parameter_norm.least(*box)
             if near > radius:
                 continue
             count += 1
-            size, frequency, spent = _size(loop, fixed, real, (low, high), best, slack)
+            size, frequency, spent = _size(loop, fixed, real, box, best, slack)
             work += spent
-            size = max(size, worst.size, 0.0 if fixed else near)
-            heapq.heappush(heap, _Box(size, count, tuple(low), tuple(high), frequency))
+            size = max(size, worst, 0.0 if fixed else near)
+            heapq.heappush(heap, (size, count, *box, frequency))
         if not heap:
             return best / (1 + gap)
-        lowest = heap[0]
-        if steps & (steps - 1) == 0 and not math.isnan(lowest.frequency):
-            best = probe((np.array(lowest.low) + np.array(lowest.high)) / 2, lowest.frequency)
-    return max(proven, min(heap[0].size, best / (1 + gap)))
-
-
-def _halves(box: _Box) -> tuple[tuple[Vector, Vector], tuple[Vector, Vector]]:
-    low, high = np.array(box.low), np.array(box.high)
-    below, above = _cut(low, high, int(np.argmax(high - low)))
-    return (low, below), (above, high)
+        _, _, low, high, frequency = heap[0]
+        if steps & (steps - 1) == 0 and not math.isnan(frequency):
+            best = probe((low + high) / 2, frequency)
+    return max(proven, min(heap[0][0], best / (1 + gap)))
 
 
 def _size(

@@ -17,9 +17,9 @@ from robustpolish.linear.proofs.bounded_real import (
     BallSystem,
     adjoint,
     hamiltonian,
+    interval_without_eigenvalues,
     riccati_terms,
 )
-from robustpolish.linear.proofs.covering import interval_without_eigenvalues
 from robustpolish.linear.proofs.definite import is_definite
 from robustpolish.robust.loop_model import LoopModel
 from robustpolish.robust.scalings import (
@@ -56,22 +56,16 @@ class BallScalings:
     @classmethod
     def of(cls, space: Space, x: Vector, level: float) -> BallScalings | None:
         """Return the scalings at a level beta, None if a D is not proven to be positive."""
-        Dz, still, scaled, G = space.matrices(x)
-        Dz, still, scaled, G = _commuting(space, (Dz, still, scaled, G))
+        # Exactly Hermitian, so that they commute with Delta without rounding.
+        Dz, still, scaled, G = (
+            M if M.shape[0] != M.shape[1] else (M + np.conj(M.T)) / 2 for M in space.matrices(x)
+        )
         with precision(_BITS):
             square = flint.acb(flint.arb(level) ** 2)
             E = complex_ball(still) + complex_ball(scaled) * square
             if not (is_definite(complex_ball(Dz)) and is_definite(complex_ball(still + scaled))):
                 return None
         return cls(complex_ball(Dz), complex_ball(G), E)
-
-
-def _commuting(space: Space, matrices: tuple[AnyMatrix, ...]) -> tuple[AnyMatrix, ...]:
-    """Make the scalings exactly Hermitian, so that they commute with Delta without rounding."""
-    Dz, still, scaled, G = matrices
-    wide = G.shape[0] != G.shape[1]
-    G = G if wide else (G + np.conj(G.T)) / 2
-    return (*((D + np.conj(D.T)) / 2 for D in (Dz, still, scaled)), G)
 
 
 def proves_inequality(M: Ball, weights: BallScalings) -> bool:
@@ -104,45 +98,28 @@ def proven_interval(
                 return None
             if not model.A.nrows():
                 return 0.0, math.inf
-            return interval_without_eigenvalues(_hamiltonian(model, weights), omega)
+            A, B, C, D = map(flint.acb_mat, model)
+            seen = adjoint(C) * weights.Dz
+            turned = weights.G * D * flint.acb(0, 1)
+            R = adjoint(D) * weights.Dz * D + turned + adjoint(turned) - weights.E
+            S = adjoint(C) * (weights.Dz * D - adjoint(weights.G) * flint.acb(0, 1))
+            H = hamiltonian(*riccati_terms(A, B, seen * C, S, R))
+            return interval_without_eigenvalues(H, omega)
         except (ZeroDivisionError, ValueError, np.linalg.LinAlgError):
             return None
 
 
-def _hamiltonian(model: BallSystem, weights: BallScalings) -> Ball:
-    A, B, C, D = map(flint.acb_mat, model)
-    seen = adjoint(C) * weights.Dz
-    turned = weights.G * D * flint.acb(0, 1)
-    R = adjoint(D) * weights.Dz * D + turned + adjoint(turned) - weights.E
-    S = adjoint(C) * (weights.Dz * D - adjoint(weights.G) * flint.acb(0, 1))
-    return hamiltonian(*riccati_terms(A, B, seen * C, S, R))
+SLACK = 1e-3
+"""What the level is above the largest one that was needed anywhere, relative.
 
-
-@dataclass(frozen=True)
-class CoveragePolicy:
-    """How intervals are laid.
-
-    Attributes
-    ----------
-    slack : float
-        What the level is above the largest one that was needed anywhere, relative: the room that
-        constant scalings have around the worst frequency. With half of the 0.2 % that a
-        bracket may be wide, the other half is left for the lower bound.
-    most : int
-        Intervals before the bound is given up.
-    narrow : float
-        Width, relative to its frequency, of an interval that gets nowhere: the level is raised.
-    raised : float
-        By how much, relative.
-    """
-
-    slack: float = 1e-3
-    most: int = 600
-    narrow: float = 1e-7
-    raised: float = 1e-3
-
-
-POLICY = CoveragePolicy()
+That is the room that constant scalings have around the worst frequency. With half of the 0.2 % that
+a bracket may be wide, the other half is left for the lower bound.
+"""
+_MOST = 600
+"""Intervals before the bound is given up."""
+# Width, relative to its frequency, of an interval that gets nowhere: the level is raised by this
+# much, relative.
+_NARROW, _RAISED = 1e-7, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,50 +158,13 @@ def response(model: Realisation, omega: float) -> AnyMatrix:
     return D + model.C @ np.linalg.solve(1j * omega * np.eye(model.states) - model.A, model.B + 0j)
 
 
-class _CoverageState:
-    """The state of one coverage: the level so far, and what it was needed for."""
-
-    def __init__(self, loop: LoopModel, space: Space, level: float, slack: float):
-        self.model, self.space, self.slack = loop.model, space, slack
-        self.level = level * (1 + slack)
-        self.proven = BallSystem(*loop.balls)
-        self.peaks: list[tuple[float, float, ScaledBound]] = []
-        self.last: list[Vector] = []
-
-    def scalings(self, omega: float) -> ScaledBound | None:
-        """Return scalings that prove the level at a frequency, or raise the level.
-
-        None where there are none, or where rounding sees a pole at the frequency.
-        """
-        try:
-            gain = response(self.model, omega)
-        except np.linalg.LinAlgError:
-            return None
-        inequality = Inequality(self.space, gain[None])
-        starts = [
-            initial_scalings(inequality),
-            *(at(inequality, ScaledBound(0.0, x)) for x in self.last),
-        ]
-        start = min(starts, key=lambda level: level.square)
-        if not math.isfinite(start.square):
-            return None
-        found = reduce_level(inequality, start, self.level**2)
-        needed = math.sqrt(max(found.square, 0.0))
-        if not needed < self.level:
-            self.peaks.append((omega, needed, found))
-            self.level = needed * (1 + self.slack)
-            found = reduce_level(inequality, found, self.level**2)
-        self.last = [found.x, *self.last][:2]
-        return found
-
-
 def cover(
     loop: LoopModel,
     space: Space,
     level: float,
     seeds: Sequence[float],
-    slack: float = POLICY.slack,
-    most: int = POLICY.most,
+    slack: float = SLACK,
+    most: int = _MOST,
 ) -> Coverage:
     """Lay intervals with constant scalings until they cover the axis.
 
@@ -239,35 +179,57 @@ def cover(
     seeds : sequence of float
         Frequencies to look at first.
     slack : float, optional
-        Of :class:`CoveragePolicy`: more of it makes longer intervals.
+        What the level has above what is needed: more of it makes longer intervals.
     most : int, optional
-        Of the same.
+        Intervals before the bound is given up.
 
     Returns
     -------
     Coverage
     """
-    state = _CoverageState(loop, space, level, slack)
+    level, exact = level * (1 + slack), BallSystem(*loop.balls)
+    peaks: list[tuple[float, float, ScaledBound]] = []
+    last: list[Vector] = []
+
+    def scalings(omega: float) -> ScaledBound | None:
+        """Return scalings that prove the level at a frequency, or raise the level.
+
+        None where there are none, or where rounding sees a pole at the frequency.
+        """
+        nonlocal level, last
+        try:
+            inequality = Inequality(space, response(loop.model, omega)[None])
+        except np.linalg.LinAlgError:
+            return None
+        others = [at(inequality, ScaledBound(0.0, x)) for x in last]
+        start = min([initial_scalings(inequality), *others], key=lambda found: found.square)
+        if not math.isfinite(start.square):
+            return None
+        found = reduce_level(inequality, start, level**2)
+        if not found.level < level:
+            peaks.append((omega, found.level, found))
+            level = found.level * (1 + slack)
+            found = reduce_level(inequality, found, level**2)
+        last = [found.x, *last][:2]
+        return found
+
     for omega in dict.fromkeys([0.0, math.inf, *seeds]):
-        if state.scalings(omega) is None:
-            return Coverage(math.inf, (), False, tuple(state.peaks))
-    gaps, intervals, complete = [(0.0, math.inf)], [], True
-    rate = loop.rate
+        if scalings(omega) is None:
+            return Coverage(math.inf, (), False, tuple(peaks))
+    gaps, intervals = [(0.0, math.inf)], []
     for _ in range(most):
         if not gaps:
             break
         check_deadline()
         low, high = gaps.pop()
-        omega = _inside(low, high, rate)
-        found = state.scalings(omega)
-        interval = None
-        if found is not None:
-            weights = BallScalings.of(space, found.x, state.level)
-            interval = weights and proven_interval(state.proven, weights, omega)
-        if interval is None or interval[1] <= interval[0] * (1 + POLICY.narrow):
-            if found is None or not math.isfinite(state.level):
-                return Coverage(math.inf, (), False, tuple(state.peaks))
-            state.level *= 1 + POLICY.raised
+        omega = _inside(low, high, loop.rate)
+        found = scalings(omega)
+        if found is None or not math.isfinite(level):
+            return Coverage(math.inf, (), False, tuple(peaks))
+        weights = BallScalings.of(space, found.x, level)
+        interval = weights and proven_interval(exact, weights, omega)
+        if interval is None or interval[1] <= interval[0] * (1 + _NARROW):
+            level *= 1 + _RAISED
             gaps.append((low, high))
             continue
         intervals.append(interval)
@@ -275,9 +237,8 @@ def cover(
             gaps.append((low, interval[0]))
         if interval[1] < high:
             gaps.append((interval[1], high))
-    complete = not gaps
-    peaks = sorted(state.peaks, key=lambda peak: -peak[1])
-    return Coverage(state.level, tuple(sorted(intervals)), complete, tuple(peaks))
+    peaks.sort(key=lambda peak: -peak[1])
+    return Coverage(level, tuple(sorted(intervals)), not gaps, tuple(peaks))
 
 
 def _inside(low: float, high: float, rate: float) -> float:

@@ -14,9 +14,9 @@ import numpy as np
 
 from robustpolish.base.arrays import AnyArray, AnyMatrix, Matrix, Vector
 from robustpolish.base.checks import described, invalid
-from robustpolish.linear.arithmetic.balls import ball, cayley, midpoint, precision
+from robustpolish.linear.arithmetic.balls import ball, cayley, midpoint, precision, scaled
 from robustpolish.linear.arithmetic.realisation import Realisation, power_of_two, size, typical_rate
-from robustpolish.plants.uncertain.elements import RealElement, UncertainBlock
+from robustpolish.plants.uncertain.lft import RealElement, UncertainBlock
 from robustpolish.plants.uncertain.system import UncertainSystem
 
 # The structure of an uncertain matrix Delta: which blocks lie on its diagonal.
@@ -88,10 +88,9 @@ class DeltaStructure:
     @cached_property
     def together(self) -> tuple[tuple[int, ...], ...]:
         """Positions of the blocks whose sizes count as one, the root of the sum of squares."""
-        names = dict.fromkeys(block.group for block in self.blocks if block.group)
-        return tuple(
-            tuple(k for k, block in enumerate(self.blocks) if block.group == name) for name in names
-        )
+        groups = [block.group for block in self.blocks]
+        names = dict.fromkeys(filter(None, groups))
+        return tuple(tuple(k for k, own in enumerate(groups) if own == name) for name in names)
 
     def sizes(self, norms: Sequence[float]) -> list[float]:
         """Return the norms of the blocks, with that of its group for each that has one."""
@@ -160,37 +159,27 @@ def _block(i: int, item: Any) -> DeltaBlock:
         if not hasattr(sizes, "__len__") or len(sizes) != 2:
             raise invalid(where, item, '("full", (rows, columns))', "Give both sizes.")
         rows, columns = (_whole(where, size) for size in sizes)
-        return _full(rows, columns, i)
-    if isinstance(first, str):
+    elif isinstance(first, str):
         raise invalid(where, first, '"real", "complex" or "full"', "Choose one of these.")
-    rows, columns = _any_whole(where, first), _any_whole(where, second)
-    if rows < 0 and columns in (0, 1):
-        return DeltaBlock("real", -rows, name=f"real_{i}")
-    if rows > 0 and columns == 0:
-        return DeltaBlock("complex", rows, name=f"complex_{i}")
-    if rows > 0 and columns > 0:
-        return _full(rows, columns, i)
-    remedy = "Write [-r, 0] for r copies of a real, [r, 0] of a complex number, [r, c] for a full."
-    raise invalid(where, item, f"one of {_FORMS}", remedy)
-
-
-def _full(rows: int, columns: int, i: int) -> DeltaBlock:
+    else:
+        rows, columns = _whole(where, first, -math.inf), _whole(where, second, -math.inf)
+        if rows < 0 and columns in (0, 1):
+            return DeltaBlock("real", -rows, name=f"real_{i}")
+        if rows > 0 and columns == 0:
+            return DeltaBlock("complex", rows, name=f"complex_{i}")
+        if not (rows > 0 and columns > 0):
+            remedy = "Write [-r, 0] for r copies of a real, [r, 0] of a complex number, "
+            raise invalid(where, item, f"one of {_FORMS}", f"{remedy}[r, c] for a full.")
     kind: Kind = "complex" if rows == columns == 1 else "full"
     return DeltaBlock(kind, 1, rows, columns, f"{kind}_{i}")
 
 
-def _whole(where: tuple[str, int], value: Any) -> int:
-    number = _any_whole(where, value)
-    if number < 1:
+def _whole(where: tuple[str, int], value: Any, least: float = 1) -> int:
+    number = isinstance(value, int | np.integer | float) and not isinstance(value, bool)
+    if not number or value != int(value):
+        raise invalid(where, value, "a whole number", f"Write {_FORMS}.")
+    if value < least:
         raise invalid(where, value, "a whole number above 0", "Give its number of copies or size.")
-    return number
-
-
-def _any_whole(where: tuple[str, int], value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer | float):
-        raise invalid(where, value, "a whole number", f"Write {_FORMS}.")
-    if float(value) != int(value):
-        raise invalid(where, value, "a whole number", f"Write {_FORMS}.")
     return int(value)
 
 
@@ -291,87 +280,14 @@ def _solved(matrix: Matrix, right: Vector) -> Vector:
 
 BITS = 320
 
-Matrices = tuple[Matrix, Matrix, Matrix, Matrix]
 Balls = tuple[Any, Any, Any, Any]
 """A, B, C and D as flint.arb_mat; python-flint ships no stubs for them."""
-
-
-@dataclass(frozen=True, eq=False)
-class Canonical:
-    """A continuous model in units that follow from itself.
-
-    Attributes
-    ----------
-    model : Realisation
-        The nearest doubles.
-    balls : tuple of arb_mat
-        A, B, C and D, enclosed: what is proven of them holds for the loop as it was given.
-    time : float
-        Frequencies of `model` times this are those of the given one.
-    gain : float
-        Gains of `model` times this are those of the given one: a power of two.
-    """
-
-    model: Realisation
-    balls: Balls
-    time: float
-    gain: float
-
-
-def canonical(matrices: Matrices, discrete: bool, w: Sequence[int], z: Sequence[int]) -> Canonical:
-    """Return a model in units of states, signals and time that do not depend on those given.
-
-    Parameters
-    ----------
-    matrices : tuple of ndarray
-        A, B, C and D.
-    discrete : bool
-        Whether it is a discrete model, which is mapped by z = (1 + s)/(1 - s).
-    w, z : sequence of int
-        Of each input and output the number of the copy of a block that it belongs to: these share
-        a unit, which Delta does not see.
-
-    Returns
-    -------
-    Canonical
-    """
-    with precision(BITS):
-        A, B, C, D = map(ball, matrices)
-        if discrete and len(matrices[0]):
-            A, B, C, D = cayley(A, B, C, D)
-        rough = tuple(map(midpoint, (A, B, C, D)))
-        time = _rate(rough[0])
-        states, copies, b, c = _units(rough, time, w, z)
-        into, out = copies[list(w)] / b, 1 / (copies[list(z)] * c)
-        left, right = _diagonal(1 / (states * time)), _diagonal(states)
-        balls = (
-            left * A * right,
-            left * B * _diagonal(into),
-            _diagonal(out) * C * right,
-            _diagonal(out) * D * _diagonal(into),
-        )
-        return Canonical(rounded(balls), balls, time, b * c)
 
 
 def rounded(balls: Balls) -> Realisation:
     """Return the continuous model of the nearest doubles."""
     A, B, C, D = map(midpoint, balls)
     return Realisation(A, B, C, D, False)
-
-
-def _diagonal(scales: Vector) -> Any:
-    matrix = flint.arb_mat(len(scales), len(scales))
-    for i, scale in enumerate(scales):
-        matrix[i, i] = float(scale)
-    return matrix
-
-
-def _rate(A: Matrix) -> float:
-    """Return a typical frequency, which does not depend on units of states."""
-    if not len(A):
-        return 1.0
-    states = equilibrate(np.abs(A))
-    return typical_rate(A / states[:, None] * states)
 
 
 def _units(
@@ -443,12 +359,33 @@ class LoopModel:
     ) -> LoopModel:
         """Return the loop of the matrices A, B, C and D of M around the blocks."""
         A, B, C, D = matrices
-        used = _used(A, B, C)
+        # The states that something moves and that something sees, by the pattern of zeros.
+        moved, seen = B.any(axis=1), C.any(axis=0)
+        for _ in range(len(A)):
+            moved = moved | (A[:, moved] != 0).any(axis=1)
+            seen = seen | (A[seen] != 0).any(axis=0)
+        used = np.flatnonzero(moved & seen).tolist()
         A, B, C = A[used][:, used], B[used], C[:, used]
         step = 0.0 if not dt else 1.0 if dt is True else float(dt)
-        w, z = (_copy_of(structure, side) for side in ("rows", "columns"))
-        own = canonical((A, B, C, D), bool(dt), w, z)
-        return cls(structure, own.model, own.balls, own.gain, own.time, step)
+        # Of each signal the number of the copy that it belongs to: these share a unit, which Delta
+        # does not see.
+        copies = [block for block in structure.blocks for _ in range(block.copies)]
+        w = [i for i, block in enumerate(copies) for _ in range(block.rows)]
+        z = [i for i, block in enumerate(copies) for _ in range(block.columns)]
+        with precision(BITS):
+            A, B, C, D = map(ball, (A, B, C, D))
+            if dt and used:
+                A, B, C, D = cayley(A, B, C, D)
+            rough = tuple(map(midpoint, (A, B, C, D)))
+            # A typical frequency, which does not depend on units of states.
+            even = equilibrate(np.abs(rough[0]))
+            time = typical_rate(rough[0] / even[:, None] * even)
+            states, units, b, c = _units(rough, time, w, z)
+            into, out = units[w] / b, 1 / (units[z] * c)
+            left = 1 / (states * time)
+            balls = (scaled(A, left, states), scaled(B, left, into),
+                     scaled(C, out, states), scaled(D, out, into))  # fmt: skip
+            return cls(structure, rounded(balls), balls, b * c, time, step)
 
     def in_unit_of_gain(self, unit: float) -> LoopModel:
         """Return the loop with deltas of size 1, and the signals of the last block in a unit."""
@@ -457,12 +394,12 @@ class LoopModel:
         last = np.arange(len(rows))[self.structure.inputs[-1]]
         rows[last] /= unit
         with precision(BITS):
-            exact = flint.arb_mat(len(rows), len(rows))
-            for i in range(len(rows)):
-                exact[i, i] = flint.arb(self.gain) / (unit if i in last else 1)
+            exact = ball(np.eye(len(rows))) * flint.arb(self.gain)
+            for i in last.tolist():
+                exact[i, i] /= unit
             balls = A, B, exact * C, exact * D
-        scaled = replace(model, C=model.C * rows[:, None], D=model.D * rows[:, None])
-        return replace(self, model=scaled, balls=balls, gain=1.0)
+        model = replace(model, C=model.C * rows[:, None], D=model.D * rows[:, None])
+        return replace(self, model=model, balls=balls, gain=1.0)
 
     @cached_property
     def rate(self) -> float:
@@ -524,21 +461,17 @@ class LoopModel:
     @property
     def acts_back(self) -> bool:
         """Whether any delta is in a loop with itself or others, by the pattern of zeros."""
-        model, structure = self.model, self.structure
-        n = model.states
-        states = np.eye(n, dtype=bool)
-        for _ in range(n):
-            states = states | (states @ (model.A != 0))
-        through = (model.C != 0) @ states @ (model.B != 0) if n else np.zeros(model.D.shape, bool)
-        whole = through | (model.D != 0)
-        blocks = len(structure.blocks)
-        acts = np.zeros((blocks, blocks), dtype=bool)
-        for i, z in enumerate(structure.inputs):
-            for j, w in enumerate(structure.outputs):
-                acts[i, j] = bool(whole[z, w].any())
-        for _ in range(blocks):
-            acts = acts | (acts @ acts)
-        return bool(acts.diagonal().any())
+        model, n, count = self.model, self.model.states, len(self.structure.blocks)
+        z, w = (
+            [*range(n), *np.repeat(np.arange(n, n + count), [p.stop - p.start for p in places])]
+            for places in (self.structure.inputs, self.structure.outputs)
+        )
+        acts = np.zeros((n + count, n + count), dtype=bool)
+        whole = np.block([[model.A, model.B], [model.C, model.D]]) != 0
+        np.logical_or.at(acts, np.ix_(z, w), whole)
+        for _ in range(len(acts).bit_length()):  # each doubles the length of paths that are seen
+            acts |= acts @ acts
+        return bool(acts.diagonal()[n:].any())
 
     def seeds(self) -> list[float]:
         """Return frequencies that are likely to matter: those of the poles."""
@@ -546,18 +479,3 @@ class LoopModel:
             return []
         poles: Any = np.linalg.eigvals(self.model.A)
         return sorted({float(f"{abs(pole):.6g}") for pole in poles if abs(pole) > 0})
-
-
-def _copy_of(structure: DeltaStructure, side: Literal["rows", "columns"]) -> list[int]:
-    """Return of each signal the number of the copy that it belongs to."""
-    copies = [getattr(block, side) for block in structure.blocks for _ in range(block.copies)]
-    return [i for i, count in enumerate(copies) for _ in range(count)]
-
-
-def _used(A: Matrix, B: Matrix, C: Matrix) -> list[int]:
-    """Return the states that something moves and that something sees, by the pattern of zeros."""
-    moved, seen = B.any(axis=1), C.any(axis=0)
-    for _ in range(len(A)):
-        moved = moved | (A[:, moved] != 0).any(axis=1)
-        seen = seen | (A[seen] != 0).any(axis=0)
-    return np.flatnonzero(moved & seen).tolist()

@@ -19,8 +19,7 @@ from robustpolish.base.checks import described, instance_of, invalid, positive
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.linear.stability import stability
-from robustpolish.plants.uncertain.elements import ComplexElement, RealElement
-from robustpolish.plants.uncertain.lft import constant, product
+from robustpolish.plants.uncertain.lft import ComplexElement, RealElement, constant, product
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.plots.frequency import plot_gains
 from robustpolish.robust.bounds import EVERYWHERE, GAP, Bounds, bounds
@@ -97,20 +96,19 @@ class AnalysedLoop:
         """Return the relative change of the upper bound per relative change of a block's size."""
         M = response(self.loop.model, self.at)
         structure, found = self.loop.structure, {}
-        scaled_alone = any(self.fixed)
-        for block, rows, held in zip(
-            structure.blocks, structure.inputs, self.space.fixed, strict=True
-        ):
-            if scaled_alone and not held:
+
+        def square(rows: slice, factor: float) -> float:
+            scaled: AnyMatrix = M.copy()
+            scaled[rows] *= factor
+            return best_scalings(Inequality(self.space, scaled[None])).square
+
+        width = math.log((1 + _CHANGE) / (1 - _CHANGE))
+        sides = zip(structure.blocks, structure.inputs, self.space.fixed, strict=True)
+        for block, rows, held in sides:
+            if any(self.fixed) and not held:
                 continue  # the gain itself, which is in proportion
-            levels = []
-            for factor in (1 - _CHANGE, 1 + _CHANGE):
-                scaled: AnyMatrix = M.copy()
-                scaled[rows] *= factor
-                levels.append(best_scalings(Inequality(self.space, scaled[None])).square)
-            low, high = levels
+            low, high = square(rows, 1 - _CHANGE), square(rows, 1 + _CHANGE)
             known = 0 < low < math.inf and 0 < high < math.inf
-            width = math.log((1 + _CHANGE) / (1 - _CHANGE))
             found[block.name] = math.log(high / low) / 2 / width if known else math.nan
         return found
 
@@ -170,12 +168,9 @@ class MuOverFrequency(Displayed):
 
     def _source(self) -> AnalysedLoop:
         if self._asked is None:
-            raise invalid(
-                "result",
-                described("no loop behind it"),
-                "the result of a stable loop in which something uncertain acts back",
-                "Look at .status, which says what it is.",
-            )
+            want = "the result of a stable loop in which something uncertain acts back"
+            remedy = "Look at .status, which says what it is."
+            raise invalid("result", described("no loop behind it"), want, remedy)
         return self._asked
 
 
@@ -254,12 +249,17 @@ _SAYS = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class PhysicalBounds:
-    """Both bounds of a loop in the units of its system.
+def _physical_bounds(
+    system: UncertainSystem,
+    loop: LoopModel,
+    gap: float,
+    fixed: tuple[bool, ...] | None = None,
+    unit: float | None = None,
+) -> tuple[float, float, dict[str, Any]]:
+    """Bound the peak of a loop of a system; pictures are drawn in a unit of the model's.
 
-    Attributes
-    ----------
+    Returns
+    -------
     level : float
         Proven: below one over it nothing happens. Infinite if nothing is proven.
     size : float
@@ -268,41 +268,19 @@ class PhysicalBounds:
         What all results tell alike. Of the witness the values of all that is uncertain, empty
         without one, and the frequency in rad/s, nan without one.
     """
-
-    level: float
-    size: float
-    told: dict[str, Any]
-
-    @property
-    def margin(self) -> float:
-        """Size of deltas, where 1 is what was said to be possible, that is proven to be borne."""
-        return round_down(1 / self.level) if self.level else math.inf
-
-    @classmethod
-    def of(
-        cls,
-        system: UncertainSystem,
-        loop: LoopModel,
-        gap: float,
-        fixed: tuple[bool, ...] | None = None,
-        unit: float | None = None,
-    ) -> PhysicalBounds:
-        """Bound the peak of a loop of a system; pictures are drawn in a unit of the model's."""
-        found = bounds(loop, fixed, gap)
-        coverage, witness = found.coverage, found.witness
-        asked = AnalysedLoop(
-            loop, unit or loop.gain, fixed or (), critical_frequency_of(loop, found), system
-        )
-        told = {
-            "critical_frequency": loop.omega(loop.frequency(witness.at)) if witness else math.nan,
-            "witness": _named_values(system, loop, witness) if witness else {},
-            "intervals": loop.in_rad_per_s(coverage.intervals),
-            "status": bound_status(found, gap),
-            "proven": coverage.complete,
-            "_asked": asked,
-        }
-        size = witness.size / loop.gain if witness else math.inf
-        return cls(coverage.level * loop.gain if coverage.complete else math.inf, size, told)
+    found = bounds(loop, fixed, gap)
+    coverage, witness = found.coverage, found.witness
+    at = critical_frequency_of(loop, found)
+    told = {
+        "critical_frequency": loop.omega(loop.frequency(witness.at)) if witness else math.nan,
+        "witness": _named_values(system, loop, witness) if witness else {},
+        "intervals": loop.in_rad_per_s(coverage.intervals),
+        "status": bound_status(found, gap),
+        "proven": coverage.complete,
+        "_asked": AnalysedLoop(loop, unit or loop.gain, fixed or (), at, system),
+    }
+    size = witness.size / loop.gain if witness else math.inf
+    return (coverage.level * loop.gain if coverage.complete else math.inf), size, told
 
 
 def _named_values(system: UncertainSystem, loop: LoopModel, witness: Witness) -> dict[str, Any]:
@@ -352,9 +330,11 @@ def status_sentence(status: Status, side: Literal["below", "above"] = "below") -
     return _SAYS[status].format(side=side)
 
 
-def round_down(value: float) -> float:
-    """Return the next smaller double but one: what was divided is rounded."""
-    return math.nextafter(math.nextafter(value, 0.0), 0.0)
+def reciprocal_below(value: float) -> float:
+    """Return a reciprocal that is rounded towards 0: what is proven stays proven."""
+    if value == 0:
+        return math.inf
+    return math.nextafter(math.nextafter(1 / value, 0.0), 0.0)
 
 
 def round_up(value: float) -> float:
@@ -504,8 +484,8 @@ def robust_stability(system: UncertainSystem, *, gap: float = GAP) -> RobustStab
     loop = LoopModel.of(system)
     if not system.blocks or not loop.acts_back:
         return RobustStability(math.inf, math.inf, math.nan, {}, EVERYWHERE, "unaffected", True)
-    found = PhysicalBounds.of(system, loop, gap)
-    return RobustStability(found.margin, found.size, **found.told)
+    level, size, told = _physical_bounds(system, loop, gap)
+    return RobustStability(reciprocal_below(level), size, **told)
 
 
 def require_uncertain_system(system: Any) -> UncertainSystem:
@@ -673,8 +653,8 @@ def robust_performance(
         return RobustPerformance(0.0, 0.0, gamma, math.nan, status=status)
     scaled = UncertainSystem(product(constant(np.eye(system.noutputs) / gamma), system.matrices))
     loop = LoopModel.of(scaled, _performance(system))
-    found = PhysicalBounds.of(system, loop, gap)
-    return RobustPerformance(found.margin, found.size, gamma, **found.told)
+    level, size, told = _physical_bounds(system, loop, gap)
+    return RobustPerformance(reciprocal_below(level), size, gamma, **told)
 
 
 @single_threaded_blas
@@ -710,21 +690,20 @@ def worst_case_gain(system: UncertainSystem, *, gap: float = GAP) -> WorstCaseGa
     status = "marginal" if margin.status == "marginal" else "unstable"
     if margin.upper <= 1:
         gain = math.inf if margin.upper == 0 else _nominal_gain(system)
-        return WorstCaseGain(
-            math.inf, math.inf, gain, margin.critical_frequency, margin.witness, (), status
-        )
+        where = margin.critical_frequency, margin.witness
+        return WorstCaseGain(math.inf, math.inf, gain, *where, (), status)
     nominal = _nominal_gain(system)
     loop = LoopModel.of(system, _performance(system))
     unit = nominal or 1.0
     fixed = (True,) * len(system.blocks) + (False,)
-    found = PhysicalBounds.of(system, loop.in_unit_of_gain(unit), gap, fixed, unit)
-    lower, told = nominal, found.told
-    if math.isfinite(found.size):
+    level, size, told = _physical_bounds(system, loop.in_unit_of_gain(unit), gap, fixed, unit)
+    lower = nominal
+    if math.isfinite(size):
         told["witness"] = _within(system, told["witness"])
         omega = told["critical_frequency"]
         machine = system_at_witness(system, told["witness"], omega, loop.step)
         lower = max(lower, _gain_at(machine, omega))
-    upper = max(math.nextafter(found.level * unit, math.inf), lower)
+    upper = max(math.nextafter(level * unit, math.inf), lower)
     return WorstCaseGain(lower, upper, nominal, **told)
 
 
@@ -750,16 +729,16 @@ def _within(system: UncertainSystem, values: Mapping[str, Any]) -> dict[str, Any
 
 def _gain_at(machine: Any, omega: float) -> float:
     """Return the largest singular value at a frequency."""
-    if not hasattr(machine, "dt"):
-        return float(np.linalg.norm(np.atleast_2d(machine), 2))
-    if math.isinf(omega):
-        return float(np.linalg.norm(machine.D, 2))
-    z = np.exp(1j * omega * (1 if machine.dt is True else machine.dt)) if machine.dt else 1j * omega
-    return float(np.linalg.norm(np.atleast_2d(machine(z)), 2))
+    value = machine
+    if hasattr(machine, "dt") and math.isinf(omega):
+        value = machine.D
+    elif hasattr(machine, "dt"):
+        step = 1 if machine.dt is True else machine.dt
+        value = machine(np.exp(1j * omega * step) if step else 1j * omega)
+    return float(np.linalg.norm(np.atleast_2d(value), 2))
 
 
 def _nominal_gain(system: UncertainSystem) -> float:
     machine: Any = system.nominal
-    if isinstance(machine, float | np.ndarray):
-        return float(np.linalg.norm(np.atleast_2d(machine), 2))
-    return hinf_norm(machine).value
+    static = isinstance(machine, float | np.ndarray)
+    return _gain_at(machine, 0.0) if static else hinf_norm(machine).value

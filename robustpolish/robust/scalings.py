@@ -58,53 +58,45 @@ class Space:
     def bases(self) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray]:
         """Of every unit vector Dz, Dw of the fixed blocks, Dw of the others, and G."""
         nz, nw = self.structure.shape
-        parts: list[tuple[AnyMatrix, AnyMatrix, AnyMatrix, AnyMatrix]] = []
-        for kind, k in self.layout:
+        shapes = (nz, nz), (nw, nw), (nw, nw), (nw, nz)
+        Dz, still, scaled, G = (np.zeros((self.size, *shape), complex) for shape in shapes)
+        for kind, k, numbers, units in self.pieces:
             block = self.structure.blocks[k]
             z, w = self.structure.inputs[k], self.structure.outputs[k]
-            for unit in _hermitian(block.copies):
-                Dz, G = np.zeros((nz, nz), complex), np.zeros((nw, nz), complex)
-                still, scaled = np.zeros((nw, nw), complex), np.zeros((nw, nw), complex)
-                if kind == "D":
-                    Dz[z, z] = np.kron(unit, np.eye(block.columns))
-                    (still if self.fixed[k] else scaled)[w, w] = np.kron(unit, np.eye(block.rows))
-                else:
-                    G[w, z] = unit
-                parts.append((Dz, still, scaled, G))
-        Dz, still, scaled, G = (np.array(part) for part in zip(*parts, strict=True))
+            if kind == "D":
+                Dz[numbers, z, z] = np.kron(units, np.eye(block.columns))
+                Dw = still if self.fixed[k] else scaled
+                Dw[numbers, w, w] = np.kron(units, np.eye(block.rows))
+            else:
+                G[numbers, w, z] = units
         return Dz, still, scaled, G
 
     @cached_property
-    def layout(self) -> tuple[tuple[str, int], ...]:
-        """What the vector holds: D of every block, then G of every real one."""
-        blocks = self.structure.blocks
-        real = [k for k, block in enumerate(blocks) if block.kind == "real"]
-        return (*(("D", k) for k in range(len(blocks))), *(("G", k) for k in real))
-
-    @cached_property
-    def pieces(self) -> tuple[tuple[str, slice, AnyArray], ...]:
-        """Of each D and G its numbers in the vector, and the matrices that they multiply."""
+    def pieces(self) -> tuple[tuple[str, int, slice, AnyArray], ...]:
+        """D of every block, then G of every real one: its place in the vector, and the basis."""
+        blocks = list(enumerate(self.structure.blocks))
+        kinds = [*(("D", k) for k, _ in blocks),
+                 *(("G", k) for k, block in blocks if block.kind == "real")]  # fmt: skip
         start, found = 0, []
-        for kind, k in self.layout:
+        for kind, k in kinds:
             units = _hermitian(self.structure.blocks[k].copies)
-            found.append((kind, slice(start, start + len(units)), units))
+            found.append((kind, k, slice(start, start + len(units)), units))
             start += len(units)
         return tuple(found)
 
     def blocks_of(self, x: Vector) -> dict[tuple[str, int], AnyMatrix]:
         """Return D and G of the blocks, of one copy each, by kind and block."""
-        parts = zip(self.layout, self.pieces, strict=True)
-        return {key: np.tensordot(x[numbers], units, 1) for key, (_, numbers, units) in parts}
+        return {(kind, k): np.tensordot(x[own], units, 1) for kind, k, own, units in self.pieces}
 
     @property
     def size(self) -> int:
         """Number of real numbers in D and G."""
-        return self.pieces[-1][1].stop
+        return self.pieces[-1][2].stop
 
     def start(self, copies: Vector) -> Vector:
         """Return the vector of diagonal D, one number per copy, and G = 0."""
         x, first = np.zeros(self.size), 0
-        for kind, numbers, units in self.pieces:
+        for kind, _, numbers, units in self.pieces:
             if kind == "D":
                 count = units.shape[1]
                 x[numbers][:count] = copies[first : first + count]
@@ -114,21 +106,15 @@ class Space:
     def boxes(self, largest: float) -> tuple[Box, ...]:
         """Return what bounds the scalings: 0 < D < 1, and G between -/+ largest D."""
         found: list[Box] = []
-        for (kind, k), (_, numbers, units) in zip(self.layout, self.pieces, strict=True):
-            own, count = np.arange(numbers.start, numbers.stop), units.shape[1]
+        for kind, k, numbers, units in self.pieces:
+            own, none = np.arange(numbers.start, numbers.stop), np.zeros(units.shape[1:])
             if kind == "D":
-                found += [(own, units, np.zeros((count, count))), (own, -units, np.eye(count))]
-            else:
-                D = self.pieces[k][1]
-                both = np.concatenate([np.arange(D.start, D.stop), own])
-                found += [
-                    (
-                        both,
-                        np.concatenate([largest * units, sign * units]),
-                        np.zeros((count, count)),
-                    )
-                    for sign in (1.0, -1.0)
-                ]
+                found += [(own, units, none), (own, -units, np.eye(len(none)))]
+                continue
+            D = self.pieces[k][2]
+            both = np.concatenate([np.arange(D.start, D.stop), own])
+            for sign in (1.0, -1.0):
+                found.append((both, np.concatenate([largest * units, sign * units]), none))
         return tuple(found)
 
     def matrices(self, x: Vector) -> tuple[AnyMatrix, AnyMatrix, AnyMatrix, AnyMatrix]:
@@ -256,95 +242,67 @@ def _least(gains: AnyMatrix, scaled: AnyMatrix) -> float:
 # The barrier whose least value is the analytic centre, with its derivatives.
 
 
-@dataclass(frozen=True, eq=False)
 class Barrier:
-    """Minus the logarithms of all determinants that have to stay positive."""
+    """Minus the logarithms of all determinants that have to stay positive.
 
-    parts: tuple[_Determinants, ...]
+    Their matrices are affine in the scalings; those of one size are taken at once, for most are
+    tiny.
 
-    @classmethod
-    def of(cls, coefficients: AnyArray, boxes: tuple[Box, ...]) -> Barrier:
-        """Take what the scalings multiply, of shape (k, size, n, n), and what bounds them."""
-        return cls((_Determinants.of(coefficients), *_by_size(coefficients.shape[1], boxes)))
+    Parameters
+    ----------
+    size : int
+        Number of scalings.
+    boxes : tuple of Box
+        What bounds them.
+    coefficients : ndarray, shape (k, size, n, n), optional
+        What the scalings multiply in further matrices, which have no constant part.
+    """
 
-    @classmethod
-    def of_bounds(cls, size: int, boxes: tuple[Box, ...]) -> Barrier:
-        """Take only what bounds so many scalings."""
-        return cls(tuple(_by_size(size, boxes)))
+    def __init__(
+        self, size: int, boxes: tuple[Box, ...], coefficients: AnyArray | None = None
+    ) -> None:
+        groups: list[tuple[AnyArray, AnyArray]] = []
+        if coefficients is not None:
+            groups.append((coefficients, np.zeros_like(coefficients[:, 0], dtype=float)))
+        for n in sorted({constant.shape[0] for _, _, constant in boxes}):
+            same = [box for box in boxes if box[2].shape[0] == n]
+            table: AnyArray = np.zeros((len(same), size, n, n), complex)
+            for own, (numbers, units, _) in zip(table, same, strict=True):
+                own[numbers] = units
+            table = table if np.imag(table).any() else np.real(table)
+            groups.append((table, np.array([constant for _, _, constant in same])))
+        # Of each group what every scaling adds to the entries, the same beside each other as
+        # right-hand sides, and the constant part.
+        self.parts: list[tuple[AnyArray, AnyArray, AnyArray]] = []
+        for table, constant in groups:
+            k, n, _ = constant.shape
+            rows, columns = (np.ascontiguousarray(table.transpose(0, 2, *last))
+                             for last in ((3, 1), (1, 3)))  # fmt: skip
+            self.parts.append((rows.reshape(-1, size), columns.reshape(k, n, size * n), constant))
 
     def value(self, x: Vector) -> float:
         """Return the value; infinite where a determinant is not positive."""
-        try:
-            total = sum(part.value(x) for part in self.parts)
-        except np.linalg.LinAlgError:
-            return np.inf
-        return float(total) if np.isfinite(total) else np.inf
+        total = 0.0
+        for rows, _, constant in self.parts:
+            try:
+                factors = np.linalg.cholesky((rows @ x).reshape(constant.shape) + constant)
+            except np.linalg.LinAlgError:
+                return np.inf
+            total -= 2 * float(np.log(np.real(np.diagonal(factors, axis1=1, axis2=2))).sum())
+        return total if np.isfinite(total) else np.inf
 
     def derivatives(self, x: Vector) -> tuple[Vector, Matrix]:
         """Return the slope and the curvature."""
         slope, curvature = np.zeros(len(x)), np.zeros((len(x), len(x)))
-        for part in self.parts:
-            part.add(x, slope, curvature)
+        for rows, columns, constant in self.parts:
+            k, n, _ = constant.shape
+            matrices = (rows @ x).reshape(constant.shape) + constant
+            weighted = np.linalg.solve(matrices, columns).reshape(k, n, len(x), n)
+            slope -= np.real(np.einsum("kisi->s", weighted))
+            left = weighted.transpose(2, 0, 1, 3).reshape(len(x), -1)
+            right = weighted.transpose(0, 3, 1, 2).reshape(-1, len(x))
+            curvature += np.real(left @ right)
         return slope, curvature
-
-
-@dataclass(frozen=True, eq=False)
-class _Determinants:
-    """Matrices of one size, affine in the scalings: all at once, for most are tiny.
-
-    Attributes
-    ----------
-    rows : ndarray, shape (k n n, size)
-        What every scaling adds to their entries.
-    columns : ndarray, shape (k, n, size n)
-        The same, beside each other as right-hand sides.
-    constant : ndarray, shape (k, n, n)
-    """
-
-    rows: AnyArray
-    columns: AnyArray
-    constant: AnyArray
-
-    @classmethod
-    def of(cls, coefficients: AnyArray, constant: AnyArray | None = None) -> _Determinants:
-        """Take what scalings multiply, of shape (k, size, n, n)."""
-        k, size, n, _ = coefficients.shape
-        rows = np.ascontiguousarray(coefficients.transpose(0, 2, 3, 1)).reshape(-1, size)
-        columns = np.ascontiguousarray(coefficients.transpose(0, 2, 1, 3)).reshape(k, n, size * n)
-        return cls(rows, columns, np.zeros((k, n, n)) if constant is None else constant)
-
-    def matrices(self, x: Vector) -> AnyArray:
-        return (self.rows @ x).reshape(self.constant.shape) + self.constant
-
-    def value(self, x: Vector) -> float:
-        factors = np.linalg.cholesky(self.matrices(x))
-        return -2 * float(np.log(np.real(np.diagonal(factors, axis1=1, axis2=2))).sum())
-
-    def add(self, x: Vector, slope: Vector, curvature: Matrix) -> None:
-        """Add the first and second derivatives of the value."""
-        k, n, _ = self.constant.shape
-        solved: AnyArray = np.linalg.solve(self.matrices(x), self.columns)
-        weighted = solved.reshape(k, n, len(x), n)
-        slope -= np.real(np.einsum("kisi->s", weighted))
-        left = weighted.transpose(2, 0, 1, 3).reshape(len(x), -1)
-        right = weighted.transpose(0, 3, 1, 2).reshape(-1, len(x))
-        curvature += np.real(left @ right)
-
-
-def _by_size(size: int, boxes: tuple[Box, ...]) -> list[_Determinants]:
-    """Gather bounds of the scalings whose matrices have the same size."""
-    found = []
-    for n in sorted({constant.shape[0] for _, _, constant in boxes}):
-        same = [box for box in boxes if box[2].shape[0] == n]
-        coefficients: AnyArray = np.zeros((len(same), size, n, n), complex)
-        for own, (numbers, units, _) in zip(coefficients, same, strict=True):
-            own[numbers] = units
-        if not np.imag(coefficients).any():
-            coefficients = np.real(coefficients)
-        found.append(
-            _Determinants.of(coefficients, np.array([constant for _, _, constant in same]))
-        )
-    return found
 
 
 # The analytic centre of the scalings that prove a level, and the least level that any prove.
@@ -406,7 +364,7 @@ def reduce_level(inequality: Inequality, start: ScaledBound, target: float = 0.0
         If its square is below the target, the scalings are the centre of those that prove it.
     """
     best, square = start, _ABOVE * start.square
-    walls = Barrier.of_bounds(inequality.space.size, _bounds(inequality))
+    walls = Barrier(inequality.space.size, _bounds(inequality))
     for _ in range(_LEVELS):
         check_deadline()
         if best.square < target * (1 - 1e-9):
@@ -456,7 +414,8 @@ def normalised(space: Space, x: Vector) -> Vector | None:
 
 def centre(inequality: Inequality, square: float, x: Vector) -> Vector:
     """Return the analytic centre of the scalings that prove a level, from one that does."""
-    barrier = Barrier.of(inequality.coefficients(square), _bounds(inequality))
+    coefficients = inequality.coefficients(square)
+    barrier = Barrier(len(x), _bounds(inequality), coefficients)
     value = barrier.value(x)
     if not np.isfinite(value):
         return x
@@ -501,20 +460,23 @@ def initial_scalings(inequality: Inequality) -> ScaledBound:
     x = inequality.start()
     if not held:
         return ScaledBound(inequality.least_square(x), x)
-    inner = best_scalings(_restricted(inequality, held), 1.0)
+    structure = space.structure.only(held)
+    rows = np.concatenate([np.r_[space.structure.inputs[k]] for k in held])
+    columns = np.concatenate([np.r_[space.structure.outputs[k]] for k in held])
+    alone = Inequality(Space(structure), inequality.M[:, rows][:, :, columns])
+    inner = best_scalings(alone, 1.0)
     if not inner.square < 1:
         return ScaledBound(np.inf, x)
     x = np.zeros(space.size)
     first = 0
-    for (kind, k), (_, numbers, units) in zip(space.layout, space.pieces, strict=True):
+    free = []
+    for kind, k, numbers, units in space.pieces:
         if k in held:
-            count = numbers.stop - numbers.start
-            x[numbers] = inner.x[first : first + count]
-            first += count
+            x[numbers] = inner.x[first : first + len(units)]
+            first += len(units)
         elif kind == "D":
             x[numbers][: units.shape[1]] = 1.0
-    free = [n for (kind, k), (_, n, _) in zip(space.layout, space.pieces, strict=True)
-            if kind == "D" and k not in held]  # fmt: skip
+            free.append(numbers)
     for _ in range(60):
         level, inside = inequality.least_square(x), normalised(space, x)
         if np.isfinite(level) and inside is not None:
@@ -522,14 +484,6 @@ def initial_scalings(inequality: Inequality) -> ScaledBound:
         for numbers in free:
             x[numbers] *= 0.1
     return ScaledBound(np.inf, x)
-
-
-def _restricted(inequality: Inequality, keep: list[int]) -> Inequality:
-    """Return the inequality of some of the blocks, of which none is fixed."""
-    structure = inequality.space.structure
-    rows = np.concatenate([np.r_[structure.inputs[k]] for k in keep])
-    columns = np.concatenate([np.r_[structure.outputs[k]] for k in keep])
-    return Inequality(Space(structure.only(keep)), inequality.M[:, rows][:, :, columns])
 
 
 def best_scalings(

@@ -16,7 +16,11 @@ from robustpolish.base.checks import invalid
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.plants.uncertain.system import UncertainSystem
-from robustpolish.robust.questions import require_uncertain_system, round_down, worst_case_gain
+from robustpolish.robust.questions import (
+    reciprocal_below,
+    require_uncertain_system,
+    worst_case_gain,
+)
 
 # Evaluations of the nominal norm in the search for scalings of several sectors.
 _EVALUATIONS = 60
@@ -136,9 +140,8 @@ def robust_sector(
     ends = []
     for name, sector in sectors.items():
         if name not in known:
-            expected = (
-                f"names of both an input and an output: {', '.join(known) or 'there is none'}"
-            )
+            listed = ", ".join(known) or "there is none"
+            expected = f"names of both an input and an output: {listed}"
             raise invalid("sectors", name, expected, "Give the force an input and an output.")
         ends.append(_ends(name, sector))
     low, high = np.array(ends).T
@@ -147,10 +150,9 @@ def robust_sector(
     half = (high - low) / 2
     scaled = _scaled(centred, half, _weights(centred, half))
     worst = worst_case_gain(scaled)
-    return SectorStability(
-        _inverse(worst.upper), _inverse(worst.lower), worst.proven, worst.critical_frequency,
-        worst.witness, dict(zip(names, ends, strict=True)),
-    )  # fmt: skip
+    lower, upper = reciprocal_below(worst.upper), reciprocal_below(worst.lower)
+    where, told = worst.critical_frequency, dict(zip(names, ends, strict=True))
+    return SectorStability(lower, upper, worst.proven, where, worst.witness, told)
 
 
 def _ends(name: str, sector: Any) -> tuple[float, float]:
@@ -185,8 +187,3 @@ def _weights(centred: UncertainSystem, half: Vector) -> Vector:
                      options={"maxfev": _EVALUATIONS, "xatol": 0.05})  # fmt: skip
     logs = found.x if np.isfinite(found.x).all() else np.zeros(count - 1)
     return np.exp2([0.0, *np.round(logs, 1)])
-
-
-def _inverse(value: float) -> float:
-    """Return a reciprocal that is rounded towards 0: what is proven stays proven."""
-    return math.inf if value == 0 else round_down(1 / value)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import control
 import numpy as np
@@ -17,22 +17,12 @@ from robustpolish.base.results import Card, quantities
 from robustpolish.linear.arithmetic.balls import complex_ball, precision
 from robustpolish.plants.blocks import as_state_space, matrices_of
 from robustpolish.plants.uncertain.system import UncertainSystem
+from robustpolish.robust import questions
 from robustpolish.robust.bounds import EVERYWHERE, GAP, bounds
 from robustpolish.robust.coverage import BallScalings, proves_inequality
 from robustpolish.robust.loop_model import DeltaStructure, LoopModel, check_shape, read_structure
-from robustpolish.robust.questions import (
-    AnalysedLoop,
-    MuOverFrequency,
-    bound_status,
-    critical_frequency_of,
-    nominal_status,
-    round_up,
-    status_sentence,
-)
-from robustpolish.robust.questions import (
-    Status as BoundStatus,
-)
-from robustpolish.robust.scalings import Inequality, ScaledBound, Space, best_scalings
+from robustpolish.robust.questions import AnalysedLoop, MuOverFrequency
+from robustpolish.robust.scalings import Inequality, Space, best_scalings
 from robustpolish.robust.witness import worst_delta
 
 # The result, and the structured singular value of a matrix.
@@ -96,8 +86,8 @@ class StructuredSingularValue(MuOverFrequency):
     @property
     def reason(self) -> str:
         """The status in a sentence."""
-        own = _SAYS.get(self.status)
-        return own or status_sentence(cast(BoundStatus, self.status), "above")
+        status: Any = self.status
+        return _SAYS.get(status) or questions.status_sentence(status, "above")
 
     def _shown(self) -> tuple[str, tuple[float, float], float]:
         return self._drawn, (self.lower, self.upper), self.critical_frequency
@@ -130,27 +120,17 @@ def matrix_value(M: AnyMatrix, structure: DeltaStructure) -> StructuredSingularV
     inequality = Inequality(space, (M / unit)[None])
     level = best_scalings(inequality)
     witness = worst_delta(inequality, level, _STARTS)
-    upper, proven = _proven(M / unit, space, level)
-    lower = 1 / witness.size if witness else 0.0
-    return StructuredSingularValue(
-        lower * unit,
-        upper * unit,
-        witness.matrix(structure) / unit if witness else None,
-        proven,
-        "bracketed" if witness else "no witness",
-    )
-
-
-def _proven(M: AnyMatrix, space: Space, level: ScaledBound) -> tuple[float, bool]:
-    """Widen the level until ball arithmetic agrees."""
-    beta = level.level or 1e-12
-    for slack in (1e-10, 1e-8, 1e-6, 1e-4):
-        upper = beta * (1 + slack)
-        weights = BallScalings.of(space, level.x, upper)
+    upper, proven = level.level or 1e-12, False
+    for slack in (1e-10, 1e-8, 1e-6, 1e-4):  # until ball arithmetic agrees
+        weights = BallScalings.of(space, level.x, upper * (1 + slack))
         with precision(_BITS):
-            if weights and proves_inequality(complex_ball(M), weights):
-                return upper, True
-    return beta, False
+            proven = weights is not None and proves_inequality(complex_ball(M / unit), weights)
+        if proven:
+            upper *= 1 + slack
+            break
+    lower, delta = (1 / witness.size, witness.matrix(structure) / unit) if witness else (0.0, None)
+    status = "bracketed" if witness else "no witness"
+    return StructuredSingularValue(lower * unit, upper * unit, delta, proven, status)
 
 
 @single_threaded_blas
@@ -230,7 +210,7 @@ def _peak(
     system: control.StateSpace, structure: DeltaStructure, gap: float
 ) -> StructuredSingularValue:
     """Bound the largest value over all frequencies."""
-    nominal = nominal_status(system)
+    nominal = questions.nominal_status(system)
     if nominal != "stable":
         return StructuredSingularValue(math.inf, math.inf, None, False, nominal)
     loop = LoopModel.around(matrices_of(system), system.dt, structure)
@@ -245,8 +225,9 @@ def _peak(
     if witness is not None:
         lower, frequency = loop.gain / witness.size, loop.omega(loop.frequency(witness.at))
         delta = loop.at_positive(witness.matrix(structure), witness.at) / loop.gain
-    upper, status = round_up(upper) if proven else math.inf, bound_status(found, gap)
-    asked = AnalysedLoop(loop, loop.gain, (), critical_frequency_of(loop, found))
+    upper = questions.round_up(upper) if proven else math.inf
+    status = questions.bound_status(found, gap)
+    asked = AnalysedLoop(loop, loop.gain, (), questions.critical_frequency_of(loop, found))
     return StructuredSingularValue(
         lower, upper, delta, proven, status, frequency, intervals, _asked=asked
     )

@@ -47,14 +47,13 @@ def all_pass(value: AnyMatrix, omega: float, step: float = 0.0) -> control.State
     """
     left, sizes, right = np.linalg.svd(value)
     x = math.tan(omega * step / 2) if step else omega
-    out, into = _turned_phase(left[:, 0], x, bool(step)), _turned_phase(right[0], x, bool(step))
     dt = step or 0
-    gain = float(sizes[0])
-    after = control.StateSpace(*out, dt)
-    before = control.StateSpace(*into, dt)
-    column = np.abs(left[:, 0])[:, None] * gain
-    row = np.abs(right[0])[None]
-    joined = after * control.StateSpace([], [], [], column @ row, dt) * before
+    after, before = (
+        control.StateSpace(*_turned_phase(values, x, bool(step)), dt)
+        for values in (left[:, 0], right[0])
+    )
+    middle = np.abs(left[:, 0])[:, None] * float(sizes[0]) @ np.abs(right[0])[None]
+    joined = after * control.StateSpace([], [], [], middle, dt) * before
     return control.StateSpace(joined.A, joined.B, joined.C, joined.D, dt)
 
 
@@ -199,27 +198,25 @@ def smallest_delta(
     if not (np.isfinite(w).all() and w.any()):
         return None
     problem = _SmallestDeltaProblem(structure, response, scale, _turned(w / scale), at, moves, held)
+
+    def constraint(kind: str, both: Callable[[Vector], tuple[Vector, Matrix]]) -> dict[str, Any]:
+        return {"type": kind, "fun": lambda v: both(v)[0], "jac": lambda v: both(v)[1]}
+
     with suppress(np.linalg.LinAlgError):  # of a step that hits a pole
-        return _descended(problem, deltas)
+        start = problem.start(deltas)
+        if start is None:
+            return None
+        found = minimize(
+            lambda v: (v[-1], problem.unit),
+            start,
+            jac=True,
+            method="SLSQP",
+            bounds=[(None, None)] * (len(start) - 1) + [(_LEAST, None)],
+            constraints=[constraint("eq", problem.equal), constraint("ineq", problem.less)],
+            options={"maxiter": _ROUNDS, "ftol": 1e-11},
+        )
+        return problem.read(found.x) if np.isfinite(found.x).all() else None
     return None
-
-
-def _descended(
-    problem: _SmallestDeltaProblem, deltas: tuple[complex | None, ...] | None
-) -> Witness | None:
-    start = problem.start(deltas)
-    if start is None:
-        return None
-    found = minimize(
-        lambda v: (v[-1], problem.unit),
-        start,
-        jac=True,
-        method="SLSQP",
-        bounds=[(None, None)] * (len(start) - 1) + [(_LEAST, None)],
-        constraints=[_constraint("eq", problem.equal), _constraint("ineq", problem.less)],
-        options={"maxiter": _ROUNDS, "ftol": 1e-11},
-    )
-    return problem.read(found.x) if np.isfinite(found.x).all() else None
 
 
 def _turned(w: AnyVector) -> AnyVector:
@@ -231,10 +228,6 @@ def _turned(w: AnyVector) -> AnyVector:
     weights = np.exp(turn * np.arange(1, len(w) + 1) ** 2) / np.sqrt(np.arange(2, len(w) + 2))
     total = complex(weights @ w)
     return w * np.conj(total) / abs(total) if total else w
-
-
-def _constraint(kind: str, both: Callable[[Vector], tuple[Vector, Matrix]]) -> dict[str, Any]:
-    return {"type": kind, "fun": lambda v: both(v)[0], "jac": lambda v: both(v)[1]}
 
 
 class _SmallestDeltaProblem:
@@ -297,10 +290,10 @@ class _SmallestDeltaProblem:
             given = None if deltas is None else deltas[k]
             if given is not None:
                 delta = np.array([[given]], complex)
-            values = np.real(delta).ravel() if block.kind == "real" else _split(delta)
-            v[self.places[k]] = values
-            own = np.linalg.norm(delta if block.kind != "real" else np.real(delta), 2)
-            sizes.append(float(own))
+            delta = np.real(delta) if block.kind == "real" else delta
+            parts = [delta] if block.kind == "real" else [np.real(delta), np.imag(delta)]
+            v[self.places[k]] = np.concatenate([part.ravel() for part in parts])
+            sizes.append(float(np.linalg.norm(delta, 2)))
         self.size = self._largest(sizes) or 1.0
         for place in self.places:
             v[place] /= self.size
@@ -384,21 +377,19 @@ class _SmallestDeltaProblem:
                 slopes.append(slope / unit)
             elif block.group:
                 continue
-            elif block.kind == "real":
-                for sign in (1.0, -1.0):
-                    slope = np.zeros(self.count)
-                    slope[place], slope[-1] = -sign, by_k
-                    values.append(k_size - sign * float(v[place][0]))
-                    slopes.append(slope)
             else:
-                own = self.delta(v, k) / self.size
-                U, sizes, V = np.linalg.svd(own)
-                for i in range(min(own.shape)):
+                if block.kind == "real":
+                    found = [(s * float(v[place][0]), np.array([s])) for s in (1.0, -1.0)]
+                else:
+                    own = self.delta(v, k) / self.size
+                    U, sizes, V = np.linalg.svd(own)
+                    gradients = [np.outer(U[:, i], V[i]).ravel() for i in range(min(own.shape))]
+                    found = [(float(size), np.concatenate([np.real(g), np.imag(g)]))
+                             for size, g in zip(sizes, gradients, strict=True)]  # fmt: skip
+                for size, gradient in found:
                     slope = np.zeros(self.count)
-                    gradient = np.conj(np.outer(U[:, i], V[i])).ravel()
-                    slope[place] = -np.concatenate([np.real(gradient), -np.imag(gradient)])
-                    slope[-1] = by_k
-                    values.append(k_size - float(sizes[i]))
+                    slope[place], slope[-1] = -gradient, by_k
+                    values.append(k_size - size)
                     slopes.append(slope)
         for group in self.structure.together:
             k_size, by_k = self._may_be(group[0], v)
@@ -444,7 +435,3 @@ class _SmallestDeltaProblem:
             return None
         at = float(v[-2]) if self.moves else self.at
         return Witness(size, tuple(found), at) if size > 0 else None
-
-
-def _split(delta: AnyMatrix) -> Vector:
-    return np.concatenate([np.real(delta).ravel(), np.imag(delta).ravel()])

@@ -13,7 +13,7 @@ from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.linear.stability import stability
 
-QUICK, FULL = 70, 560
+QUICK, SLOW, FULL = 24, 70, 560
 
 
 def oscillators(rng, count):
@@ -188,17 +188,13 @@ def check_h2(G):
         assert expected <= mp.mpf(norm.upper) * (1 + mp.mpf(1e-14))
 
 
-@pytest.mark.parametrize("seed", range(QUICK))
+def marked(seed):
+    slow = pytest.mark.slow if seed < SLOW else pytest.mark.long
+    return seed if seed < QUICK else pytest.param(seed, marks=slow)
+
+
+@pytest.mark.parametrize("seed", map(marked, range(FULL)))
 def test_norms_of_hard_systems(seed):
-    with mp.workdps(60):
-        G = system(seed)
-        check_hinf(G)
-        check_h2(G)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("seed", range(QUICK, FULL))
-def test_norms_of_many_hard_systems(seed):
     with mp.workdps(60):
         G = system(seed)
         check_hinf(G)

@@ -23,19 +23,10 @@ def closed(loop, witness):
     # z = C x + D w + D12 u, w = c s + d z, s' = a s + b z: solved for z
     back = (_eye(D.nrows()) - D * d).inv()
     zx, zs, zu = back * C, back * D * c, back * D12
-    rows = [
-        [A + B * d * zx, B * (c + d * zs)],
-        [b * zx, a + b * zs],
-    ]
+    rows = [[A + B * d * zx, B * (c + d * zs)], [b * zx, a + b * zs]]
     into = [B2 + B * d * zu, b * zu]
     out = [C2 + D21 * d * zx, D21 * (c + d * zs)]
     return _joined(rows), _joined([[one] for one in into]), _joined([out]), D22 + D21 * d * zu
-
-
-def poles(loop, witness):
-    """The poles of the loop with a witness in it."""
-    with precision(BITS):
-        return [complex(pole.mid()) for pole in closed(loop, witness)[0].eig(algorithm="approx")]
 
 
 def distance(loop, witness):

@@ -7,13 +7,13 @@ import numpy as np
 from scipy.linalg import block_diag
 
 import robustpolish as rp
-from robustpolish.plants.uncertain.elements import (
+from robustpolish.plants.uncertain.lft import (
     ComplexElement,
     DynamicElement,
+    Lft,
     RealElement,
     UncertainBlock,
 )
-from robustpolish.plants.uncertain.lft import Lft
 
 s = control.tf("s")
 

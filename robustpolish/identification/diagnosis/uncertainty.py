@@ -21,7 +21,7 @@ from robustpolish.machines.mechanical.data import context_values
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import Input, Output
 from robustpolish.plants.uncertain.build import Ellipsoid, uncertain_ellipsoid, uncertain_real
-from robustpolish.plants.uncertain.elements import real_number
+from robustpolish.plants.uncertain.lft import real_number
 from robustpolish.plants.uncertain.system import UncertainSystem, as_uncertain
 
 # The machines that a fit allows: its covariance as an ellipsoid of an uncertain system.

@@ -104,7 +104,7 @@ def with_filter(plant: GeneralizedPlant, found: control.StateSpace | None) -> Ge
     if found is None:
         return plant
     wiring = plant.wiring
-    return plant.rewired(wiring.matrix_series(wiring.nz, found, "filter"))
+    return plant.rewired(wiring.series("output", wiring.nz, found, "filter"))
 
 
 def _check(found: control.StateSpace, measurements: int) -> None:

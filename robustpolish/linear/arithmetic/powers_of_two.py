@@ -172,12 +172,10 @@ def entry_range_error(argument: str, matrices: Mapping[str, Any]) -> InvalidInpu
         if M[place]
     ]
     (low, first), (high, last) = min(sizes, default=(0.0, "")), max(sizes, default=(0.0, ""))
-    return invalid(
-        argument,
-        described(f"entries from {low:.3g} ({first}) to {high:.3g} ({last})"),
-        "numbers whose products and ratios double precision can hold",
-        "Choose other units for states, signals or time, and write 0 for what is nothing.",
-    )
+    shown = described(f"entries from {low:.3g} ({first}) to {high:.3g} ({last})")
+    want = "numbers whose products and ratios double precision can hold"
+    remedy = "Choose other units for states, signals or time, and write 0 for what is nothing."
+    return invalid(argument, shown, want, remedy)
 
 
 def refuse_extreme(argument: str, matrices: Mapping[str, Any]) -> None:

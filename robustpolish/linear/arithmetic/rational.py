@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from flint import acb, acb_mat, arb, arb_mat, fmpq, fmpq_mat, fmpz, fmpz_mat, nmod, nmod_mat
+from flint import acb, arb, arb_mat, fmpq, fmpq_mat, fmpz, fmpz_mat, nmod, nmod_mat
 from numpy.typing import NDArray
 
 from robustpolish.linear.arithmetic.balls import precision, transfer_matrix
@@ -160,8 +160,12 @@ def transfer(model: ExactModel, x: fmpq | None) -> tuple[NDArray[np.complex128],
     bits = 128
     while True:
         with precision(bits):
+            s = None if x is None else acb(0, x)
+            if model.discrete:
+                s = acb(-1) if s is None else (1 + s) / (1 - s)
+            A, B, C, D = map(arb_mat, (model.A, model.B, model.C, model.D))
             try:
-                G = _transfer(model, x)
+                G = transfer_matrix(A, B, C, D, s)
             except ZeroDivisionError:  # too few bits to tell the resolvent from a singular one
                 bits *= 2
                 continue
@@ -175,10 +179,3 @@ def transfer(model: ExactModel, x: fmpq | None) -> tuple[NDArray[np.complex128],
                 values = [complex(e * acb(2) ** (-exponent)) for e in entries]
                 return np.array(values).reshape(G.nrows(), G.ncols()), float(2.0**exponent)
         bits *= 2
-
-
-def _transfer(model: ExactModel, x: fmpq | None) -> acb_mat:
-    s = None if x is None else acb(0, x)
-    if model.discrete:
-        s = acb(-1) if s is None else (1 + s) / (1 - s)
-    return transfer_matrix(*map(arb_mat, (model.A, model.B, model.C, model.D)), s)  # pyright: ignore[reportCallIssue]

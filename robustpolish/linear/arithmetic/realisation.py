@@ -67,31 +67,20 @@ def realisation(argument: str, system: Any) -> Realisation:
     n, m, p = system.nstates, system.ninputs, system.noutputs
     discrete = bool(system.isdtime(strict=True))
     step = 1.0 if system.dt is None or system.dt is True or not discrete else float(system.dt)
-    return Realisation(
-        np.array(system.A, dtype=float).reshape(n, n),
-        np.array(system.B, dtype=float).reshape(n, m),
-        np.array(system.C, dtype=float).reshape(p, n),
-        np.array(system.D, dtype=float).reshape(p, m),
-        discrete,
-        step,
+    shapes = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
+    A, B, C, D = (
+        np.array(getattr(system, name), dtype=float).reshape(s) for name, s in shapes.items()
     )
+    return Realisation(A, B, C, D, discrete, step)
 
 
 def named_like(
     system: control.StateSpace, A: Matrix, B: Matrix, C: Matrix, D: Matrix
 ) -> control.StateSpace:
     """Return a system of these matrices with the sampling time and names of another."""
-    return control.StateSpace(
-        A,
-        B,
-        C,
-        D,
-        system.dt,
-        states=system.state_labels,
-        inputs=system.input_labels,
-        outputs=system.output_labels,
-        remove_useless_states=False,
-    )
+    kinds = ("state", "input", "output")
+    names: dict[str, Any] = {f"{kind}s": getattr(system, f"{kind}_labels") for kind in kinds}
+    return control.StateSpace(A, B, C, D, system.dt, remove_useless_states=False, **names)
 
 
 def power_of_two(value: float) -> float:
@@ -149,13 +138,6 @@ def rescaled(system: Realisation) -> Realisation:
     """Balance the states, then choose units of time and gain that make the entries near one."""
     if system.states == 0:
         return system
-    try:  # no `within_doubles`: small systems would wait for the context of it
-        return _rescaled(system)
-    except FloatRangeError:
-        raise entry_range_error("system", system.matrices) from None
-
-
-def _rescaled(system: Realisation) -> Realisation:
     # Imports Numba, which what only holds a realisation does without.
     from robustpolish.linear.arithmetic.even_units import (
         equilibrate_signals,
@@ -172,9 +154,13 @@ def _rescaled(system: Realisation) -> Realisation:
     if not system.discrete:
         rates[1] = nearest_exponent(typical_rate(M[:n, :n]))
     gains = equilibrate_signals(M, n, rows, columns, rates[1])
-    time, gain = _times(system.time, rates), _times(system.gain, gains)
-    if time < _LEAST_NORMAL or not is_exact_scaling(M, rows, columns, given, LARGEST):
-        raise FloatRangeError
+    try:
+        time, gain = _times(system.time, rates), _times(system.gain, gains)
+    except OverflowError:
+        time = gain = math.inf
+    known = _LEAST_NORMAL <= time < math.inf and 0 < gain < math.inf
+    if not (known and is_exact_scaling(M, rows, columns, given, LARGEST)):
+        raise entry_range_error("system", system.matrices)
     A, B, C, D = M[:n, :n].copy(), M[:n, n:].copy(), M[n:, :n].copy(), M[n:, n:].copy()
     return Realisation(A, B, C, D, system.discrete, system.step, time, gain)
 
@@ -182,12 +168,9 @@ def _rescaled(system: Realisation) -> Realisation:
 def _times(value: float, exponents: Iterable[int]) -> float:
     """Multiply by powers of two, one after the other, none of which may leave the doubles."""
     for exponent in exponents:
-        try:
-            value = math.ldexp(value, exponent)
-        except OverflowError as error:
-            raise FloatRangeError from error
-        if not 0 < value < math.inf:
-            raise FloatRangeError
+        value = math.ldexp(value, exponent)
+        if value == 0:
+            raise OverflowError
     return value
 
 

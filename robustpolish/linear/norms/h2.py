@@ -26,7 +26,7 @@ from robustpolish.linear.eigen import EPS, eigensystem
 from robustpolish.linear.norms.modal_form import ModalForm, modal_form
 from robustpolish.linear.norms.singular_values import singular_values
 from robustpolish.linear.scaling import parts
-from robustpolish.linear.stability import Stability, stability_of, stable_part
+from robustpolish.linear.stability import stability_of, stable_part
 from robustpolish.plots.frequency import plot_gains
 
 # The square of the H2 norm with bounds, in double precision or in ball arithmetic.
@@ -129,22 +129,24 @@ def exact_h2_energy(model: ExactModel) -> EnergyBounds:
             except ZeroDivisionError:  # too few bits to invert
                 ball = arb(0, math.inf)
             if ball.is_finite() and ball > 0 and ball.rel_accuracy_bits() >= 60:
-                return _outward(ball)
+                with precision(53):
+                    middle = float(ball)
+                return EnergyBounds(middle, middle * (1 - 2 * EPS), middle * (1 + 2 * EPS))
         if bits >= 768 and model.is_zero():
             return EnergyBounds(0.0, 0.0, 0.0)
         bits *= 2
 
 
-def _outward(ball: arb) -> EnergyBounds:
-    with precision(53):
-        middle = float(ball)
-    return EnergyBounds(middle, middle * (1 - 2 * EPS), middle * (1 + 2 * EPS))
-
-
 def _energy_ball(model: ExactModel) -> arb:
-    """Sum the Gramian's series by doubling: X <- X + M X M', M <- M M."""
-    M, source, direct = _discrete_source(model)
-    X, C = source, arb_mat(model.C)
+    """Sum the series of the Gramian X = M X M' + B B' by doubling: X <- X + M X M', M <- M M."""
+    M, B, C, direct = *map(arb_mat, (model.A, model.B, model.C)), arb(0)
+    X = B * B.transpose()
+    if model.discrete:
+        direct = _square_size(arb_mat(model.D))
+    else:  # by s = (z + 1)/(z - 1), where the Gramian stays the same
+        one = identity(model.states)
+        M, B = (arb_mat(model.A - one).solve(side) for side in (arb_mat(model.A + one), B))
+        X = B * B.transpose() * 2
     seen = (C * X * C.transpose()).trace() + direct
     for _ in range(20_000):
         check_deadline()
@@ -159,19 +161,6 @@ def _energy_ball(model: ExactModel) -> arb:
         M = M * M
         seen = (C * X * C.transpose()).trace() + direct
     return arb(0, math.inf)
-
-
-def _discrete_source(model: ExactModel) -> tuple[arb_mat, arb_mat, arb]:
-    """Return M and Q with X = M X M' + Q, and the energy that D passes directly."""
-    one = identity(model.states)
-    if model.discrete:
-        D = arb_mat(model.D)
-        B = arb_mat(model.B)
-        return arb_mat(model.A), B * B.transpose(), _square_size(D)
-    shifted = arb_mat(model.A - one)
-    M = shifted.solve(arb_mat(model.A + one))
-    B = shifted.solve(arb_mat(model.B))
-    return M, B * B.transpose() * 2, arb(0)
 
 
 def _square_size(M: arb_mat) -> arb:
@@ -196,10 +185,9 @@ def modal_energy(form: ModalForm) -> EnergyBounds | None:
         return None
     rates = -form.real
     products = form.residues @ form.residues.conj().T
-    n = form.states
+    n, imag = rates.size, form.high + form.low.astype(np.longdouble)
     apart = np.empty((n, n), complex)
-    apart.real = np.add.outer(rates, rates)
-    apart.imag = -np.subtract.outer(form.imag, form.imag)
+    apart.real, apart.imag = np.add.outer(rates, rates), -np.subtract.outer(imag, imag)
     square = float(np.sum((products / apart).real))
     sizes = np.outer(form.sizes, form.sizes) / np.abs(apart)
     rounding = EPS * (8 * n + 64) * float(sizes.sum())
@@ -218,6 +206,7 @@ def modal_energy(form: ModalForm) -> EnergyBounds | None:
     return EnergyBounds(square, lower, (high + moved) ** 2 * (1 + 8 * EPS))
 
 
+_FEEDTHROUGH = "D is not zero, so white noise passes with infinite power in continuous time"
 MODAL_FROM = 12
 """Beyond so many coupled states modes are summed, which is quicker there."""
 
@@ -364,28 +353,29 @@ def h2_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> H2Norm:
     by_hand = [norm for norm in found if "ball" in norm.reason]
     telling = [*(norm for norm in infinite if not norm.stable), *infinite, *unsteady, *by_hand]
     reason = (telling or found)[0].reason if found else "there are no states, inputs or outputs"
-    return H2Norm(
-        math.hypot(*(norm.value for norm in found)),
-        math.hypot(*(norm.lower for norm in found)),
-        math.hypot(*(norm.upper for norm in found)),
-        not unsteady,
-        reason,
-        system,
+    value, lower, upper = (
+        math.hypot(*(getattr(norm, name) for norm in found)) for name in ("value", "lower", "upper")
     )
+    return H2Norm(value, lower, upper, not unsteady, reason, system)
 
 
 def _part_norm(model: Realisation, tolerance: float) -> H2Norm:
-    spectrum = None
+    spectrum, stable = None, True
     if model.states:
         model = rescaled(model)
         spectrum = eigensystem(model.A)
         verdict = stability_of(model, spectrum)
         if verdict.verdict == "unstable":
-            return H2Norm(math.inf, math.inf, math.inf, False, verdict.reason)
-        if verdict.verdict == "marginal":
-            return _marginal_norm(model, verdict)
+            return _infinite(verdict.reason)
+        seen = stable_part(model, verdict) if verdict.verdict == "marginal" else None
+        if verdict.verdict == "marginal" and seen is None:
+            return _infinite(verdict.reason)
+        if seen is not None and (model.discrete or not model.D.any()):
+            reason = f"{verdict.reason}, but hidden from inputs or outputs: not internally stable"
+            return replace(_in_units(model, exact_h2_energy(seen), reason), stable=False)
+        stable = seen is None
     if not model.discrete and model.D.any():
-        return _feedthrough(stable=True)
+        return _infinite(_FEEDTHROUGH, stable)
     if model.states == 0 or model.D.size == 0:
         gain = float(np.linalg.norm(model.D))
         text = "a static gain" if model.D.size else "no input acts on any output"
@@ -406,23 +396,10 @@ def _part_norm(model: Realisation, tolerance: float) -> H2Norm:
 
 
 def _in_units(model: Realisation, found: EnergyBounds, reason: str) -> H2Norm:
-    value, lower, upper = bracket(
-        *map(math.sqrt, (found.square, found.lower, found.upper)),
-        factor=model.gain * math.sqrt(model.time),
-    )
-    return H2Norm(value, lower, upper, True, reason)
+    value, lower, upper = map(math.sqrt, (found.square, found.lower, found.upper))
+    known = bracket(value, lower, upper, model.gain * math.sqrt(model.time))
+    return H2Norm(*known, True, reason)
 
 
-def _feedthrough(stable: bool) -> H2Norm:
-    reason = "D is not zero, so white noise passes with infinite power in continuous time"
+def _infinite(reason: str, stable: bool = False) -> H2Norm:
     return H2Norm(math.inf, math.inf, math.inf, stable, reason)
-
-
-def _marginal_norm(model: Realisation, verdict: Stability) -> H2Norm:
-    seen = stable_part(model, verdict)
-    if seen is None:
-        return H2Norm(math.inf, math.inf, math.inf, False, verdict.reason)
-    if not model.discrete and model.D.any():
-        return _feedthrough(stable=False)
-    reason = f"{verdict.reason}, but hidden from inputs or outputs: not internally stable"
-    return replace(_in_units(model, exact_h2_energy(seen), reason), stable=False)

@@ -15,10 +15,11 @@ from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear.arithmetic.rational import to_float
 from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
 from robustpolish.linear.eigen import eigensystem
-from robustpolish.linear.norms.peak import Peak, certified_peak
+from robustpolish.linear.norms.modal_form import Peak
+from robustpolish.linear.norms.peak import certified_peak, in_units
 from robustpolish.linear.norms.singular_values import singular_values
 from robustpolish.linear.scaling import parts
-from robustpolish.linear.stability import Stability, stability_of, stable_part
+from robustpolish.linear.stability import stability_of, stable_part
 from robustpolish.plots.frequency import plot_gains
 
 
@@ -190,19 +191,15 @@ def hinf_norm(
 def _norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:
     found = [_part_norm(part, tolerance, exact) for part in parts(model)]
     if not found:
-        nothing = "there are no states, inputs or outputs"
-        return HinfNorm(0.0, 0.0, 0.0, 0.0, True, nothing)
+        return HinfNorm(0.0, 0.0, 0.0, 0.0, True, "there are no states, inputs or outputs")
     if len(found) == 1:
         return found[0]
     largest = max(found, key=lambda norm: (norm.value, norm.upper))
     unsteady = next((norm.reason for norm in found if not norm.stable), largest.reason)
-    return replace(
-        largest,
-        lower=max(norm.lower for norm in found),
-        upper=max(norm.upper for norm in found),
-        stable=all(norm.stable for norm in found),
-        reason=unsteady if math.isfinite(largest.value) else largest.reason,
-    )
+    lower, upper = (max(getattr(norm, end) for norm in found) for end in ("lower", "upper"))
+    reason = unsteady if math.isfinite(largest.value) else largest.reason
+    stable = all(norm.stable for norm in found)
+    return replace(largest, lower=lower, upper=upper, stable=stable, reason=reason)
 
 
 def _part_norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:
@@ -213,35 +210,24 @@ def _part_norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:
     spectrum = eigensystem(model.A)
     verdict = stability_of(model, spectrum)
     if verdict.verdict == "unstable":
-        return _infinite(verdict.reason)
+        return HinfNorm(math.inf, math.nan, math.inf, math.inf, False, verdict.reason)
     if model.D.size == 0:
         reason = "no input acts on any output" if verdict else verdict.reason
         return HinfNorm(0.0, 0.0, 0.0, 0.0, bool(verdict), reason)
-    if not verdict:
-        return _marginal_norm(model, verdict, tolerance)
-    return _in_units(model, certified_peak(model, tolerance, exact, spectrum=spectrum))
-
-
-def _in_units(model: Realisation, found: Peak) -> HinfNorm:
-    if model.discrete:
-        found = replace(found, frequency=2 * math.atan(found.frequency) / model.step)
-    found = found.in_units(model)
-    return HinfNorm(
-        found.gain, found.frequency, found.lower, found.upper, True, f"proof: {found.proof}"
-    )
-
-
-def _marginal_norm(model: Realisation, verdict: Stability, tolerance: float) -> HinfNorm:
-    """Decide exactly whether the poles on the boundary reach from an input to an output."""
+    if verdict:
+        return _in_units(model, certified_peak(model, tolerance, exact, spectrum=spectrum))
+    # Do the poles on the boundary reach from an input to an output? That is decided exactly.
     seen = stable_part(model, verdict)
     if seen is None:
-        return _infinite(verdict.reason)
-    A, B, C, D = (to_float(M) for M in (seen.A, seen.B, seen.C, seen.D))
-    rounded = Realisation(A, B, C, D, model.discrete)
-    found = certified_peak(rounded, tolerance, True, seen)
+        return HinfNorm(math.inf, math.nan, math.inf, math.inf, False, verdict.reason)
+    A, B, C, D = map(to_float, (seen.A, seen.B, seen.C, seen.D))
+    found = certified_peak(Realisation(A, B, C, D, model.discrete), tolerance, True, seen)
     reason = f"{verdict.reason}, but hidden from the inputs or outputs: not internally stable"
     return replace(_in_units(model, found), stable=False, reason=reason)
 
 
-def _infinite(reason: str) -> HinfNorm:
-    return HinfNorm(math.inf, math.nan, math.inf, math.inf, False, reason)
+def _in_units(model: Realisation, found: Peak) -> HinfNorm:
+    if model.discrete:
+        found = found._replace(frequency=2 * math.atan(found.frequency) / model.step)
+    frequency, gain, lower, upper, proof = in_units(found, model)
+    return HinfNorm(gain, frequency, lower, upper, True, f"proof: {proof}")

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, Literal
@@ -24,99 +23,138 @@ from robustpolish.base.checks import described, invalid, one_of
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear.arithmetic.rational import ExactModel, fraction, rational
 from robustpolish.linear.arithmetic.realisation import Realisation, power_of_two, realisation
-from robustpolish.linear.norms.peak import ModalModel, largest_response, modal_model, rebased
+from robustpolish.linear.norms.peak import largest_response
 from robustpolish.linear.proofs.bounded_real import bounded_real
 from robustpolish.linear.proofs.definite import is_definite
-from robustpolish.linear.scaling import Scaling, equilibrating_scales, in_units, parts_with_indices
-
-# The thesis's analysis inequalities, handed to a solver in a basis that suits it.
+from robustpolish.linear.scaling import equilibrating_scales, in_units, parts_with_indices
 
 Equation = Literal["10.15", "10.17", "10.44", "10.45"]
+_OF_SQUARES = ("10.17", "10.44")
+"""Equations that hold the square of gamma."""
+
+# The thesis's analysis inequalities, handed to a solver in a basis in which their matrices are near
+# diagonal and of order one.
 
 
 @dataclass(frozen=True, eq=False)
-class LmiSolution:
-    """What the solver says: K in the coordinates of the system, gamma and the status."""
+class _Modal:
+    """A system in coordinates x = basis * (its own x).
 
-    K: NDArray[np.float64] | None
-    gamma: float
-    status: str
+    `weights` are inverse roots of twice each coordinate's decay rate: multiplied from both sides
+    they make A^T K + K A of the size of K.
+    """
 
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix
+    basis: Matrix
+    weights: Matrix
 
-def minimise_gamma(model: ModalModel, equation: Equation) -> LmiSolution:
-    """Find the smallest gamma for which the inequality has a solution."""
-    import cvxpy as cp  # late: importing takes a second, and only these checks need it
+    @classmethod
+    def of(cls, model: Realisation) -> _Modal:
+        """Choose the real modal basis, or the unit basis where that is ill conditioned."""
+        n, pairs = model.states, []
+        values, vectors = np.linalg.eig(model.A)
+        columns, rates = [], []
+        for value, vector in zip(values, vectors.T, strict=True):
+            if value.imag == 0:
+                columns.append(vector.real)
+                rates.append(abs(value.real))
+            elif value.imag > 0:
+                pairs.append(len(columns))
+                columns += [vector.real, vector.imag]
+                rates += [abs(value.real)] * 2
+        basis, rates = np.array(columns).reshape(n, n).T, np.array(rates)
+        if not (n and np.linalg.cond(basis) < 1e8 and rates.min() > 0):
+            basis, rates, pairs = np.eye(n), np.ones(n), []
+        # Factors of the basis make inputs and outputs act alike on each mode.
+        weights = 1 / np.sqrt(2 * rates)
+        reach = np.linalg.norm(np.linalg.solve(basis, model.B), axis=1) * weights
+        show = np.linalg.norm(model.C @ basis, axis=0) * weights
+        for i in pairs:  # both vectors of a pair share their factor
+            reach[i : i + 2] = np.linalg.norm(reach[i : i + 2])
+            show[i : i + 2] = np.linalg.norm(show[i : i + 2])
+        even = np.sqrt(np.maximum(reach, 1e-3) / np.maximum(show, 1e-3))
+        basis = np.asarray(basis * even, dtype=float)
+        A, B, C = _moved(model.A, model.B, model.C, basis)
+        return cls(A, B, C, model.D, basis, weights)
 
-    bound: Any = cp.Variable(nonneg=True)
-    K, constraints = _constraints(model, equation, bound, cp.Constant(0.0))
-    answer, status = _solved(cp.Problem(cp.Minimize(bound), constraints), K, model)
-    gamma = math.nan if answer is None else _gamma(equation, float(bound.value))
-    return LmiSolution(answer, gamma, status)
-
-
-def interior_solution(model: ModalModel, equation: Equation, gamma: float) -> LmiSolution:
-    """Find K that satisfies the inequality for a given gamma with the largest margin."""
-    import cvxpy as cp  # late, as above
-
-    bound = cp.Constant(gamma**2 if equation in ("10.17", "10.44") else gamma)
-    margin: Any = cp.Variable()
-    K, constraints = _constraints(model, equation, bound, margin)
-    constraints.append(margin <= 1)
-    answer, status = _solved(cp.Problem(cp.Maximize(margin), constraints), K, model)
-    return LmiSolution(answer, gamma, status)
-
-
-def _gamma(equation: Equation, bound: float) -> float:
-    return math.sqrt(max(bound, 0.0)) if equation in ("10.17", "10.44") else bound
-
-
-def _constraints(
-    model: ModalModel, equation: Equation, bound: Any, margin: Any
-) -> tuple[Any, list]:
-    """Return K and the constraints, the state rows weighted so that all modes count alike."""
-    import cvxpy as cp  # late, as above
-
-    A, B, C, D = model.A, model.B, model.C, model.D
-    n, m, p = A.shape[0], B.shape[1], C.shape[0]
-    E = np.diag(model.weights)
-    K: Any = cp.Variable((n, n), symmetric=True)
-    rows, KB, Ct = E @ (A.T @ K + K @ A) @ E, E @ K @ B, E @ C.T
-    constraints: list[Any] = []
-    if equation == "10.15":
-        inequality = rows
-        constraints.append(K << np.eye(n))
-    elif equation == "10.17":
-        inequality = cp.bmat(
-            [[rows, KB, Ct], [KB.T, -bound * np.eye(m), D.T], [Ct.T, D, -np.eye(p)]]
-        )
-    elif equation == "10.44":
-        corner = KB + Ct @ D
-        inequality = cp.bmat([[rows + Ct @ Ct.T, corner], [corner.T, D.T @ D - bound * np.eye(m)]])
-    else:
-        Z: Any = cp.Variable((p, p), symmetric=True)
-        inequality = cp.bmat([[rows, KB], [KB.T, -bound * np.eye(m)]])
-        constraints += [cp.bmat([[K, C.T], [C, Z]]) >> 0, cp.trace(Z) <= bound - margin * 1e-3]
-    size = inequality.shape[0]
-    constraints += [(inequality + inequality.T) / 2 + margin * np.eye(size) << 0, K >> 0]
-    return K, constraints
-
-
-def _solved(problem: Any, K: Any, model: ModalModel) -> tuple[NDArray[np.float64] | None, str]:
-    import cvxpy as cp  # late, as above
-
-    status = ""
-    for decompose in (False, True):  # another path to the optimum, where one breaks off
+    def rebased(self, K: Matrix) -> _Modal:
+        """Change to the coordinates in which K is the identity, after a first solution."""
         try:
-            with warnings.catch_warnings():  # an inaccurate answer is checked like any other
-                warnings.simplefilter("ignore")
-                problem.solve(solver=cp.CLARABEL, chordal_decomposition_enable=decompose)
-        except cp.SolverError as error:
-            status = f"solver failed: {error}"
-            continue
-        if K.value is not None and np.isfinite(K.value).all():
-            return model.back(np.asarray(K.value)), str(problem.status)
-        status = str(problem.status)
-    return None, status
+            basis = np.linalg.inv(np.linalg.cholesky(K)).T
+        except np.linalg.LinAlgError:
+            return self
+        A, B, C = _moved(self.A, self.B, self.C, np.linalg.solve(self.basis, basis))
+        rates = np.maximum(-np.diag(A), 1e-12 * np.abs(A).max())
+        return _Modal(A, B, C, self.D, basis, 1 / np.sqrt(2 * rates))
+
+    def solved(
+        self, equation: Equation, gamma: float | None = None
+    ) -> tuple[Matrix | None, float, str]:
+        """Find the smallest gamma, or for a given one the K with the largest margin.
+
+        Returns
+        -------
+        K : ndarray or None
+            In the coordinates of the system, exactly symmetric.
+        gamma : float
+        status : str
+        """
+        import cvxpy as cp  # late: importing takes a second, and only these checks need it
+
+        squared = equation in _OF_SQUARES
+        bound: Any = cp.Variable(nonneg=True)
+        margin: Any = cp.Constant(0.0)
+        if gamma is not None:
+            bound, margin = cp.Constant(gamma**2 if squared else gamma), cp.Variable()
+        A, B, C, D = self.A, self.B, self.C, self.D
+        (p, m), n, E = D.shape, len(A), np.diag(self.weights)
+        K: Any = cp.Variable((n, n), symmetric=True)
+        # The state rows are weighted so that all modes count alike.
+        rows, KB, Ct = E @ (A.T @ K + K @ A) @ E, E @ K @ B, E @ C.T
+        constraints: list[Any] = [K >> 0] if gamma is None else [K >> 0, margin <= 1]
+        if equation == "10.15":
+            inequality = rows
+            constraints.append(K << np.eye(n))
+        elif equation == "10.17":
+            inequality = cp.bmat(
+                [[rows, KB, Ct], [KB.T, -bound * np.eye(m), D.T], [Ct.T, D, -np.eye(p)]]
+            )
+        elif equation == "10.44":
+            corner, below = KB + Ct @ D, D.T @ D - bound * np.eye(m)
+            inequality = cp.bmat([[rows + Ct @ Ct.T, corner], [corner.T, below]])
+        else:
+            Z: Any = cp.Variable((p, p), symmetric=True)
+            inequality = cp.bmat([[rows, KB], [KB.T, -bound * np.eye(m)]])
+            constraints += [cp.bmat([[K, C.T], [C, Z]]) >> 0, cp.trace(Z) <= bound - margin * 1e-3]
+        size = inequality.shape[0]
+        constraints.append((inequality + inequality.T) / 2 + margin * np.eye(size) << 0)
+        goal = cp.Minimize(bound) if gamma is None else cp.Maximize(margin)
+        problem, status = cp.Problem(goal, constraints), ""
+        for decompose in (False, True):  # another path to the optimum, where one breaks off
+            try:
+                with warnings.catch_warnings():  # an inaccurate answer is checked like any other
+                    warnings.simplefilter("ignore")
+                    problem.solve(solver=cp.CLARABEL, chordal_decomposition_enable=decompose)
+            except cp.SolverError as error:
+                status = f"solver failed: {error}"
+                continue
+            status = str(problem.status)
+            if K.value is not None and np.isfinite(K.value).all():
+                inverse = np.linalg.inv(self.basis)
+                found = inverse.T @ np.asarray(K.value) @ inverse
+                least = float(bound.value)
+                least = math.sqrt(max(least, 0.0)) if squared else least
+                return (found + found.T) / 2, least if gamma is None else gamma, status
+        return None, math.nan, status
+
+
+def _moved(A: Matrix, B: Matrix, C: Matrix, basis: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+    """Return A, B and C in the coordinates of a basis."""
+    moved: Any = np.linalg.solve(basis, A @ basis), np.linalg.solve(basis, B), C @ basis
+    return moved
 
 
 # Does a given matrix satisfy the strict inequality? Decided in rational arithmetic.
@@ -285,89 +323,59 @@ def _checked(system: control.StateSpace, equation: Equation) -> LmiCheck:
     """Solve each decoupled part and put the proofs together."""
     model = realisation("system", system)
     if model.discrete:
-        raise invalid(
-            "system",
-            described(f"a discrete system, dt = {system.dt}"),
-            "a continuous one",
-            "Use hinf_norm or h2_norm, which take both.",
-        )
+        shown = described(f"a discrete system, dt = {system.dt}")
+        remedy = "Use hinf_norm or h2_norm, which take both."
+        raise invalid("system", shown, "a continuous one", remedy)
     K: Matrix | None = np.zeros((model.states, model.states))
     combined = math.hypot if equation == "10.45" else max
-    found = [(indices, _LmiProblem.of(part)) for part, indices in parts_with_indices(model)]
-    checks = [problem.solved(equation) for _, problem in found]
+    found = parts_with_indices(model)
+    checks = [_part_check(part, equation) for part, _ in found]
     value = combined(0.0, *(check.value for check in checks))
-    for (indices, _), check in zip(found, checks, strict=True):
+    for (_, indices), check in zip(found, checks, strict=True):
         if check.matrix is None or K is None:
             K = None
         elif indices:  # the H2 inequality of a part holds with K / gamma, whatever gamma
             share = value / check.value if equation == "10.45" and 0 < value < math.inf else 1.0
             K[np.ix_(indices, indices)] = check.matrix * share
+    optima = [check.optimum for check in checks]
     return LmiCheck(
         value,
         K,
         all(check.verified for check in checks),
-        _optimum(combined, [check.optimum for check in checks]),
+        math.nan if any(map(math.isnan, optima)) else combined(0.0, *optima),
         equation,
         next((check.status for check in checks if not check.verified), "optimal"),
     )
 
 
-def _optimum(combined: Callable[..., float], optima: list[float]) -> float:
-    return math.nan if any(map(math.isnan, optima)) else combined(0.0, *optima)
-
-
-@dataclass(frozen=True, eq=False)
-class _LmiProblem:
-    """A system in even units, in a modal basis for the solver and exactly for the proof."""
-
-    scales: Scaling
-    modal: ModalModel
-    exact: ExactModel
-
-    @classmethod
-    def of(cls, model: Realisation) -> _LmiProblem:
-        p, m = model.D.shape
-        scales = equilibrating_scales(model, [np.arange(m)], [np.arange(p)])
-        guess = largest_response(in_units(model, scales))
-        scales = replace(scales, outputs=scales.outputs * power_of_two(guess))
-        scaled = in_units(model, scales)
-        return cls(scales, modal_model(scaled), ExactModel.of(scaled))
-
-    def solved(self, equation: Equation) -> LmiCheck:
-        """Minimise gamma, step back from the optimum until K is a proof."""
-        if equation == "10.15":
-            return self._lyapunov()
-        if 0 in self.modal.D.shape:  # no norm to bound, only stability to prove
-            return replace(self._lyapunov(), equation=equation)
-        unit, weight = self._units(equation)
-        best = minimise_gamma(self.modal, equation)
-        if best.K is None:
-            return LmiCheck(math.inf, None, False, math.nan, equation, best.status)
-        bases = [self.modal, rebased(self.modal, best.K)]
-        for back_off, basis in product((1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2), bases):
-            gamma = best.gamma * (1 + back_off)
-            inside = interior_solution(basis, equation, gamma)
-            if inside.K is not None and proves_lmi(self.exact, equation, inside.K, gamma):
-                K = self._physical(inside.K, weight)
-                return LmiCheck(gamma * unit, K, True, best.gamma * unit, equation, best.status)
-        K = self._physical(best.K, weight)
-        return LmiCheck(math.inf, K, False, best.gamma * unit, equation, best.status)
-
-    def _lyapunov(self) -> LmiCheck:
-        """Find K for (10.15)."""
-        found = interior_solution(self.modal, "10.15", 1.0)
-        proven = found.K is not None and proves_lmi(self.exact, "10.15", found.K, 1.0)
-        K = None if found.K is None else self._physical(found.K, 1.0)
-        value = 0.0 if proven else math.inf
-        return LmiCheck(value, K, proven, math.nan, "10.15", found.status)
-
-    def _units(self, equation: Equation) -> tuple[float, float]:
-        """Return the unit of gamma and the factor of T^-1 K T^-1 in the given units."""
-        u, y = (float(s[0]) if s.size else 1.0 for s in (self.scales.inputs, self.scales.outputs))
-        if equation == "10.45":
-            return y / u * math.sqrt(self.scales.time), y / u / math.sqrt(self.scales.time)
-        return y / u, y**2 / self.scales.time
-
-    def _physical(self, K: Matrix, weight: float) -> Matrix:
-        T = self.scales.state
-        return weight * K / T / T[:, None]
+def _part_check(model: Realisation, equation: Equation) -> LmiCheck:
+    """Minimise gamma in even units, step back from the optimum until K is a proof, exactly."""
+    p, m = model.D.shape
+    scales = equilibrating_scales(model, [np.arange(m)], [np.arange(p)])
+    guess = largest_response(in_units(model, scales))[1]
+    scales = replace(scales, outputs=scales.outputs * power_of_two(guess))
+    scaled = in_units(model, scales)
+    modal, exact, T = _Modal.of(scaled), ExactModel.of(scaled), scales.state
+    if equation == "10.15" or 0 in (p, m):  # no norm to bound, only stability to prove
+        K, _, status = modal.solved("10.15", 1.0)
+        proven = K is not None and proves_lmi(exact, "10.15", K, 1.0)
+        K = None if K is None else K / T / T[:, None]
+        return LmiCheck(0.0 if proven else math.inf, K, proven, math.nan, equation, status)
+    # The unit of gamma, and the factor of T^-1 K T^-1 in the given units.
+    unit = float(scales.outputs[0] / scales.inputs[0])
+    weight = float(scales.outputs[0]) ** 2 / scales.time
+    if equation == "10.45":
+        unit, weight = unit * math.sqrt(scales.time), unit / math.sqrt(scales.time)
+    best, optimum, status = modal.solved(equation)
+    if best is None:
+        return LmiCheck(math.inf, None, False, math.nan, equation, status)
+    value, K = math.inf, best
+    bases = [modal, modal.rebased(best)]
+    for back_off, basis in product((1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2), bases):
+        gamma = optimum * (1 + back_off)
+        inside = basis.solved(equation, gamma)[0]
+        if inside is not None and proves_lmi(exact, equation, inside, gamma):
+            value, K = gamma * unit, inside
+            break
+    K = weight * K / T / T[:, None]
+    return LmiCheck(value, K, math.isfinite(value), optimum * unit, equation, status)

@@ -126,33 +126,23 @@ def expand(modes, centre, half, terms):  # type: ignore[no-untyped-def]  # compi
 
     Parameters
     ----------
-    modes : Modes
+    modes : ModalForm
     centre, half : float
         c and h.
     terms : ndarray of complex, shape (ORDER, p, m)
         Overwritten.
     """
-    n = modes.real.size
-    p, m = modes.D.shape
-    _start(modes.D, terms)
+    terms[:] = 0.0
+    terms[0] = modes.D
+    flat = terms.reshape(ORDER, modes.D.size)
     step = complex(0.0, -half)
-    for i in range(n):
+    for i in range(modes.real.size):
         power = 1.0 / complex(-modes.real[i], (centre - modes.high[i]) - modes.low[i])
         factor = power * step
         for j in range(ORDER):
-            for k in range(p):
-                for q in range(m):
-                    terms[j, k, q] += power * modes.residues[i, k * m + q]
+            for k in range(flat.shape[1]):
+                flat[j, k] += power * modes.residues[i, k]
             power = power * factor
-
-
-@njit(cache=True, error_model="numpy")
-def _start(D, terms):  # type: ignore[no-untyped-def]  # compiled
-    """Make D the first term and all others zero."""
-    for j in range(ORDER):
-        for k in range(D.shape[0]):
-            for q in range(D.shape[1]):
-                terms[j, k, q] = D[k, q] if j == 0 else 0.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -163,7 +153,7 @@ def expansion_error(modes, centre, half, gain):  # type: ignore[no-untyped-def] 
 
     Parameters
     ----------
-    modes : Modes
+    modes : ModalForm
     centre, half : float
     gain : float
         What is tiny beside it may be bounded coarsely; zero for the sharpest bound.
@@ -201,19 +191,17 @@ def expand_far(modes, start, terms):  # type: ignore[no-untyped-def]  # compiled
     float
         Bound of what is left out.
     """
-    n = modes.real.size
-    p, m = modes.D.shape
-    _start(modes.D, terms)
-    nearest = np.empty(n)
-    rest = 0.0
+    terms[:] = 0.0
+    terms[0] = modes.D
+    n, flat = modes.real.size, terms.reshape(ORDER, modes.D.size)
+    nearest, rest = np.empty(n), 0.0
     for i in range(n):
         nearest[i] = FAR / (FAR - 1.0) / start * (1.0 + 1e-9)
         ratio = complex(modes.real[i], modes.high[i]) / complex(0.0, start)
         power = 1.0 / complex(0.0, start)
         for j in range(1, ORDER):
-            for k in range(p):
-                for q in range(m):
-                    terms[j, k, q] += power * modes.residues[i, k * m + q]
+            for k in range(flat.shape[1]):
+                flat[j, k] += power * modes.residues[i, k]
             power = power * ratio
         rest += nearest[i] * modes.sizes[i] * np.hypot(ratio.real, ratio.imag) ** (ORDER - 1)
     # Within the weight of discrete time, |1 - i x| <= 1 + x, x cancels the x of the distance.
@@ -334,10 +322,10 @@ def signals(X, right, B, C):  # type: ignore[no-untyped-def]  # compiled
     b = X @ B
     b = b + X @ (B - V @ b)
     few = 4.0 * EPS * np.sqrt(X.shape[0])
-    b_error, whole = np.empty(X.shape[0]), few * _size(B)
+    b_error, whole = np.empty(X.shape[0]), few * frobenius(B)
     for i in range(X.shape[0]):
-        b_error[i] = whole * _size(X[i : i + 1])
-    return b, C @ V, b_error, np.full(X.shape[0], few * _size(C))
+        b_error[i] = whole * frobenius(X[i : i + 1])
+    return b, C @ V, b_error, np.full(X.shape[0], few * frobenius(C))
 
 
 @njit(cache=True, error_model="numpy")
@@ -364,7 +352,7 @@ def products(b, c, b_error, c_error, outward):  # type: ignore[no-untyped-def]  
     residues, bounds = np.empty((n, p * m), np.complex128), np.empty((3, n))
     shown, moved = np.empty(n), np.empty(n)
     for k in range(n):
-        shown[k], moved[k] = _size(c[:, k : k + 1]), _size(b[k : k + 1])
+        shown[k], moved[k] = frobenius(c[:, k : k + 1]), frobenius(b[k : k + 1])
         for i in range(p):
             for j in range(m):
                 residues[k, i * m + j] = c[i, k] * b[k, j]
@@ -375,7 +363,8 @@ def products(b, c, b_error, c_error, outward):  # type: ignore[no-untyped-def]  
 
 
 @njit(cache=True, error_model="numpy")
-def _size(M):  # type: ignore[no-untyped-def]  # compiled
+def frobenius(M):  # type: ignore[no-untyped-def]  # compiled
+    """Return the Frobenius norm."""
     square = 0.0
     for i in range(M.shape[0]):
         for j in range(M.shape[1]):

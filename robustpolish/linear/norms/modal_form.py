@@ -14,7 +14,6 @@ Discrete systems are mapped to the imaginary axis by z = (1 + s)/(1 - s), mode b
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -92,13 +91,13 @@ def _slices(M: Matrix, inner: int) -> tuple[list[Matrix], list[Matrix]]:
     digits = math.ceil((54 + math.log2(inner)) / 2)
     rest, parts, sizes = M, [], []
     for _ in range(_SLICES):
-        size = np.abs(rest).max(axis=1, initial=0.0)
-        _, exponent = np.frexp(size)
+        largest = np.abs(rest).max(axis=1, initial=0.0)
+        _, exponent = np.frexp(largest)
         shift = np.ldexp(1.0, exponent + digits)[:, None]
         part = (rest + shift) - shift
         rest = rest - part
         parts.append(part)
-        sizes.append(np.maximum(size, np.abs(part).max(axis=1, initial=0.0)))
+        sizes.append(np.maximum(largest, np.abs(part).max(axis=1, initial=0.0)))
     return parts, [*sizes, np.abs(rest).max(axis=1, initial=0.0)]
 
 
@@ -106,28 +105,41 @@ def _slices(M: Matrix, inner: int) -> tuple[list[Matrix], list[Matrix]]:
 _OUTWARD = 1 + 1e-9
 
 
-@dataclass(frozen=True, eq=False)
-class ModalForm:
+class Peak(NamedTuple):
+    """The peak of the gain with bounds.
+
+    Attributes
+    ----------
+    frequency : float
+        In x, s = i x.
+    gain, lower, upper : float
+        The gain there, and bounds of the true peak.
+    proof : str
+        How the upper bound was found.
+    """
+
+    frequency: float
+    gain: float
+    lower: float
+    upper: float
+    proof: str = ""
+
+
+class ModalForm(NamedTuple):
     """The response D + sum of residues / (s - pole), on the imaginary axis s = i x.
 
     It has at least as many outputs as inputs: a system with fewer is transposed, which keeps the
-    gains. All errors bound magnitudes.
+    gains. All errors bound magnitudes. The arrays are laid out for compiled functions.
 
     Attributes
     ----------
     real : ndarray, shape (n,)
         Real parts of the poles.
-    imag : ndarray of extended precision, shape (n,)
-        Imaginary parts.
+    high, low : ndarray, shape (n,)
+        Imaginary parts as sums of two doubles.
     residues : ndarray of complex, shape (n, p * m)
     sizes : ndarray, shape (n,)
         Bounds of the norms of the residues.
-    D : ndarray of complex, shape (p, m)
-    D_error : float
-        Rounding error of D.
-    coupling : ndarray, shape (n, n) or (n,)
-        Bounds of the entries of F, in the coordinates of the given system; its diagonal alone
-        where they are estimates.
     rows : ndarray, shape (n,)
         Row sums of `coupling`.
     shown, moved : ndarray, shape (n,)
@@ -136,6 +148,12 @@ class ModalForm:
         What the errors of C V and V^-1 B make of each residue.
     stretch : ndarray, shape (n,)
         1 / |z - eigenvalue| is this times weight / |s - pole|.
+    coupling : ndarray, shape (n, n) or (1, n)
+        Bounds of the entries of F, in the coordinates of the given system; its diagonal alone
+        where they are estimates.
+    D : ndarray of complex, shape (p, m)
+    D_size, D_error : float
+        Norm of D, and its rounding error.
     discrete : bool
         Whether the weight is |1 - s|; otherwise it is one.
     stable : bool
@@ -144,28 +162,21 @@ class ModalForm:
     """
 
     real: Vector
-    imag: AnyArray
+    high: Vector
+    low: Vector
     residues: AnyArray
     sizes: Vector
-    D: AnyArray
-    D_error: float
-    coupling: Vector
     rows: Vector
     shown: Vector
     moved: Vector
     signal_errors: Vector
     stretch: Vector
+    coupling: Vector
+    D: AnyArray
+    D_size: float
+    D_error: float
     discrete: bool
     stable: bool
-
-    @property
-    def states(self) -> int:
-        """Number of states."""
-        return self.real.size
-
-    def weight(self, x: Vector, h: Vector) -> Vector:
-        """Return the largest weight within h of x."""
-        return np.hypot(1.0, x) + h if self.discrete else np.ones_like(x)
 
 
 def modal_form(model: Realisation, spectrum: Eigensystem, proven: bool) -> ModalForm | None:
@@ -203,12 +214,12 @@ def modal_form(model: Realisation, spectrum: Eigensystem, proven: bool) -> Modal
     gap *= _OUTWARD
     if not proven:
         b, c, *errors = signals(X, rows, *(np.array(M, complex, order="C") for M in (B, C)))
-        values, estimates = spectrum.values, spectrum.errors
-        seen, reached = (c, errors[1]), (b, errors[0])
-        return _on_the_axis(model.discrete, values, estimates, estimates, reached, seen, D)
-    values, coupling = _remainder(A, right, X, spectrum.values.astype(np.clongdouble), gap)
-    sums = coupling.sum(axis=1) * _OUTWARD
-    reached, seen = _reached(B, right, X, gap), _seen(C, right)
+        values, coupling = spectrum.values, spectrum.errors
+        sums, reached, seen = coupling, (b, errors[0]), (c, errors[1])
+    else:
+        values, coupling = _remainder(A, right, X, spectrum.values.astype(np.clongdouble), gap)
+        sums = coupling.sum(axis=1) * _OUTWARD
+        reached, seen = _reached(B, right, X, gap), _seen(C, right)
     return _on_the_axis(model.discrete, values, coupling, sums, reached, seen, D)
 
 
@@ -221,9 +232,8 @@ def _remainder(
     rounding = rounding + (8 * WIDE * np.abs(V) * np.abs(values)).astype(float)
     residual = (product - V * values).astype(complex)
     rounding = rounding + 2 * EPS * np.abs(residual)
-    found = X @ residual
-    size = np.abs(X)
-    error = size @ rounding + 4 * (n + 4) * EPS * (size @ np.abs(residual))
+    found, sizes = X @ residual, np.abs(X)
+    error = sizes @ rounding + 4 * (n + 4) * EPS * (sizes @ np.abs(residual))
     # V^-1 is (1 - S)^-1 X with S = 1 - X V, so it adds at most this to every entry of a column.
     error = error + (np.abs(found) + error).max(axis=0) * (gap / (1 - gap))
     diagonal = np.arange(n)
@@ -276,13 +286,13 @@ def _on_the_axis(
     )
     direct, D_error = D.astype(complex), 0.0
     if discrete:
-        size = np.abs(values)
-        stable = bool((size + rows < 1).all())
+        sizes = np.abs(values)
+        stable = bool((sizes + rows < 1).all())
         with np.errstate(divide="ignore", invalid="ignore"):
             factor = 1 / (1 + values)
             poles = (values - 1) * factor
             # |z|^2 - 1 without the cancellation of its square
-            real = (size - 1) * (size + 1) * np.abs(factor) ** 2
+            real = (sizes - 1) * (sizes + 1) * np.abs(factor) ** 2
         if not np.isfinite(poles).all():
             return None
         stretch = np.abs(factor).astype(float)
@@ -294,79 +304,22 @@ def _on_the_axis(
     else:
         stable = bool((np.real(values) + rows < 0).all())
         stretch, real, imag, sizes = np.ones(n), np.real(values), np.imag(values), shown * moved
+    high = imag.astype(float)
     return ModalForm(
         real.astype(float),
-        imag,
-        residues,
+        high,
+        (imag - high).astype(float),
+        np.ascontiguousarray(residues),
         sizes * _OUTWARD,
-        direct,
-        D_error,
-        coupling,
         rows,
         bounds[0],
         bounds[1],
         bounds[2],
         stretch * _OUTWARD,
+        np.ascontiguousarray(coupling.reshape(-1, n)),
+        np.ascontiguousarray(direct),
+        size(direct),
+        D_error,
         discrete,
         stable,
-    )
-
-
-# A modal form as compiled code reads it.
-
-
-class ModalArrays(NamedTuple):
-    """The arrays of a :class:`ModalForm` in the layout that compiled functions expect.
-
-    Attributes
-    ----------
-    real : ndarray, shape (n,)
-    high, low : ndarray, shape (n,)
-        Imaginary parts as sums of two doubles.
-    residues : ndarray of complex, shape (n, p * m)
-    sizes, rows, shown, moved, signal_errors, stretch : ndarray, shape (n,)
-    coupling : ndarray, shape (n, n) or (1, n)
-        With one row: the diagonal alone.
-    D : ndarray of complex, shape (p, m)
-    D_size, D_error : float
-        Norm of D, and its rounding error.
-    discrete : bool
-    """
-
-    real: Vector
-    high: Vector
-    low: Vector
-    residues: AnyArray
-    sizes: Vector
-    rows: Vector
-    shown: Vector
-    moved: Vector
-    signal_errors: Vector
-    stretch: Vector
-    coupling: Vector
-    D: AnyArray
-    D_size: float
-    D_error: float
-    discrete: bool
-
-
-def modal_arrays(form: ModalForm) -> ModalArrays:
-    """Lay the arrays of a modal form out."""
-    high = form.imag.astype(float)
-    return ModalArrays(
-        form.real,
-        high,
-        (form.imag - high).astype(float),
-        np.ascontiguousarray(form.residues),
-        form.sizes,
-        form.rows,
-        form.shown,
-        form.moved,
-        form.signal_errors,
-        form.stretch,
-        np.ascontiguousarray(form.coupling.reshape(-1, form.states)),
-        np.ascontiguousarray(form.D),
-        size(form.D),
-        form.D_error,
-        form.discrete,
     )

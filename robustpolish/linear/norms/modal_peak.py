@@ -7,7 +7,6 @@ is left, the bound is proven up to the errors of the modal form.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,9 +21,10 @@ from robustpolish.linear.norms.modal_expansion import (
     expand_far,
     expansion_error,
     first_pieces,
+    frobenius,
     overlapping,
 )
-from robustpolish.linear.norms.modal_form import ModalForm, modal_arrays
+from robustpolish.linear.norms.modal_form import ModalForm, Peak
 
 # Eigenvalues of small Hermitian matrices, compiled: calls of LAPACK would cost more than these.
 
@@ -102,22 +102,32 @@ def _rotate(H, V, i, j):  # type: ignore[no-untyped-def]  # compiled
 @njit(cache=True, error_model="numpy")
 def largest_gain(G):  # type: ignore[no-untyped-def]  # compiled
     """Return the largest singular value of a matrix with at most as many columns as rows."""
-    p, m = G.shape
+    m = G.shape[1]
     if m == 1:
-        total = 0.0
-        for i in range(p):
-            total += G[i, 0].real ** 2 + G[i, 0].imag ** 2
-        return np.sqrt(total)
-    H = np.empty((m, m), np.complex128)
-    for i in range(m):
-        for j in range(m):
-            entry = complex(0.0, 0.0)
-            for k in range(p):
-                entry += np.conj(G[k, i]) * G[k, j]
-            H[i, j] = entry
-    V = np.empty((m, m), np.complex128)
+        return frobenius(G)
+    H, V = np.zeros((m, m), np.complex128), np.empty((m, m), np.complex128)
+    add_adjoint_product(G, G, H)
     eigen(H, V)
     return np.sqrt(max(H[m - 1, m - 1].real, 0.0))
+
+
+@njit(cache=True, error_model="numpy")
+def add_adjoint_product(left, right, total):  # type: ignore[no-untyped-def]  # compiled
+    """Add left* right to a matrix."""
+    for i in range(left.shape[1]):
+        for j in range(right.shape[1]):
+            entry = complex(0.0, 0.0)
+            for k in range(left.shape[0]):
+                entry += np.conj(left[k, i]) * right[k, j]
+            total[i, j] += entry
+
+
+@njit(cache=True, error_model="numpy")
+def _term_of_square(terms, order, product):  # type: ignore[no-untyped-def]  # compiled
+    """Overwrite a matrix by the term of G* G of an order, for a series G."""
+    product[:] = 0.0
+    for a in range(order + 1):
+        add_adjoint_product(terms[a], terms[order - a], product)
 
 
 # Which pieces of the axis surely have no gain above a level.
@@ -140,11 +150,7 @@ def sizes(terms, norms):  # type: ignore[no-untyped-def]  # compiled
     """Write down bounds of the terms' norms; return their sum."""
     total = 0.0
     for j in range(ORDER):
-        square = 0.0
-        for k in range(terms.shape[1]):
-            for q in range(terms.shape[2]):
-                square += terms[j, k, q].real ** 2 + terms[j, k, q].imag ** 2
-        norms[j] = np.sqrt(square) * (1.0 + 1e-12)
+        norms[j] = frobenius(terms[j]) * (1.0 + 1e-12)
         total += norms[j]
     return total
 
@@ -173,25 +179,9 @@ def squares(terms, norms, total, error, found):  # type: ignore[no-untyped-def] 
     late = 0.0
     for order in range(ORDER):
         product = found[min(order, 3)]
-        for i in range(m):
-            for j in range(m):
-                product[i, j] = 0.0
-        for a in range(order // 2 + 1):
-            b = order - a
-            for i in range(m):
-                for j in range(m):
-                    entry = complex(0.0, 0.0)
-                    for k in range(p):
-                        entry += np.conj(terms[a, k, i]) * terms[b, k, j]
-                    product[i, j] += entry
-                    if a != b:
-                        product[j, i] += np.conj(entry)
+        _term_of_square(terms, order, product)
         if order > 2:
-            square = 0.0
-            for i in range(m):
-                for j in range(m):
-                    square += product[i, j].real ** 2 + product[i, j].imag ** 2
-            late += np.sqrt(square) * (1.0 + 1e-12)
+            late += frobenius(product) * (1.0 + 1e-12)
     for a in range(1, ORDER):
         for b in range(ORDER - a, ORDER):
             late += norms[a] * norms[b]
@@ -216,11 +206,8 @@ def below(found, late, error, level):  # type: ignore[no-untyped-def]  # compile
         An estimate of t, from -1 to 1; 0 where the gain has no peak.
     """
     m = found.shape[1]
-    F0, F1, F2 = (
-        _level_remainder(found, 0, level),
-        _level_remainder(found, 1, 0.0),
-        _level_remainder(found, 2, 0.0),
-    )
+    F0 = _level_remainder(found, 0, level)
+    F1, F2 = _level_remainder(found, 1, 0.0), _level_remainder(found, 2, 0.0)
     V, room = np.empty((m, m), np.complex128), np.empty((m, m), np.complex128)
     # Coordinates in which F_0 is diagonal up to rounding; these need not be exact.
     eigen(F0, V)
@@ -256,31 +243,19 @@ def below(found, late, error, level):  # type: ignore[no-untyped-def]  # compile
 @njit(cache=True, error_model="numpy")
 def _level_remainder(found, order, level):  # type: ignore[no-untyped-def]  # compiled
     """Return what a term leaves of the square of a level."""
-    m = found.shape[1]
-    F = np.empty((m, m), np.complex128)
-    for i in range(m):
-        for j in range(m):
-            F[i, j] = -found[order, i, j]
+    F = -found[order]
+    for i in range(found.shape[1]):
         F[i, i] += level * level
     return F
 
 
 @njit(cache=True, error_model="numpy")
 def _turn(F, V, room):  # type: ignore[no-untyped-def]  # compiled
-    """Overwrite F by V* F V."""
-    m = F.shape[0]
-    for i in range(m):
-        for j in range(m):
-            entry = complex(0.0, 0.0)
-            for k in range(m):
-                entry += F[i, k] * V[k, j]
-            room[i, j] = entry
-    for i in range(m):
-        for j in range(m):
-            entry = complex(0.0, 0.0)
-            for k in range(m):
-                entry += np.conj(V[k, i]) * room[k, j]
-            F[i, j] = entry
+    """Overwrite a Hermitian F by V* F V."""
+    room[:] = 0.0
+    add_adjoint_product(F, V, room)  # F* = F
+    F[:] = 0.0
+    add_adjoint_product(V, room, F)
 
 
 @njit(cache=True, error_model="numpy")
@@ -327,46 +302,28 @@ def _peak(F0, F1, F2):  # type: ignore[no-untyped-def]  # compiled
     return t if abs(t) <= 1.0 else 0.0
 
 
-@dataclass(frozen=True)
-class ModalPeak:
-    """The largest gain with bounds, in the units of the form that it was found in.
-
-    Attributes
-    ----------
-    frequency : float
-        In x, s = i x.
-    gain, lower, upper : float
-    """
-
-    frequency: float
-    gain: float
-    lower: float
-    upper: float
-
-
-def modal_peak(form: ModalForm, tolerance: float, widest: float) -> ModalPeak | None:
+def modal_peak(modes: ModalForm, tolerance: float, widest: float) -> Peak | None:
     """Find the peak.
 
     Parameters
     ----------
-    form : ModalForm
+    modes : ModalForm
     tolerance, widest : float
         Relative widths of the bracket: wanted, and accepted where the errors of the form are
         larger.
 
     Returns
     -------
-    ModalPeak or None
+    Peak or None
         None if these errors, or too much work, leave it open.
     """
-    modes = modal_arrays(form)
     by_height = np.argsort(modes.high)
     centre, half, count = first_pieces(modes.real[by_height], modes.high[by_height])
     search: Any = _search  # compiled, so that no types are known
     check_deadline()
     pieces = centre[:count], half[:count]
     settled, *found = search(modes, *pieces, float(tolerance), float(widest))
-    return ModalPeak(*found) if settled else None
+    return Peak(*found) if settled else None
 
 
 @njit(cache=True, error_model="numpy")
@@ -449,23 +406,16 @@ def _cut(pieces, k, hint, share):  # type: ignore[no-untyped-def]  # compiled
 @njit(cache=True, error_model="numpy")
 def _highest_middle(modes, centre, half, best, terms, found):  # type: ignore[no-untyped-def]  # compiled
     """Climb from the highest of all middles."""
-    p, m = modes.D.shape
     highest, which = -1.0, 0
-    G = np.empty((p, m), np.complex128)
+    G = np.empty(modes.D.shape, np.complex128)
+    flat = G.reshape(G.size)
     for k in range(centre.size):
-        for i in range(p):
-            for j in range(m):
-                G[i, j] = modes.D[i, j]
+        G[:] = modes.D
         for q in range(modes.real.size):
             factor = 1.0 / complex(-modes.real[q], (centre[k] - modes.high[q]) - modes.low[q])
-            for i in range(p):
-                for j in range(m):
-                    G[i, j] += factor * modes.residues[q, i * m + j]
-        square = 0.0
-        for i in range(p):
-            for j in range(m):
-                square += G[i, j].real ** 2 + G[i, j].imag ** 2
-        if np.sqrt(square) >= highest:  # no singular value is larger than that
+            for i in range(flat.size):
+                flat[i] += factor * modes.residues[q, i]
+        if frobenius(G) >= highest:  # no singular value is larger than that
             gain = largest_gain(G)
             if gain > highest:
                 highest, which = gain, k
@@ -501,15 +451,9 @@ def _climbed(modes, at, half, best, terms, found):  # type: ignore[no-untyped-de
 @njit(cache=True, error_model="numpy")
 def _step(here, found):  # type: ignore[no-untyped-def]  # compiled
     """Return t of the top of the gain about a middle, at most 1 away."""
-    _, p, m = here.shape
+    m = here.shape[2]
     for order in range(3):
-        for i in range(m):
-            for j in range(m):
-                entry = complex(0.0, 0.0)
-                for a in range(order + 1):
-                    for k in range(p):
-                        entry += np.conj(here[a, k, i]) * here[order - a, k, j]
-                found[order, i, j] = entry
+        _term_of_square(here, order, found[order])
     V = np.empty((m, m), np.complex128)
     eigen(found[0], V)
     first, second = 0.0, 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import control
@@ -50,13 +51,16 @@ def frequency_grid(poles: Any, highest: float = math.inf) -> Vector:
     rates = rates[(rates > 0) & np.isfinite(rates)]
     rates = rates[rates > _AT_REST * rates.max(initial=0.0)]
     low, high = (rates.min(), rates.max()) if rates.size else (1.0, 1.0)
-    grid = [np.geomspace(low / 10, min(high * 10, highest), _BACKGROUND)]
-    for pole in poles[(np.abs(poles.imag) > 0) & np.isfinite(poles)]:
-        width = abs(pole.real / pole.imag)
-        away = np.geomspace(max(width, 1e-12) / 10, 0.3, 40)
-        grid.append(abs(pole.imag) * np.concatenate([1 - away[::-1], [1.0], 1 + away]))
-    points = np.unique(np.concatenate(grid))
+    background = np.geomspace(low / 10, min(high * 10, highest), _BACKGROUND)
+    points = np.unique(np.concatenate([background, *around_resonances(poles)]))
     return points[(points > 0) & (points <= highest)]
+
+
+def around_resonances(poles: Any) -> Iterator[Vector]:
+    """Yield frequencies in rad/s around each complex pole, dense however narrow its resonance."""
+    for pole in poles[(np.abs(poles.imag) > 0) & np.isfinite(poles)]:
+        away = np.geomspace(max(abs(pole.real / pole.imag), 1e-12) / 10, 0.3, 40)
+        yield abs(pole.imag) * np.concatenate([1 - away[::-1], [1.0], 1 + away])
 
 
 def singular_values(
@@ -108,12 +112,9 @@ def singular_values(
             raise invalid("frequencies_hz", shown, "a list of numbers from 0 on", "Give Hz.")
     angles = 2 * math.pi * hertz * (scaled.step if scaled.discrete else 1 / scaled.time)
     values = scaled.gain * np.array([_at(scaled, angle) for angle in angles])
-    return xr.DataArray(
-        values.reshape(hertz.size, -1),
-        dims=("frequency", "singular_value"),
-        coords={"frequency": ("frequency", hertz, {"units": "Hz"})},
-        name="gain",
-    )
+    coords = {"frequency": ("frequency", hertz, {"units": "Hz"})}
+    dims = ("frequency", "singular_value")
+    return xr.DataArray(values.reshape(hertz.size, -1), coords, dims, "gain")
 
 
 def _grid(model: Realisation) -> Vector:
@@ -134,8 +135,8 @@ def _at(model: Realisation, angle: float) -> Vector:
         return np.zeros(0)
     response = model.D
     if math.isfinite(angle):
-        matrices = model.matrices.values()
-        response = resolvent_response(*matrices, np.array([point]))[0]  # pyright: ignore[reportCallIssue]
+        points = np.array([point])
+        response = resolvent_response(model.A, model.B, model.C, model.D, points)[0]
     if not np.isfinite(response).all():  # a pole, or one that it all but hits
         return np.full(min(model.D.shape), np.inf)
     return np.asarray(np.linalg.svd(response, compute_uv=False), dtype=float)

@@ -16,6 +16,7 @@ import flint
 import numpy as np
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
+from robustpolish.base.arrays import Vector
 from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.balls import Ball
 
@@ -65,17 +66,10 @@ class BallSystem:
         )
         inverse = (balls.identity(nu) - Dk * D22).inv()
         on_x, on_k, on_w = inverse * Dk * C2, inverse * Ck, inverse * Dk * D21
-        return cls(
-            balls.block(
-                [
-                    [A + B2 * on_x, B2 * on_k],
-                    [Bk * (C2 + D22 * on_x), Ak + Bk * D22 * on_k],
-                ]
-            ),
-            balls.block([[B1 + B2 * on_w], [Bk * (D21 + D22 * on_w)]]),
-            balls.block([[C1 + D12 * on_x, D12 * on_k]]),
-            D11 + D12 * on_w,
-        )
+        rows = [A + B2 * on_x, B2 * on_k], [Bk * (C2 + D22 * on_x), Ak + Bk * D22 * on_k]
+        into = balls.block([[B1 + B2 * on_w], [Bk * (D21 + D22 * on_w)]])
+        out = balls.block([[C1 + D12 * on_x, D12 * on_k]])
+        return cls(balls.block(rows), into, out, D11 + D12 * on_w)
 
     def __iter__(self) -> Iterator[Ball]:
         return iter((self.A, self.B, self.C, self.D))
@@ -160,3 +154,76 @@ def adjoint(matrix: Ball) -> Ball:
     """Return the conjugate transpose."""
     flipped = matrix.transpose()
     return flipped.conjugate() if isinstance(matrix, flint.acb_mat) else flipped
+
+
+# Intervals of frequency on which a Hamiltonian matrix has no eigenvalue on the imaginary axis.
+#
+# What holds at one frequency and is singular at eigenvalues on the axis alone holds up to the
+# nearest of these. Gershgorin discs in a basis of eigenvectors, in balls, enclose all of them.
+
+# What the ends of discs are moved outwards, relative, for their rounding to doubles.
+_ROUNDING = 1e-14
+# Relative length of an interval that is worth eigenvectors of more digits.
+_SHORT = 0.1
+
+
+def interval_without_eigenvalues(H: Ball, omega: float) -> tuple[float, float] | None:
+    """Return the ends of an interval around a frequency where no eigenvalue is on the axis.
+
+    Parameters
+    ----------
+    H : flint.acb_mat
+        A Hamiltonian matrix.
+    omega : float
+        In rad/s; infinity is allowed.
+
+    Returns
+    -------
+    (float, float) or None
+        From 0 to infinity; None where a disc holds the frequency itself.
+
+    Raises
+    ------
+    ZeroDivisionError, ValueError, numpy.linalg.LinAlgError
+        If there are no eigenvectors that can be inverted.
+    """
+    # Eigenvectors in doubles are quick, and good enough for most, in units of the states and
+    # co-states that make the halves of H alike.
+    middle, n = balls.midpoint(H), H.nrows() // 2
+    up, down = np.linalg.norm(middle[:n, n:]), np.linalg.norm(middle[n:, :n])
+    ratio = math.sqrt(up / down) if up > 0 and down > 0 else 1.0
+    units = np.concatenate([np.full(n, 1.0), np.full(n, 1 / ratio)])
+    vectors = np.linalg.eig(middle * units / units[:, None])[1] * units[:, None]
+    basis = balls.complex_ball(vectors / np.linalg.norm(vectors, axis=0))
+    found = _clear(*gershgorin_discs(H, basis), omega)
+    if found is None or found[1] - found[0] < _SHORT * found[0]:
+        found = _clear(*gershgorin_discs(H, H.eig(right=True, algorithm="approx")[1]), omega)
+    return found
+
+
+def _clear(centres: Matrix, radii: Vector, omega: float) -> tuple[float, float] | None:
+    """Return the frequencies around one that no disc touches."""
+    near = np.abs(np.real(centres)) <= radii
+    reach = radii[near] + _ROUNDING * np.abs(centres[near])
+    heights = np.imag(centres)[near]
+    low, high = heights - reach, heights + reach
+    if not np.isfinite(low).all() or ((low <= omega) & (omega <= high)).any():
+        return None
+    below, above = high[high < omega], low[low > omega]
+    return (
+        max(0.0, math.nextafter(float(below.max(initial=-1.0)), math.inf)),
+        math.nextafter(float(above.min()), 0.0) if above.size else math.inf,
+    )
+
+
+def gershgorin_discs(H: Ball, basis: Ball) -> tuple[Matrix, Vector]:
+    """Return discs that hold all eigenvalues of a matrix, by Gershgorin in a basis."""
+    turned = basis.solve(H * basis)
+    n = turned.nrows()
+    centres = np.diagonal(balls.midpoint(turned)).copy()
+    radii = np.zeros(n)
+    for i in range(n):
+        rest = sum((abs(turned[i, j]) for j in range(n) if j != i), flint.arb(0))
+        rest += abs(turned[i, i] - turned[i, i].mid())
+        radii[i] = float(rest.abs_upper()) * (1 + _ROUNDING)
+    return centres, radii + _ROUNDING * np.abs(centres)

@@ -10,15 +10,7 @@ from numpy.typing import ArrayLike
 
 from robustpolish.base.budget import check_deadline
 from robustpolish.base.checks import described, invalid, square
-from robustpolish.linear.arithmetic.balls import (
-    ball,
-    block,
-    identity,
-    magnitude,
-    midpoint,
-    scaled,
-    symmetric,
-)
+from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.rational import rational
 
 # Beside the strongest direction, doubles see those above this; a pass of the proof of definiteness
@@ -60,12 +52,8 @@ def is_positive_definite(M: ArrayLike) -> bool:
     array = square("M", M)
     if not np.array_equal(array, array.T):
         gap = float(np.abs(array - array.T).max())
-        raise invalid(
-            "M",
-            described(f"entries that differ by {gap:.3g} from their mirror images"),
-            "a symmetric matrix",
-            "Pass (M + M.T) / 2.",
-        )
+        shown = described(f"entries that differ by {gap:.3g} from their mirror images")
+        raise invalid("M", shown, "a symmetric matrix", "Pass (M + M.T) / 2.")
     return is_definite(rational(array))
 
 
@@ -99,24 +87,24 @@ def is_definite(matrix: Any) -> bool:
             flint.arb_mat(n, n, [getattr(entry, part) for row in table for entry in row])
             for part in ("real", "imag")
         )
-        matrix, n = symmetric(block([[real, -imag], [imag, real]])), 2 * n
+        matrix, n = balls.symmetric(balls.block([[real, -imag], [imag, real]])), 2 * n
     diagonal = np.array([float(matrix[i, i].lower()) for i in range(n)])
     if not (np.isfinite(diagonal).all() and (diagonal > 0).all()):
         return False
     # Powers of two bring the diagonal to about one without rounding.
     scale = np.exp2(-np.round(np.log2(diagonal) / 2))
-    turned = scaled(matrix, scale, scale)
+    turned = balls.scaled(matrix, scale, scale)
     for _ in range(flint.ctx.prec // _BITS_PER_PASS + 1 if n else 0):
         check_deadline()
-        centre = midpoint(turned)
+        centre = balls.midpoint(turned)
         if not np.isfinite(centre).all():
             return False
         values, vectors = np.linalg.eigh((centre + centre.T) / 2)
         if values[0] < -100 * _WEAK * values[-1]:
             return False
-        G = ball((vectors / np.sqrt(np.maximum(values, _WEAK * values[-1]))).T)
+        G = balls.ball((vectors / np.sqrt(np.maximum(values, _WEAK * values[-1]))).T)
         turned = G * turned * G.transpose()
-        rest = magnitude(identity(n) - turned)
+        rest = balls.magnitude(balls.identity(n) - turned)
         # The factor covers the rounding errors of the sums, which are taken in doubles.
         if np.isfinite(rest).all() and (rest.sum(axis=1) * (1 + 1e-12)).max() < 1:
             return True

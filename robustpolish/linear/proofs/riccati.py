@@ -12,15 +12,7 @@ import flint
 import numpy as np
 
 from robustpolish.base.budget import check_deadline, now
-from robustpolish.linear.arithmetic.balls import (
-    Ball,
-    ball,
-    block,
-    identity,
-    part,
-    symmetric,
-    zeros,
-)
+from robustpolish.linear.arithmetic.balls import Ball, ball, block, identity, part, symmetric, zeros
 from robustpolish.linear.proofs.bounded_real import hamiltonian
 
 # What decides in long arithmetic; every size is 2^-(bits / share), with these shares.
@@ -67,7 +59,10 @@ def stabilising_solution(A: Ball, R: Ball, Q: Ball) -> Ball | None:
     n = A.nrows()
     if n == 0:
         return zeros(0, 0)
-    A, R, Q = map(_cleaned, (A, R, Q))
+    A, R, Q = (
+        flint.arb_mat(n, n, [flint.arb(0) if x.contains(0) else x.mid() for x in M.entries()])
+        for M in (A, R, Q)
+    )
     H = hamiltonian(A, R, Q)
     unstable = _unstable_factor(H)
     if unstable is None:
@@ -121,18 +116,13 @@ def is_surely_not_semidefinite(X: Ball) -> bool:
     """Tell whether a solution has a negative eigenvalue that is more than rounding."""
     if not X.nrows():
         return False
-    diagonal = [float(abs(X[i, i]).upper()) for i in range(X.nrows())]
-    return has_eigenvalue_below(X, -largest(X) * _tiny(_NOTHING)) if any(diagonal) else False
+    some = any(float(abs(X[i, i]).upper()) for i in range(X.nrows()))
+    return some and has_eigenvalue_below(X, -largest(X) * _tiny(_NOTHING))
 
 
 def largest(M: Ball) -> Any:
     """Return the largest absolute value of a matrix's entries."""
     return max((abs(entry).mid() for entry in M.entries()), default=flint.arb(0))
-
-
-def _cleaned(M: Ball) -> Ball:
-    entries = [flint.arb(0) if x.contains(0) else x.mid() for x in M.entries()]
-    return flint.arb_mat(M.nrows(), M.ncols(), entries)
 
 
 def _tiny(share: float) -> Any:
@@ -147,12 +137,9 @@ def _unstable_factor(H: Ball) -> list[Any] | None:
     """
     draw = np.random.default_rng(0)
     enclosed_squares = flint.arb_poly(H.charpoly().coeffs()[::2])
-    squares = flint.acb_poly(
-        [
-            flint.acb(c.mid() * (1 + _tiny(_APART) * int(draw.integers(1, 1000))))
-            for c in enclosed_squares.coeffs()
-        ]
-    )
+    changed = [1 + _tiny(_APART) * int(draw.integers(1, 1000)) for _ in enclosed_squares.coeffs()]
+    coefficients = zip(enclosed_squares.coeffs(), changed, strict=True)
+    squares = flint.acb_poly([flint.acb(c.mid() * change) for c, change in coefficients])
     slope = squares.derivative()
     factor = flint.acb_poly([1])
     for enclosed in _roots(squares):
@@ -161,7 +148,11 @@ def _unstable_factor(H: Ball) -> list[Any] | None:
             root = (root - squares(root) / slope(root)).mid()
         value = root.sqrt().mid()
         if not abs(value.real) > abs(value) * _tiny(_AXIS):
-            if _has_root_beside(enclosed_squares, root.real):
+            # A real root is proven by a change of sign.
+            beside = abs(root.real) * _tiny(_AXIS)
+            below, above = (enclosed_squares(root.real + d) for d in (-beside, beside))
+            changes = (below < 0 and above > 0) or (below > 0 and above < 0)
+            if root.real + beside < 0 and changes:
                 return None
             raise UndecidedError
         factor *= flint.acb_poly([-value if value.real > 0 else value, 1])
@@ -179,13 +170,6 @@ def _roots(polynomial: Any) -> list[Any]:
         except ValueError:  # some are not told apart
             bits, spent = 2 * bits, now() - begins
     raise UndecidedError
-
-
-def _has_root_beside(polynomial: Any, where: Any) -> bool:
-    """Tell whether a real polynomial surely has a real root there: it changes its sign."""
-    beside = abs(where) * _tiny(_AXIS)
-    below, above = polynomial(where - beside), polynomial(where + beside)
-    return bool(where + beside < 0 and ((below < 0 and above > 0) or (below > 0 and above < 0)))
 
 
 def _applied(polynomial: list[Any], H: Ball, start: Ball) -> Ball:

@@ -37,8 +37,13 @@ from robustpolish.machines.mechanical.parts import (
     Output,
 )
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.plants.uncertain.elements import RealElement, UncertainBlock, real_element
-from robustpolish.plants.uncertain.lft import Lft, reduce_copies
+from robustpolish.plants.uncertain.lft import (
+    Lft,
+    RealElement,
+    UncertainBlock,
+    real_element,
+    reduce_copies,
+)
 from robustpolish.plants.uncertain.system import UncertainSystem, close_block
 from robustpolish.signals.frequency_response import labelled_response, ratio_unit
 

@@ -14,18 +14,21 @@ from scipy.special import chdtri
 from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import described, invalid, is_whole, matrix, positive
 from robustpolish.base.results import Card, Displayed, Table
-from robustpolish.plants.uncertain.elements import (
+from robustpolish.plants.uncertain.lft import (
     ComplexElement,
     Directions,
     DynamicElement,
     Element,
+    Lft,
     RealElement,
     UncertainBlock,
     checked_name,
+    numbers_at,
+    point_of,
     real_element,
     real_number,
+    reduce_copies,
 )
-from robustpolish.plants.uncertain.lft import Lft, numbers_at, point_of, reduce_copies
 from robustpolish.plants.uncertain.system import UncertainSystem, as_uncertain
 
 # Interconnections of operands of any kind.
@@ -379,16 +382,10 @@ class Ellipsoid(Displayed, Mapping[str, UncertainSystem]):
         if row is None:
             raise KeyError(name)
         used, elements = np.flatnonzero(row), self.elements
-        return UncertainSystem(
-            Lft(
-                np.zeros((used.size, used.size)),
-                np.ones((used.size, 1)),
-                row[None, used],
-                np.full((1, 1), self.centre[name]),
-                (),
-                tuple(UncertainBlock(elements[i], 1) for i in used),
-            )
-        )
+        F, G = np.zeros((used.size, used.size)), np.ones((used.size, 1))
+        blocks = tuple(UncertainBlock(elements[i], 1) for i in used)
+        centre = np.full((1, 1), self.centre[name])
+        return UncertainSystem(Lft(F, G, row[None, used], centre, (), blocks))
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.centre)
@@ -584,18 +581,14 @@ def uncertain_complex(name: str, nominal: float = 0.0, *, radius: float = 1.0) -
     (1.0, 0.2)
     """
     if isinstance(nominal, bool | str) or not np.isrealobj(nominal) or not np.isfinite(nominal):
-        raise invalid(
-            "nominal", nominal, "a finite real number", "Put the centre on the real axis."
-        )
+        want, remedy = "a finite real number", "Put the centre on the real axis."
+        raise invalid("nominal", nominal, want, remedy)
     element = ComplexElement(checked_name(name), float(nominal), positive("radius", radius))
     return _number(element, 0.0, element.radius, element.nominal)
 
 
 def uncertain_dynamics(
-    name: str | int | tuple[int, int],
-    shape: int | tuple[int, int] = (1, 1),
-    *,
-    bound: Any = 1.0,
+    name: str | int | tuple[int, int], shape: int | tuple[int, int] = (1, 1), *, bound: Any = 1.0
 ) -> UncertainSystem:
     """Return dynamics of which only a bound on the gain is known.
 
@@ -635,15 +628,13 @@ def uncertain_dynamics(
     if not isinstance(name, str):
         name, shape = f"dynamics_{next(_unnamed)}", name
     sizes = (shape, shape) if isinstance(shape, int | np.integer) else tuple(shape)
-    if len(sizes) != 2 or not all(_is_size(size) for size in sizes):
+    if len(sizes) != 2 or not all(is_whole(size) and size > 0 for size in sizes):
         raise invalid("shape", shape, "numbers of outputs and inputs", "Write (2, 1).")
     p, q = int(sizes[0]), int(sizes[1])
     element = DynamicElement(checked_name(name), (p, q))
     weight = as_uncertain("bound", bound)
-    delta = Lft(
-        np.zeros((q, p)), np.eye(q), np.eye(p), np.zeros((p, q)), (), (UncertainBlock(element, 1),),
-        weight.dt or 0,
-    )  # fmt: skip
+    one = (np.zeros((q, p)), np.eye(q), np.eye(p), np.zeros((p, q)))
+    delta = Lft(*one, (), (UncertainBlock(element, 1),), weight.dt or 0)
     if weight.shape not in ((1, 1), (p, p)):
         shown = described(f"{weight.shape[0]} x {weight.shape[1]}")
         expected = "1 x 1" if p == 1 else f"1 x 1 or {p} x {p}"
@@ -653,12 +644,6 @@ def uncertain_dynamics(
     return weight * UncertainSystem(delta)
 
 
-def _is_size(size: Any) -> bool:
-    return is_whole(size) and size > 0
-
-
 def _number(element: Element, own: float, out: float, nominal: float) -> UncertainSystem:
-    one = np.ones((1, 1))
-    return UncertainSystem(
-        Lft(own * one, one, out * one, nominal * one, (), (UncertainBlock(element, 1),))
-    )
+    F, G, H, J = (np.full((1, 1), value) for value in (own, 1.0, out, nominal))
+    return UncertainSystem(Lft(F, G, H, J, (), (UncertainBlock(element, 1),)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple, get_args
 
 import control
 import numpy as np
@@ -82,10 +82,9 @@ def bounding_weight(omega: Vector, gains: Vector, order: int) -> control.StateSp
         [squares, np.sqrt(squares[1:] * squares[:-1]), _BEYOND**2 * squares[[0, -1]]]
     )
     found: list[tuple[float, control.StateSpace]] = []
-    start = np.array([asked.max()]), np.ones(1)
+    b, a = np.array([asked.max()]), np.ones(1)
     for degree in range(order + 1):
-        start = _RatioConstraints(points, asked, x.size, degree).nearest(start)
-        b, a = start
+        b, a = _nearest(points, asked, x.size, degree, b, a)
         system = _sections(_factor(b) * centre, _factor(a) * centre)
         if system is None:
             continue
@@ -123,52 +122,34 @@ def envelope(omega: Vector, gains: Vector) -> Vector:
     return np.array([spread[i:j].min() for i, j in zip(first, last, strict=True)])
 
 
-class _RatioConstraints:
-    """Values of b / a that are asked for at squares of frequencies, as linear inequalities.
+def _nearest(
+    x: Vector, wanted: Vector, count: int, degree: int, b: Vector, a: Vector
+) -> tuple[Vector, Vector]:
+    """Return b and a of the smallest largest ratio, from those of a lower degree.
 
     Polynomials in x of a degree, over (1 + x) to that power, are polynomials in
-    u = (x - 1) / (x + 1), which lies between -1 and 1: there they are sums of Chebyshev's.
+    u = (x - 1) / (x + 1), which lies between -1 and 1: there they are sums of Chebyshev's. What is
+    asked for at the first `count` points bounds the ratio from above, too.
     """
+    n = degree + 1
+    with np.errstate(invalid="ignore"):
+        u: Vector = np.where(np.isinf(x), 1.0, (x - 1) / (x + 1))
+    basis: Matrix = np.asarray(chebyshev.chebvander(u, n - 1), dtype=float)
+    size = float(np.exp(np.mean(np.log(wanted[:count]))))
 
-    def __init__(self, x: Vector, wanted: Vector, count: int, order: int) -> None:
-        with np.errstate(invalid="ignore"):
-            u: Vector = np.where(np.isinf(x), 1.0, (x - 1) / (x + 1))
-        self.basis: Matrix = np.asarray(chebyshev.chebvander(u, order), dtype=float)
-        self.wanted, self.count, self.order = wanted, count, order
-        self.size = float(np.exp(np.mean(np.log(wanted[:count]))))
-
-    def nearest(self, start: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
-        """Return b and a of the smallest largest ratio, from those of a degree less."""
-        missing = (0, self.order + 1 - start[0].size)
-        best = np.pad(start[0], missing), np.pad(start[1], missing)
-        low, high = 0.0, self._reached(*best)
-        for _ in range(_STEPS):
-            if high - low <= _SETTLED:
-                break
-            middle = (low + high) / 2
-            # Inequalities count relative to the a that was good enough last.
-            found = self._at(float(np.exp(middle)), np.abs(self.basis @ best[1]))
-            if found is not None and (reached := self._reached(*found)) < high:
-                best, high = found, max(reached, low)
-            else:
-                low = middle
-        return best
-
-    def _reached(self, b: Vector, a: Vector) -> float:
+    def reached(b: Vector, a: Vector) -> float:
         """Return the logarithm of the largest ratio, if b / a is raised above all that is asked."""
-        ratio = (self.basis @ b) / (self.basis @ a) / self.wanted
-        if not (ratio > 0).all():
-            return np.inf
-        return float(np.log(ratio[: self.count].max() / ratio.min()))
+        ratio = (basis @ b) / (basis @ a) / wanted
+        return float(np.log(ratio[:count].max() / ratio.min())) if (ratio > 0).all() else np.inf
 
-    def _at(self, ratio: float, weights: Vector) -> tuple[Vector, Vector] | None:
+    def feasible(ratio: float, weights: Vector) -> tuple[Vector, Vector] | None:
         """Return b and a with ``wanted <= b / a <= ratio wanted``, None if there are none."""
-        n, T = self.order + 1, self.basis / weights[:, None]
-        asked = T * (self.size / self.wanted)[:, None]  # b over what it should be
+        T = basis / weights[:, None]
+        asked = T * (size / wanted)[:, None]  # b over what it should be
         slack, none = np.full((len(T), 1), ratio), np.zeros((len(T), 1))
-        above = np.hstack([asked, -ratio * T, slack])[: self.count]
+        above = np.hstack([asked, -ratio * T, slack])[:count]
         rows = [np.hstack([-asked, T, none]), np.hstack([0 * T, -T, none]), above]
-        limits = [np.zeros(len(T)), np.full(len(T), -_OFF_AXIS), np.zeros(self.count)]
+        limits = [np.zeros(len(T)), np.full(len(T), -_OFF_AXIS), np.zeros(count)]
         total = np.concatenate([np.zeros(n), T.mean(axis=0), [0.0]])
         found = linprog(
             np.concatenate([np.zeros(2 * n), [-1.0]]),
@@ -177,7 +158,21 @@ class _RatioConstraints:
         )  # fmt: skip
         if found.x is None or found.x[-1] < 0:
             return None
-        return found.x[:n] * self.size, found.x[n : 2 * n]
+        return found.x[:n] * size, found.x[n : 2 * n]
+
+    best = np.pad(b, (0, n - b.size)), np.pad(a, (0, n - a.size))
+    low, high = 0.0, reached(*best)
+    for _ in range(_STEPS):
+        if high - low <= _SETTLED:
+            break
+        middle = (low + high) / 2
+        # Inequalities count relative to the a that was good enough last.
+        found = feasible(float(np.exp(middle)), np.abs(basis @ best[1]))
+        if found is not None and (level := reached(*found)) < high:
+            best, high = found, max(level, low)
+        else:
+            low = middle
+    return best
 
 
 def _factor(values: Vector) -> AnyVector:
@@ -237,8 +232,7 @@ _BESIDE = 1e-8
 _AXIS = 1e-8
 
 
-@dataclass(frozen=True, eq=False)
-class PlantFamily:
+class PlantFamily(NamedTuple):
     """Plants at common frequencies.
 
     Attributes
@@ -260,22 +254,13 @@ class PlantFamily:
     dt: float | bool
 
 
-def refined(family: PlantFamily) -> PlantFamily:
-    """Return a family of models at more frequencies, those between its own."""
-    steps = np.arange(_FINER) / _FINER
-    ratio = (family.omega[1:] / family.omega[:-1])[:, None]
-    between = (family.omega[:-1, None] * ratio**steps).ravel()
-    omega = np.append(between, family.omega[-1])
-    return replace(family, omega=omega, responses=np.array([response(m, omega) for m in
-                                                            family.models]))  # fmt: skip
-
-
 def read_family(plants: Any, nominal: Any) -> PlantFamily:
     """Return what a user gave as a family."""
     if isinstance(plants, Mapping):
         plants = list(plants.values())
-    given = list(plants) if isinstance(plants, Iterable) and not isinstance(
-        plants, str | xr.DataArray | control.LTI) else []  # fmt: skip
+    several = isinstance(plants, Iterable)
+    single = isinstance(plants, str | xr.DataArray | control.LTI)
+    given = list(plants) if several and not single else []
     if not given:
         raise invalid("plants", plants, _EXPECTED, "Pass a list of them.")
     centre = None if nominal is None else as_state_space("nominal", nominal)
@@ -294,19 +279,19 @@ def response(system: control.StateSpace, omega: Vector) -> AnyArray:
     At a pole on the axis it is the one beside it: what the errors of plants that share the pole
     tend to is finite.
     """
-    values = _response(system, omega)
+
+    def at(omega: Vector) -> AnyArray:
+        points = 1j * omega
+        if system.dt:
+            points = np.exp(points * (1.0 if system.dt is True else system.dt))
+        values = np.asarray(system(points, squeeze=False, warn_infinite=False))
+        return np.moveaxis(values, -1, 0)
+
+    values = at(omega)
     at_pole = ~np.isfinite(values).all(axis=(1, 2))
     if at_pole.any():
-        values[at_pole] = _response(system, omega[at_pole] * (1 + _BESIDE))
+        values[at_pole] = at(omega[at_pole] * (1 + _BESIDE))
     return values
-
-
-def _response(system: control.StateSpace, omega: Vector) -> AnyArray:
-    points = 1j * omega
-    if system.dt:
-        points = np.exp(points * (1.0 if system.dt is True else system.dt))
-    values = np.asarray(system(points, squeeze=False, warn_infinite=False))
-    return np.moveaxis(values, -1, 0)
 
 
 def errors(family: PlantFamily, nominal: AnyArray, kind: Kind, refuse: bool = True) -> AnyArray:
@@ -394,12 +379,16 @@ def _of_models(models: tuple[control.StateSpace, ...], centre: Any) -> PlantFami
     _same_shape([(m.noutputs, m.ninputs) for m in models], every[-1])
     poles = [np.asarray(m.poles()) for m in every]
     dt = next((m.dt for m in every if m.dt), 0)
-    unstable = [_unstable(p, bool(dt)) for p in poles]
+    beyond = [np.abs(p) - 1 if dt else np.real(p) for p in poles]
+    unstable = [
+        int(np.count_nonzero(b > _AXIS * np.abs(p))) for b, p in zip(beyond, poles, strict=True)
+    ]
     if len(set(unstable)) > 1:
         shown = described(f"{min(unstable)} to {max(unstable)} unstable poles")
         remedy = "No stable error makes one of another: cover them apart."
         raise invalid("plants", shown, "plants with as many unstable poles", remedy)
-    omega = _frequencies(np.concatenate([*poles, *(_zeros(m) for m in every)]), dt)
+    zeros = [np.asarray(m.zeros()) for m in every if m.nstates and m.ninputs == m.noutputs]
+    omega = _frequencies(np.concatenate([*poles, *zeros]), dt)
     return PlantFamily(omega, np.array([response(m, omega) for m in models]), models, centre, dt)
 
 
@@ -412,17 +401,6 @@ def _same_shape(shapes: Sequence[tuple[int, ...]], centre: control.StateSpace) -
         if tuple(shape) != own:
             shown = described(f"{shape[0]} x {shape[1]}")
             raise invalid(("plants", i), shown, f"{own[0]} x {own[1]}", "Select the same signals.")
-
-
-def _unstable(poles: AnyArray, discrete: bool) -> int:
-    beyond = np.abs(poles) - 1 if discrete else np.real(poles)
-    return int(np.count_nonzero(beyond > _AXIS * np.abs(poles)))
-
-
-def _zeros(model: control.StateSpace) -> AnyArray:
-    if model.ninputs != model.noutputs or not model.nstates:
-        return np.zeros(0)
-    return np.asarray(model.zeros())
 
 
 def _frequencies(roots: AnyArray, dt: float | bool) -> Vector:
@@ -445,7 +423,6 @@ def _frequencies(roots: AnyArray, dt: float | bool) -> Vector:
     return points[(points >= ends[0]) & (points <= ends[1])]
 
 
-_KINDS = ("output", "input", "additive")
 _MOST_ORDER = 12
 
 
@@ -521,10 +498,8 @@ class Cover(Displayed):
         curves = {f"plant {i}": row for i, row in enumerate(self.errors, 1)}
         if len(curves) > 6:  # more than a legend holds
             curves = {"largest error": self.errors.max(axis=0)}
-        labelled = {
-            name: xr.DataArray(gain, hertz, "frequency")
-            for name, gain in (curves | {"weight": self.gains}).items()
-        }
+        curves["weight"] = self.gains
+        labelled = {name: xr.DataArray(gain, hertz, "frequency") for name, gain in curves.items()}
         side = "error" if self.kind == "additive" else f"relative error at the {self.kind}"
         return plot_gains(labelled, ax=ax, name=side)
 
@@ -609,7 +584,7 @@ def cover(
     >>> bool(margin.robust)
     True
     """
-    one_of("kind", kind, _KINDS)
+    one_of("kind", kind, get_args(Kind))
     if not is_whole(order) or not 0 <= order <= _MOST_ORDER:
         raise invalid("order", order, f"a whole number from 0 to {_MOST_ORDER}", "Try 2.")
     family = read_family(plants, nominal)
@@ -620,7 +595,11 @@ def cover(
         raise invalid("plants", shown, "plants that differ", "There is nothing to cover.")
     weight = _weight(family, largest, int(order))
     if family.models:  # they are known between the frequencies of the fit, too
-        family = refined(family)
+        ratio = (family.omega[1:] / family.omega[:-1])[:, None]
+        between = (family.omega[:-1, None] * ratio ** (np.arange(_FINER) / _FINER)).ravel()
+        omega = np.append(between, family.omega[-1])
+        responses = np.array([response(model, omega) for model in family.models])
+        family = family._replace(omega=omega, responses=responses)
         found = errors(family, response(centre, family.omega), kind)
         weight = _above(weight, family.omega, found.max(axis=0))
     return Cover(centre, weight, kind, _system(centre, weight, kind, name), family.omega, found)
@@ -630,15 +609,12 @@ def _chosen(family: PlantFamily, kind: Kind) -> tuple[control.StateSpace, AnyArr
     """Return the nominal plant and the errors of all plants from it."""
     if family.nominal is not None:
         return family.nominal, errors(family, response(family.nominal, family.omega), kind)
-    tried: list[tuple[float, control.StateSpace, AnyArray]] = []
-    for model, own in zip(family.models, family.responses, strict=True):
-        found = errors(family, own, kind, refuse=False)
-        tried.append((float(found.max()), model, found))
-    size, model, found = min(tried, key=lambda item: item[0])
-    if not np.isfinite(size):
+    tried = [errors(family, own, kind, refuse=False) for own in family.responses]
+    best = int(np.argmin([found.max() for found in tried]))
+    if not np.isfinite(tried[best]).all():
         shown = described("plants none of which can be made of another")
         raise invalid("kind", shown, "a form that covers them", 'Try kind="additive".')
-    return model, found
+    return family.models[best], tried[best]
 
 
 def _weight(family: PlantFamily, largest: Vector, order: int) -> control.StateSpace:
@@ -669,8 +645,6 @@ def _system(
     centre = as_uncertain("nominal", nominal)
     if kind == "additive":
         system = centre + error
-    elif kind == "input":
-        system = centre * (np.eye(nu) + error)
     else:
-        system = (np.eye(ny) + error) * centre
+        system = centre * (np.eye(nu) + error) if kind == "input" else (np.eye(ny) + error) * centre
     return UncertainSystem(system.matrices.names(nominal.input_labels, nominal.output_labels))

@@ -12,22 +12,275 @@ States and blocks are alike for sums, products and inverses, which are those of 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import described, invalid
-from robustpolish.plants.uncertain.elements import (
-    Directions,
-    Element,
-    RealElement,
-    UncertainBlock,
-    real_number,
-)
+
+# Uncertain elements: real numbers, complex numbers, and dynamics of bounded gain.
+#
+# Each is normalised to a delta of size at most 1, and 0 where it is nominal.
+
+Kind = Literal["real", "complex", "dynamic"]
+
+
+@dataclass(frozen=True)
+class Directions:
+    """What the directions of an ellipsoid do: numbers p = p0 + L d.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the directions.
+    numbers : tuple of str
+        Names of the physical numbers.
+    centre : tuple of float
+        p0.
+    slopes : tuple of tuple of float
+        Rows of L.
+    """
+
+    names: tuple[str, ...]
+    numbers: tuple[str, ...]
+    centre: tuple[float, ...]
+    slopes: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class RealElement:
+    """A real number between two others.
+
+    Attributes
+    ----------
+    name : str
+    nominal : float
+        Within the range, not at its ends.
+    low, high : float
+    group : str
+        Of the ellipsoid that it is a direction of, empty for a number of its own: real elements of
+        one group have deltas whose sum of squares is at most 1, in all. Their nominal value is in
+        the middle.
+    directions : Directions or None
+        What all directions of its group do to physical numbers, if that is known.
+
+    Notes
+    -----
+    Where the nominal value is not in the middle, value and delta are related by a fraction,
+    ``value = nominal + slope delta / (1 - skew delta)``, so that the ends are at -1 and 1.
+    """
+
+    name: str
+    nominal: float
+    low: float
+    high: float
+    group: str = ""
+    directions: Directions | None = None
+
+    kind = "real"
+    shape = (1, 1)
+
+    @property
+    def skew(self) -> float:
+        """How far the nominal value is from the middle: 0 there, below 1 in size."""
+        up, down = self.high - self.nominal, self.nominal - self.low
+        share = (up - down) / (up + down)
+        return share if abs(share) > 1e-12 else 0.0  # the middle but for a percentage's rounding
+
+    @property
+    def slope(self) -> float:
+        """Change of the value per delta at the nominal value."""
+        up, down = self.high - self.nominal, self.nominal - self.low
+        return 2 * up * (down / (up + down))
+
+    def value(self, delta: float) -> float:
+        """Return the number at a delta.
+
+        Parameters
+        ----------
+        delta : float
+
+        Returns
+        -------
+        float
+        """
+        return self.nominal + self.slope * delta / (1 - self.skew * delta)
+
+    def delta(self, value: Any) -> float:
+        """Return the delta of a number, which may lie outside the range.
+
+        Parameters
+        ----------
+        value : float
+
+        Returns
+        -------
+        float
+        """
+        number = real_number(self.name, value)
+        change = number - self.nominal
+        below = self.slope + self.skew * change
+        if below <= 0:
+            want = f"a number on the same side of {self.nominal - self.slope / self.skew:.6g}"
+            remedy = "The range is not symmetrical, and has no meaning so far outside."
+            raise invalid(self.name, value, want, remedy)
+        return change / below
+
+    def __str__(self) -> str:
+        if self.group:
+            return f"direction of the ellipsoid {self.group!r}"
+        return f"real number {self.nominal:.6g}, from {self.low:.6g} to {self.high:.6g}"
+
+
+@dataclass(frozen=True)
+class ComplexElement:
+    """A complex number in a disc.
+
+    Attributes
+    ----------
+    name : str
+    nominal : float
+        Centre of the disc; real, as the matrices of a nominal system are.
+    radius : float
+    """
+
+    name: str
+    nominal: float
+    radius: float
+
+    kind = "complex"
+    shape = (1, 1)
+
+    def value(self, delta: complex) -> complex:
+        """Return the number at a delta.
+
+        Parameters
+        ----------
+        delta : complex
+
+        Returns
+        -------
+        complex
+        """
+        return self.nominal + self.radius * delta
+
+    def __str__(self) -> str:
+        return f"complex number {self.nominal:.6g}, within {self.radius:.6g}"
+
+
+@dataclass(frozen=True)
+class DynamicElement:
+    """Any stable system whose largest gain is at most 1.
+
+    Attributes
+    ----------
+    name : str
+    shape : (int, int)
+        Outputs and inputs.
+    """
+
+    name: str
+    shape: tuple[int, int] = (1, 1)
+
+    kind = "dynamic"
+
+    def __str__(self) -> str:
+        return f"dynamics {self.shape[0]} x {self.shape[1]} of gain at most 1"
+
+
+Element = RealElement | ComplexElement | DynamicElement
+
+
+@dataclass(frozen=True)
+class UncertainBlock:
+    """An element and how often it occurs: the diagonal block of so many equal deltas.
+
+    Attributes
+    ----------
+    element : RealElement, ComplexElement or DynamicElement
+    copies : int
+    """
+
+    element: Element
+    copies: int
+
+    @property
+    def rows(self) -> int:
+        """Number of signals w that come out of it."""
+        return self.copies * self.element.shape[0]
+
+    @property
+    def columns(self) -> int:
+        """Number of signals z that go into it."""
+        return self.copies * self.element.shape[1]
+
+
+def checked_name(name: Any) -> str:
+    """Return the name of an element if it is one."""
+    if not isinstance(name, str) or not name.strip():
+        raise invalid("name", name, "a name as text", 'Name it, such as "k".')
+    return name
+
+
+def real_element(
+    name: str,
+    nominal: float,
+    *,
+    percent: float | tuple[float, float] | None = None,
+    plus_minus: float | tuple[float, float] | None = None,
+    low_high: tuple[float, float] | None = None,
+) -> RealElement:
+    """Return a real element from any of the ways in which a range is told."""
+    name, nominal = checked_name(name), real_number("nominal", nominal)
+    given = {"percent": percent, "plus_minus": plus_minus, "range": low_high}
+    told = [key for key, value in given.items() if value is not None]
+    if len(told) != 1:
+        shown = described(" and ".join(told) if told else "none of them")
+        expected = "one of percent, plus_minus and range"
+        raise invalid("range", shown, expected, "Say how far it may be off, once.")
+    if low_high is not None:
+        low, high = _pair("range", low_high)
+    else:
+        size = abs(nominal) / 100 if percent is not None else 1.0
+        if size == 0:
+            remedy = "Give plus_minus or range instead."
+            raise invalid("percent", percent, "a nominal value other than 0", remedy)
+        spread: Any = percent if percent is not None else plus_minus
+        down, up = _pair(told[0], spread) if _is_pair(spread) else (-spread, spread)
+        down, up = real_number(told[0], down), real_number(told[0], up)
+        low, high = nominal + size * down, nominal + size * up
+    if not low < nominal < high:
+        shown = described(f"{low:.6g} to {high:.6g}")
+        expected = f"a range around the nominal value {nominal:.6g}"
+        raise invalid(told[0], shown, expected, "Put the smaller end first, and both apart of it.")
+    return RealElement(name, nominal, low, high)
+
+
+def _is_pair(value: Any) -> bool:
+    return not isinstance(value, str) and hasattr(value, "__len__")
+
+
+def _pair(argument: str, value: Any) -> tuple[float, float]:
+    if not _is_pair(value) or len(value) != 2:
+        raise invalid(argument, value, "two numbers, the smaller first", "Write (low, high).")
+    return real_number(argument, value[0]), real_number(argument, value[1])
+
+
+def real_number(argument: str, value: Any) -> float:
+    """Return a finite real number."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise invalid(argument, value, "a real number", "Pass a number.") from None
+    if isinstance(value, str | bool) or not math.isfinite(number):
+        raise invalid(argument, value, "a finite real number", "Pass a number.")
+    return number
+
 
 # Ellipsoids of real elements: physical numbers, and points drawn from them.
 
@@ -130,43 +383,6 @@ _ROUNDING = 1e-15
 _FAINT = 1e-13
 
 
-def reduced_copies(
-    own: Matrix, moved: Matrix, seen: Matrix, copies: int, shape: tuple[int, int]
-) -> tuple[Matrix, Matrix] | None:
-    """Return how to leave out copies of a block that do nothing, None if all are needed.
-
-    Parameters
-    ----------
-    own : ndarray, shape (copies * columns, copies * rows)
-        From the block's outputs to its own inputs.
-    moved : ndarray, shape (copies * columns, any)
-        From everything else to its inputs.
-    seen : ndarray, shape (any, copies * rows)
-        From its outputs to everything else.
-    copies : int
-    shape : (int, int)
-        Rows and columns of one copy.
-
-    Returns
-    -------
-    out, into : ndarray, shapes (copies, fewer) and (fewer, copies)
-        ``z = (out x I) z_fewer`` and ``z_fewer = (into x I) z``, and the same of w.
-    """
-    rows, columns = shape
-    scale = _balance(moved, seen, copies, rows, columns)
-    steps = own.reshape(copies, columns, copies, rows).transpose(1, 3, 0, 2)
-    steps = steps.reshape(-1, copies, copies) * scale[None, None, :] / scale[None, :, None]
-    enter = moved.reshape(copies, -1) / scale[:, None]
-    leave = seen.reshape(len(seen), copies, rows).transpose(0, 2, 1).reshape(-1, copies) * scale
-    reached = _invariant_subspace(enter, steps)
-    inner = np.einsum("ai,kab,bj->kij", reached, steps, reached)
-    visible = _invariant_subspace((leave @ reached).T, inner.transpose(0, 2, 1))
-    basis = reached @ visible
-    if basis.shape[1] == copies:
-        return None
-    return scale[:, None] * basis, basis.T / scale
-
-
 def _invariant_subspace(start: Matrix, steps: Matrix) -> Matrix:
     """Return an orthonormal basis of the least space with `start` that all `steps` map into it."""
     basis = np.zeros((start.shape[0], 0))
@@ -196,18 +412,6 @@ def _beyond(candidates: Matrix, basis: Matrix) -> Matrix:
         fresh = np.column_stack([fresh, direction])
         left = left - np.outer(direction, direction @ left)
     return fresh
-
-
-def _balance(moved: Matrix, seen: Matrix, copies: int, rows: int, columns: int) -> Matrix:
-    """Return powers of two that make each copy as easily moved as seen: units have no say."""
-    into = np.linalg.norm(moved.reshape(copies, -1), axis=1)
-    out = np.linalg.norm(seen.reshape(len(seen), copies, rows).transpose(1, 0, 2).reshape(
-        copies, -1), axis=1)  # fmt: skip
-    scale = np.ones(copies)
-    # A copy that is only seen by rounding must not be made as visible as the others.
-    used = (into > _FAINT * into.max(initial=0.0)) & (out > _FAINT * out.max(initial=0.0))
-    scale[used] = np.exp2(np.round(np.log2(into[used] / out[used]) / 2))
-    return scale
 
 
 # Relative size below which a matrix that has to be inverted counts as singular.
@@ -258,11 +462,8 @@ class Lft:
     def names(self, inputs: Sequence[str], outputs: Sequence[str]) -> Lft:
         """Return it with other names of inputs and outputs; dropped if they do not fit."""
         ny, nu = self.shape
-        return replace(
-            self,
-            inputs=tuple(inputs) if len(inputs) == nu else (),
-            outputs=tuple(outputs) if len(outputs) == ny else (),
-        )
+        ins = tuple(inputs) if len(inputs) == nu else ()
+        return replace(self, inputs=ins, outputs=tuple(outputs) if len(outputs) == ny else ())
 
 
 def constant(matrix: Matrix) -> Lft:
@@ -329,33 +530,23 @@ def interconnect(one: Lft, loop: Matrix, enter: Matrix, leave: Matrix) -> Lft:
     back = _inverted(back, "the loop", "its algebraic part: the loop is not well posed")
     onto = loop @ back
     J = (one.J + one.J @ onto @ one.J) @ enter
-    return replace(
-        one,
-        F=one.F + one.G @ onto @ one.H,
-        G=(one.G + one.G @ onto @ one.J) @ enter,
-        H=leave @ (one.H + one.J @ onto @ one.H),
-        J=leave @ J,
-        inputs=(),
-        outputs=(),
-    )
+    G = (one.G + one.G @ onto @ one.J) @ enter
+    H = leave @ (one.H + one.J @ onto @ one.H)
+    F, J = one.F + one.G @ onto @ one.H, leave @ J
+    return replace(one, F=F, G=G, H=H, J=J, inputs=(), outputs=())
 
 
 def pull_out_block(one: Lft, index: int) -> Lft:
     """Return the system with the signals of a block as its first inputs and outputs."""
-    rows, columns = block_slices(one)[index]
-    F, G, H, J = one.F, one.G, one.H, one.J
-    keep_rows = np.delete(np.arange(F.shape[0]), rows)
-    keep_columns = np.delete(np.arange(F.shape[1]), columns)
-    return replace(
-        one,
-        F=F[keep_rows][:, keep_columns],
-        G=np.hstack([F[keep_rows][:, columns], G[keep_rows]]),
-        H=np.vstack([F[rows][:, keep_columns], H[:, keep_columns]]),
-        J=np.block([[F[rows][:, columns], G[rows]], [H[:, columns], J]]),
-        blocks=one.blocks[:index] + one.blocks[index + 1 :],
-        inputs=(),
-        outputs=(),
-    )
+    z, w = block_slices(one)[index]
+    rest_z = np.delete(np.arange(one.F.shape[0]), z)
+    rest_w = np.delete(np.arange(one.F.shape[1]), w)
+    F, blocks = one.F, one.blocks[:index] + one.blocks[index + 1 :]
+    G = np.hstack([F[rest_z][:, w], one.G[rest_z]])
+    H = np.vstack([F[z][:, rest_w], one.H[:, rest_w]])
+    J = np.block([[F[z][:, w], one.G[z]], [one.H[:, w], one.J]])
+    inside = F[rest_z][:, rest_w]
+    return replace(one, F=inside, G=G, H=H, J=J, blocks=blocks, inputs=(), outputs=())
 
 
 def block_slices(one: Lft) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -411,11 +602,8 @@ def _merged(F: Matrix, G: Matrix, H: Matrix, J: Matrix, one: Lft, two: Lft) -> L
                     copies += block.copies
         blocks.append(UncertainBlock(element, copies))
     states = _distinct((*one.states, *two.states))
-    merged = Lft(
-        F[rows][:, columns], G[rows], H[:, columns], J, states, tuple(blocks),
-        common_time(one, two),
-    )  # fmt: skip
-    return reduce_copies(merged)
+    inside, time = (F[rows][:, columns], G[rows], H[:, columns], J), common_time(one, two)
+    return reduce_copies(Lft(*inside, states, tuple(blocks), time))
 
 
 def reduce_copies(one: Lft) -> Lft:
@@ -424,7 +612,12 @@ def reduce_copies(one: Lft) -> Lft:
     A block's copies are to its delta what states are to an integrator: those that nothing else
     moves, or that nothing else sees, are taken out.
     """
-    if not any(block.copies > 1 for block in one.blocks) and _all_used(one):
+    whole = one.whole
+    used = all(
+        np.delete(whole[z], w, axis=1).any() and np.delete(whole[:, w], z, axis=0).any()
+        for z, w in block_slices(one)
+    )
+    if used and not any(block.copies > 1 for block in one.blocks):
         return one
     before = None
     while before != [block.copies for block in one.blocks]:
@@ -435,48 +628,42 @@ def reduce_copies(one: Lft) -> Lft:
     return one
 
 
-def _all_used(one: Lft) -> bool:
-    """Say whether every block is moved by something and seen by something."""
-    whole = one.whole
-    for z, w in block_slices(one):
-        moved = np.delete(whole[z], w, axis=1)
-        seen = np.delete(whole[:, w], z, axis=0)
-        if not (moved.any() and seen.any()):
-            return False
-    return True
-
-
 def _block_reduced(one: Lft, index: int) -> Lft:
-    block = one.blocks[index]
-    z, w = block_slices(one)[index]
-    whole = one.whole
-    own, moved = whole[z][:, w], np.delete(whole[z], w, axis=1)
-    seen = np.delete(whole[:, w], z, axis=0)
-    basis = reduced_copies(own, moved, seen, block.copies, block.element.shape)
-    if basis is None:
+    block, whole = one.blocks[index], one.whole
+    (z, w), copies, (p, q) = block_slices(one)[index], block.copies, block.element.shape
+    # From everything else to the inputs of each copy, and from its outputs to everything else.
+    enter = np.delete(whole[z], w, axis=1).reshape(copies, -1)
+    leave = np.delete(whole[:, w], z, axis=0)
+    leave = leave.reshape(len(leave), copies, p).transpose(0, 2, 1).reshape(-1, copies)
+    # Powers of two make each copy as easily moved as seen: units have no say. One that is only
+    # seen by rounding must not be made as visible as the others.
+    into, out, scale = np.linalg.norm(enter, axis=1), np.linalg.norm(leave, axis=0), np.ones(copies)
+    used = (into > _FAINT * into.max(initial=0.0)) & (out > _FAINT * out.max(initial=0.0))
+    scale[used] = np.exp2(np.round(np.log2(into[used] / out[used]) / 2))
+    own = whole[z][:, w].reshape(copies, q, copies, p).transpose(1, 3, 0, 2)
+    steps = own.reshape(-1, copies, copies) * scale[None, None, :] / scale[None, :, None]
+    reached = _invariant_subspace(enter / scale[:, None], steps)
+    inner = np.einsum("ai,kab,bj->kij", reached, steps, reached)
+    visible = _invariant_subspace((leave * scale @ reached).T, inner.transpose(0, 2, 1))
+    basis = reached @ visible
+    if basis.shape[1] == copies:
         return one
-    out, into = basis  # copies = out @ fewer; fewer = into @ copies
-    p, q = block.element.shape
-    rows = np.kron(into, np.eye(q))
-    columns = np.kron(out, np.eye(p))
-    total_rows, total_columns = whole.shape
-    left = _diagonal(np.eye(z[0]) if len(z) else np.eye(0), rows, np.eye(total_rows - z[-1] - 1))
-    right = _diagonal(np.eye(w[0]), columns, np.eye(total_columns - w[-1] - 1))
+    # Copies are `scale basis` times the fewer ones, and these `basis' / scale` times the copies.
+    turned = np.kron(basis.T / scale, np.eye(q)), np.kron(scale[:, None] * basis, np.eye(p))
+    left, right = (
+        _diagonal(np.eye(places[0]), middle, np.eye(count - places[-1] - 1))
+        for places, middle, count in zip((z, w), turned, whole.shape, strict=True)
+    )
     size = np.abs(left) @ np.abs(whole) @ np.abs(right)
     whole = left @ whole @ right
     # What cancels is zero: its rounding would look like a coupling to the next reduction.
     whole[np.abs(whole) <= _CANCELLED * size] = 0.0
-    fewer = UncertainBlock(block.element, out.shape[1])
-    inside_rows = one.F.shape[0] - block.columns + fewer.columns
-    inside_columns = one.F.shape[1] - block.rows + fewer.rows
-    return replace(
-        one,
-        F=whole[:inside_rows, :inside_columns],
-        G=whole[:inside_rows, inside_columns:],
-        H=whole[inside_rows:, :inside_columns],
-        J=whole[inside_rows:, inside_columns:],
-        blocks=(*one.blocks[:index], fewer, *one.blocks[index + 1 :]),
-    )
+    fewer = UncertainBlock(block.element, basis.shape[1])
+    n = one.F.shape[0] - block.columns + fewer.columns
+    m = one.F.shape[1] - block.rows + fewer.rows
+    F, G, H, J = whole[:n, :m], whole[:n, m:], whole[n:, :m], whole[n:, m:]
+    blocks = (*one.blocks[:index], fewer, *one.blocks[index + 1 :])
+    return replace(one, F=F, G=G, H=H, J=J, blocks=blocks)
 
 
 def _diagonal(*parts: Any) -> Matrix:

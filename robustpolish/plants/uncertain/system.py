@@ -14,26 +14,16 @@ from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import closest_name_remedy, described, invalid, is_whole, matrix
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.plants.blocks import as_state_space, matrices_of, named_system
-from robustpolish.plants.uncertain.elements import (
+from robustpolish.plants.uncertain import lft as algebra
+from robustpolish.plants.uncertain.lft import (
     ComplexElement,
     Element,
+    Lft,
     RealElement,
     UncertainBlock,
-)
-from robustpolish.plants.uncertain.lft import (
-    Lft,
     block_diagonal,
-    by_element,
     constant,
-    drawn,
-    groups,
-    interconnect,
-    inverse,
-    physical,
     product,
-    pull_out_block,
-    repeated,
-    total,
 )
 
 # Substitution of values: given, nominal and random ones.
@@ -41,13 +31,12 @@ from robustpolish.plants.uncertain.lft import (
 
 def substitute(system: Lft, values: Mapping[str, Any]) -> Lft:
     """Return the system with values in place of some of its elements."""
-    values = by_element(system.blocks, values)
+    values = algebra.by_element(system.blocks, values)
     known = [block.element.name for block in system.blocks]
     for name in values:
         if name not in known:
-            raise invalid(
-                "values", name, f"names among {', '.join(known)}", closest_name_remedy(name, known)
-            )
+            want = f"names among {', '.join(known)}"
+            raise invalid("values", name, want, closest_name_remedy(name, known))
     for name, value in values.items():
         index = [block.element.name for block in system.blocks].index(name)
         block = system.blocks[index]
@@ -60,12 +49,8 @@ def normalised(element: Element, value: Any, dt: Any) -> Lft:
     if isinstance(element, RealElement):
         return constant(np.array([[element.delta(value)]]))
     if not isinstance(value, control.LTI) and np.any(np.imag(value)):
-        raise invalid(
-            element.name,
-            value,
-            "a real number or a stable system",
-            "A complex number is no real system: pass one that has this value at a frequency.",
-        )
+        remedy = "A complex number is no real system: pass one that has this value at a frequency."
+        raise invalid(element.name, value, "a real number or a stable system", remedy)
     plain = value if isinstance(value, control.LTI) else np.real(value)
     system = as_lft(as_state_space(element.name, plain, dt))
     if system.shape != element.shape:
@@ -81,8 +66,8 @@ def normalised(element: Element, value: Any, dt: Any) -> Lft:
 def close_block(system: Lft, index: int, delta: Lft) -> Lft:
     """Return the system with a delta in place of a block."""
     block = system.blocks[index]
-    opened = pull_out_block(system, index)
-    both = block_diagonal([opened, repeated(delta, block.copies)])
+    opened = algebra.pull_out_block(system, index)
+    both = block_diagonal([opened, algebra.repeated(delta, block.copies)])
     z, w = block.columns, block.rows
     ny, nu = system.shape
     loop = np.zeros((w + nu + z, z + ny + w))  # inputs: w, u, delta's z; outputs: z, y, delta's w
@@ -91,7 +76,7 @@ def close_block(system: Lft, index: int, delta: Lft) -> Lft:
     enter, leave = np.zeros((w + nu + z, nu)), np.zeros((ny, z + ny + w))
     enter[w : w + nu] = np.eye(nu)
     leave[:, z : z + ny] = np.eye(ny)
-    return interconnect(both, loop, enter, leave).names(system.inputs, system.outputs)
+    return algebra.interconnect(both, loop, enter, leave).names(system.inputs, system.outputs)
 
 
 def nominal(system: Lft) -> Lft:
@@ -111,21 +96,19 @@ def as_lft(system: control.StateSpace) -> Lft:
 def random_values(system: Lft, random: np.random.Generator) -> dict[str, Any]:
     """Draw values of all elements: numbers evenly within their bounds, dynamics as all-passes."""
     values: dict[str, Any] = {}
-    for members in groups(system.blocks):
-        values |= drawn(members, random)
-    for block in system.blocks:
-        if block.element.name not in values:
-            values[block.element.name] = _random_value(block, system, random)
+    for members in algebra.groups(system.blocks):
+        values |= algebra.drawn(members, random)
+    for element in (block.element for block in system.blocks):
+        if element.name in values:
+            continue
+        if isinstance(element, RealElement):
+            values[element.name] = float(random.uniform(element.low, element.high))
+            continue
+        value: Any = _all_pass(element.shape, system, random)
+        if isinstance(element, ComplexElement):
+            value = element.nominal + element.radius * value
+        values[element.name] = value
     return values
-
-
-def _random_value(block: UncertainBlock, system: Lft, random: np.random.Generator) -> Any:
-    element = block.element
-    if isinstance(element, RealElement):
-        return float(random.uniform(element.low, element.high))
-    if isinstance(element, ComplexElement):
-        return element.nominal + element.radius * _all_pass((1, 1), system, random)
-    return _all_pass(element.shape, system, random)
 
 
 def _all_pass(
@@ -258,18 +241,11 @@ class UncertainSystem(Displayed):
         """
         one, n = self.matrices, self.nstates
         nz, nw = one.F.shape[0] - n, one.F.shape[1] - n
-        return named_system(
-            (
-                one.F[:n, :n],
-                np.hstack([one.F[:n, n:], one.G[:n]]),
-                np.vstack([one.F[n:, :n], one.H[:, :n]]),
-                np.block([[one.F[n:, n:], one.G[n:]], [one.H[:, n:], one.J]]),
-            ),
-            0 if one.dt is None else one.dt,
-            [*(f"w[{i}]" for i in range(nw)), *self.input_labels],
-            [*(f"z[{i}]" for i in range(nz)), *self.output_labels],
-            one.states,
-        )
+        B, C = np.hstack([one.F[:n, n:], one.G[:n]]), np.vstack([one.F[n:, :n], one.H[:, :n]])
+        D = np.block([[one.F[n:, n:], one.G[n:]], [one.H[:, n:], one.J]])
+        ins = [*(f"w[{i}]" for i in range(nw)), *self.input_labels]
+        outs = [*(f"z[{i}]" for i in range(nz)), *self.output_labels]
+        return named_system((one.F[:n, :n], B, C, D), one.dt or 0, ins, outs, one.states)
 
     # Values ---------------------------------------------------------------------------
 
@@ -345,7 +321,7 @@ class UncertainSystem(Displayed):
         >>> ratio.numbers({"ellipsoid[0]": 0.5, "ellipsoid[1]": -0.5})
         {'k': 11.0, 'c': 1.0}
         """
-        return physical(self.blocks, values)
+        return algebra.physical(self.blocks, values)
 
     # Connections ----------------------------------------------------------------------
 
@@ -381,7 +357,7 @@ class UncertainSystem(Displayed):
         loop = np.zeros((nu + ny, ny + nu))
         loop[:nu, ny:], loop[nu:, :ny] = sign * np.eye(nu), np.eye(ny)
         enter, leave = np.eye(nu + ny, nu), np.eye(ny, ny + nu)
-        result = interconnect(both, loop, enter, leave)
+        result = algebra.interconnect(both, loop, enter, leave)
         return UncertainSystem(result.names(self.matrices.inputs, self.matrices.outputs))
 
     def lft(self, other: Any, nu: int = -1, ny: int = -1) -> UncertainSystem:
@@ -419,7 +395,7 @@ class UncertainSystem(Displayed):
         loop[m1 : m1 + ny, p1 - ny : p1] = np.eye(ny)
         into = [*range(m1 - nu), *range(m1 + ny, m1 + m2)]
         out = [*range(p1 - ny), *range(p1 + nu, p1 + p2)]
-        result = interconnect(both, loop, np.eye(m1 + m2)[:, into], np.eye(p1 + p2)[out])
+        result = algebra.interconnect(both, loop, np.eye(m1 + m2)[:, into], np.eye(p1 + p2)[out])
         names_in = tuple(both.inputs[i] for i in into) if both.inputs else ()
         names_out = tuple(both.outputs[i] for i in out) if both.outputs else ()
         return UncertainSystem(result.names(names_in, names_out))
@@ -435,9 +411,8 @@ class UncertainSystem(Displayed):
         -------
         UncertainSystem
         """
-        return UncertainSystem(
-            block_diagonal([self.matrices, *(as_uncertain("other", o).matrices for o in others)])
-        )
+        parts = [self, *(as_uncertain("other", other) for other in others)]
+        return UncertainSystem(block_diagonal([part.matrices for part in parts]))
 
     def update_names(self) -> None:
         """Keep the names: python-control calls this on what its ``series`` returns."""
@@ -445,13 +420,13 @@ class UncertainSystem(Displayed):
     # Arithmetic -----------------------------------------------------------------------
 
     def __add__(self, other: Any) -> UncertainSystem:
-        return self._with(other, total)
+        return self._with(other, algebra.total)
 
     def __radd__(self, other: Any) -> UncertainSystem:
-        return self._with(other, total, turned=True)
+        return self._with(other, algebra.total, turned=True)
 
     def __sub__(self, other: Any) -> UncertainSystem:
-        return self._with(other, lambda one, two: total(one, _times(-1.0, two)))
+        return self._with(other, lambda one, two: algebra.total(one, _times(-1.0, two)))
 
     def __rsub__(self, other: Any) -> UncertainSystem:
         return (-self) + other
@@ -479,7 +454,7 @@ class UncertainSystem(Displayed):
     def __pow__(self, power: int) -> UncertainSystem:
         if not is_whole(power):
             raise invalid("power", power, "a whole number", "Other powers are not rational.")
-        base = self.matrices if power >= 0 else inverse(self.matrices)
+        base = self.matrices if power >= 0 else algebra.inverse(self.matrices)
         result = constant(np.eye(self.ninputs))
         for _ in range(abs(int(power))):
             result = product(result, base)
@@ -491,21 +466,18 @@ class UncertainSystem(Displayed):
         ny, nu = self.shape
         rows = _chosen(key[0], list(self.output_labels))
         columns = _chosen(key[1], list(self.input_labels))
-        picked = interconnect(
-            self.matrices, np.zeros((nu, ny)), np.eye(nu)[:, columns], np.eye(ny)[rows]
-        )
-        inputs = tuple(np.array(self.input_labels)[columns].tolist())
-        outputs = tuple(np.array(self.output_labels)[rows].tolist())
-        return UncertainSystem(picked.names(inputs, outputs))
+        enter, leave = np.eye(nu)[:, columns], np.eye(ny)[rows]
+        picked = algebra.interconnect(self.matrices, np.zeros((nu, ny)), enter, leave)
+        inputs = [self.input_labels[i] for i in columns]
+        return UncertainSystem(picked.names(inputs, [self.output_labels[i] for i in rows]))
 
     def _with(self, other: Any, combine: Any, turned: bool = False) -> Any:
         try:
             given = as_uncertain("operand", other).matrices
         except TypeError:
             return NotImplemented
-        return UncertainSystem(
-            combine(given, self.matrices) if turned else combine(self.matrices, given)
-        )
+        pair = (given, self.matrices) if turned else (self.matrices, given)
+        return UncertainSystem(combine(*pair))
 
     def _card(self) -> Card:
         rows = tuple((b.element.name, str(b.element), b.copies) for b in self.blocks)
@@ -554,7 +526,7 @@ def block_matrix(argument: str, value: Any) -> Lft:
                 shown = described(f"an entry of shape {one.shape}")
                 raise invalid(argument, shown, "single entries", "Join blocks with append.")
             column, row = constant(np.eye(ny)[:, [i]]), constant(np.eye(nu)[[j]])
-            result = total(result, product(product(column, one.matrices), row))
+            result = algebra.total(result, product(product(column, one.matrices), row))
     return result
 
 
@@ -576,7 +548,7 @@ def _times(factor: float, one: Lft) -> Lft:
 def _quotient(one: Lft, two: Lft) -> Lft:
     """Divide; of numbers the divisor comes last, so that the rows of inv(M) K share its copies."""
     numbers = one.shape == two.shape == (1, 1) and not one.states and not two.states
-    return product(inverse(two), one) if numbers else product(one, inverse(two))
+    return product(algebra.inverse(two), one) if numbers else product(one, algebra.inverse(two))
 
 
 def _chosen(key: Any, labels: list[str]) -> list[int]:
@@ -596,12 +568,6 @@ def _certain(one: Lft) -> Any:
     if one.blocks:
         return UncertainSystem(one)
     if one.states or one.dt is not None:
-        system = UncertainSystem(one)
-        return named_system(
-            (one.F, one.G, one.H, one.J),
-            0 if one.dt is None else one.dt,
-            system.input_labels,
-            system.output_labels,
-            one.states,
-        )
+        labels = UncertainSystem(one).input_labels, UncertainSystem(one).output_labels
+        return named_system((one.F, one.G, one.H, one.J), one.dt or 0, *labels, one.states)
     return float(one.J[0, 0]) if one.shape == (1, 1) else one.J.copy()

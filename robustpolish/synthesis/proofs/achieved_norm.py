@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import control
 import flint
@@ -19,12 +19,8 @@ from robustpolish.linear.delayed_systems import resolvent_response
 from robustpolish.linear.eigen import eigensystem
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import HinfNorm, hinf_norm
-from robustpolish.linear.norms.modal_form import modal_form
+from robustpolish.linear.norms.modal_form import Peak, modal_form
 from robustpolish.synthesis.problem.matrices import balancing_scale
-
-if TYPE_CHECKING:
-    from robustpolish.linear.norms.modal_peak import ModalPeak
-
 
 # The H-infinity norm of a stable loop in plain doubles, where a proof follows.
 #
@@ -103,7 +99,7 @@ def estimate_norm(
     return EstimatedNorm(norm, where, False)
 
 
-def _modal_peak(A: Matrix, B: Matrix, C: Matrix, D: Matrix, tolerance: float) -> ModalPeak | None:
+def _modal_peak(A: Matrix, B: Matrix, C: Matrix, D: Matrix, tolerance: float) -> Peak | None:
     """Find the peak in modal coordinates; None where rounding errors leave it wide open."""
     if not D.size or D.size > len(A):
         return None

@@ -20,8 +20,7 @@ from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.checks import described, instance_of, invalid, is_whole
 from robustpolish.plants.blocks import SignalChoice, chosen_names
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.plants.uncertain.elements import RealElement
-from robustpolish.plants.uncertain.lft import Lft, block_slices
+from robustpolish.plants.uncertain.lft import Lft, RealElement, block_slices
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.synthesis.lmi.program import Affine, SemidefiniteProgram, symmetric_block
 from robustpolish.synthesis.problem.matrices import PlantMatrices

@@ -18,7 +18,7 @@ from robustpolish.base.budget import Budget, step_cost
 from robustpolish.errors import InfeasibleError, InvalidInputError, SolverError
 from robustpolish.implementation.reduction import Reducer
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.plants.uncertain.elements import RealElement
+from robustpolish.plants.uncertain.lft import RealElement
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.robust.questions import WorstCaseGain, system_at_witness, worst_case_gain
 from robustpolish.synthesis.nonsmooth.descent import Measure

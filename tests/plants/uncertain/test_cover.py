@@ -1,17 +1,12 @@
 """A family of plants as one plant with dynamics below a weight."""
 
-from itertools import pairwise
-
 import control
 import numpy as np
 import pytest
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.plants.uncertain.cover import (
-    bounding_weight,
-    envelope,
-)
+from robustpolish.plants.uncertain.cover import bounding_weight, envelope
 
 
 def rig(w, damping=0.1):
@@ -39,6 +34,7 @@ def test_every_plant_is_one_of_the_uncertain_system(kind):
     assert made == pytest.approx(P0[i] + 0.3 * w * (1 if kind == "additive" else P0[i]))
 
 
+@pytest.mark.slow
 def test_model_in_the_middle_is_chosen():
     found = rp.uncertain.cover(RIGS, order=3)
     tried = [rp.uncertain.cover(RIGS, plant, order=0).errors.max() for plant in RIGS]
@@ -67,6 +63,7 @@ def test_unequal_numbers_of_signals():
     assert rp.uncertain.cover(turned, tall, kind="additive", order=2).system.shape == (2, 1)
 
 
+@pytest.mark.slow
 def test_sampled_plants():
     plants = [control.sample_system(p, 0.01, "zoh") for p in RIGS]
     found = rp.uncertain.cover(plants, plants[2], order=3)
@@ -97,6 +94,7 @@ def test_measured_responses():
     )
 
 
+@pytest.mark.slow
 def test_loop_that_is_proven_for_the_cover_is_stable_for_the_family():
     found = rp.uncertain.cover(RIGS, RIGS[2], order=5)
     gain = 0.5
@@ -109,6 +107,7 @@ def test_loop_that_is_proven_for_the_cover_is_stable_for_the_family():
     assert any((control.feedback(4.5 * plant, 1).poles().real > 0).any() for plant in RIGS)
 
 
+@pytest.mark.slow
 def test_what_it_says():
     found = rp.uncertain.cover(RIGS, RIGS[2], order=3)
     text = str(found)
@@ -184,8 +183,8 @@ def test_gain_of_a_system_is_found_again(unit):
     assert found.max() < 1.001
 
 
-@pytest.mark.parametrize("order", [0, 1, 2, 3, 5])
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("order", [0, 1, 3, 5])
+@pytest.mark.parametrize("seed", [0, 1])
 def test_weight_lies_above_rough_gains(seed, order):
     random = np.random.default_rng(seed)
     walk = np.cumsum(random.standard_normal(120)) * 0.2
@@ -194,13 +193,6 @@ def test_weight_lies_above_rough_gains(seed, order):
     assert weight.nstates <= order
     assert ratios(weight, omega, gains).min() >= 1
     assert_stable_with_stable_inverse(weight)
-
-
-def test_more_states_come_no_farther_away():
-    gains = np.abs(1 + 30 * S / (S**2 + 6 * S + 900) + S / (S + 3e3))
-    reached = [ratios(bounding_weight(OMEGA, gains, n), OMEGA, gains).max() for n in range(5)]
-    assert all(b <= a * 1.002 for a, b in pairwise(reached))
-    assert reached[-1] < 1.2 < reached[0]
 
 
 def test_least_ratio_is_that_of_the_best_constant():

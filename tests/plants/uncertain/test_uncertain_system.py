@@ -80,12 +80,6 @@ def test_copies_do_not_depend_on_units():
     assert at.A[1, 0] == pytest.approx(-1.02e9 / 0.97e-9)
 
 
-def test_partial_values():
-    rest = (K * M).at({"m": 3})
-    assert list(rest.elements) == ["k"]
-    assert rest.at({"k": 7}) == pytest.approx(21)
-
-
 def test_skewed_range_meets_its_ends():
     for value in (1, 2, 5, 3.3):
         assert M.at({"m": value}) == pytest.approx(value)
@@ -195,11 +189,6 @@ def test_sampling_time():
         discrete * rp.uncertain.system([[-K]], [[1]], [[1]])
 
 
-def test_entries_of_arrays():
-    A = np.array([[0, 1], [-K, -1.0]])
-    assert rp.uncertain.system(A, [0, 1], [1, 0]).at({"k": 12}).A[1, 0] == pytest.approx(-12)
-
-
 @pytest.mark.parametrize(
     ("matrices", "says"),
     [
@@ -267,11 +256,6 @@ def test_dynamics_of_several_signals():
     both = rp.uncertain.append(d, d).at({"d": value})
     assert both.nstates == 2
     np.testing.assert_allclose(both(1j)[0, :2], value(1j)[0])
-
-
-def test_wrong_shape():
-    with pytest.raises(rp.InvalidInputError, match="1 x 2"):
-        rp.uncertain.dynamics("d", (1, 2)).at({"d": 1.0})
 
 
 def test_complex_values():
