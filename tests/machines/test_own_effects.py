@@ -22,7 +22,7 @@ from robustpolish.machines.effects.formula_language import (
     read_unit,
     specification_from,
 )
-from robustpolish.machines.effects.kind import Motion, Parameter
+from robustpolish.machines.effects.kind import Motion
 from robustpolish.machines.effects.user_defined import (
     FormulaGains,
     FormulaLaw,
@@ -618,9 +618,7 @@ def test_so_many_parameters_no_record_determines():
 
 def tried(text, given=None, **units):
     formula = read_formula(text, units)
-    found = dimensions(formula, units, {})
-    parameters = [Parameter(name, dimension_text(powers), "") for name, powers in found.items()]
-    return candidates(formula, parameters, given or {})
+    return candidates(formula, dimensions(formula, units, {}), given or {})
 
 
 def sizes(found):

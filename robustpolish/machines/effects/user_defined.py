@@ -7,7 +7,7 @@ import itertools
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from types import FunctionType
 from typing import Any, Literal
@@ -24,10 +24,12 @@ from robustpolish.machines.effects.formula_language import (
     PAIRS,
     EffectSpecification,
     PostfixProgram,
+    Powers,
     dimension_text,
     dimensions,
     grows_with,
     linear_in,
+    multiplied,
     specification_from,
 )
 from robustpolish.machines.effects.kind import EffectKind, Parameter, Scan, Values
@@ -78,14 +80,17 @@ class ScreeningPlan:
 
 
 def candidates(
-    formula: PostfixProgram, parameters: Sequence[Parameter], given: Mapping[str, Sequence[float]]
+    formula: PostfixProgram,
+    powers: Mapping[str, Powers],
+    given: Mapping[str, Sequence[float]],
 ) -> ScreeningPlan:
     """Return what a screening tries of a formula.
 
     Parameters
     ----------
     formula : PostfixProgram
-    parameters : sequence of Parameter
+    powers : mapping of str to dict
+        Dimensions of the parameters, see :func:`dimensions`.
     given : mapping of str to sequence of float
         Values to try, by parameter, in SI units.
 
@@ -98,21 +103,24 @@ def candidates(
     InvalidInputError
         If there are too many values.
     """
-    if not parameters:
+    if not powers:
         return ScreeningPlan()
-    by_name = {p.name: p for p in parameters}
-    powers = {p.name: p.powers["F"] + p.powers["M"] for p in parameters}
-    forces = [name for name in powers if powers[name] == 1]
-    free = [name for name in (*forces, *powers) if name not in given]
-    solved, together = _linear(formula, list(dict.fromkeys(free))), []
-    bent = [name for name in powers if powers[name] and name not in solved]
+    by_force = {name: p.get("F", 0) + p.get("M", 0) for name, p in powers.items()}
+    forces = [name for name in powers if by_force[name] == 1]
+    free = [name for name in dict.fromkeys((*forces, *powers)) if name not in given]
+    # the most parameters that the force is linear in together, the first ones first
+    counts = range(len(free), 0, -1)
+    sets = (names for count in counts for names in itertools.combinations(free, count))
+    solved = next((names for names in sets if linear_in(formula, names)), ())
+    together: list[str] = []
+    bent = [name for name in powers if by_force[name] and name not in solved]
     if bent:
         together = forces
-        if any(powers[name] != 1 for name in bent) or not grows_with(formula, forces):
+        if any(by_force[name] != 1 for name in bent) or not grows_with(formula, forces):
             why = f"{formula.text!r}, which is not proportional to {', '.join(bent)}"
             return ScreeningPlan(missing=why, remedy="Give it factors that it is proportional to.")
         half_given = [name for name in forces if name in given]
-        solved = [] if len(half_given) == len(forces) else forces[:1]
+        solved = () if len(half_given) == len(forces) else (forces[0],)
         if half_given and solved:
             remedy = f"They grow together: give values of {', '.join(forces)}, or of none."
             return ScreeningPlan(missing=f"values of {', '.join(half_given)} alone", remedy=remedy)
@@ -121,8 +129,8 @@ def candidates(
         return ScreeningPlan(missing=why, remedy="Give it a factor in front.")
     scan, unknown = [], []
     for name in (name for name in powers if name not in solved):
-        unit = by_name[solved[0]] if solved and name in together else None
-        size = _size(by_name[name], unit)
+        unit = powers[solved[0]] if solved and name in together else {}
+        size = _size(multiplied(powers[name], unit, -1.0))
         if name in given:
             scan.append(Scan(name, "1", tuple(given[name])))
         elif size is not None:
@@ -141,37 +149,16 @@ def candidates(
     if combinations > _MOST:
         shown = described(f"{combinations} combinations of {', '.join(s.parameter for s in scan)}")
         raise invalid("scan", shown, f"at most {_MOST}", "Give fewer values of each.")
-    return ScreeningPlan(tuple(solved), tuple(scan), tuple(together))
+    return ScreeningPlan(solved, tuple(scan), tuple(together))
 
 
-def _linear(formula: PostfixProgram, names: Sequence[str]) -> list[str]:
-    """Return the most parameters that the force is linear in together, the first ones first."""
-    for count in range(len(names), 0, -1):
-        for chosen in itertools.combinations(names, count):
-            if linear_in(formula, chosen):
-                return list(chosen)
-    return []
-
-
-def _size(parameter: Parameter, of: Parameter | None) -> tuple[float, float] | None:
-    """Return powers of amplitude and speed that have the unit of a parameter (over another's)."""
-    powers = dict(parameter.powers)
-    if of is not None:
-        powers = {letter: power - of.powers[letter] for letter, power in powers.items()}
-        # a mass is a force over an acceleration
-    length = powers["L"] - powers["M"]
-    time = powers["T"] + 2 * powers["M"]
-    foreign = set(_letters(parameter)) ^ set(_letters(of) if of else ())
-    if powers["F"] + powers["M"] or foreign or not (length or time):
+def _size(powers: Powers) -> tuple[float, float] | None:
+    """Return the powers of amplitude and speed that have a unit, None if none have."""
+    F, L, T, M = (powers.get(letter, 0) for letter in "FLTM")
+    length, time = L - M, T + 2 * M  # a mass is a force over an acceleration
+    if F + M or not powers.keys() <= {*"FLTM"} or not (length or time):
         return None
     return length + time, -time
-
-
-def _letters(parameter: Parameter) -> list[str]:
-    """Return the units of channels in a dimension."""
-    words = parameter.dimension.replace("*", " ").replace("/", " ").split()
-    found = [word.split("^")[0] for word in words]
-    return [word for word in found if word not in ("F", "L", "T", "M", "1")]
 
 
 # The force law that a formula says: called from Python, or compiled to machine code.
@@ -241,10 +228,11 @@ def _function(law: FormulaLaw) -> Callable[..., None]:
             return ast.UnaryOp(ast.USub(), operands[0])
         if operation in _ARITHMETIC:
             return ast.BinOp(operands[0], _ARITHMETIC[operation](), operands[1])
-        exponent = operands[-1].value if isinstance(operands[-1], ast.Constant) else math.inf
-        if operation == "**" and float(exponent).is_integer() and abs(exponent) <= _HIGHEST:  # pyright: ignore[reportArgumentType]
-            power = ast.BinOp(operands[0], ast.Pow(), ast.Constant(abs(int(exponent))))  # pyright: ignore[reportArgumentType]
-            return ast.BinOp(ast.Constant(1.0), ast.Div(), power) if exponent < 0 else power  # pyright: ignore[reportOperatorIssue]
+        exponent: Any = getattr(operands[-1], "value", None)  # of a number
+        whole = isinstance(exponent, float) and exponent.is_integer()
+        if operation == "**" and whole and abs(exponent) <= _HIGHEST:
+            power = ast.BinOp(operands[0], ast.Pow(), ast.Constant(abs(int(exponent))))
+            return ast.BinOp(ast.Constant(1.0), ast.Div(), power) if exponent < 0 else power
         return ast.Call(ast.Name(operation, ast.Load()), list(operands), [])
 
     tree = ast.parse("def law(t, q, v, z, p, f, dz):\n    f[0] = 0.0")
@@ -445,23 +433,18 @@ def _build_kind(written: EffectSpecification) -> tuple[EffectKind, ScreeningPlan
     if name in built_in():
         raise invalid(("name",), name, "a name that the catalogue does not have", "Rename it.")
     law = FormulaLaw(written)
-    units, known = dict(written.units), dict(written.known)
+    units, known, limits = dict(written.units), dict(written.known), dict(written.bounds)
     given = {**dict(written.scan), **{symbol: (value,) for symbol, value in known.items()}}
     powers = dimensions(law.formula, units, dict(written.channels))
-    parameters = [
-        Parameter(symbol, dimension_text(powers[symbol]), f"{symbol} in {written.formula}")
-        for symbol in units
-    ]
-    tried = candidates(law.formula, parameters, given)
-    limits = {symbol: (lower, upper) for symbol, lower, upper in written.bounds}
+    tried = candidates(law.formula, powers, given)
     finished = []
-    for p in parameters:
-        least = 0.0 if p.name in tried.together else -math.inf
-        lower, upper = limits.get(p.name, (least, math.inf))
-        default = given.get(p.name, (0.0 if p.name in tried.linear_in else 1.0,))[0]
-        default = min(max(default, lower), upper)
-        free = p.name not in known
-        finished.append(replace(p, lower=lower, upper=upper, default=default, fitted=free))
+    for symbol in units:
+        least = 0.0 if symbol in tried.together else -math.inf
+        lower, upper = limits.get(symbol, (least, math.inf))
+        default = given.get(symbol, (0.0 if symbol in tried.linear_in else 1.0,))[0]
+        default, free = min(max(default, lower), upper), symbol not in known
+        unit, meaning = dimension_text(powers[symbol]), f"{symbol} in {written.formula}"
+        finished.append(Parameter(symbol, unit, meaning, lower, upper, default, free))
     kind = EffectKind(
         kind=name,
         title=written.title or name,

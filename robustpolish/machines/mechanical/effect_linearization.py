@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
 
 import control
 import numpy as np
@@ -48,7 +49,7 @@ def linear_with_effects(
     states : list of str
         Names of the effects' states.
     """
-    placed, ports, G, H, (Qs, Qw, Vs, Vw) = effect_ports(model)
+    placed, ports, (G, H, (Qs, Qw, Vs, Vw)) = effect_ports(model)
     rest = _rest(model, placed, ports, operating_point)
     slopes = [[np.zeros((0, 0))] * 6]
     for effect, here in zip(placed, ports, strict=True):
@@ -89,7 +90,9 @@ def _rest(
     for _ in range(50):
         force, slope = -(m.K @ q), -m.K.copy()
         for effect, here in zip(effects, ports, strict=True):
-            force += here.T @ _mean_force(model, effect, here @ q)
+            kind = effect.definition
+            still = np.r_[here @ q, np.zeros(len(here) + kind.states)]
+            force += here.T @ _mean_law(model, effect)(still)[: kind.ports]
             slope += here.T @ _slopes(model, effect, here @ q, warn=False)[0] @ here
         pull = force[free]
         typical = np.max(np.abs(m.K @ q), initial=0.0)
@@ -99,50 +102,34 @@ def _rest(
     return q if np.isfinite(q).all() else np.zeros(len(names))
 
 
-def _law(
-    model: MechanicalData, effect: Effect, time: float, q: Array, v: Array, z: Array
-) -> tuple[Array, Array]:
-    """Evaluate a law in plain Python: force on the first ends, derivatives of internal states."""
-    kind = effect.definition
+def _mean_law(model: MechanicalData, effect: Effect) -> Callable[[Array], Array]:
+    """Return forces and rates from motions, velocities and states, averaged over one turn."""
+    kind, n, spin = effect.definition, effect.definition.ports, model.spin_frequency
+    times = np.arange(_PHASES) / (_PHASES * spin) if spin else np.zeros(1)
     # No time step: laws that blur a jump over what a step can resolve keep the jump.
     p = np.array([*effect.values.values(), *context_values(model, effect, 0.0)])
-    f, dz = np.zeros(kind.ports), np.zeros(kind.states)
-    assert kind.law is not None  # only effects that make forces come here
-    with np.errstate(all="ignore"):
-        kind.law(time, q, v, z, p, f, dz)
-    return f, dz
+    law: Any = kind.law  # only effects that make forces come here
 
+    def mean(x: Array) -> Array:
+        found = np.zeros((times.size, n + kind.states))
+        with np.errstate(all="ignore"):
+            for t, row in zip(times, found, strict=True):
+                law(t, x[:n], x[n : 2 * n], x[2 * n :], p, row[:n], row[n:])
+        return np.mean(found, axis=0)
 
-def _times(model: MechanicalData) -> Array:
-    """Instants over which slopes are averaged: one turn of the spin, or none."""
-    spin = model.spin_frequency
-    return np.arange(_PHASES) / (_PHASES * spin) if spin else np.zeros(1)
-
-
-def _mean_force(model: MechanicalData, effect: Effect, q: Array) -> Array:
-    zero, z = np.zeros(q.size), np.zeros(effect.definition.states)
-    return np.mean([_law(model, effect, t, q, zero, z)[0] for t in _times(model)], axis=0)
+    return mean
 
 
 def _slopes(model: MechanicalData, effect: Effect, rest: Array, warn: bool = True) -> list[Array]:
     """Return the slopes Fq, Fv, Fz of the force and Dq, Dv, Dz of the internal rates."""
-    kind = effect.definition
-    point = np.concatenate([rest, np.zeros(rest.size), np.zeros(kind.states)])
-    n = rest.size
-
-    def both(x: Array) -> Array:
-        values = [
-            np.concatenate(_law(model, effect, t, x[:n], x[n : 2 * n], x[2 * n :]))
-            for t in _times(model)
-        ]
-        return np.mean(values, axis=0)
-
-    table = np.zeros((kind.ports + kind.states, point.size))
+    n, law = rest.size, _mean_law(model, effect)
+    point = np.concatenate([rest, np.zeros(n + effect.definition.states)])
+    table = np.zeros((point.size - n, point.size))
     for j in range(point.size):
         # Wherever the law has a slope at all, so small a step sees it: nothing in mechanics is
         # finer than 1e-12 in SI units, and at zero there is no rounding to fear.
         step = max(1e-12, 1e-7 * abs(point[j]))
-        wide, narrow = (difference(both, point, j, h) for h in (step, step / 16))
+        wide, narrow = (difference(law, point, j, h) for h in (step, step / 16))
         jumps = np.abs(narrow) > 4 * np.abs(wide)
         if jumps.any() and warn:
             warnings.warn(
@@ -154,7 +141,7 @@ def _slopes(model: MechanicalData, effect: Effect, rest: Array, warn: bool = Tru
         table[:, j] = np.where(jumps, 0.0, wide)
     table[~np.isfinite(table)] = 0.0
     columns = (slice(0, n), slice(n, 2 * n), slice(2 * n, None))
-    return [part[:, c] for part in (table[: kind.ports], table[kind.ports :]) for c in columns]
+    return [part[:, c] for part in (table[:n], table[n:]) for c in columns]
 
 
 def signal_gains(model: MechanicalData) -> Array:
@@ -191,29 +178,21 @@ def _slopes_of_signals(model: MechanicalData, domain: str) -> Iterator[tuple[Eff
             yield effect, effect.definition.signal_slope(effect.values)
 
 
-def _filters(slope: SignalSlope) -> list[tuple[str, tuple[Array, Array]]]:
-    """Return the names, numerators and denominators of what delays a signal and lags behind it."""
-    found = []
-    if slope.delay > 0:
-        found.append(("delay", control.pade(slope.delay, _PADE_ORDER)))
-    if slope.lag > 0:
-        found.append(("lag", (np.ones(1), np.array([slope.lag, 1.0]))))
-    return found
-
-
 def add_timing(
     model: MechanicalData, inputs: Sequence[str], A: Array, B: Array, C: Array, D: Array
 ) -> tuple[Array, Array, Array, Array, list[str]]:
     """Put lags and second-order Pade approximations of delays before the inputs that have them."""
     names: list[str] = []
     m = model.matrices
+    sources = dict(zip(m.signals, m.sources, strict=True))
     for effect, slope in _slopes_of_signals(model, "input"):
-        behind = [
-            name
-            for name, source in zip(m.signals, m.sources, strict=True)
-            if source == effect.at[0] and name in inputs
-        ]
-        for name, (what, transfer) in itertools.product(behind, _filters(slope)):
+        behind = [name for name in m.signals if sources[name] == effect.at[0] and name in inputs]
+        filters: dict[str, Any] = {}
+        if slope.delay > 0:
+            filters["delay"] = control.pade(slope.delay, _PADE_ORDER)
+        if slope.lag > 0:
+            filters["lag"] = (np.ones(1), np.array([slope.lag, 1.0]))
+        for name, (what, transfer) in itertools.product(behind, filters.items()):
             j = inputs.index(name)
             Ap, Bp, Cp, Dp = tf2ss(*transfer)
             column, through = B[:, [j]].copy(), D[:, [j]].copy()
