@@ -10,6 +10,7 @@ import unicodedata
 import warnings
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
@@ -442,11 +443,9 @@ def _tree(text: Any) -> ast.expr:
         reason = error.msg if isinstance(error, SyntaxError) else "too long or too deep"
         shown = described(f"{text[:60]!r} ({reason})")
         raise invalid("formula", shown, f"a formula, {_EXAMPLE}", "Correct it.") from None
-    statement = body[0] if len(body) == 1 else None
-    if isinstance(statement, ast.Assign) and len(statement.targets) == 1:
-        target = statement.targets[0]
-        if isinstance(target, ast.Name) and target.id == "f":
-            return statement.value
+    match body:
+        case [ast.Assign(targets=[ast.Name(id="f")], value=expression)]:
+            return expression
     remedy = "Begin with 'f =': the force on the first coordinate, the second gets the opposite."
     raise invalid("formula", text, f"one formula, {_EXAMPLE}", remedy)
 
@@ -714,13 +713,9 @@ class EffectSpecification:
     known: tuple[tuple[str, float], ...] = ()
     channels: tuple[tuple[str, str], ...] = ()
 
-    def read(self) -> PostfixProgram:
-        """Return the formula, read.
-
-        Returns
-        -------
-        PostfixProgram
-        """
+    @cached_property
+    def program(self) -> PostfixProgram:
+        """The formula, read."""
         return read_formula(self.formula, (*dict(self.units), *dict(self.channels)))
 
     def table(self) -> dict[str, Any]:

@@ -8,7 +8,6 @@ import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from types import FunctionType
 from typing import Any, Literal
 
@@ -32,7 +31,7 @@ from robustpolish.machines.effects.formula_language import (
     multiplied,
     specification_from,
 )
-from robustpolish.machines.effects.kind import EffectKind, Parameter, Scan, Values
+from robustpolish.machines.effects.kind import EffectKind, Parameter, Scan, Steepness, Values
 
 # What a screening tries of a formula: which parameters are solved for, and which are scanned.
 #
@@ -171,37 +170,44 @@ _GRID = 33  # odd: with the middle, where friction is steepest
 
 
 @dataclass(frozen=True)
-class FormulaLaw:
+class FormulaLaw(EffectSpecification):
     """The law of an effect that somebody wrote as a formula.
 
     It is equal to another one that says the same, and can be pickled.
-
-    Parameters
-    ----------
-    written : EffectSpecification
     """
-
-    written: EffectSpecification
-
-    @cached_property
-    def formula(self) -> PostfixProgram:
-        """The formula, read."""
-        return self.written.read()
 
     def __call__(self, t: float, q: Any, v: Any, z: Any, p: Any, f: Any, dz: Any) -> None:
         """Write the force, as every law does."""
-        f[0] = self.formula.value(self._values(t, q, v, p))
+        f[0] = self.program.value(self._values(t, q, v, p))
 
     def _values(self, t: Any, q: Any, v: Any, p: Any) -> dict[str, Any]:
         values = {"t": t, "q": q[0], "v": v[0]}
-        values.update((name, p[i]) for i, (name, _) in enumerate(self.written.units))
-        values.update((name, q[1 + i]) for i, (name, _) in enumerate(self.written.channels))
+        values.update((name, p[i]) for i, (name, _) in enumerate(self.units))
+        values.update((name, q[1 + i]) for i, (name, _) in enumerate(self.channels))
         return values
 
     @property
     def sharp(self) -> bool:
         """Whether the force may have corners."""
-        return bool(self.formula.operations & _CORNERS)
+        return bool(self.program.operations & _CORNERS)
+
+    def steepness(self, values: Values, q: float, v: float) -> Steepness:
+        """Return the largest stiffness and damping up to these amplitudes, and no rate."""
+        grid = np.linspace(-1.0, 1.0, _GRID)
+        along = {"q": q * grid[:, None], "v": v * grid[None, :], "t": 0.0, **values}
+        largest = {"q": 0.0, "v": 0.0}
+        for level in _SIGNALS if self.channels else (0.0,):
+            along.update((name, level) for name, _ in self.channels)
+            for name, amplitude in (("q", q), ("v", v)):
+                if amplitude == 0 or name not in self.program.names:
+                    continue
+                step = 1e-6 * amplitude
+                ends = [self.program.value({**along, name: along[name] + d}) for d in (-step, step)]
+                with np.errstate(all="ignore"):
+                    slopes = np.abs(np.asarray(ends[1]) - ends[0]) / (2 * step)
+                found = float(np.max(slopes, where=np.isfinite(slopes), initial=0.0))
+                largest[name] = max(largest[name], found)
+        return largest["q"], largest["v"], 0.0
 
     def compiled(self) -> Any:
         """Return the law compiled to the signature of all laws.
@@ -215,8 +221,8 @@ class FormulaLaw:
 def _function(law: FormulaLaw) -> Callable[..., None]:
     """Return the law as a Python function, made of the operations that were read and no others."""
     places = {"t": "t", "q": "q[0]", "v": "v[0]"}
-    places.update((name, f"p[{i}]") for i, (name, _) in enumerate(law.written.units))
-    places.update((name, f"q[{1 + i}]") for i, (name, _) in enumerate(law.written.channels))
+    places.update((name, f"p[{i}]") for i, (name, _) in enumerate(law.units))
+    places.update((name, f"q[{1 + i}]") for i, (name, _) in enumerate(law.channels))
 
     def leaf(item: float | str) -> ast.expr:
         if isinstance(item, str):
@@ -236,41 +242,9 @@ def _function(law: FormulaLaw) -> Callable[..., None]:
         return ast.Call(ast.Name(operation, ast.Load()), list(operands), [])
 
     tree = ast.parse("def law(t, q, v, z, p, f, dz):\n    f[0] = 0.0")
-    tree.body[0].body[0].value = law.formula.fold(leaf, combine)  # type: ignore[attr-defined]
+    tree.body[0].body[0].value = law.program.fold(leaf, combine)  # type: ignore[attr-defined]
     code = compile(ast.fix_missing_locations(tree), "<formula>", "exec").co_consts[0]
     return FunctionType(code, {**FUNCTIONS, **PAIRS})
-
-
-@dataclass(frozen=True)
-class FormulaGains:
-    """The largest slopes of a formula, which decide on the length of steps.
-
-    Parameters
-    ----------
-    law : FormulaLaw
-    """
-
-    law: FormulaLaw
-
-    def __call__(self, values: Values, q: float, v: float) -> tuple[float, float, float]:
-        """Return the largest stiffness and damping up to these amplitudes, and no rate."""
-        grid = np.linspace(-1.0, 1.0, _GRID)
-        along = {"q": q * grid[:, None], "v": v * grid[None, :], "t": 0.0, **values}
-        slopes = [(0.0, 0.0)]
-        for level in _SIGNALS if self.law.written.channels else (0.0,):
-            along.update((name, level) for name, _ in self.law.written.channels)
-            slopes.append((self._steepest(along, "q", q), self._steepest(along, "v", v)))
-        stiffness, damping = np.max(slopes, axis=0).tolist()
-        return stiffness, damping, 0.0
-
-    def _steepest(self, along: dict[str, Any], name: str, amplitude: float) -> float:
-        if amplitude == 0 or name not in self.law.formula.names:
-            return 0.0
-        step = 1e-6 * amplitude
-        ends = [self.law.formula.value({**along, name: along[name] + d}) for d in (-step, step)]
-        with np.errstate(all="ignore"):
-            slopes = np.abs(np.asarray(ends[1]) - ends[0]) / (2 * step)
-        return float(np.max(slopes, where=np.isfinite(slopes), initial=0.0))
 
 
 # Effects of your own: a kind made of a formula, offered to a diagnosis, read from files.
@@ -366,7 +340,7 @@ def effect(
         "channels": channels,
     }
     try:
-        kind, tried = _build_kind(specification_from(given))
+        kind, tried = _build_kind(given)
     except InvalidInputError as error:
         if error.key[:1] != ("units",):
             raise
@@ -410,7 +384,7 @@ def own_kind(table: Mapping[str, Any]) -> EffectKind:
     for key in table:
         if key not in OWN_KEYS:
             raise invalid((key,), described("an unknown key"), ", ".join(OWN_KEYS), "Correct it.")
-    return _build_kind(specification_from(table))[0]
+    return _build_kind(table)[0]
 
 
 def own_table(kind: EffectKind) -> dict[str, Any] | None:
@@ -424,38 +398,37 @@ def own_table(kind: EffectKind) -> dict[str, Any] | None:
     -------
     dict or None
     """
-    return kind.law.written.table() if isinstance(kind.law, FormulaLaw) else None
+    return kind.law.table() if isinstance(kind.law, FormulaLaw) else None
 
 
-def _build_kind(written: EffectSpecification) -> tuple[EffectKind, ScreeningPlan]:
+def _build_kind(table: Mapping[str, Any]) -> tuple[EffectKind, ScreeningPlan]:
     """Return the kind, and what a screening tries of it."""
-    name = written.name or written.formula
+    law = FormulaLaw(**vars(specification_from(table)))
+    name = law.name or law.formula
     if name in built_in():
         raise invalid(("name",), name, "a name that the catalogue does not have", "Rename it.")
-    law = FormulaLaw(written)
-    units, known, limits = dict(written.units), dict(written.known), dict(written.bounds)
-    given = {**dict(written.scan), **{symbol: (value,) for symbol, value in known.items()}}
-    powers = dimensions(law.formula, units, dict(written.channels))
-    tried = candidates(law.formula, powers, given)
+    units, known, limits = dict(law.units), dict(law.known), dict(law.bounds)
+    given = {**dict(law.scan), **{symbol: (value,) for symbol, value in known.items()}}
+    powers = dimensions(law.program, units, dict(law.channels))
+    tried = candidates(law.program, powers, given)
     finished = []
     for symbol in units:
         least = 0.0 if symbol in tried.together else -math.inf
         lower, upper = limits.get(symbol, (least, math.inf))
         default = given.get(symbol, (0.0 if symbol in tried.linear_in else 1.0,))[0]
         default, free = min(max(default, lower), upper), symbol not in known
-        unit, meaning = dimension_text(powers[symbol]), f"{symbol} in {written.formula}"
+        unit, meaning = dimension_text(powers[symbol]), f"{symbol} in {law.formula}"
         finished.append(Parameter(symbol, unit, meaning, lower, upper, default, free))
     kind = EffectKind(
         kind=name,
-        title=written.title or name,
-        domain=written.domain,  # type: ignore[arg-type]  # checked by written_from
+        title=law.title or name,
+        domain=law.domain,  # type: ignore[arg-type]  # checked by specification_from
         parameters=tuple(finished),
         law=law,
         linear_in=tried.linear_in,
         scan=tried.scan,
-        gains=FormulaGains(law),
-        channels=written.channels,
+        channels=law.channels,
         sharp=law.sharp,
-        looks_like=f"A force that follows {written.formula}.",
+        looks_like=f"A force that follows {law.formula}.",
     )
     return kind, tried

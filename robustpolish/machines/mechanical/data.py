@@ -144,22 +144,26 @@ class MechanicalMatrices:
         return (*names, *(f"{name}_dot" for name in names))
 
     @cached_property
+    def _imposed(self) -> dict[str, Matrix]:
+        """Displacements, velocities and accelerations that the signals impose, by quantity."""
+        shape, first = (len(self.coordinates), len(self.signals)), len(self.force_inputs)
+        found = {name: np.zeros(shape) for name in (DISPLACEMENT, VELOCITY, ACCELERATION)}
+        for column, signal in enumerate(self.imposed_signals, first):
+            found[signal.quantity][signal.coordinate, column] = signal.gain
+        return found
+
+    @cached_property
     def motion_map(self) -> _Four:
         """Lq, Lv, and Rq, Rv: the linear motions from states and signals, read-only.
 
         ``q = Lq s + Rq w`` and ``q' = Lv s + Rv w`` with the states s and the signals w.
         """
-        n, nf, nw = len(self.coordinates), len(self.free), len(self.signals)
-        Lq, Lv = np.zeros((n, 2 * nf)), np.zeros((n, 2 * nf))
-        Lq[self.free, np.arange(nf)] = 1
-        Lv[self.free, nf + np.arange(nf)] = 1
-        Rq, Rv = np.zeros((n, nw)), np.zeros((n, nw))
-        for part, quantity in ((Rq, DISPLACEMENT), (Rv, VELOCITY)):
-            for column, row, gain in self._imposed_columns(quantity):
-                part[row, column] = gain
-        for part in (Lq, Lv, Rq, Rv):
+        free = np.eye(len(self.coordinates))[:, self.free]
+        Lq, Lv = np.hstack([free, 0 * free]), np.hstack([0 * free, free])
+        found = Lq, Lv, self._imposed[DISPLACEMENT], self._imposed[VELOCITY]
+        for part in found:
             part.flags.writeable = False
-        return Lq, Lv, Rq, Rv
+        return found
 
     def first_order(self) -> _Four:
         """Return A, B, C, D of the first-order form, from `signals` to `outputs`."""
@@ -169,19 +173,17 @@ class MechanicalMatrices:
     @cached_property
     def _first_order(self) -> _Four:
         Lq, Lv, Rq, Rv = self.motion_map
-        n, nf, nw = len(self.coordinates), len(self.free), len(self.signals)
-        force = np.hstack([self.B, np.zeros((n, nw - self.B.shape[1]))])
+        force = np.zeros_like(Rq)
+        force[:, : len(self.force_inputs)] = self.B
         inverse_mass = self.inverse_mass
-        acceleration_s, acceleration_w = np.zeros((n, 2 * nf)), np.zeros((n, nw))
-        for column, row, gain in self._imposed_columns(ACCELERATION):
-            acceleration_w[row, column] = gain
+        acceleration_s, acceleration_w = np.zeros_like(Lq), self._imposed[ACCELERATION].copy()
         imposed = self.M[self.free][:, self.imposed] @ acceleration_w[self.imposed]
         pushed = (force - self.K @ Rq - self.C @ Rv)[self.free] - imposed
         acceleration_s[self.free] = -inverse_mass @ (self.K @ Lq + self.C @ Lv)[self.free]
         acceleration_w[self.free] = inverse_mass @ pushed
         return (
             np.vstack([Lv[self.free], acceleration_s[self.free]]),
-            np.vstack([np.zeros((nf, nw)), acceleration_w[self.free]]),
+            np.vstack([np.zeros_like(pushed), acceleration_w[self.free]]),
             self.Sq @ Lq + self.Sv @ Lv + self.Sa @ acceleration_s,
             self.Sq @ Rq + self.Sv @ Rv + self.Sa @ acceleration_w,
         )
@@ -197,15 +199,6 @@ class MechanicalMatrices:
         if not signals:
             B, D, signals = np.zeros((len(A), 1)), np.zeros((len(C), 1)), (NO_INPUT,)
         return named_system((A, B, C, D), 0, signals, self.outputs, self.states)
-
-    def _imposed_columns(self, quantity: str) -> list[tuple[int, int, float]]:
-        """Column of the signals, coordinate and gain of each imposed motion of one quantity."""
-        first = len(self.force_inputs)
-        return [
-            (first + i, signal.coordinate, signal.gain)
-            for i, signal in enumerate(self.imposed_signals)
-            if signal.quantity == quantity
-        ]
 
 
 def incidence(names: Sequence[str], pair: Sequence[str]) -> Matrix:
