@@ -107,22 +107,15 @@ def friction_damper(frequency: float = 1.0, amplitude: float = 1.5) -> xr.Datase
     name = f"{frequency:g}Hz{amplitude:g}in"
     if name not in arrays:
         listed = ", ".join(key.replace("Hz", " Hz ").replace("in", " inch") for key in arrays)
-        raise invalid(
-            "frequency, amplitude",
-            described(f"{frequency:g} Hz, {amplitude:g} inch"),
-            f"one of the tests {listed}",
-            "Choose one of them.",
-        )
+        shown, want = described(f"{frequency:g} Hz, {amplitude:g} inch"), f"one of {listed}"
+        raise invalid("frequency, amplitude", shown, want, "Choose one of these tests.")
     columns = {
         column: (count * values.astype(float), unit)
         for (column, (count, unit)), values in zip(_COUNTS.items(), arrays[name], strict=True)
     }
-    return dataset(
-        columns,
-        _DAMPER_RATE,
-        "Coble, Huggins, Cao, Ricles and Downey (2022), "
-        "https://github.com/ARTS-Laboratory/Dataset-Friction-Damper-with-Backlash, CC BY-SA 4.0",
-    )
+    source = "Coble, Huggins, Cao, Ricles and Downey (2022)"
+    where = "https://github.com/ARTS-Laboratory/Dataset-Friction-Damper-with-Backlash"
+    return dataset(columns, _DAMPER_RATE, f"{source}, {where}, CC BY-SA 4.0")
 
 
 # A beam that swings freely in a magnetic field.
@@ -306,13 +299,9 @@ def sticky_slide() -> tuple[MechanicalModel, xr.Dataset]:
     """
     place = ("x", "ground")
     model = MechanicalModel(
-        dofs=(Dof("x", 2.0),),
-        springs=(Spring(place, 8e4),),
-        dampers=(Damper(place, 12.0),),
-        inputs=(Input("F", place),),
-        outputs=(Output("x", place),),
-        name="slide",
-    )
+        (Dof("x", 2.0),), (Spring(place, 8e4),), (Damper(place, 12.0),), (Input("F", place),),
+        (Output("x", place),), name="slide",
+    )  # fmt: skip
     random = np.random.default_rng(1)
     # The force is held from sample to sample, and slow enough for that.
     force = 40 * np.convolve(random.standard_normal(_SAMPLES + 7), np.ones(8) / 8, "valid")

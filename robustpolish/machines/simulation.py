@@ -169,6 +169,7 @@ def _signals(model: MechanicalData, data: xr.Dataset) -> tuple[Array, Intersampl
             shown = described(f"no column {name!r}")
             raise invalid("data", shown, "every input", "Check the column names.")
     time = np.asarray(data["time"].values, dtype=float)
+    step = (time[-1] - time[0]) / (time.size - 1)
     m = model.matrices
     columns = [np.asarray(data[name].values, dtype=float) for name in m.force_inputs]
     for signal in m.imposed_signals:
@@ -178,62 +179,39 @@ def _signals(model: MechanicalData, data: xr.Dataset) -> tuple[Array, Intersampl
             order = 1 if signal.quantity == VELOCITY else 2
             columns.append(CubicSpline(time, data[signal.source].values)(time, order))
     W = np.column_stack(columns) if columns else np.zeros((time.size, 0))
-    timed: dict[int, _Timing] = {}
-    for effect in _effects_on(model, "input"):
-        timing = effect.definition.timing
-        for j, (name, source) in enumerate(zip(m.signals, m.sources, strict=True)):
+    sides: dict[int, tuple[Array, Array]] = {}
+    straight = True
+    for j, (name, source) in enumerate(zip(m.signals, m.sources, strict=True)):
+        # an imposed motion has a velocity, so that it is smooth
+        order = LINEAR if j < len(m.force_inputs) else SMOOTH
+        delay, lags, timed = 0.0, [], False
+        for effect in _effects_on(model, "input"):
             if source != effect.at[0]:
                 continue
-            if timing is None:
+            if effect.definition.timing is None:
                 W[:, j] = _apply_effect(effect, W[:, j], time, derivative=name != source)
                 continue
-            # an imposed motion has a velocity, so that it is smooth
-            first = _Timing(LINEAR if j < len(m.force_inputs) else SMOOTH)
-            timed[j] = timed.get(j, first).then(Timing(*timing(effect.values)))
-    step = (time[-1] - time[0]) / (time.size - 1)
-    acting = {j: timing.acting(W[:, j], step) for j, timing in timed.items()}
-    for j, (at_samples, _, _) in acting.items():
-        W[:, j] = at_samples
-    if all(timing.linear for timing in timed.values()):
-        return np.ascontiguousarray(W), None
-    begin, end = (side.copy() for side in linear_interpolation(W))
-    for j, (_, *sides) in acting.items():
-        begin[:, j], end[:, j] = sides
-    return np.ascontiguousarray(W), IntersampleLines(begin, end)
-
-
-class _Timing(NamedTuple):
-    """What a signal is between its samples, how late it acts, and the lags with which it does."""
-
-    order: float
-    delay: float = 0.0
-    lags: tuple[float, ...] = ()
-
-    def then(self, more: Timing) -> _Timing:
-        """Return it with a hold, a delay or a lag more."""
-        order = self.order if more.order is None else more.order
-        lags = (*self.lags, more.lag) if more.lag > 0 else self.lags
-        return _Timing(order, self.delay + more.delay, lags)
-
-    @property
-    def linear(self) -> bool:
-        """Whether the signal is linear between the samples, if only by a lag."""
-        return bool(self.lags) or self._at_once
-
-    @property
-    def _at_once(self) -> bool:
-        return (self.order, self.delay) == (LINEAR, 0.0)
-
-    def acting(self, u: Array, step: float) -> tuple[Array, Array, Array]:
-        """Return a signal as it acts: at the samples, and at both ends of the step after each."""
-        if self._at_once:
-            at, (begin, end) = u, linear_interpolation(u)
-        else:
-            at, begin, end = intersample_signal(u, step, self.order, self.delay)
-        for lag in self.lags:
+            when, timed = Timing(*effect.definition.timing(effect.values)), True
+            order = order if when.order is None else when.order
+            delay += when.delay
+            lags += [when.lag] if when.lag > 0 else []
+        if not timed:
+            continue
+        at_once = (order, delay) == (LINEAR, 0.0)
+        straight = straight and (bool(lags) or at_once)  # a lag makes lines, too
+        at, (begin, end) = W[:, j], linear_interpolation(W[:, j])
+        if not at_once:
+            at, begin, end = intersample_signal(W[:, j], step, order, delay)
+        for lag in lags:
             at = first_order_lag(begin, end, step, lag)
             begin, end = linear_interpolation(at)
-        return at, begin, end
+        W[:, j], sides[j] = at, (begin, end)
+    if straight:
+        return np.ascontiguousarray(W), None
+    begin, end = (side.copy() for side in linear_interpolation(W))
+    for j, side in sides.items():
+        begin[:, j], end[:, j] = side
+    return np.ascontiguousarray(W), IntersampleLines(begin, end)
 
 
 def _apply_effect(effect: Effect, signal: Array, time: Array, derivative: bool) -> Array:
@@ -373,13 +351,16 @@ def _cached_kernel_matrices(
 
 def build_system(model: MechanicalData, step: float) -> NonlinearSystem:
     """Build the system of a model, for substeps of `step` seconds."""
-    effects, _, G, H, motion = effect_ports(model)
+    effects, _, (G, H, motion) = effect_ports(model)
     layout, values = [], []
     port = state = parameter = 0
     for effect in effects:
         kind, known = effect.definition, effect.values
         context = context_values(model, effect, step)
-        dry = kind.turns_over != "" and _unresolved_friction(effect, context)
+        dry = False
+        if kind.turns_over:  # ideal where a step cannot resolve how it turns over
+            largest = max(abs(known[p.name]) for p in kind.parameters if p.dimension == "F")
+            dry = known[kind.turns_over] < largest * context[kind.context.index("mobility")]
         if dry:
             known = {**known, kind.turns_over: 0.0}
             context = [0.0] * len(context)
@@ -387,28 +368,15 @@ def build_system(model: MechanicalData, step: float) -> NonlinearSystem:
         layout.append((port, kind.ports, state, kind.states, parameter, len(p), dry))
         values += p
         port, state, parameter = port + kind.ports, state + kind.states, parameter + len(p)
-    A, B, C, D = (np.ascontiguousarray(M) for M in model.matrices.first_order())
+    linear = (*model.matrices.first_order(), G, H)
     return NonlinearSystem(
-        A=A,
-        B=B,
-        C=C,
-        D=D,
-        G=np.ascontiguousarray(G),
-        H=np.ascontiguousarray(H),
+        *(np.ascontiguousarray(part) for part in linear),
         motion=tuple(np.ascontiguousarray(part) for part in motion),  # type: ignore[arg-type]
         effects=tuple(effects),
         layout=np.array(layout, dtype=np.int64).reshape(-1, 7),
         values=np.array(values, dtype=float),
         internal=state,
     )
-
-
-def _unresolved_friction(effect: Effect, context: list[float]) -> bool:
-    """Return whether a step cannot resolve how a dry friction turns over: then it is ideal."""
-    kind = effect.definition
-    forces = [abs(effect.values[p.name]) for p in kind.parameters if p.dimension == "F"]
-    resolved = max(forces) * context[kind.context.index("mobility")]
-    return effect.values[kind.turns_over] < resolved
 
 
 def needed_substeps(model: MechanicalData, dt: float, amplitude: float) -> int:
@@ -544,16 +512,15 @@ class Stepper:
         system = self.system
         ny = len(system.C)
         course = InputCourse.of(inputs, lines, time, np.array([0, time.size]))
-        seen = self._beside(course)
-        Y = np.zeros((1, ny)) if led_by is None else raw_outputs(self.model, led_by, time) - seen
+        Y = np.zeros((1, ny))
+        if led_by is not None:
+            Y = raw_outputs(self.model, led_by, time) - self._beside(course)
         K = np.zeros((system.states, ny)) if gain is None else gain
-        outputs, states, inner = run_steps(
-            self.matrices, (system.C, system.D, system.H), system.addresses,
-            system.layout, system.values, course.begin, course.end, Y, K,
-            np.ascontiguousarray(state), np.ascontiguousarray(internal), time[0], self.step,
-            self.substeps, keep,
+        found = run_steps(
+            *self._given(course), Y, K, np.ascontiguousarray(state), np.ascontiguousarray(internal),
+            time[0], self.step, self.substeps, keep,
         )  # fmt: skip
-        return NonlinearResponse(measured(self.model, outputs + seen, time), states, inner)
+        return self._shown(course, *found)
 
     def over_pieces(
         self, course: InputCourse, starts: Array, internal: Array, keep: bool = False
@@ -572,15 +539,20 @@ class Stepper:
         -------
         NonlinearResponse
         """
-        system, time, marks = self.system, course.time, course.marks
-        outputs, states, inner = run_pieces(
-            self.matrices, (system.C, system.D, system.H), system.addresses,
-            system.layout, system.values, course.begin, course.end,
-            np.ascontiguousarray(starts), np.ascontiguousarray(internal),
-            time[marks[:-1]], marks, self.step, self.substeps, keep,
+        found = run_pieces(
+            *self._given(course), np.ascontiguousarray(starts), np.ascontiguousarray(internal),
+            course.time[course.marks[:-1]], course.marks, self.step, self.substeps, keep,
         )  # fmt: skip
-        seen = self._beside(course)
-        return NonlinearResponse(measured(self.model, outputs + seen, time), states, inner)
+        return self._shown(course, *found)
+
+    def _given(self, course: InputCourse) -> tuple[Any, ...]:
+        """Return the first arguments of the kernels."""
+        s = self.system
+        laws = s.addresses, s.layout, s.values
+        return self.matrices, (s.C, s.D, s.H), *laws, course.begin, course.end
+
+    def _shown(self, course: InputCourse, y: Array, s: Array, z: Array) -> NonlinearResponse:
+        return NonlinearResponse(measured(self.model, y + self._beside(course), course.time), s, z)
 
     def _beside(self, course: InputCourse) -> Array | float:
         """Return what outputs see of a sample that is no end of a line.
@@ -646,11 +618,19 @@ def simulate_model(
         W, between = signals(model, data), lines(model, data)
         return stepper.over(W, s0, z0, time, lines=between)
 
-    amplitude = _output_amplitudes(model, data)
+    shown = [
+        float(np.percentile(np.abs(data[o.name].values), 99))
+        for o in model.outputs
+        if o.name in data and o.quantity == DISPLACEMENT
+    ]
+    amplitude = max(shown, default=0.0)
     n = substeps or needed_substeps(model, dt, amplitude)
     found = stepped(n)
-    if substeps is None and amplitude == 0:
-        needed = needed_substeps(model, dt, _state_amplitude(model, found))
+    if substeps is None and amplitude == 0:  # none is measured: that of the run, if it is finite
+        moved = np.abs(found.states[:, : len(model.free)])
+        if moved.size and np.isfinite(moved).all():
+            amplitude = float(np.max(np.percentile(moved, 99, axis=0)))
+        needed = needed_substeps(model, dt, amplitude)
         found = found if needed == n else stepped(needed)
     return found
 
@@ -659,20 +639,3 @@ def _state(argument: str, value: ArrayLike | None, size: int) -> Array:
     if value is None:
         return np.zeros(size)
     return matrix(argument, np.reshape(np.asarray(value, dtype=float), (1, -1)), (1, size))[0]
-
-
-def _output_amplitudes(model: MechanicalData, data: xr.Dataset) -> float:
-    """Return the largest displacement amplitude in the data, 0 if none is measured."""
-    shown = [
-        float(np.percentile(np.abs(data[o.name].values), 99))
-        for o in model.outputs
-        if o.name in data and o.quantity == DISPLACEMENT
-    ]
-    return max(shown, default=0.0)
-
-
-def _state_amplitude(model: MechanicalData, run: NonlinearResponse) -> float:
-    """Return the largest displacement amplitude of a run, 0 if it diverges."""
-    moved = np.abs(run.states[:, : len(model.free)])
-    finite = moved.size > 0 and bool(np.isfinite(moved).all())
-    return float(np.max(np.percentile(moved, 99, axis=0))) if finite else 0.0

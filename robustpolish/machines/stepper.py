@@ -375,22 +375,9 @@ def run_pieces(m, output, laws, layout, p, W, E, S0, Z0, t0, marks, dt, substeps
     for i in range(len(S0)):
         a, b = marks[i], marks[i + 1]
         y, s, z = run_steps(
-            m,
-            output,
-            laws,
-            layout,
-            p,
-            W[a:b],
-            E[a:b],
-            Y,
-            K,
-            S0[i],
-            Z0[i],
-            t0[i],
-            dt,
-            substeps,
+            m, output, laws, layout, p, W[a:b], E[a:b], Y, K, S0[i], Z0[i], t0[i], dt, substeps,
             keep,
-        )
+        )  # fmt: skip
         predicted[a:b] = y
         if keep:
             kept[a:b] = s

@@ -7,7 +7,6 @@ from robustpolish.machines.effects.kind import EffectKind, Parameter
 from robustpolish.machines.simulation import linear_interpolation
 from robustpolish.machines.stepper import (
     kernel_matrices,
-    run_pieces,
     run_steps,
     step_matrices,
 )
@@ -82,21 +81,9 @@ def kernel(substeps, gain=None, measured=None):
     K = np.zeros((N, 2)) if gain is None else gain
     Y = np.zeros((1, 2)) if measured is None else measured
     return run_steps(
-        matrices,
-        (C, D, H),
-        ADDRESSES,
-        LAYOUT,
-        P,
-        *LINES,
-        Y,
-        K,
-        START,
-        MEMORY,
-        0.0,
-        STEP,
-        substeps,
+        matrices, (C, D, H), ADDRESSES, LAYOUT, P, *LINES, Y, K, START, MEMORY, 0.0, STEP, substeps,
         True,
-    )
+    )  # fmt: skip
 
 
 def test_a_free_run_is_the_stages_written_out():
@@ -114,43 +101,6 @@ def test_what_leads_the_run_moves_the_state_after_every_sample():
     wanted, states = written_out(2, gain, measured)
     np.testing.assert_allclose(y, wanted, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(s, states, rtol=1e-10, atol=1e-10)
-
-
-def test_pieces_run_as_each_alone():
-    matrices = kernel_matrices(step_matrices(A, B, G, STEP), MOTION)
-    starts, memory, t0 = RNG.standard_normal((2, N)), np.array([[0.3], [0.1]]), np.array([0.0, 5.0])
-    given = ADDRESSES, LAYOUT, P
-    y, s, z = run_pieces(
-        matrices,
-        (C, D, H),
-        *given,
-        *LINES,
-        starts,
-        memory,
-        t0,
-        np.array([0, 12, 30]),
-        STEP,
-        1,
-        True,
-    )
-    Y, K = np.zeros((1, 2)), np.zeros((N, 2))
-    for i, part in enumerate((slice(0, 12), slice(12, 30))):
-        one = run_steps(
-            matrices,
-            (C, D, H),
-            *given,
-            *(side[part] for side in LINES),
-            Y,
-            K,
-            starts[i],
-            memory[i],
-            t0[i],
-            STEP,
-            1,
-            True,
-        )
-        for whole, alone in zip((y, s, z), one, strict=True):
-            np.testing.assert_array_equal(whole[part], alone)
 
 
 def test_a_run_that_diverges_ends_in_nothing():

@@ -24,8 +24,6 @@ from tests.effects.learned_curves import learned_law_of, surface_of
 from tests.identification.oscillators import PLACE, oscillator, record
 
 # Learned kinds: what their names code, their curves, and a model that holds one.
-
-
 KNOTS = {"low": -2.0, "high": 1.0}
 
 
@@ -49,14 +47,12 @@ def curve(kind, values, q, v):
 
 @pytest.mark.parametrize(
     ("name", "title"),
-    [
-        ("learned_stiffness_9", "Learned law over displacement"),
-        ("learned_damping_25", "Learned law over velocity"),
-        ("learned_force_7x7", "Learned law over displacement and velocity"),
-        ("learned_varying_stiffness_9", "Learned stiffness over time"),
-        ("learned_varying_damping_25", "Learned damping over time"),
-    ],
-)
+    [("learned_stiffness_9", "Learned law over displacement"),
+     ("learned_damping_25", "Learned law over velocity"),
+     ("learned_force_7x7", "Learned law over displacement and velocity"),
+     ("learned_varying_stiffness_9", "Learned stiffness over time"),
+     ("learned_varying_damping_25", "Learned damping over time")],
+)  # fmt: skip
 def test_a_name_codes_a_kind(name, title):
     kind = lookup(name)
     assert kind.kind == name
@@ -64,9 +60,7 @@ def test_a_name_codes_a_kind(name, title):
     assert kind is learned_kind(name)
     assert pickle.loads(pickle.dumps(kind)) == kind
     assert sum(p.fitted for p in kind.parameters) == {"9": 9, "5": 25, "7": 49}[name[-1]]
-    assert kind.looks_like
-    assert kind.checks
-    assert kind.references
+    assert all((kind.looks_like, kind.checks, kind.references))
 
 
 @pytest.mark.parametrize(
@@ -97,7 +91,7 @@ def test_what_varies_follows_the_time_and_stays_as_it_ended(over, unit):
     found = [-force(t, *along) for t in (0.0, 1.0, 2.0, 3.0, 9.0)]
     assert found == pytest.approx([10.0, 10.0, 20.0, 30.0, 30.0])
     assert force(2.0, *across) == 0.0
-    assert kind.gains(values, 1.0, 1.0) == (35.0 * along[0], 35.0 * along[1], 0.0)
+    assert kind.steepness(values, 1.0, 1.0) == (35.0 * along[0], 35.0 * along[1], 0.0)
     assert (kind.parameters[0].unit(), kind.parameters[-1].unit()) == ("s", unit)
 
 
@@ -276,10 +270,6 @@ def test_surfaces_have_formulas_too():
     assert damped.units == {"cq": "N s/m^3"}
 
 
-def dead_of_learned_words(q):
-    return 90 * np.sign(q) * np.maximum(np.abs(q) - 0.3, 0)
-
-
 @pytest.mark.parametrize(
     ("curve", "over", "said", "unsaid"),
     [
@@ -288,7 +278,7 @@ def dead_of_learned_words(q):
         (lambda q: 90 * q**2, "stiffness", ("even",), ("softens", "hardens")),
         (lambda q: 90 * q - 20 * q**3, "stiffness", ("odd", "softens"), ("saturates",)),
         (lambda q: 9 * np.tanh(q / 0.2), "stiffness", ("saturates",), ("hardens",)),
-        (dead_of_learned_words, "stiffness", ("dead zone from -0.3",), ("hardens",)),
+        (lambda q: 90 * dead(q, 0.3), "stiffness", ("dead zone from -0.3",), ("hardens",)),
         (lambda q: 90 * np.maximum(q, 0), "stiffness", ("one side only, at positive",), ("odd, ",)),
         (lambda v: 9 * v, "damping", ("takes energy out", "nearly viscous"), ("feeds",)),
         (lambda v: 9 * np.tanh(v / 0.01), "damping", ("dry friction of 9",), ("viscous",)),
@@ -306,10 +296,13 @@ def test_words_fit_the_curve(curve, over, said, unsaid):
 
 
 def test_numbers_and_place_are_told():
-    text = learned_law_of(lambda q: 100 * q**3, low=-1.0).describe()
+    law = learned_law_of(lambda q: 100 * q**3, low=-1.0)
+    text = law.describe()
     assert text.startswith("Force over displacement at x, ground, seen from -1 to 1 m: up to 1")
     assert "standard error is 0." in text
     assert "k3*q**3 with k3 = 1" in text
+    assert "It hardens" in str(law)
+    assert "displacement seen" in str(law)
     assert "No simple formula" in learned_law_of(lambda q: np.sin(8 * q)).describe()
 
 
@@ -408,13 +401,6 @@ def test_what_varies_is_a_curve_over_time(over, quantity, unit):
     assert formula.numbers["a1"] == pytest.approx(40, rel=0.02)
     turning = rp.results.LearnedLaw(law.effect, rotational=True)
     assert turning.unit == unit.replace("N", "N m").replace("/m", "/rad")
-
-
-def test_it_shows_itself():
-    text = str(learned_law_of(lambda q: 100 * q**3))
-    assert "Force over displacement at x, ground" in text
-    assert "displacement seen" in text
-    assert "It hardens" in text
 
 
 def test_named_effects_are_refused():

@@ -18,6 +18,7 @@ from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, S
 from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
 
 GROUND = ("x", "ground")
+READS_U = own_kind({"formula": "f = -c*u*v", "units": {"c": "N s/(m V)"}, "channels": {"u": "V"}})
 
 
 def two_masses(**changes):
@@ -26,8 +27,8 @@ def two_masses(**changes):
         "dofs": [Dof("x_m", 0.6), Dof("x", 0.2)],
         "springs": [Spring(("x_m", "ground"), 1e5), Spring(("x_m", "x"), 3e4)],
         "dampers": [Damper(("x_m", "ground"), 13.0), Damper(("x", "x_m"), 2.0)],
-        "inputs": [Input("F", ("x", "ground"), gain=-1.0)],
-        "outputs": [Output("x", ("x", "ground"))],
+        "inputs": [Input("F", GROUND, gain=-1.0)],
+        "outputs": [Output("x", GROUND)],
     }
     return MechanicalModel(**{**parts, **changes})
 
@@ -35,93 +36,61 @@ def two_masses(**changes):
 # Each part of a model, checked when it is made.
 
 
+def only(dofs=None, springs=()):
+    """Return a model of one body, if nothing else is said, that shows its displacement."""
+    return MechanicalModel(dofs or [Dof("x", 2.0)], springs, outputs=[Output("x", GROUND)])
+
+
 @pytest.mark.parametrize(
     ("make", "told"),
-    [
-        (lambda: Dof("ground", 1.0), "a name other than 'ground'"),
-        (lambda: Dof("a.b", 1.0), "dof: got 'a.b', expected a name without a dot"),
-        (lambda: Input(" ", GROUND), "input: got ' ', expected a name"),
-        (lambda: Input("F", GROUND, gain=0.0), r"input\.F\.gain: got 0.0, expected a number other"),
-        (lambda: Input("F", GROUND, unit=""), r"input\.F\.unit: got '', expected a unit"),
-        (lambda: Output("x", GROUND, unit=3), r"output\.x\.unit: got 3, expected a unit"),
-    ],
-)
+    [(lambda: Dof("ground", 1.0), "a name other than 'ground'"),
+     (lambda: Dof("a.b", 1.0), "dof: got 'a.b', expected a name without a dot"),
+     (lambda: Input(" ", GROUND), "input: got ' ', expected a name"),
+     (lambda: Input("F", GROUND, gain=0.0), r"input\.F\.gain: got 0.0, expected a number other"),
+     (lambda: Input("F", GROUND, unit=""), r"input\.F\.unit: got '', expected a unit"),
+     (lambda: Output("x", GROUND, unit=3), r"output\.x\.unit: got 3, expected a unit"),
+     (lambda: only(dofs=[Dof("x", 0.0)]), "mass"), (lambda: MechanicalModel([]), "dof"),
+     (lambda: MechanicalModel([Dof("x", 1.0)]), "output"), (lambda: MechanicalModel("x"), "list"),
+     (lambda: two_masses(springs=[Spring(("x",), 1.0)]), "two ends"),
+     (lambda: two_masses(dampers=[Damper(("x", "x"), 1.0)]), "twice"),
+     (lambda: two_masses(dofs=[Dof("x", 1.0), Dof("x", 1.0)]), "of this name"),
+     (lambda: two_masses(outputs=[Output("x", GROUND)] * 2), "of this name"),
+     (lambda: two_masses(outputs=[Output("x", GROUND, "position")]), "quantity"),
+     (lambda: only(dofs=[Dof("x", 1.0), Dof("p", 1.0, True)], springs=[Spring(("x", "p"), 1.0)]),
+      "one in m and one in rad"),
+     (lambda: two_masses(inputs=[Input("b", GROUND, "displacement"), Input("F", GROUND)]),
+      "imposed"),
+     (lambda: two_masses(outputs=[Output("D", ("x",), "force", drive=True)]), "imposes"),
+     (lambda: two_masses().with_effect("magic", GROUND), "magic"),
+     (lambda: two_masses().with_effect("coulomb_friction", ("u", "x")), "'u'"),
+     (lambda: two_masses(dofs=[Dof("x", 1.0), Dof("dx", 1.0)]), "velocity of"),
+     (lambda: two_masses().linearize(controls=["q"]), "controls"),
+     (lambda: two_masses().linearize(operating_point={"q": 1.0}), "'q'")],
+)  # fmt: skip
 def test_bad_parts_are_named(make, told):
     with pytest.raises(InvalidInputError, match=told):
         make()
 
 
-# Parts that do not fit together are refused, with the key.
-
-
 @pytest.mark.parametrize(
     ("make", "key"),
-    [
-        (lambda: Dof("x", -1.0), ("dof", "x", "mass")),
-        (lambda: Dof("x", "1", rotational=True), ("dof", "x", "inertia")),
-        (lambda: two_masses(springs=[Spring(GROUND, np.nan)]), ("spring", 0, "stiffness")),
-        (lambda: two_masses(dampers=[Damper(("x", "y"), 1.0)]), ("damper", 0, "between")),
-        (lambda: Input("F", GROUND, gain=0), ("input", "F", "gain")),
-        (lambda: two_masses(inputs=[Input("F", GROUND)] * 2), ("input", "F")),
-        (lambda: two_masses(outputs=[Output("x", GROUND, "angle")]), ("output", "x", "quantity")),
-        (lambda: two_masses(inputs=[Input("v", GROUND, "velocity")]), ("input", "v", "motion_of")),
-        (lambda: two_masses().with_effect("input_gain", "x"), ("effect", 0, "at")),
-        (lambda: two_masses(spin_frequency=-1.0), ("spin_frequency",)),
-    ],
-)
+    [(lambda: Dof("x", -1.0), ("dof", "x", "mass")),
+     (lambda: Dof("x", "1", rotational=True), ("dof", "x", "inertia")),
+     (lambda: two_masses(springs=[Spring(GROUND, np.nan)]), ("spring", 0, "stiffness")),
+     (lambda: two_masses(dampers=[Damper(("x", "y"), 1.0)]), ("damper", 0, "between")),
+     (lambda: Input("F", GROUND, gain=0), ("input", "F", "gain")),
+     (lambda: two_masses(inputs=[Input("F", GROUND)] * 2), ("input", "F")),
+     (lambda: two_masses(outputs=[Output("x", GROUND, "angle")]), ("output", "x", "quantity")),
+     (lambda: two_masses(inputs=[Input("v", GROUND, "velocity")]), ("input", "v", "motion_of")),
+     (lambda: two_masses().with_effect("input_gain", "x"), ("effect", 0, "at")),
+     (lambda: two_masses(effects=[Effect.of(READS_U, GROUND)]), ("effect", 0, "at")),
+     (lambda: two_masses(spin_frequency=-1.0), ("spin_frequency",))],
+)  # fmt: skip
 def test_errors_carry_keys(make, key):
     with pytest.raises(InvalidInputError) as caught:
         make()
     assert caught.value.key == key
     assert pickle.loads(pickle.dumps(caught.value)).key == key
-
-
-BAD = {
-    "zero mass": (lambda: MechanicalModel([Dof("x", 0.0)], outputs=[Output("x", GROUND)]), "mass"),
-    "no dof": (lambda: MechanicalModel([]), "dof"),
-    "no output": (lambda: MechanicalModel([Dof("x", 1.0)]), "output"),
-    "one end": (lambda: two_masses(springs=[Spring(("x",), 1.0)]), "two ends"),
-    "same end": (lambda: two_masses(dampers=[Damper(("x", "x"), 1.0)]), "twice"),
-    "same dof": (lambda: two_masses(dofs=[Dof("x", 1.0), Dof("x", 1.0)]), "of this name"),
-    "same output": (lambda: two_masses(outputs=[Output("x", GROUND)] * 2), "of this name"),
-    "quantity": (lambda: two_masses(outputs=[Output("x", GROUND, "position")]), "quantity"),
-    "mixed": (
-        lambda: MechanicalModel(
-            [Dof("x", 1.0), Dof("p", 1.0, rotational=True)],
-            [Spring(("x", "p"), 1.0)],
-            outputs=[Output("x", GROUND)],
-        ),
-        "one in m and one in rad",
-    ),
-    "force on imposed": (
-        lambda: two_masses(inputs=[Input("b", GROUND, "displacement"), Input("F", GROUND)]),
-        "imposed",
-    ),
-    "drive of a free mass": (
-        lambda: two_masses(outputs=[Output("D", ("x",), "force", drive=True)]),
-        "imposes",
-    ),
-    "unknown effect": (lambda: two_masses().with_effect("magic", GROUND), "magic"),
-    "effect nowhere": (lambda: two_masses().with_effect("coulomb_friction", ("u", "x")), "'u'"),
-    "velocity's name": (lambda: two_masses(dofs=[Dof("x", 1.0), Dof("dx", 1.0)]), "velocity of"),
-    "a string of dofs": (lambda: MechanicalModel("x"), "list"),
-    "control": (lambda: two_masses().linearize(controls=["q"]), "controls"),
-    "operating point": (lambda: two_masses().linearize(operating_point={"q": 1.0}), "'q'"),
-}
-
-
-@pytest.mark.parametrize("case", BAD)
-def test_refused_with_the_key(case):
-    make, message = BAD[case]
-    with pytest.raises(InvalidInputError, match=message):
-        make()
-
-
-def test_what_an_effect_reads_has_to_be_there():
-    kind = own_kind({"formula": "f = -c*u*v", "units": {"c": "N s/(m V)"}, "channels": {"u": "V"}})
-    with pytest.raises(InvalidInputError, match="with_channel") as caught:
-        two_masses(effects=[Effect.of(kind, GROUND)])
-    assert caught.value.key == ("effect", 0, "at")
 
 
 # Mass, damping and stiffness matrices, against hand-written ones and integration.
@@ -135,25 +104,18 @@ def test_state_space_is_the_equation_of_motion():
 
 
 def test_outputs_of_every_quantity_agree_with_each_other():
-    ground = ("x", "ground")
     outputs = [
-        Output("x", ground),
-        Output("v", ground, "velocity"),
-        Output("a", ground, "acceleration"),
-        Output("rel", ("x", "x_m")),
-        Output("f", ("x", "x_m"), "force"),
-    ]
+        Output("x", GROUND), Output("v", GROUND, "velocity"), Output("a", GROUND, "acceleration"),
+        Output("rel", ("x", "x_m")), Output("f", ("x", "x_m"), "force"),
+    ]  # fmt: skip
     model = two_masses(outputs=outputs)
     time = np.linspace(0, 0.2, 4001)
     force = np.sin(80 * time) ** 2
     y, s = linear_response(model.state_space(), time, force[:, None])
     dt = time[1]
-    np.testing.assert_allclose(
-        np.gradient(y[:, 0], dt)[5:-5], y[5:-5, 1], atol=2e-4 * np.ptp(y[:, 1])
-    )
-    np.testing.assert_allclose(
-        np.gradient(y[:, 1], dt)[5:-5], y[5:-5, 2], atol=2e-4 * np.ptp(y[:, 2])
-    )
+    for k in (0, 1):
+        rate = np.gradient(y[:, k], dt)[5:-5]
+        np.testing.assert_allclose(rate, y[5:-5, k + 1], atol=2e-4 * np.ptp(y[:, k + 1]))
     np.testing.assert_allclose(y[:, 3], s[:, 1] - s[:, 0])
     np.testing.assert_allclose(y[:, 4], 3e4 * y[:, 3] + 2.0 * (s[:, 3] - s[:, 2]))
     # Newton on x alone: the connection pulls it back, the input acts with gain -1.
@@ -163,7 +125,7 @@ def test_outputs_of_every_quantity_agree_with_each_other():
 def test_imposed_motion_drives_the_free_mass():
     model = two_masses(
         inputs=[Input("base", ("x_m", "ground"), "displacement", gain=2.0)],
-        outputs=[Output("x", ("x", "ground")), Output("rel", ("x", "x_m"))],
+        outputs=[Output("x", GROUND), Output("rel", ("x", "x_m"))],
     )
     assert model.free == ("x",)
     system = model.state_space()
@@ -185,10 +147,10 @@ def test_imposed_motion_drives_the_free_mass():
 def test_a_test_rig_has_force_outputs_and_no_states():
     rig = MechanicalModel(
         [Dof("x", 2.0)],
-        [Spring(("x", "ground"), 50.0)],
-        [Damper(("x", "ground"), 4.0)],
-        [Input("x", ("x", "ground"), "displacement")],
-        [Output("f", ("x", "ground"), "force"), Output("drive", ("x",), "force", drive=True)],
+        [Spring(GROUND, 50.0)],
+        [Damper(GROUND, 4.0)],
+        [Input("x", GROUND, "displacement")],
+        [Output("f", GROUND, "force"), Output("drive", ("x",), "force", drive=True)],
     )
     system = rig.state_space()
     assert system.input_labels == ["x", "x_dot", "x_ddot"]
@@ -219,7 +181,7 @@ def test_rotation_has_its_units():
 
 
 def test_models_travel_to_other_processes():
-    model = two_masses().with_effect("coulomb_friction", ("x", "ground"), {"force": 3.0})
+    model = two_masses().with_effect("coulomb_friction", GROUND, {"force": 3.0})
     model.state_space()
     again = pickle.loads(pickle.dumps(model))
     assert again == model
@@ -230,24 +192,16 @@ def test_models_travel_to_other_processes():
 
 
 def test_parameters_by_key_and_back():
-    model = two_masses().with_effect("coulomb_friction", ("x", "ground"), {"force": 3.0})
-    keys = model.parameters
-    assert keys["dof.x.mass"] == 0.2
-    assert keys["spring[1].stiffness"] == 3e4
-    assert keys["effect[0].force"] == 3.0
-    changed = model.with_parameters({"dof.x.mass": 0.3, "effect[0].force": 4.0})
-    assert changed.parameters["dof.x.mass"] == 0.3
-    assert changed.effects[0].parameters["force"] == 4.0
-    assert model.parameters["dof.x.mass"] == 0.2
+    model = two_masses().with_effect("coulomb_friction", GROUND, {"force": 3.0})
+    known = {"dof.x.mass": 0.2, "spring[1].stiffness": 3e4, "effect[0].force": 3.0}
+    assert model.parameters.items() >= known.items()
+    new = {"dof.x.mass": 0.3, "effect[0].force": 4.0, "effect[0].width": 0.1}
+    changed = model.with_parameters(new)
+    assert changed.parameters.items() >= new.items()
+    assert changed.effects[0].parameters == {"force": 4.0, "width": 0.1}
+    assert model.parameters.items() >= known.items()
     with pytest.raises(InvalidInputError, match=r"dof\.y\.mass"):
         model.with_parameters({"dof.y.mass": 1.0})
-
-
-def test_a_number_that_was_left_at_its_default_can_be_changed_too():
-    model = two_masses().with_effect("coulomb_friction", ("x", "ground"), {"force": 3.0})
-    changed = model.with_parameters({"effect[0].width": 0.1})
-    assert changed.parameters["effect[0].width"] == 0.1
-    assert changed.parameters["effect[0].force"] == 3.0
 
 
 @pytest.mark.parametrize("bad", [True, "2", float("nan"), float("inf"), -1.0, 0.0, 1e200])
@@ -257,7 +211,7 @@ def test_a_mass_that_is_changed_is_checked(bad):
 
 
 def test_the_matrices_are_those_of_the_changed_numbers():
-    model = two_masses().with_effect("coulomb_friction", ("x", "ground"), {"force": 3.0})
+    model = two_masses().with_effect("coulomb_friction", GROUND, {"force": 3.0})
     known = model.matrices
     stiffer = model.with_parameters({"spring[1].stiffness": 6e4})
     assert stiffer.matrices.K[1, 1] == 2 * known.K[1, 1]
@@ -267,12 +221,7 @@ def test_the_matrices_are_those_of_the_changed_numbers():
 
 
 def test_a_channel_is_a_signal_in_a_unit_of_its_own_that_nothing_holds():
-    base = MechanicalModel(
-        [Dof("x", 2.0), Dof("u", 0.0)],
-        [Spring(("x", "ground"), 3.0)],
-        inputs=[Input("u", ("u", "ground"), "displacement", unit="V")],
-        outputs=[Output("x", ("x", "ground"))],
-    )
+    base = only(springs=[Spring(GROUND, 3.0)]).with_channel("u", "V")
     assert base.channels == ("u",)
     held = replace(base, springs=(Spring(("x", "u"), 3.0),))
     seen = replace(base, outputs=(Output("x", ("x", "u")),))
@@ -285,28 +234,17 @@ def test_a_channel_is_a_signal_in_a_unit_of_its_own_that_nothing_holds():
 # Mechanical models as users make them.
 
 
-def test_a_model_without_springs_integrates():
-    model = MechanicalModel(
-        [Dof("q", 95.0)],
-        dampers=[Damper(("q", "ground"), 203.5)],
-        inputs=[Input("V", ("q", "ground"), gain=35.15, unit="V")],
-        outputs=[Output("q", ("q", "ground"))],
-    )
-    assert 0 in np.linalg.eigvals(model.state_space().A)
-    assert model.unit_of(model.inputs[0]) == "V"
-
-
 def test_an_effect_may_be_given_by_its_kind():
-    base = MechanicalModel([Dof("x", 2.0)], outputs=[Output("x", ("x", "ground"))])
+    base = only()
+    assert 0 in np.linalg.eigvals(base.state_space().A)  # nothing holds it
     named = base.with_effect("cubic_stiffness", "x", {"stiffness": 3.0})
     assert base.with_effect(lookup("cubic_stiffness"), "x", {"stiffness": 3.0}) == named
     assert named.effects[0].own is None
 
 
 def test_a_channel_is_added_once():
-    kind = own_kind({"formula": "f = -c*u*v", "units": {"c": "N s/(m V)"}, "channels": {"u": "V"}})
-    base = MechanicalModel([Dof("x", 2.0)], outputs=[Output("x", ("x", "ground"))])
-    twice = base.with_effect(kind, "x", {"c": 1.0}).with_effect(kind, "x", {"c": 2.0})
+    base = only()
+    twice = base.with_effect(READS_U, "x", {"c": 1.0}).with_effect(READS_U, "x", {"c": 2.0})
     assert twice.dof_names == ("x", "u")
     assert twice.input_names == ("u",)
     assert twice.unit_of(twice.inputs[0]) == "V"
@@ -331,30 +269,20 @@ def test_the_table_shows_units_of_effects():
         assert unit in shown
 
 
-def test_a_channel_is_no_mass_and_no_motion():
-    model = MechanicalModel([Dof("x", 1.0)], outputs=[Output("x", ("x", "ground"))])
-    lines = [line.split() for line in str(model.with_channel("u", "V")).splitlines()]
-    assert ["input", "u", "channel", "V"] in lines
-    assert not any(line[:2] == ["mass", "u"] for line in lines)
-
-
 # The slopes of effects in a linear model, against derivatives known by hand.
 
 
 def test_linearisation_takes_the_slope_of_effects():
-    ground = ("x", "ground")
-    model = two_masses().with_effect("cubic_stiffness", ground, {"stiffness": 4e9})
+    model = two_masses().with_effect("cubic_stiffness", GROUND, {"stiffness": 4e9})
     np.testing.assert_allclose(model.linearize().A, two_masses().linearize().A)
     stiff = model.linearize(operating_point={"x": 1e-3})
     np.testing.assert_allclose(stiff.A[3, 2], -(3e4 + 3 * 4e9 * 1e-6) / 0.2, rtol=1e-6)
 
 
 def test_linearisation_finds_the_equilibrium():
-    model = MechanicalModel(
-        [Dof("x", 2.0)], [Spring(("x", "ground"), 8.0)], outputs=[Output("x", ("x", "ground"))]
-    )
+    model = only(springs=[Spring(GROUND, 8.0)])
     loaded = model.with_effect("constant_force", "x", {"force": 11.0}).with_effect(
-        "cubic_stiffness", ("x", "ground"), {"stiffness": 3.0}
+        "cubic_stiffness", GROUND, {"stiffness": 3.0}
     )
     x = np.roots([3.0, 0.0, 8.0, -11.0])
     x = float(x[np.abs(x.imag) < 1e-9].real[0])
@@ -375,7 +303,7 @@ def test_linearisation_keeps_the_states_of_effects():
 
 
 def test_linearisation_leaves_out_what_jumps_and_says_so():
-    model = two_masses().with_effect("coulomb_friction", ("x", "ground"), {"force": 3.0})
+    model = two_masses().with_effect("coulomb_friction", GROUND, {"force": 3.0})
     with pytest.warns(RobustPolishWarning, match="coulomb_friction at x, ground jumps"):
         plant = model.linearize()
     np.testing.assert_allclose(plant.A, two_masses().linearize().A)
@@ -410,26 +338,17 @@ def test_linearisation_keeps_lags_and_what_relaxes():
 
 
 # The response of mechanical models over frequency.
-
-
-PLACE = ("x", "ground")
-
-
 LINES = np.array([0.1, 0.3, 0.5, 2.0])
-
-
 S = 2j * np.pi * LINES
 
 
 def oscillator(quantity="displacement", **changes):
     parts = {
-        "dofs": [rp.Dof("x", 2.0)],
-        "springs": [rp.Spring(PLACE, 8.0)],
-        "dampers": [rp.Damper(PLACE, 0.4)],
-        "inputs": [rp.Input("F", PLACE)],
-        "outputs": [rp.Output("y", PLACE, quantity)],
-    }
-    return rp.MechanicalModel(**{**parts, **changes})
+        "dofs": [Dof("x", 2.0)], "springs": [Spring(GROUND, 8.0)],
+        "dampers": [Damper(GROUND, 0.4)], "inputs": [Input("F", GROUND)],
+        "outputs": [Output("y", GROUND, quantity)],
+    }  # fmt: skip
+    return MechanicalModel(**{**parts, **changes})
 
 
 def receptance(stiffness=8.0, damping=0.4, mass=2.0):
@@ -449,8 +368,8 @@ def test_receptance_mobility_accelerance(quantity, order, unit):
 def test_effects_are_linearised_where_they_can_be():
     model = (
         oscillator()
-        .with_effect("cubic_stiffness", PLACE, {"stiffness": 4.0})
-        .with_effect("coulomb_friction", PLACE, {"force": 1.0})
+        .with_effect("cubic_stiffness", GROUND, {"stiffness": 4.0})
+        .with_effect("coulomb_friction", GROUND, {"force": 1.0})
     )
     response = model.frequency_response(LINES, operating_point={"x": 0.5})
     np.testing.assert_allclose(response.values[:, 0, 0], receptance(11.0), rtol=1e-6)
@@ -473,37 +392,28 @@ def test_delays_gains_and_holds_of_inputs():
     np.testing.assert_allclose(held.values[:, 0, 0], expected * factor, rtol=1e-9)
 
 
-def test_an_actuator_lags():
-    model = oscillator().with_effect("input_lag", "F", {"lag": 0.3})
-    response = model.frequency_response(LINES).values[:, 0, 0]
-    np.testing.assert_allclose(response, receptance() / (1 + 0.3 * S), rtol=1e-9)
-
-
-def test_a_relaxing_force_is_a_stiffness_over_frequency():
-    values = {"stiffness": 5.0, "time": 0.4}
-    model = oscillator().with_effect("maxwell_element", PLACE, values)
-    expected = 1 / (1 / receptance() + 5.0 * 0.4 * S / (1 + 0.4 * S))
-    np.testing.assert_allclose(model.frequency_response(LINES).values[:, 0, 0], expected, rtol=1e-6)
-
-
-def test_an_attached_resonator_is_a_mode():
-    model = oscillator().with_effect(
-        "attached_resonator", "x", {"mass": 0.1, "stiffness": 1.0, "damping": 0.01}
-    )
-    pull = (1.0 + 0.01 * S) * 0.1 * S**2 / (0.1 * S**2 + 0.01 * S + 1.0)
-    expected = 1 / (2 * S**2 + 0.4 * S + 8.0 + pull)
-    np.testing.assert_allclose(model.frequency_response(LINES).values[:, 0, 0], expected, rtol=1e-6)
+@pytest.mark.parametrize(
+    ("kind", "at", "values", "expected"),
+    [("input_lag", "F", {"lag": 0.3}, receptance() / (1 + 0.3 * S)),
+     ("maxwell_element", GROUND, {"stiffness": 5.0, "time": 0.4},
+      1 / (1 / receptance() + 5.0 * 0.4 * S / (1 + 0.4 * S))),
+     ("attached_resonator", "x", {"mass": 0.1, "stiffness": 1.0, "damping": 0.01},
+      1 / (1 / receptance() + (1.0 + 0.01 * S) * 0.1 * S**2 / (0.1 * S**2 + 0.01 * S + 1.0)))],
+)  # fmt: skip
+def test_effects_with_a_memory_are_what_they_are_over_frequency(kind, at, values, expected):
+    response = oscillator().with_effect(kind, at, values).frequency_response(LINES)
+    np.testing.assert_allclose(response.values[:, 0, 0], expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize(("imposed", "order"), [("displacement", 0), ("velocity", 1)])
 def test_imposed_motion_comes_with_its_derivatives(imposed, order):
-    inputs = [rp.Input("b", ("base", "ground"), "displacement", gain=2.0)]
+    inputs = [Input("b", ("base", "ground"), "displacement", gain=2.0)]
     if order:
-        inputs.append(rp.Input("vb", ("base", "ground"), "velocity", gain=4.0))
+        inputs.append(Input("vb", ("base", "ground"), "velocity", gain=4.0))
     model = oscillator(
-        dofs=[rp.Dof("x", 2.0), rp.Dof("base", 0.0)],
-        springs=[rp.Spring(("x", "base"), 8.0)],
-        dampers=[rp.Damper(("x", "base"), 0.4)],
+        dofs=[Dof("x", 2.0), Dof("base", 0.0)],
+        springs=[Spring(("x", "base"), 8.0)],
+        dampers=[Damper(("x", "base"), 0.4)],
         inputs=inputs,
     )
     transmitted = (8.0 + 0.4 * S) * receptance()
@@ -521,20 +431,20 @@ def test_a_line_on_an_undamped_pole_is_nan():
 
 
 def test_what_is_refused():
-    with pytest.raises(rp.InvalidInputError, match="one of each"):
+    with pytest.raises(InvalidInputError, match="one of each"):
         oscillator(inputs=[]).frequency_response(LINES)
-    with pytest.raises(rp.InvalidInputError, match="finite numbers"):
+    with pytest.raises(InvalidInputError, match="finite numbers"):
         oscillator().frequency_response([np.nan])
 
 
 def test_a_sensor_that_sees_a_sum_of_coordinates():
     ground = ("z", "ground")
     model = oscillator(
-        dofs=[rp.Dof("x", 2.0), rp.Dof("z", 1.0)],
-        springs=[rp.Spring(PLACE, 8.0), rp.Spring(ground, 3.0)],
-        dampers=[rp.Damper(PLACE, 0.4), rp.Damper(ground, 0.1)],
-        inputs=[rp.Input("F", PLACE), rp.Input("G", ground)],
-        outputs=[rp.Output("tip", ("x", "z"), weights=(0.8, -0.3))],
+        dofs=[Dof("x", 2.0), Dof("z", 1.0)],
+        springs=[Spring(GROUND, 8.0), Spring(ground, 3.0)],
+        dampers=[Damper(GROUND, 0.4), Damper(ground, 0.1)],
+        inputs=[Input("F", GROUND), Input("G", ground)],
+        outputs=[Output("tip", ("x", "z"), weights=(0.8, -0.3))],
     )
     response = model.frequency_response(LINES)
     expected = np.column_stack([0.8 * receptance(), -0.3 * receptance(3.0, 0.1, 1.0)])
@@ -572,17 +482,19 @@ def test_the_air_bearing_is_the_same_plant(actuation, measured, dissipation):
 
 
 def model():
-    return rp.MechanicalModel(
-        [rp.Dof("a", 2.0), rp.Dof("b", 1.0), rp.Dof("base", 0.0)],
-        [rp.Spring(("a", "base"), 800.0), rp.Spring(("a", "b"), 300.0)],
-        [rp.Damper(("a", "b"), 1.5)],
-        inputs=[rp.Input("F", ("a", "ground")), rp.Input("q", ("base", "ground"), "displacement")],
-        outputs=[
-            rp.Output("b", "b"), rp.Output("acc", "a", "acceleration"),
-            rp.Output("f", ("a", "b"), "force"),
-        ],
+    return MechanicalModel(
+        [Dof("a", 2.0), Dof("b", 1.0), Dof("base", 0.0)],
+        [Spring(("a", "base"), 800.0), Spring(("a", "b"), 300.0)], [Damper(("a", "b"), 1.5)],
+        [Input("F", ("a", "ground")), Input("q", ("base", "ground"), "displacement")],
+        [Output("b", "b"), Output("acc", "a", "acceleration"), Output("f", ("a", "b"), "force")],
         coupled_inertias=[rp.CoupledInertia(("a", "b"), 0.3)],
     )  # fmt: skip
+
+
+def same(found, wanted):
+    for name in "ABCD":
+        ours, theirs = getattr(found, name), getattr(wanted, name)
+        np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-8)
 
 
 def test_values_are_those_of_the_model():
@@ -600,10 +512,7 @@ def test_values_are_those_of_the_model():
         "coupled_inertia[0].value": 0.2,
     }  # fmt: skip
     found, wanted = machine.at(values), model().with_parameters(values).state_space()
-    for name in "ABCD":
-        np.testing.assert_allclose(
-            getattr(found, name), getattr(wanted, name), rtol=1e-10, atol=1e-9
-        )
+    same(found, wanted)
     assert found.input_labels == wanted.input_labels
     assert found.state_labels == wanted.state_labels
     np.testing.assert_allclose(machine.nominal.A, model().state_space().A, atol=1e-10)
@@ -623,14 +532,14 @@ def test_values_are_those_of_the_model():
     ],
 )
 def test_bad_ranges(ranges, says):
-    with pytest.raises(rp.InvalidInputError, match=says):
+    with pytest.raises(InvalidInputError, match=says):
         model().uncertain(ranges)
 
 
 def test_damping_that_may_vanish():
-    machine = rp.MechanicalModel(
-        [rp.Dof("x", 1.0)], [rp.Spring(("x", "ground"), 1.0)], [rp.Damper(("x", "ground"), 1.0)],
-        inputs=[rp.Input("F", ("x", "ground"))], outputs=[rp.Output("x", "x")],
+    machine = MechanicalModel(
+        [Dof("x", 1.0)], [Spring(GROUND, 1.0)], [Damper(GROUND, 1.0)],
+        inputs=[Input("F", GROUND)], outputs=[Output("x", "x")],
     )  # fmt: skip
     margin = rp.robust_stability(machine.uncertain({"damper[0].damping": (0, 2)}))
     assert margin.upper == pytest.approx(1, abs=1e-9)
@@ -654,10 +563,7 @@ def test_numbers_of_an_ellipsoid():
     point = fit.numbers({"fit[0]": 0.5, "fit[1]": -0.4, "fit[3]": 0.3, "fit[4]": -0.2})
     found = machine.at(point | {"spring[1].stiffness": 320.0})
     wanted = model().with_parameters(point | {"spring[1].stiffness": 320.0}).state_space()
-    for name in "ABCD":
-        np.testing.assert_allclose(
-            getattr(found, name), getattr(wanted, name), rtol=1e-9, atol=1e-8
-        )
+    same(found, wanted)
 
 
 def test_number_of_a_formula_has_its_own_nominal_value():

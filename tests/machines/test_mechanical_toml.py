@@ -44,8 +44,6 @@ kind = "coulomb_friction"
 at = ["x", "ground"]
 parameters = { force = 3.1 }
 """
-
-
 ROTATION = """\
 [dof.phi]
 inertia = 0.02
@@ -60,8 +58,6 @@ name = "phi"
 measures = "phi"
 quantity = "angle"
 """
-
-
 RIG = """\
 [dof.x]
 mass = 0.0
@@ -81,8 +77,6 @@ name = "F"
 quantity = "force"
 of = ["x", "ground"]
 """
-
-
 OWN = """\
 [dof.x]
 mass = 2.0
@@ -130,6 +124,8 @@ def test_the_documented_file():
 @pytest.mark.parametrize("text", [FILE, ROTATION, RIG, OWN], ids=["file", "rotation", "rig", "own"])
 def test_there_and_back(text, tmp_path):
     model = MechanicalModel.from_toml(text)
+    first = next(iter(model.parameters))
+    model = model.with_parameters({first: model.parameters[first] + 1 / 3})  # to the last digit
     path = tmp_path / "model.toml"
     assert path.write_text(model.to_toml(path)) > 0
     assert MechanicalModel.from_toml(path) == model
@@ -175,11 +171,6 @@ def test_an_imposed_motion_in_the_file():
     model = MechanicalModel.from_toml(RIG)
     assert model.imposed == ("x",)
     assert model.state_space().input_labels == ["x", "v"]
-
-
-def test_fitted_parameters_are_written_to_the_last_digit():
-    model = MechanicalModel.from_toml(FILE).with_parameters({"effect[0].force": 1 / 3})
-    assert MechanicalModel.from_toml(model.to_toml()).parameters["effect[0].force"] == 1 / 3
 
 
 def test_writing_to_nowhere_is_refused(tmp_path):
@@ -243,17 +234,17 @@ def test_refused_with_the_key(old, new, key):
         MechanicalModel.from_toml(FILE.replace(old, new, 1))
 
 
-def test_errors_carry_the_key():
-    cases = [
-        ("stiffness = 2.9821e5", "stiffness = '3'", ("spring", 1, "stiffness")),
-        ("mass = 0.2", "mass = -0.2", ("dof", "x", "mass")),
-        ("force_on", "torque_on", ("input", 0, "torque_on")),
-        ("= 3.1", "= nan", ("effect", 0, "parameters", "force")),
-    ]
-    for old, new, key in cases:
-        with pytest.raises(InvalidInputError) as caught:
-            MechanicalModel.from_toml(FILE.replace(old, new, 1))
-        assert caught.value.key == key
+@pytest.mark.parametrize(
+    ("old", "new", "key"),
+    [("stiffness = 2.9821e5", "stiffness = '3'", ("spring", 1, "stiffness")),
+     ("mass = 0.2", "mass = -0.2", ("dof", "x", "mass")),
+     ("force_on", "torque_on", ("input", 0, "torque_on")),
+     ("= 3.1", "= nan", ("effect", 0, "parameters", "force"))],
+)  # fmt: skip
+def test_errors_carry_the_key(old, new, key):
+    with pytest.raises(InvalidInputError) as caught:
+        MechanicalModel.from_toml(FILE.replace(old, new, 1))
+    assert caught.value.key == key
 
 
 def test_unreadable_files_are_refused(tmp_path):
@@ -267,8 +258,6 @@ def test_unreadable_files_are_refused(tmp_path):
 
 
 names = st.text(min_size=1, max_size=6).filter(lambda s: s.strip() and s != "ground")
-
-
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 
 
@@ -306,17 +295,15 @@ def written_and_read(a, b, mass, stiffness, damping, force, motion, title):
 
 
 scalars = st.one_of(numbers, st.text(max_size=5), st.booleans(), st.integers(), st.none())
-
-
 values = st.recursive(scalars, lambda inner: st.lists(inner, max_size=3), max_leaves=4)
 
 
-@pytest.mark.parametrize(("text", "least"), [(FILE, 12), (OWN, 5)], ids=["file", "own"])
+@pytest.mark.parametrize(("text", "least"), [(FILE, 6), (OWN, 2)], ids=["file", "own"])
 def test_damaged_files_end_in_a_message(text, least):
     """Lines are dropped, doubled, cut and given odd values; nothing but our error may come out."""
     outcomes = Counter()
 
-    @settings(max_examples=150, deadline=None, derandomize=True)
+    @settings(max_examples=80, deadline=None, derandomize=True)
     @given(st.data())
     def damaged(data):
         outcomes[read_damaged(data, text)] += 1
@@ -324,7 +311,7 @@ def test_damaged_files_end_in_a_message(text, least):
     damaged()
     # Damage to a remark or a number is harmless, most is not: neither may be the only answer.
     assert outcomes["read"] >= least
-    assert outcomes["refused"] >= 90
+    assert outcomes["refused"] >= 45
 
 
 def read_damaged(data, text):

@@ -22,9 +22,8 @@ from robustpolish.machines.effects.formula_language import (
     read_unit,
     specification_from,
 )
-from robustpolish.machines.effects.kind import Motion, Parameter
+from robustpolish.machines.effects.kind import Motion
 from robustpolish.machines.effects.user_defined import (
-    FormulaGains,
     FormulaLaw,
     candidates,
     own_kind,
@@ -34,8 +33,6 @@ from robustpolish.machines.simulation import simulate_model
 from tests import made_up
 
 # Three lines in a notebook: defined, used, found.
-
-
 PLACE = ("x", "ground")
 
 
@@ -58,16 +55,6 @@ def test_a_formula_becomes_an_effect():
     assert "N/m^5" in str(model)
 
 
-def test_a_changed_formula_replaces_the_former_one_and_leaves_models_alone():
-    former = made_up.model().with_effect(fifth(name="law"), "x", {"k": 3.0})
-    rp.effect("f = -c*v**3", parameters={"c": "N s^3/m^3"}, name="law")
-    assert list(kinds()["law"].linear_in) == ["c"]
-    assert former.effects[0].values == {"k": 3.0}
-    assert former.with_parameters({"effect[0].k": 4.0}).effects[0].values == {"k": 4.0}
-    assert "q**5" in former.to_toml()
-    assert made_up.model().with_effect("law", "x", {"c": 1.0}).effects[0].values == {"c": 1.0}
-
-
 def test_the_catalogue_is_never_replaced():
     with pytest.raises(InvalidInputError, match="Rename"):
         fifth(name="cubic_stiffness")
@@ -86,21 +73,13 @@ def test_an_effect_is_withdrawn():
 
 def test_options_are_kept():
     kind = rp.effect(
-        "f = -F*abs(v/w)**n*sign(v)",
-        parameters={"F": "N", "w": "m/s", "n": "1"},
-        name="rim",
-        title="Drag at the rim",
-        domain="dof",
-        bounds={"F": (0, None), "n": (0.5, 3.0)},
-        scan={"n": [1.0, 2.0]},
-        known={"w": 0.5},
-    )
+        "f = -F*abs(v/w)**n*sign(v)", parameters={"F": "N", "w": "m/s", "n": "1"}, name="rim",
+        title="Drag at the rim", domain="dof", bounds={"F": (0, None), "n": (0.5, 3.0)},
+        scan={"n": [1.0, 2.0]}, known={"w": 0.5},
+    )  # fmt: skip
     assert (kind.kind, kind.title, kind.domain) == ("rim", "Drag at the rim", "dof")
-    assert [(p.lower, p.upper) for p in kind.parameters] == [
-        (0.0, np.inf),
-        (-np.inf, np.inf),
-        (0.5, 3.0),
-    ]
+    limits = [(p.lower, p.upper) for p in kind.parameters]
+    assert limits == [(0.0, np.inf), (-np.inf, np.inf), (0.5, 3.0)]
     assert [p.default for p in kind.parameters] == [0.0, 0.5, 1.0]
     assert [p.fitted for p in kind.parameters] == [True, False, True]
     assert {scan.parameter: scan.shares for scan in kind.scan} == {"n": (1.0, 2.0), "w": (0.5,)}
@@ -154,23 +133,16 @@ def noisy(model, share=0.005):
     return data.assign(x=("time", x + noise, {"units": "m"}))
 
 
-def test_it_is_refitted():
-    kind = rp.effect("f = -F*tanh(v/w)", parameters={"F": "N", "w": "m/s"})
-    true = made_up.model().with_effect(kind, "x", {"F": 8.0, "w": 0.02})
-    start = true.with_parameters({"effect[0].F": 5.0, "effect[0].w": 0.03})
-    fitted = rp.refit(start, noisy(true)).model.effects[0]
-    assert fitted.values["F"] == pytest.approx(8.0, rel=0.02)
-    assert fitted.values["w"] == pytest.approx(0.02, rel=0.1)
-
-
 @pytest.mark.slow
-def test_what_is_known_is_not_fitted():
-    kind = rp.effect("f = -F*tanh(v/w)", parameters={"F": "N", "w": "m/s"}, known={"w": 0.02})
-    true = made_up.model().with_effect(kind, "x", {"F": 8.0})
-    assert true.effects[0].values["w"] == 0.02
-    fitted = rp.refit(made_up.model().with_effect(kind, "x"), noisy(true)).model.effects[0]
+@pytest.mark.parametrize("known", [{}, {"w": 0.02}])
+def test_it_is_refitted_but_for_what_is_known(known):
+    kind = rp.effect("f = -F*tanh(v/w)", parameters={"F": "N", "w": "m/s"}, known=known)
+    true = made_up.model().with_effect(kind, "x", {"F": 8.0, "w": 0.02})
+    start = true.with_parameters({"effect[0].F": 5.0, "effect[0].w": 0.02 if known else 0.03})
+    fitted = rp.refit(start, noisy(true)).model.effects[0]
+    assert kind.parameter("w").default == (0.02 if known else 1.0)
     assert fitted.values["F"] == pytest.approx(8.0, rel=0.02)
-    assert fitted.values["w"] == 0.02
+    assert fitted.values["w"] == (0.02 if known else pytest.approx(0.02, rel=0.1))
 
 
 @pytest.mark.slow
@@ -290,7 +262,7 @@ MIXED = (
 
 def law_of(formula, *names):
     # units stand aside: this tests operations
-    return FormulaLaw(specification_from({"formula": formula, "units": dict.fromkeys(names, "1")}))
+    return FormulaLaw(formula, tuple((name, "1") for name in names))
 
 
 def call(compiled, t, *arrays):
@@ -334,93 +306,47 @@ def test_equal_laws_are_equal_and_travel():
     assert own_kind({**table, "formula": "f = -k*q**5*1"}) != kind
 
 
-def test_it_costs_what_a_law_by_hand_costs():
-    """The machine code is the arithmetic alone: as many products as were written, and no call."""
-    law = law_of("f = -k*q**5 - c*v*abs(v)", "k", "c")
-    code = law.compiled().inspect_llvm()
-    body = code[code.index("define") :].split("\n}")[0]
-    assert body.count("fmul") == 3 + 1 + 2  # the fifth power, its factor, the drag
-    assert [line for line in body.splitlines() if "call" in line and "@llvm." not in line] == []
-
-
 def test_the_steepest_slopes_decide_on_steps():
-    law = FormulaLaw(specification_from({"formula": "f = -k*q**3 - F*tanh(v/w)",
-                                   "units": {"k": "N/m^3", "F": "N", "w": "m/s"}}))  # fmt: skip
-    gains = FormulaGains(law)
-    stiffness, damping, rate = gains({"k": 2.0, "F": 3.0, "w": 0.01}, 10.0, 5.0)
+    units = {"k": "N/m^3", "F": "N", "w": "m/s"}
+    kind = own_kind({"formula": "f = -k*q**3 - F*tanh(v/w)", "units": units})
+    stiffness, damping, rate = kind.steepness({"k": 2.0, "F": 3.0, "w": 0.01}, 10.0, 5.0)
     assert stiffness == pytest.approx(600.0, rel=1e-4)
     assert damping == pytest.approx(300.0, rel=1e-4)
     assert rate == 0.0
-    assert gains({"k": 2.0, "F": 3.0, "w": 0.01}, 0.0, 0.0) == (0.0, 0.0, 0.0)
-    assert gains == FormulaGains(law)
+    assert kind.steepness({"k": 2.0, "F": 3.0, "w": 0.01}, 0.0, 0.0) == (0.0, 0.0, 0.0)
 
 
 def test_signals_are_read_behind_the_motion_and_may_be_large():
     table = {"formula": "f = -(a + c*u)*v", "units": {"a": "N s/m", "c": "N s/(m V)"},
              "channels": {"u": "V"}}  # fmt: skip
-    law = FormulaLaw(specification_from(table))
+    law = own_kind(table).law
     f, g, empty = np.zeros(2), np.zeros(2), np.zeros(0)
     given = (0.0, np.array([7.0, 2.0]), np.array([3.0, 0.0]), empty, np.array([1.0, 10.0]))
     law(*given, f, empty)
     call(law.compiled(), *given, g, empty)
     assert f.tolist() == g.tolist() == [-63.0, 0.0]
-    assert FormulaGains(law)({"a": 1.0, "c": 10.0}, 1.0, 1.0)[1] == pytest.approx(101.0, rel=1e-6)
+    damping = own_kind(table).steepness({"a": 1.0, "c": 10.0}, 1.0, 1.0)[1]
+    assert damping == pytest.approx(101.0, rel=1e-6)
     assert own_kind(table).ports == 2
 
 
 # What is no formula ends quickly and in words; nothing of it runs.
+HOSTILE = [
+    "f = __import__('os').system('true')", "f = q.__class__", "f = __builtins__*q",
+    "f = (lambda: 1)()", "f = (q := 1)", "f = sum([i for i in (1, 2)])", "f = q[0]",
+    "f = 'a'*9**9", "f = f'{q}'", "f = q; import os", "f = q\nimport os", "g = q", "f[0] = q",
+    "f = q = 1", "f += q", "-k*q", "f = min(*q)", "f = sin(x=q)", "f = True*q", "f = 1j*q",
+    "f = q, v", "f = q\0", "", "   ", "# f = q", "f = sin()", "f = max(q)", "f = eval(q)",
+    "f = " + "9" * 900 + "*q", "f = 1e999*q", "f = 10**10**10**10*q", "f = 1 << 999999999",
+    "f = q // 2", "f = q % 2", "f = q @ v", "f = " + "(" * 400 + "q" + ")" * 400,
+    "f = " + "sin(" * 150 + "q" + ")" * 150, "f = " + "-" * 900 + "q",
+    "f = " + "q**" * 300 + "q", "f = " + "q+" * 5_000_000 + "q", "f = q" + " " * 10_000_000,
+    3, b"f = q", None,
+]  # fmt: skip
 
 
-HOSTILE = {
-    "import": "f = __import__('os').system('true')",
-    "attribute": "f = q.__class__",
-    "dunder name": "f = __builtins__*q",
-    "lambda": "f = (lambda: 1)()",
-    "walrus": "f = (q := 1)",
-    "comprehension": "f = sum([i for i in (1, 2)])",
-    "subscript": "f = q[0]",
-    "string": "f = 'a'*9**9",
-    "formatted": "f = f'{q}'",
-    "two statements": "f = q; import os",
-    "two lines": "f = q\nimport os",
-    "other target": "g = q",
-    "item target": "f[0] = q",
-    "two targets": "f = q = 1",
-    "augmented": "f += q",
-    "no target": "-k*q",
-    "star": "f = min(*q)",
-    "keyword": "f = sin(x=q)",
-    "bool": "f = True*q",
-    "complex": "f = 1j*q",
-    "tuple": "f = q, v",
-    "null byte": "f = q\0",
-    "nothing": "",
-    "blank": "   ",
-    "comment": "# f = q",
-    "function called by nothing": "f = sin()",
-    "one argument for two": "f = max(q)",
-    "unknown function": "f = eval(q)",
-    "huge whole number": "f = " + "9" * 900 + "*q",
-    "huge decimal": "f = 1e999*q",
-    "tower of powers": "f = 10**10**10**10*q",
-    "shifted": "f = 1 << 999999999",
-    "floor": "f = q // 2",
-    "modulo": "f = q % 2",
-    "matrix product": "f = q @ v",
-    "very deep brackets": "f = " + "(" * 400 + "q" + ")" * 400,
-    "deep calls": "f = " + "sin(" * 150 + "q" + ")" * 150,
-    "deep signs": "f = " + "-" * 900 + "q",
-    "deep powers": "f = " + "q**" * 300 + "q",
-    "very long": "f = " + "q+" * 5_000_000 + "q",
-    "very long blanks": "f = q" + " " * 10_000_000,
-    "no text": 3,
-    "bytes": b"f = q",
-    "nothing at all": None,
-}
-
-
-@pytest.mark.parametrize("name", HOSTILE)
-def test_what_is_no_formula_is_refused_at_once(name, monkeypatch):
+@pytest.mark.parametrize("number", range(len(HOSTILE)))
+def test_what_is_no_formula_is_refused_at_once(number, monkeypatch):
     def forbidden(*_):
         raise AssertionError("text was executed")
 
@@ -428,24 +354,19 @@ def test_what_is_no_formula_is_refused_at_once(name, monkeypatch):
     monkeypatch.setattr(builtins, "exec", forbidden)
     start = time.process_time()
     with pytest.raises(InvalidInputError) as caught:
-        read_formula(HOSTILE[name], [])
+        read_formula(HOSTILE[number], [])
     assert time.process_time() - start < 2.0
     assert len(str(caught.value)) < 1000
 
 
 @pytest.mark.parametrize(
     ("text", "hint"),
-    [
-        ("f = -k*q^5", r"\*\* for a power"),
-        ("f = -k*q if q > 0 else 0", "min, max"),
-        ("f = -k*np.tanh(q)", "name alone"),
-        ("f = -k*|v|", "Correct it"),
-        ("f = -k*(q > 0)", "min, max"),
-        ("f = -kk*q", "parameters={'kk'"),
-        ("-k*q", "Begin with 'f ='"),
-        ("f = -k*cosh(q)", "Use one of these functions"),
-    ],
-)
+    [("f = -k*q^5", r"\*\* for a power"), ("f = -k*q if q > 0 else 0", "min, max"),
+     ("f = -k*np.tanh(q)", "name alone"), ("f = -k*|v|", "Correct it"),
+     ("f = -k*(q > 0)", "min, max"), ("f = -kk*q", "parameters={'kk'"),
+     ("f = -k*(q and v)", "min, max"), ("-k*q", "Begin with 'f ='"),
+     ("f = -k*cosh(q)", "Use one of these functions")],
+)  # fmt: skip
 def test_common_slips_get_a_hint(text, hint):
     with pytest.raises(InvalidInputError, match=hint):
         read_formula(text, ["k"])
@@ -477,20 +398,12 @@ def test_long_sums_are_not_deep():
 
 @pytest.mark.parametrize(
     ("text", "powers"),
-    [
-        ("N/m^5", {"N": 1, "m": -5}),
-        ("N s/m", {"N": 1, "s": 1, "m": -1}),
-        ("N*s**2/m**2", {"N": 1, "s": 2, "m": -2}),
-        ("N/(m/s)^2", {"N": 1, "m": -2, "s": 2}),
-        ("N/m^1.5", {"N": 1, "m": -1.5}),
-        ("1/s", {"s": -1}),
-        ("1", {}),
-        (" kg m^2 ", {"kg": 1, "m": 2}),
-        ("N·m/rad", {"N": 1, "m": 1, "rad": -1}),
-        ("Hz", {"Hz": 1}),
-        ("N m^-5", {"N": 1, "m": -5}),
-    ],
-)
+    [("N/m^5", {"N": 1, "m": -5}), ("N s/m", {"N": 1, "s": 1, "m": -1}),
+     ("N*s**2/m**2", {"N": 1, "s": 2, "m": -2}), ("N/(m/s)^2", {"N": 1, "m": -2, "s": 2}),
+     ("N/m^1.5", {"N": 1, "m": -1.5}), ("1/s", {"s": -1}), ("1", {}), ("Hz", {"Hz": 1}),
+     (" kg m^2 ", {"kg": 1, "m": 2}), ("N·m/rad", {"N": 1, "m": 1, "rad": -1}),
+     ("N m^-5", {"N": 1, "m": -5}), ("(N/m) s", {"N": 1, "m": -1, "s": 1})],
+)  # fmt: skip
 def test_units_are_read(text, powers):
     assert read_unit(text, ("units", "k")) == powers
 
@@ -534,11 +447,6 @@ def test_dimensions_are_those_that_make_a_force(text, units, wanted):
     assert found(text, **units) == wanted
 
 
-def test_of_a_length_there_is_no_sine():
-    with pytest.raises(InvalidInputError, match="sin is taken of something in m"):
-        found("f = -k*sin(q)", k="N")
-
-
 def test_a_channel_brings_its_unit():
     units = {"a": "N s/m", "b": "N s/(m V)"}
     wanted = {"a": "F*T/L", "b": "F*T/L/V"}
@@ -556,6 +464,7 @@ def test_a_channel_brings_its_unit():
         ("f = -F*tanh(v)", {"F": "N"}, "tanh is taken of something in m/s"),
         ("f = -k*q", {"k": "N/rad"}, "f comes out in N,"),
         ("f = -k*sin(v)", {"k": "N m/rad"}, "sin is taken of something in 1/s"),
+        ("f = -k*sin(q)", {"k": "N"}, "sin is taken of something in m"),
     ],
 )
 def test_wrong_units_are_told(text, units, why):
@@ -565,62 +474,36 @@ def test_wrong_units_are_told(text, units, why):
 
 
 WHOLE = {
-    "formula": "f = -F*tanh(v/w)",
-    "units": {"F": "N", "w": "m/s"},
-    "name": "rim",
-    "title": "Friction at the rim",
-    "domain": "dof",
-    "bounds": {"F": [0.0, math.inf], "w": [1e-4, 1.0]},
-    "scan": {"w": [1e-3, 1e-2]},
+    "formula": "f = -F*tanh(v/w)", "units": {"F": "N", "w": "m/s"}, "name": "rim",
+    "title": "Friction at the rim", "domain": "dof",
+    "bounds": {"F": [0.0, math.inf], "w": [1e-4, 1.0]}, "scan": {"w": [1e-3, 1e-2]},
     "known": {"F": 2.0},
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("change", "key"),
-    [
-        ({"units": "N"}, ("units",)),
-        ({"units": {"F": "N"}}, ("formula", "w")),
-        ({"name": ""}, ("name",)),
-        ({"name": 3}, ("name",)),
-        ({"title": "x" * 100}, ("title",)),
-        ({"domain": "axes"}, ("domain",)),
-        ({"bounds": [0, 1]}, ("bounds",)),
-        ({"bounds": {"x": [0, 1]}}, ("bounds", "x")),
-        ({"bounds": {"F": [1, 0]}}, ("bounds", "F")),
-        ({"bounds": {"F": [0]}}, ("bounds", "F")),
-        ({"bounds": {"F": [math.nan, 1]}}, ("bounds", "F")),
-        ({"bounds": {"F": 3}}, ("bounds", "F")),
-        ({"scan": {"w": []}}, ("scan", "w")),
-        ({"scan": {"w": [math.inf]}}, ("scan", "w")),
-        ({"scan": {"w": ["1"]}}, ("scan", "w")),
-        ({"scan": {"w": [10**400]}}, ("scan", "w")),
-        ({"scan": {"w": 0.1}}, ("scan", "w")),
-        ({"scan": {"x": [1.0]}}, ("scan", "x")),
-        ({"known": {"x": 1.0}}, ("known", "x")),
-        ({"known": {"w": 1.0}}, ("known", "w")),
-        ({"known": {"F": "1"}}, ("known", "F")),
-        ({"channels": {"F": "V"}}, ("channels", "F")),
-    ],
-)
+    [({"units": "N"}, ("units",)), ({"units": {"F": "N"}}, ("formula", "w")),
+     ({"name": ""}, ("name",)), ({"name": 3}, ("name",)), ({"title": "x" * 100}, ("title",)),
+     ({"domain": "axes"}, ("domain",)), ({"bounds": [0, 1]}, ("bounds",)),
+     ({"bounds": {"x": [0, 1]}}, ("bounds", "x")), ({"bounds": {"F": [1, 0]}}, ("bounds", "F")),
+     ({"bounds": {"F": [0]}}, ("bounds", "F")), ({"bounds": {"F": 3}}, ("bounds", "F")),
+     ({"bounds": {"F": [math.nan, 1]}}, ("bounds", "F")), ({"scan": {"w": []}}, ("scan", "w")),
+     ({"scan": {"w": [math.inf]}}, ("scan", "w")), ({"scan": {"w": ["1"]}}, ("scan", "w")),
+     ({"scan": {"w": [10**400]}}, ("scan", "w")), ({"scan": {"w": 0.1}}, ("scan", "w")),
+     ({"scan": {"x": [1.0]}}, ("scan", "x")), ({"known": {"x": 1.0}}, ("known", "x")),
+     ({"known": {"w": 1.0}}, ("known", "w")), ({"known": {"F": "1"}}, ("known", "F")),
+     ({"channels": {"F": "V"}}, ("channels", "F"))],
+)  # fmt: skip
 def test_errors_say_where(change, key):
     with pytest.raises(InvalidInputError) as caught:
         specification_from({**WHOLE, **change})
     assert caught.value.key == key
 
 
-def test_so_many_parameters_no_record_determines():
-    units = {f"k{i}": "N/m" for i in range(11)}
-    formula = "f = " + " - ".join(f"{name}*q" for name in units)
-    with pytest.raises(InvalidInputError, match="at most 10"):
-        specification_from({"formula": formula, "units": units})
-
-
 def tried(text, given=None, **units):
     formula = read_formula(text, units)
-    found = dimensions(formula, units, {})
-    parameters = [Parameter(name, dimension_text(powers), "") for name, powers in found.items()]
-    return candidates(formula, parameters, given or {})
+    return candidates(formula, dimensions(formula, units, {}), given or {})
 
 
 def sizes(found):
@@ -675,11 +558,14 @@ def test_what_cannot_be_tried_says_why(text, given, units, unknown):
     assert not found.scan
 
 
-def test_too_many_values_are_refused():
+def test_too_many_values_or_parameters_are_refused():
     units = {"k": "N", "a": "1", "b": "1"}
     given = {"a": tuple(range(20)), "b": tuple(range(20))}
     with pytest.raises(InvalidInputError, match="400 combinations"):
         tried("f = -k*sin(a*tanh(b*sign(q)))", given, **units)
+    units = {f"k{i}": "N/m" for i in range(11)}
+    with pytest.raises(InvalidInputError, match="at most 10"):
+        specification_from({"formula": "f = " + "".join(f"-{k}*q" for k in units), "units": units})
 
 
 def test_the_true_force_is_among_the_shapes():

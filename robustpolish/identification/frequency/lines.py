@@ -13,8 +13,12 @@ from scipy.signal import find_peaks, peak_prominences
 
 from robustpolish.base.arrays import AnyArray, Array
 from robustpolish.base.checks import described, invalid
-from robustpolish.machines.mechanical.effect_linearization import sensor_gains, signal_gains
-from robustpolish.machines.mechanical.linear import linear_system, response_values
+from robustpolish.machines.mechanical.linear import (
+    linear_system,
+    response_values,
+    sensor_gains,
+    signal_gains,
+)
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.signals.frequency_response import ratio_unit, read_frequency_response
 from robustpolish.signals.headers import same_kind

@@ -112,7 +112,7 @@ def with_missing_force(
 ) -> NonlinearSystem:
     """Append the missing forces to the states of a system."""
     rows, pairs = force_sites(model)
-    G, H, _ = port_matrices(model, rows, pairs)
+    G, H, _ = port_matrices(model.matrices, model.outputs, rows, pairs)
     n, s, w = system.states, len(rows), system.B.shape[1]
     ports = system.G.shape[1]
     A = np.block([[system.A, G], [np.zeros((s, n)), -leak * np.eye(s)]])
@@ -516,7 +516,7 @@ class LinearObserver:
         return self._steps[key]
 
     def _port_steps(self, rows: Array, pairs: list[tuple[str, ...]]) -> tuple[Array, Array, Array]:
-        G, H, _ = port_matrices(self.model, rows, pairs)
+        G, H, _ = port_matrices(self.model.matrices, self.model.outputs, rows, pairs)
         G = np.vstack([G, np.zeros((self.states - len(G), len(rows)))])
         m = step_matrices(self.system.A, G, np.zeros((self.states, 0)), self.dt)
         return m.full_now, m.full_later, np.ascontiguousarray(H)

@@ -215,7 +215,7 @@ def smoothed_motion(model: MechanicalModel, record: Record) -> SmoothedMotion | 
 
 
 def _force_feedthrough(model: MechanicalModel, forces: PortForces) -> Array:
-    _, H, _ = port_matrices(model, forces.rows, forces.pairs)
+    _, H, _ = port_matrices(model.matrices, model.outputs, forces.rows, forces.pairs)
     return (H @ forces.values).T
 
 

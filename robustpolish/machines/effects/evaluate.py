@@ -9,7 +9,7 @@ import itertools
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from functools import lru_cache
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numba
 import numpy as np
@@ -35,15 +35,6 @@ _ARRAY = types.float64[::1]
 _SIGNATURE = types.void(types.float64, *[POINTER] * 6)
 
 
-@runtime_checkable
-class SelfCompilingLaw(Protocol):
-    """A law that no file holds as a function, and that therefore compiles itself."""
-
-    def compiled(self) -> Any:
-        """Return the law as :func:`machine_code` does."""
-        ...
-
-
 def machine_code(law: Callable[..., None], cache: bool = True) -> Any:
     """Return a law ``law(t, q, v, z, p, f, dz)`` as a C function with an ``address``.
 
@@ -63,9 +54,8 @@ def compiled_law(kind: EffectKind) -> Any:
     """Return the law of a kind as a C function; its address holds as long as it is kept."""
     if kind.law is None:
         raise invalid("kind", kind.kind, "an effect with a force law", "Choose another kind.")
-    if isinstance(kind.law, SelfCompilingLaw):
-        return kind.law.compiled()
-    return machine_code(kind.law)
+    compiled = getattr(kind.law, "compiled", None)  # of a law that no file holds as a function
+    return machine_code(kind.law) if compiled is None else compiled()
 
 
 def _call(typing_context, address, t, q, iq, v, iv, z, iz, p, ip, f, jf, dz, jz):  # type: ignore[no-untyped-def]  # compiled
@@ -204,13 +194,12 @@ def shapes_along(kind: EffectKind, motion: Motion) -> list[Shape]:
     if not (kind.linear_in or kind.scan):
         return []
     choices = itertools.product(*(scan.values(motion) for scan in kind.scan))
-    shapes = [_shape(kind, motion, choice) for choice in choices]
-    return [shape for shape in shapes if _excited(shape.columns)]
-
-
-def _excited(columns: Array) -> bool:
-    sizes = np.abs(columns).max(axis=(1, 2))
-    return bool(np.isfinite(sizes).all() and sizes.min() > _ROUNDING_RATIO * sizes.max())
+    excited = []
+    for shape in (_shape(kind, motion, choice) for choice in choices):
+        sizes = np.abs(shape.columns).max(axis=(1, 2))
+        if np.isfinite(sizes).all() and sizes.min() > _ROUNDING_RATIO * sizes.max():
+            excited.append(shape)
+    return excited
 
 
 def _shape(kind: EffectKind, motion: Motion, choice: tuple[float, ...]) -> Shape:

@@ -9,13 +9,13 @@ import re
 import unicodedata
 import warnings
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
 
 from robustpolish.base.checks import Key, described, invalid, one_of
-from robustpolish.errors import InvalidInputError
 
 # A formula as a list of operations.
 #
@@ -47,6 +47,7 @@ PAIRS: Mapping[str, Any] = {
     "min": np.minimum,
     "max": np.maximum,
 }
+_OPERATIONS: Mapping[str, Any] = {**FUNCTIONS, **PAIRS, "negative": np.negative}
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ class PostfixProgram:
             return values[item] if isinstance(item, str) else item
 
         with np.errstate(all="ignore"):
-            found = self.fold(leaf, result_of)
+            found = self.fold(leaf, lambda operation, *given: _OPERATIONS[operation](*given))
         return float(found) if np.ndim(found) == 0 else found
 
     @property
@@ -127,13 +128,6 @@ class PostfixProgram:
     def operations(self) -> frozenset[str]:
         """The operations in it, such as ``"+"`` and ``"tanh"``."""
         return frozenset(kind for kind, item in self.program if item is None)
-
-
-def result_of(operation: str, *operands: Any) -> Any:
-    """Return what an operation makes of numbers or arrays."""
-    if operation == "negative":
-        return -operands[0]
-    return (PAIRS.get(operation) or FUNCTIONS[operation])(*operands)
 
 
 # What a formula is made of, counted: units, or how it grows with some of its names.
@@ -212,54 +206,39 @@ def graded(
         return Grade({} if item else None, loose_numbers and item != 0, item)
 
     def combine(operation: str, *operands: Grade) -> Grade:
+        one, other = operands[0], operands[-1]
+        loose = one.loose or other.loose
         if operation in ("+", "-", "min", "max"):
-            return _alike(operation, operands[0], operands[1], shown)
+            if one.powers is None or other.powers is None:
+                return Grade(other.powers if one.powers is None else one.powers, loose)
+            if one.powers == other.powers:
+                return Grade(one.powers, one.loose and other.loose)
+            if one.loose and other.loose:
+                return Grade(None, True)
+            if loose:  # what is known tells the unit of the number
+                return Grade(other.powers if one.loose else one.powers)
+            pair = f"{shown(one.powers)} and {shown(other.powers)}"
+            raise ArithmeticError(f"{operation} joins {pair}")
         if operation in ("*", "/"):
-            one, other = operands
-            loose = one.loose or other.loose
             if one.powers is None or other.powers is None:
                 return Grade(None, loose)
             sign = 1.0 if operation == "*" else -1.0
             return Grade(multiplied(one.powers, other.powers, sign), loose)
         if operation == "**":
-            return _power(operands[0], operands[1], shown)
-        (one,) = operands
+            if other.powers and not other.loose:
+                raise ArithmeticError(f"an exponent is in {shown(other.powers)}")
+            if one.powers and other.number is None:  # how large is the exponent?
+                return Grade(None, True)
+            return Grade(one.powers and multiplied({}, one.powers, other.number or 0.0), one.loose)
         if operation in ("negative", "abs"):
             return Grade(one.powers, one.loose)
-        if operation == "sign":
-            return Grade({})
         if operation == "sqrt":
             return Grade(one.powers and multiplied({}, one.powers, 0.5), one.loose)
-        if one.powers and not one.loose:
+        if operation != "sign" and one.powers and not one.loose:
             raise ArithmeticError(f"{operation} is taken of something in {shown(one.powers)}")
         return Grade({})
 
     return formula.fold(leaf, combine)
-
-
-def _alike(operation: str, one: Grade, other: Grade, shown: Callable[[Powers], str]) -> Grade:
-    if one.powers is None:
-        return Grade(other.powers, other.loose or one.loose)
-    if other.powers is None:
-        return Grade(one.powers, one.loose or other.loose)
-    if one.powers == other.powers:
-        return Grade(one.powers, one.loose and other.loose)
-    if one.loose and other.loose:
-        return Grade(None, True)
-    if one.loose or other.loose:  # what is known tells the unit of the number
-        return Grade(other.powers if one.loose else one.powers)
-    pair = f"{shown(one.powers)} and {shown(other.powers)}"
-    raise ArithmeticError(f"{operation} joins {pair}")
-
-
-def _power(base: Grade, exponent: Grade, shown: Callable[[Powers], str]) -> Grade:
-    if exponent.powers and not exponent.loose:
-        raise ArithmeticError(f"an exponent is in {shown(exponent.powers)}")
-    if base.powers is None or not base.powers:
-        return Grade(base.powers, base.loose)
-    if exponent.number is None:  # how large is the exponent?
-        return Grade(None, True)
-    return Grade(multiplied({}, base.powers, exponent.number), base.loose)
 
 
 def grows_with(formula: PostfixProgram, names: Collection[str]) -> bool:
@@ -306,22 +285,17 @@ def linear_in(formula: PostfixProgram, names: Collection[str]) -> bool:
     >>> linear_in(read_formula("f = -k*q - c*v", ["k", "c"]), ["k", "c"])
     True
     """
-    bent = -1  # of no degree
 
-    def combine(operation: str, *degrees: int) -> int:
-        if bent in degrees:
-            return bent
-        if operation == "negative":
+    def combine(operation: str, *degrees: float) -> float:
+        if operation == "negative" or (operation == "/" and degrees[1] == 0):
             return degrees[0]
         if operation in ("+", "-"):
-            return degrees[0] if degrees[0] == degrees[1] else bent
+            return degrees[0] if degrees[0] == degrees[1] else math.nan  # of no degree
         if operation == "*":
-            return sum(degrees) if sum(degrees) <= 1 else bent
-        if operation == "/" and degrees[1] == 0:
-            return degrees[0]
-        return bent if any(degrees) else 0
+            return sum(degrees) if sum(degrees) <= 1 else math.nan
+        return math.nan if any(degrees) else 0.0
 
-    return formula.fold(lambda item: int(item in names), combine) == 1
+    return formula.fold(lambda item: float(item in names), combine) == 1
 
 
 # Read a formula that somebody typed; nothing of it is ever executed.
@@ -373,9 +347,69 @@ def read_formula(text: str, declared: Iterable[str]) -> PostfixProgram:
     names = tuple(declared)
     for name in names:
         _check_name(name)
-    tree = _tree(text)
+    known = {*MOTION, *names}
     program: list[tuple[str, Any]] = []
-    _append(program, tree, {*MOTION, *names}, 0)
+
+    def apply(operation: str, count: int) -> None:
+        """Append an operation, or what it makes of numbers."""
+        operands = program[-count:]
+        if any(kind != "number" for kind, _ in operands):
+            program.append((operation, None))
+            return
+        with np.errstate(all="ignore"):
+            result = float(_OPERATIONS[operation](*(number for _, number in operands)))
+        program[-count:] = [("number", _number("formula", result))]
+
+    def append(node: ast.AST, depth: int) -> None:
+        """Append what computes a node."""
+        if depth > _DEEPEST:
+            shown = described("brackets or signs nested too deeply")
+            raise invalid("formula", shown, f"at most {_DEEPEST} levels", "Simplify it.")
+        if isinstance(node, ast.Constant):
+            program.append(("number", _number("formula", node.value)))
+        elif isinstance(node, ast.Name) and node.id in _CONSTANTS:
+            program.append(("number", _CONSTANTS[node.id]))
+        elif isinstance(node, ast.Name):
+            if node.id not in known:
+                want = f"one of {', '.join(sorted(known))}"
+                declare = f"parameters={{{node.id!r}: 'N/m'}}"
+                remedy = f"Declare it with its unit, {declare}, or correct it."
+                raise invalid("formula", node.id, want, remedy, ("formula", node.id))
+            program.append(("name", node.id))
+        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub):
+            append(node.operand, depth + 1)
+            if isinstance(node.op, ast.USub):
+                apply("negative", 1)
+        elif isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
+            chain = [node]  # a long sum leans to the left and is not deep
+            while isinstance(node := chain[-1].left, ast.BinOp) and type(node.op) in _OPERATORS:
+                chain.append(node)
+            append(node, depth + 1)
+            for link in reversed(chain):
+                append(link.right, depth + 1)
+                apply(_OPERATORS[type(link.op)], 2)
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            name, single = node.func.id, node.func.id in FUNCTIONS
+            if not single and name not in ("min", "max"):
+                want = f"one of {', '.join(FUNCTIONS)}, min, max"
+                shown = described(f"{name}(...)")
+                raise invalid("formula", shown, want, "Use one of these functions.")
+            if node.keywords or (len(node.args) != 1 if single else len(node.args) < 2):
+                want = "one argument" if single else "two arguments or more"
+                shown = described(f"{name} with {len(node.args)}")
+                raise invalid("formula", shown, want, "Correct it.")
+            for i, argument in enumerate(node.args):
+                append(argument, depth + 1)
+                if i or single:
+                    apply(name, 1 if single else 2)
+        else:
+            called = node.func if isinstance(node, ast.Call) else node
+            wrong = called.op if isinstance(called, ast.BinOp) else called
+            allowed = "numbers, names, + - * / **, brackets and functions of one line"
+            hint = _HINTS.get(type(wrong), "Write it with what is allowed.")
+            raise invalid("formula", described(type(wrong).__name__.lower()), allowed, hint)
+
+    append(_tree(text), 0)
     formula = PostfixProgram(" ".join(text.split()), tuple(program))
     for name in names:
         if name not in formula.names:
@@ -409,72 +443,11 @@ def _tree(text: Any) -> ast.expr:
         reason = error.msg if isinstance(error, SyntaxError) else "too long or too deep"
         shown = described(f"{text[:60]!r} ({reason})")
         raise invalid("formula", shown, f"a formula, {_EXAMPLE}", "Correct it.") from None
-    statement = body[0] if len(body) == 1 else None
-    if isinstance(statement, ast.Assign) and len(statement.targets) == 1:
-        target = statement.targets[0]
-        if isinstance(target, ast.Name) and target.id == "f":
-            return statement.value
+    match body:
+        case [ast.Assign(targets=[ast.Name(id="f")], value=expression)]:
+            return expression
     remedy = "Begin with 'f =': the force on the first coordinate, the second gets the opposite."
     raise invalid("formula", text, f"one formula, {_EXAMPLE}", remedy)
-
-
-def _append(program: list[tuple[str, Any]], node: ast.AST, names: set[str], depth: int) -> None:
-    """Append what computes a node."""
-    if depth > _DEEPEST:
-        shown = described("brackets or signs nested too deeply")
-        raise invalid("formula", shown, f"at most {_DEEPEST} levels", "Simplify it.")
-    if isinstance(node, ast.Constant):
-        program.append(("number", _number("formula", node.value)))
-    elif isinstance(node, ast.Name):
-        program.append(_named(node.id, names))
-    elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub):
-        _append(program, node.operand, names, depth + 1)
-        if isinstance(node.op, ast.USub):
-            _apply(program, "negative", 1)
-    elif isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
-        _append_sum(program, node, names, depth)
-    elif isinstance(node, ast.Call):
-        _append_call(program, node, names, depth)
-    else:
-        raise _refused(node.op if isinstance(node, ast.BinOp) else node)
-
-
-def _apply(program: list[tuple[str, Any]], operation: str, count: int) -> None:
-    """Append an operation, or what it makes of numbers."""
-    operands = program[-count:]
-    if any(kind != "number" for kind, _ in operands):
-        program.append((operation, None))
-        return
-    with np.errstate(all="ignore"):
-        result = float(result_of(operation, *(number for _, number in operands)))
-    program[-count:] = [("number", _number("formula", result))]
-
-
-def _append_sum(program: list[tuple[str, Any]], node: ast.BinOp, names: set[str], d: int) -> None:
-    """Append a chain of operators; a long sum leans to the left and is not deep."""
-    chain: list[ast.BinOp] = [node]
-    while isinstance(chain[-1].left, ast.BinOp) and type(chain[-1].left.op) in _OPERATORS:
-        chain.append(chain[-1].left)
-    _append(program, chain[-1].left, names, d + 1)
-    for link in reversed(chain):
-        _append(program, link.right, names, d + 1)
-        _apply(program, _OPERATORS[type(link.op)], 2)
-
-
-def _append_call(program: list[tuple[str, Any]], node: ast.Call, names: set[str], d: int) -> None:
-    if not isinstance(node.func, ast.Name):
-        raise _refused(node.func)
-    name, count = node.func.id, len(node.args)
-    if name not in FUNCTIONS and name not in ("min", "max"):
-        known = f"one of {', '.join(FUNCTIONS)}, min, max"
-        raise invalid("formula", described(f"{name}(...)"), known, "Use one of these functions.")
-    if node.keywords or (count != 1 if name in FUNCTIONS else count < 2):
-        want = "one argument" if name in FUNCTIONS else "two arguments or more"
-        raise invalid("formula", described(f"{name} with {count}"), want, "Correct it.")
-    for i, argument in enumerate(node.args):
-        _append(program, argument, names, d + 1)
-        if i or name in FUNCTIONS:
-            _apply(program, name, 1 if name in FUNCTIONS else 2)
 
 
 def _number(key: str | Key, value: Any, infinite: bool = False) -> float:
@@ -490,33 +463,14 @@ def _number(key: str | Key, value: Any, infinite: bool = False) -> float:
     return number
 
 
-def _named(name: str, names: set[str]) -> tuple[str, Any]:
-    if name in _CONSTANTS:
-        return ("number", _CONSTANTS[name])
-    if name not in names:
-        key: Key = ("formula", name)
-        known = f"one of {', '.join(sorted(names))}"
-        remedy = f"Declare it with its unit, parameters={{{name!r}: 'N/m'}}, or correct it."
-        raise invalid("formula", name, known, remedy, key)
-    return ("name", name)
-
-
-def _refused(node: ast.AST) -> InvalidInputError:
-    what = described(type(node).__name__.lower())
-    hint = _HINTS.get(type(node), "Write it with what is allowed.")
-    allowed = "numbers, names, + - * / **, brackets and functions of one line"
-    return invalid("formula", what, allowed, hint)
-
-
 # Units of parameters as text, and what a formula makes of them.
 #
 # A unit is read in two ways: for translation, and for rotation, where ``N m`` is a torque and
 # ``rad`` a displacement. The way in which the formula gives a force (or a torque) is the one that
 # was meant.
 
-_KNOWN = ("N", "m", "s", "kg", "rad", "Hz")
-_TOKEN = re.compile(r"\s*(?:([A-Za-zµμΩ°%]+)|(\^|\*\*)\s*(-?\d+(?:\.\d+)?)|([*·/()])|(1))\s*")
-_LONGEST_UNIT = 80
+_TOKEN = r"\s*([A-Za-zµμΩ°%]+|(?:\^|\*\*)\s*-?\d+(?:\.\d+)?|[*·/()]|1)"
+_LONGEST_UNIT, _DEEPEST_UNIT = 80, 5
 _WORD = r"[A-Za-zµμΩ°%]{1,20}"
 _TAKEN = ("F", "L", "T", "M", "signal")  # letters of `Parameter.dimension`
 
@@ -571,59 +525,45 @@ def read_unit(text: Any, key: Key, others: Iterable[str] = ()) -> Powers:
     >>> read_unit("N/(m/s)^2", ("units", "c"))
     {'N': 1.0, 'm': -2.0, 's': 2.0}
     """
-    known = (*_KNOWN, *others)
+    known = (*_TRANSLATION, *others)
     expected = f"an SI unit of {' '.join(dict.fromkeys(known))}, such as 'N/m^5', or '1'"
     remedy = "Write it without prefixes (m, not mm): values are in SI units."
     bad = invalid(key, text, expected, remedy)
-    if not isinstance(text, str) or not text.strip() or len(text) > _LONGEST_UNIT:
+    if not isinstance(text, str) or len(text) > _LONGEST_UNIT:
         raise bad
-    tokens, at = [], 0
-    while at < len(text):
-        found = _TOKEN.match(text, at)
-        if found is None:
+    if not re.fullmatch(rf"(?:{_TOKEN})+\s*", text):
+        raise bad
+    tokens = re.findall(_TOKEN, text)
+
+    def product(depth: int) -> Powers:
+        """Take a product off the front of the tokens."""
+        result, divided = factor(depth), False
+        while tokens and tokens[0] != ")":
+            mark = tokens.pop(0) if tokens[0] in ("*", "·", "/") else "*"
+            if divided and mark != "/":  # N/m s: who knows what is meant
+                raise bad
+            divided = mark == "/"
+            result = multiplied(result, factor(depth), -1.0 if divided else 1.0)
+        return result
+
+    def factor(depth: int) -> Powers:
+        token = tokens.pop(0) if tokens and depth <= _DEEPEST_UNIT else ""
+        powers: Powers = {token: 1.0} if token in known else {}
+        if token == "(":
+            powers = product(depth + 1)
+            if not tokens or tokens.pop(0) != ")":
+                raise bad
+        elif token not in (*known, "1"):
             raise bad
-        tokens.append(found.groups())
-        at = found.end()
-    powers = _unit_product(tokens, known, bad, 0)
+        exponent = re.fullmatch(r"[\^*]+\s*(.+)", tokens[0]) if tokens else None
+        if exponent:
+            tokens.pop(0)
+            powers = multiplied({}, powers, float(exponent[1]))
+        return powers
+
+    powers = product(0)
     if tokens:
         raise bad
-    return powers
-
-
-def _unit_product(
-    tokens: list[Any], known: Iterable[str], bad: InvalidInputError, depth: int
-) -> Powers:
-    """Take a product off the front of the tokens."""
-    result, sign, divided = _factor(tokens, known, bad, depth), 0.0, False
-    while tokens and tokens[0][3] != ")":
-        mark = tokens[0][3]
-        if mark in ("*", "·", "/"):
-            tokens.pop(0)
-        sign = -1.0 if mark == "/" else 1.0
-        if divided and sign > 0:  # N/m s: who knows what is meant
-            raise bad
-        divided = divided or sign < 0
-        result = multiplied(result, _factor(tokens, known, bad, depth), sign)
-    return result
-
-
-def _factor(tokens: list[Any], known: Iterable[str], bad: InvalidInputError, depth: int) -> Powers:
-    if not tokens or depth > 5:
-        raise bad
-    word, _, _, mark, one = tokens.pop(0)
-    if word in known:
-        powers: Powers = {word: 1.0}
-    elif one:
-        powers = {}
-    elif mark == "(":
-        powers = _unit_product(tokens, known, bad, depth + 1)
-        if not tokens or tokens.pop(0)[3] != ")":
-            raise bad
-    else:
-        raise bad
-    if tokens and tokens[0][1]:
-        exponent = float(tokens.pop(0)[2])
-        powers = multiplied({}, powers, exponent)
     return powers
 
 
@@ -665,16 +605,15 @@ def dimensions(
     signals = {name: read_unit(text, ("channels", name), others) for name, text in words.items()}
     best, why = None, ""
     for table in (_TRANSLATION, _ROTATION):
-        found = {name: _in_letters(powers, table) for name, powers in read.items()}
-        outside = {name: _in_letters(powers, table) for name, powers in signals.items()}
+        letters = {name: _in_letters(powers, table) for name, powers in {**read, **signals}.items()}
         try:
-            loose = _loose(formula, {**found, **outside}, table is _ROTATION)
+            loose = _loose(formula, letters, table is _ROTATION)
         except ArithmeticError as error:
             rotational = any("rad" in powers for powers in read.values())
             why = str(error) if not why or rotational else why
             continue
         # what is no unit of a rotation, such as the length of a pendulum, stays as it is
-        found = {n: read[n] if "metre" in powers else powers for n, powers in found.items()}
+        found = {n: read[n] if "metre" in letters[n] else letters[n] for n in read}
         if not loose:
             return found
         best = best or found
@@ -702,7 +641,9 @@ def _loose(formula: PostfixProgram, names: Mapping[str, Powers], rotation: bool)
     """
     grades = {}
     for name, powers in {**_MOTION, **names}.items():
-        counted = _without_mass(powers)
+        # a mass is a force by an acceleration
+        rest = {letter: power for letter, power in powers.items() if letter != "M"}
+        counted = multiplied(rest, {"F": 1.0, "T": 2.0, "L": -1.0}, powers.get("M", 0.0))
         if rotation:  # an angle is a number, of which a sine may be taken
             counted.pop("L", None)
         grades[name] = Grade(counted)
@@ -710,41 +651,24 @@ def _loose(formula: PostfixProgram, names: Mapping[str, Powers], rotation: bool)
     def shown(powers: Powers) -> str:
         metres = {"L": powers.get("F", 0.0) + powers.get("metre", 0.0)} if rotation else {}
         rest = {name: power for name, power in powers.items() if name != "metre"}
-        return unit_text(multiplied(rest, metres))
+        units = {"F": "N", "L": "m", "T": "s", "M": "kg"}
+        named = {units.get(name, name): p for name, p in multiplied(rest, metres).items()}
+        return dimension_text(named, " ")
 
     whole = graded(formula, grades, loose_numbers=True, shown=shown)
-    if whole.powers is None:
-        return True
-    if whole.powers != _FORCE and not whole.loose:
+    if whole.powers is not None and whole.powers != _FORCE and not whole.loose:
         raise ArithmeticError(f"f comes out in {shown(whole.powers)}")
-    return whole.loose and whole.powers != _FORCE
+    return whole.powers is None or (whole.loose and whole.powers != _FORCE)
 
 
-def _without_mass(powers: Powers) -> Powers:
-    """Return powers of force, length and time: a mass is a force by an acceleration."""
-    mass = powers.get("M", 0.0)
-    rest = {letter: power for letter, power in powers.items() if letter != "M"}
-    return multiplied(rest, {"F": 1.0, "T": 2.0, "L": -1.0}, mass)
-
-
-def unit_text(powers: Powers) -> str:
-    """Return powers of F, L, T and M as the unit of a translation."""
-    letters = {"F": "N", "L": "m", "T": "s", "M": "kg"}
-    return _joined({letters.get(name, name): power for name, power in powers.items()}, " ")
-
-
-def dimension_text(powers: Powers) -> str:
-    """Return powers as `Parameter.dimension` has them.
+def dimension_text(powers: Powers, times: str = "*") -> str:
+    """Return powers as `Parameter.dimension` has them, or as a unit with blanks.
 
     Examples
     --------
     >>> dimension_text({"F": 1.0, "L": -5.0})
     'F/L^5'
     """
-    return _joined(powers, "*")
-
-
-def _joined(powers: Powers, times: str) -> str:
     parts = {name: f"{name}^{abs(p):g}" if abs(p) != 1 else name for name, p in powers.items()}
     over = times.join(parts[name] for name, power in powers.items() if power > 0)
     under = [f"/{parts[name]}" for name, power in powers.items() if power < 0]
@@ -769,7 +693,7 @@ class EffectSpecification:
     name, title : str, optional
         The formula by default.
     domain : {"pair", "dof"}, optional
-    bounds : tuple of (str, float, float), optional
+    bounds : tuple of (str, (float, float)), optional
         Parameters with their least and largest value.
     scan : tuple of (str, tuple of float), optional
         Parameters with the values that a screening tries.
@@ -784,18 +708,14 @@ class EffectSpecification:
     name: str = ""
     title: str = ""
     domain: str = "pair"
-    bounds: tuple[tuple[str, float, float], ...] = ()
+    bounds: tuple[tuple[str, tuple[float, ...]], ...] = ()
     scan: tuple[tuple[str, tuple[float, ...]], ...] = ()
     known: tuple[tuple[str, float], ...] = ()
     channels: tuple[tuple[str, str], ...] = ()
 
-    def read(self) -> PostfixProgram:
-        """Return the formula, read.
-
-        Returns
-        -------
-        PostfixProgram
-        """
+    @cached_property
+    def program(self) -> PostfixProgram:
+        """The formula, read."""
         return read_formula(self.formula, (*dict(self.units), *dict(self.channels)))
 
     def table(self) -> dict[str, Any]:
@@ -805,19 +725,14 @@ class EffectSpecification:
         -------
         dict
         """
-        whole: dict[str, Any] = {
-            "formula": self.formula,
-            "units": dict(self.units),
-            "name": self.name,
-            "title": self.title,
-            "domain": self.domain,
-            "bounds": {name: [lower, upper] for name, lower, upper in self.bounds},
-            "scan": {name: list(values) for name, values in self.scan},
-            "known": dict(self.known),
-            "channels": dict(self.channels),
-        }
-        default = EffectSpecification("").domain
-        return {k: v for k, v in whole.items() if v and (k, v) != ("domain", default)}
+        found: dict[str, Any] = {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if value != field.default:
+                if isinstance(value, tuple):
+                    value = {n: list(v) if isinstance(v, tuple) else v for n, v in value}
+                found[field.name] = value
+        return found
 
 
 def specification_from(table: Mapping[str, Any]) -> EffectSpecification:
@@ -843,8 +758,12 @@ def specification_from(table: Mapping[str, Any]) -> EffectSpecification:
     >>> written.table()
     {'formula': 'f = -k*q**5', 'units': {'k': 'N/m^5'}}
     """
-    units = _table("units", table.get("units"))
-    channels = _table("channels", table.get("channels"))
+    found: dict[str, Any] = {}
+    for key in ("units", "channels", "bounds", "scan", "known"):
+        found[key] = {} if table.get(key) is None else table[key]
+        if not isinstance(found[key], Mapping):
+            raise invalid((key,), found[key], "a table by name", "Write one: {'k': 'N/m'}.")
+    units, channels = found["units"], found["channels"]
     formula = read_formula(table.get("formula"), (*units, *channels))  # type: ignore[arg-type]
     if len(units) > _MOST:
         shown = described(f"{len(units)} parameters")
@@ -852,42 +771,22 @@ def specification_from(table: Mapping[str, Any]) -> EffectSpecification:
     for name in channels:
         if name in units:
             raise invalid(("channels", name), name, "a name that no parameter has", "Rename one.")
-    bounds = {n: _bounds(n, v) for n, v in _of_parameters("bounds", table, units).items()}
-    scan = {n: _values(n, v) for n, v in _of_parameters("scan", table, units).items()}
-    given = _of_parameters("known", table, units)
-    known = {name: _number(("known", name), value) for name, value in given.items()}
-    for name in known:
-        if name in scan:
+    for key, checked in (("bounds", _bounds), ("scan", _values), ("known", _number)):
+        for name in found[key]:
+            if name not in units:
+                listed = ", ".join(units) or "the parameters, of which there are none"
+                raise invalid((key, str(name)), name, f"one of {listed}", "Check the spelling.")
+        found[key] = {name: checked((key, name), value) for name, value in found[key].items()}
+    for name in found["known"]:
+        if name in found["scan"]:
             raise invalid(("known", name), name, "no values to scan", "It is known or scanned.")
     return EffectSpecification(
         formula.text,
-        tuple(units.items()),
-        _text("name", table.get("name")),
-        _text("title", table.get("title")),
-        one_of(("domain",), table.get("domain") or "pair", DOMAINS),
-        tuple((name, lower, upper) for name, (lower, upper) in bounds.items()),
-        tuple(scan.items()),
-        tuple(known.items()),
-        tuple(channels.items()),
+        name=_text("name", table.get("name")),
+        title=_text("title", table.get("title")),
+        domain=one_of(("domain",), table.get("domain") or "pair", DOMAINS),
+        **{key: tuple(named.items()) for key, named in found.items()},
     )
-
-
-def _table(key: str, value: Any) -> dict[str, Any]:
-    if value is None:
-        return {}
-    if not isinstance(value, Mapping):
-        raise invalid((key,), value, "a table by name", "Write one, such as {'k': 'N/m'}.")
-    return dict(value)
-
-
-def _of_parameters(key: str, table: Mapping[str, Any], units: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a table whose names have to be parameters."""
-    found = _table(key, table.get(key))
-    for name in found:
-        if name not in units:
-            listed = ", ".join(units) or "the parameters, of which there are none"
-            raise invalid((key, str(name)), name, f"one of {listed}", "Check the spelling.")
-    return found
 
 
 def _text(key: str, value: Any) -> str:
@@ -898,8 +797,7 @@ def _text(key: str, value: Any) -> str:
     return " ".join(value.split())
 
 
-def _bounds(name: str, value: Any) -> tuple[float, float]:
-    key: Key = ("bounds", name)
+def _bounds(key: Key, value: Any) -> tuple[float, ...]:
     pair = list(value) if isinstance(value, list | tuple) else []
     ends = [
         _number(key, end if end is not None else limit, infinite=True)
@@ -908,11 +806,10 @@ def _bounds(name: str, value: Any) -> tuple[float, float]:
     if len(pair) != 2 or not ends[0] < ends[1]:
         remedy = "Write None, or inf in a file, where there is no limit."
         raise invalid(key, value, "the least and the largest value", remedy)
-    return ends[0], ends[1]
+    return tuple(ends)
 
 
-def _values(name: str, value: Any) -> tuple[float, ...]:
-    key: Key = ("scan", name)
+def _values(key: Key, value: Any) -> tuple[float, ...]:
     if not isinstance(value, list | tuple) or not 1 <= len(value) <= 50:
         raise invalid(key, value, "one to 50 values", "Write a list in SI units.")
     return tuple(_number(key, item) for item in value)

@@ -550,11 +550,13 @@ class EffectKind:
 
     def __post_init__(self) -> None:
         one_of((self.kind, "domain"), self.domain, tuple(_PLACES))
-        way, other = ("on_signal", "law") if self.acts_on_signals else ("law", "on_signal")
-        if getattr(self, way) is None or getattr(self, other) is not None:
+        way = "on_signal" if self.acts_on_signals else "law"
+        given = [name for name in ("law", "on_signal") if getattr(self, name) is not None]
+        if given != [way]:
+            shown = " and ".join(given) or "neither law nor on_signal"
             raise invalid(
                 (self.kind, way),
-                described(f"an effect on {self.domain!r} with {self._functions}"),
+                described(f"an effect on {self.domain!r} with {shown}"),
                 f"{way} alone",
                 "An effect on an input or output acts by on_signal, every other by its law; "
                 "without it the effect would do nothing.",
@@ -563,11 +565,6 @@ class EffectKind:
     def __repr__(self) -> str:
         units = ", ".join(f"{p.name} [{p.unit()}]" for p in self.parameters)
         return f"EffectKind({self.kind!r}, {self.domain!r}: {units or 'no parameters'})"
-
-    @property
-    def _functions(self) -> str:
-        given = [name for name in ("law", "on_signal") if getattr(self, name) is not None]
-        return " and ".join(given) or "neither law nor on_signal"
 
     @property
     def acts_on_signals(self) -> bool:
@@ -628,8 +625,9 @@ class EffectKind:
         -------
         stiffness, damping, rate : float
         """
-        if self.gains is not None:
-            return self.gains(values, q, v)
+        gains = self.gains or getattr(self.law, "steepness", None)  # of a law that knows its own
+        if gains is not None:
+            return gains(values, q, v)
         slopes = [p.slopes(values[p.name], q, v) for p in self.parameters]
         stiffness, damping = np.max([(0.0, 0.0), *slopes], axis=0).tolist()
         return stiffness, damping, 0.0
@@ -650,9 +648,8 @@ class EffectKind:
         InvalidInputError
             If the kind has none of that name.
         """
-        for parameter in self.parameters:
-            if parameter.name == name:
-                return parameter
-        listed = ", ".join(p.name for p in self.parameters)
-        remedy = "Check the parameter's name."
-        raise invalid((self.kind, "parameters"), name, f"one of {listed}", remedy)
+        known = {p.name: p for p in self.parameters}
+        if name not in known:
+            remedy = "Check the parameter's name."
+            raise invalid((self.kind, "parameters"), name, f"one of {', '.join(known)}", remedy)
+        return known[name]

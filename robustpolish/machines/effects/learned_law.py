@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from robustpolish.base.arrays import Array
 from robustpolish.base.checks import invalid
 from robustpolish.base.results import Card, Displayed, plus_minus, quantities
 from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.effects.formula_language import PostfixProgram, read_formula
 from robustpolish.machines.effects.spline_law import coefficients_of, knot_error_bound, spline_basis
 from robustpolish.plots.residuals import plot_force_curve, plot_surface
 
@@ -28,12 +30,8 @@ from robustpolish.plots.residuals import plot_force_curve, plot_surface
 # before two, two before three: the first count at which the misfit is no more than chance is
 # taken.
 
-Shape = Callable[[Array, float], Array]
-
 _REFINED = 6
 """How many of the best sums have their length or speed fitted, after some were tried."""
-
-
 _CHANCE = 0.99
 """Share of right formulas whose misfit is called chance: one in a hundred is refused."""
 _AS_GOOD = 0.003
@@ -43,6 +41,8 @@ _UNKNOWN = 0.05
 """The same where no covariance is known."""
 _TURNS = tuple(np.geomspace(0.003, 0.9, 36).tolist())
 """Shares of the range that are tried for a gap, or for the length over which a force saturates."""
+_POINTS, _POINTS_ACROSS, _FINE = 121, 31, 601
+_LETTERS = {"displacement": "q", "velocity": "v", "time": "t"}
 
 
 @dataclass(frozen=True)
@@ -74,119 +74,132 @@ class Formula:
     misfit: float
 
     def __str__(self) -> str:
-        told = []
-        for name, value in self.numbers.items():
-            told.append(f"{name} = {plus_minus(value, self.stderr[name], 4)} {self.units[name]}")
+        told = [
+            f"{name} = {plus_minus(value, self.stderr[name], 4)} {self.units[name]}"
+            for name, value in self.numbers.items()
+        ]
         return f"{self.expression} with {', '.join(told)}"
 
 
-class Term(NamedTuple):
-    """A term of a formula: a number times a shape.
+# Terms, whose first name is the number that is fitted, and the powers of displacement and velocity
+# by which its unit divides; d and w are a length or a speed of the term's own.
+_OVER_DISPLACEMENT = {
+    "k*q": (1, 0), "k3*q**3": (3, 0), "k5*q**5": (5, 0), "ka*q*abs(q)": (2, 0), "k2*q**2": (2, 0),
+    "F0": (0, 0), "Fs*tanh(q/d)": (0, 0), "kd*sign(q)*max(abs(q) - d, 0)": (1, 0),
+    "kr*max(q - d, 0)": (1, 0), "kl*min(q + d, 0)": (1, 0), "kr*max(q, 0)": (1, 0),
+    "kl*min(q, 0)": (1, 0),
+}  # fmt: skip
+_OVER_VELOCITY = {
+    "c*v": (0, 1), "F*sign(v)": (0, 0), "ca*v*abs(v)": (0, 2), "c3*v**3": (0, 3), "F0": (0, 0),
+    "F*tanh(v/w)": (0, 0),
+}  # fmt: skip
+_TERMS: Mapping[str, Mapping[str, tuple[int, int]]] = {
+    "displacement": _OVER_DISPLACEMENT,
+    "velocity": _OVER_VELOCITY,
+    "displacement and velocity": {
+        **_OVER_DISPLACEMENT, **_OVER_VELOCITY, "cq*q**2*v": (2, 1), "kv*q*v": (1, 1)
+    },
+    "time": {"a0": (0, 0), "a1*t": (1, 0), "a2*t**2": (2, 0), "aw*(1 - exp(-t/d))": (0, 0)},
+}  # fmt: skip
 
-    `turn` is the name of the shape's own length or speed, empty if it has none; `powers` are those
-    of displacement and velocity by which the number's unit divides.
-    """
 
-    name: str
-    expression: str
-    shape: Shape
-    over: str
+class _Term(NamedTuple):
+    """A term, read: its number, and the length or speed of its own over a variable, or ""."""
+
+    formula: PostfixProgram
     powers: tuple[int, int]
-    turn: str = ""
+    name: str
+    turn: str
+    variable: str
 
 
-def _power(n: int) -> Shape:
-    return lambda x, d: x**n
+@lru_cache(maxsize=4)
+def _terms(over: str) -> list[_Term]:
+    found = []
+    for text, powers in _TERMS[over].items():
+        name = text.split("*")[0]
+        turn = "".join(re.findall(r"\b[dw]\b", text)[:1])
+        formula = read_formula(f"f = {text}", [name, *turn])
+        variable = next((letter for letter in "qvt" if letter in formula.names), "")
+        found.append(_Term(formula, powers, name, turn, variable))
+    return found
 
 
-def _dead(x: Array, d: float) -> Array:
-    return np.sign(x) * np.maximum(np.abs(x) - d, 0.0)
+class _Fit(NamedTuple):
+    """Terms fitted to a curve, with one length or speed of theirs."""
+
+    terms: tuple[_Term, ...]
+    turn: float
+    numbers: Array
+    covariance: Array
+    chi2: float
 
 
-_Q = (
-    Term("k", "k*q", _power(1), "q", (1, 0)),
-    Term("k3", "k3*q**3", _power(3), "q", (3, 0)),
-    Term("k5", "k5*q**5", _power(5), "q", (5, 0)),
-    Term("ka", "ka*q*abs(q)", lambda x, d: x * np.abs(x), "q", (2, 0)),
-    Term("k2", "k2*q**2", _power(2), "q", (2, 0)),
-    Term("F0", "F0", lambda x, d: np.ones_like(x), "q", (0, 0)),
-    Term("Fs", "Fs*tanh(q/d)", lambda x, d: np.tanh(x / d), "q", (0, 0), "d"),
-    Term("kd", "kd*sign(q)*max(abs(q) - d, 0)", _dead, "q", (1, 0), "d"),
-    Term("kr", "kr*max(q - d, 0)", lambda x, d: np.maximum(x - d, 0.0), "q", (1, 0), "d"),
-    Term("kl", "kl*min(q + d, 0)", lambda x, d: np.minimum(x + d, 0.0), "q", (1, 0), "d"),
-    Term("kr", "kr*max(q, 0)", lambda x, d: np.maximum(x, 0.0), "q", (1, 0)),
-    Term("kl", "kl*min(q, 0)", lambda x, d: np.minimum(x, 0.0), "q", (1, 0)),
-)
-_V = (
-    Term("c", "c*v", _power(1), "v", (0, 1)),
-    Term("F", "F*sign(v)", lambda x, d: np.sign(x), "v", (0, 0)),
-    Term("ca", "ca*v*abs(v)", lambda x, d: x * np.abs(x), "v", (0, 2)),
-    Term("c3", "c3*v**3", _power(3), "v", (0, 3)),
-    Term("F0", "F0", lambda x, d: np.ones_like(x), "v", (0, 0)),
-    Term("F", "F*tanh(v/w)", lambda x, d: np.tanh(x / d), "v", (0, 0), "w"),
-)
-_BOTH = (
-    Term("cq", "cq*q**2*v", lambda x, d: x, "q2v", (2, 1)),
-    Term("kv", "kv*q*v", lambda x, d: x, "qv", (1, 1)),
-)
-_T = (
-    Term("a0", "a0", lambda x, d: np.ones_like(x), "t", (0, 0)),
-    Term("a1", "a1*t", _power(1), "t", (1, 0)),
-    Term("a2", "a2*t**2", _power(2), "t", (2, 0)),
-    Term("aw", "aw*(1 - exp(-t/d))", lambda x, d: -np.expm1(-x / d), "t", (0, 0), "d"),
-)
-TERMS = {
-    "displacement": _Q,
-    "velocity": _V,
-    "displacement and velocity": (*_Q, *_V, *_BOTH),
-    "time": _T,
-}
-
-
-class Curve(NamedTuple):
-    """Coefficients of a curve or surface, and what makes coefficients of a shape.
-
-    `axes` are grids over q and v, or t, without what it does not depend on; `project` turns
-    values on the grid (flattened) into coefficients, `basis` coefficients into values.
-    """
-
-    coefficients: Array
-    covariance: Array | None
-    axes: Mapping[str, Array]
-    basis: Array
-    project: Array
-
-
-def simplest_formula(curve: Curve, over: str, units: tuple[str, str]) -> Formula | None:
-    """Return the simplest formula that lies within the band of a curve, None if none does.
-
-    Parameters
-    ----------
-    curve : Curve
-    over : str
-        "displacement", "velocity", "displacement and velocity", or "time".
-    units : tuple of str
-        Of the force and of the displacement; over time, of what varies and of the time.
-
-    Returns
-    -------
-    Formula or None
-    """
-    if not np.any(curve.coefficients @ curve.basis):
+def _simplest_formula(law: LearnedLaw) -> Formula | None:
+    """Return the simplest formula that lies within the band of a law, None if none does."""
+    axes = law._axes(_POINTS_ACROSS if len(law.seen) > 1 else _FINE)
+    basis, c, covariance = law._basis(axes), law.coefficients, law.covariance
+    values = c @ basis
+    largest = float(np.max(np.abs(values)))
+    if not largest:
         return None
-    fit = _Fit(curve)
+    # from values on the grid to coefficients
+    project = np.linalg.lstsq(basis.T, np.eye(values.size), rcond=None)[0]
+    grids = (grid.ravel() for grid in np.meshgrid(*axes.values(), indexing="ij"))
+    motion = dict(zip((_LETTERS[name] for name in axes), grids, strict=True))
+    known = covariance is not None and bool(np.isfinite(covariance).all())
+    spread = np.eye(c.size) * ((_AS_GOOD if known else _UNKNOWN) * largest) ** 2
+    W = np.linalg.inv(spread if covariance is None or not known else spread + covariance)
+
+    @cache
+    def column(term: _Term, turn: float) -> Array:
+        unit = term.formula.value({**motion, term.name: 1.0, term.turn: turn})
+        return np.asarray(project @ np.broadcast_to(unit, values.shape), dtype=float)
+
+    def fit(terms: tuple[_Term, ...], turn: float) -> _Fit:
+        X = np.column_stack([column(term, turn) for term in terms])
+        size = np.sqrt(np.sum(X**2, axis=0))
+        size[size == 0] = 1.0
+        X = X / size
+        inverse = np.linalg.pinv(X.T @ W @ X, rcond=1e-12, hermitian=True)
+        a = inverse @ (X.T @ W @ c)
+        rest = c - X @ a
+        return _Fit(terms, turn, a / size, inverse / np.outer(size, size), float(rest @ W @ rest))
+
+    def refined(found: _Fit) -> _Fit:
+        """Return the same terms with the length that fits best about the one that was tried."""
+        step = _TURNS[1] / _TURNS[0]
+        bounds = found.turn / step, found.turn * step
+        best: Any = minimize_scalar(lambda d: fit(found.terms, float(d)).chi2, bounds=bounds)
+        return fit(found.terms, float(best.x))
+
     for number in (1, 2, 3):
-        found = [fit(terms, turn) for terms, turn in _choices(TERMS[over], number, curve.axes)]
-        found += [fit.turned(f) for f in sorted(found, key=lambda f: f.chi2)[:_REFINED] if f.turn]
-        best = min(found, key=lambda f: f.chi2, default=None)
-        if best is not None and best.chi2 <= chi2.ppf(_CHANCE, fit.freedom(number)):
-            return _formula(best, fit, units)
-    return None
+        fits = [fit(*choice) for choice in _choices(_terms(law.over), number, motion)]
+        fits += [refined(f) for f in sorted(fits, key=lambda f: f.chi2)[:_REFINED] if f.turn]
+        best = min(fits, key=lambda f: f.chi2, default=None)
+        if best is not None and best.chi2 <= chi2.ppf(_CHANCE, max(c.size - number, 1)):
+            break
+    else:
+        return None
+    names = [term.name for term in best.terms]
+    errors = np.sqrt(np.diag(best.covariance)) if known else np.full(len(names), np.nan)
+    numbers = dict(zip(names, best.numbers.tolist(), strict=True))
+    stderr = dict(zip(names, errors.tolist(), strict=True))
+    force, length = (law.unit, "s") if law.over == "time" else law.units
+    units = {term.name: _unit(force, length, *term.powers) for term in best.terms}
+    for term in best.terms:
+        if term.turn:
+            numbers[term.turn], stderr[term.turn] = best.turn, float("nan")
+            units[term.turn] = length + ("/s" if term.variable == "v" else "")
+    X = np.column_stack([column(term, best.turn) for term in best.terms])
+    misfit = float(np.sqrt(np.mean(((c - X @ best.numbers) @ basis) ** 2))) / largest
+    expression = " + ".join(term.formula.text.removeprefix("f = ") for term in best.terms)
+    return Formula(expression, numbers, stderr, units, misfit)
 
 
 def _choices(
-    terms: Sequence[Term], number: int, axes: Mapping[str, Array]
-) -> Iterator[tuple[tuple[Term, ...], float]]:
+    terms: Sequence[_Term], number: int, motion: Mapping[str, Array]
+) -> Iterator[tuple[tuple[_Term, ...], float]]:
     """Yield sums of at most two terms with so many numbers, lengths and speeds of theirs tried."""
     for size in (1, 2):
         for chosen in itertools.combinations(terms, size):
@@ -194,106 +207,15 @@ def _choices(
             names = {term.name for term in chosen}
             if size + len(turning) != number or len(turning) > 1 or len(names) < size:
                 continue
-            if not turning:
-                yield chosen, 0.0
-                continue
-            reach = float(np.max(np.abs(axes[turning[0].over])))
-            yield from ((chosen, share * reach) for share in _TURNS)
+            turns = [0.0]
+            if turning:
+                reach = float(np.max(np.abs(motion[turning[0].variable])))
+                turns = [share * reach for share in _TURNS]
+            yield from ((chosen, turn) for turn in turns)
 
 
-class _Found(NamedTuple):
-    terms: tuple[Term, ...]
-    turn: float
-    numbers: Array
-    covariance: Array
-    chi2: float
-
-
-class _Fit:
-    """Least squares of sums of terms on the coefficients of a curve."""
-
-    def __init__(self, curve: Curve) -> None:
-        self.curve = curve
-        values = curve.coefficients @ curve.basis
-        self.largest = float(np.max(np.abs(values)))
-        known = curve.covariance is not None and bool(np.isfinite(curve.covariance).all())
-        self.known = known
-        share = _AS_GOOD if known else _UNKNOWN
-        spread = np.eye(curve.coefficients.size) * (share * self.largest) ** 2
-        if known and curve.covariance is not None:
-            spread = spread + curve.covariance
-        self.precision = np.linalg.inv(spread)
-        self.grids = dict(curve.axes)
-        if {"q", "v"} <= set(self.grids):
-            q, v = np.meshgrid(self.grids["q"], self.grids["v"], indexing="ij")
-            self.grids = {"q": q.ravel(), "v": v.ravel()}
-            self.grids |= {"qv": (q * v).ravel(), "q2v": (q * q * v).ravel()}
-
-    def freedom(self, number: int) -> int:
-        """Return how many coefficients are left to chance."""
-        return max(self.curve.coefficients.size - number, 1)
-
-    def column(self, term: Term, turn: float) -> Array:
-        """Return the coefficients of one unit of a term."""
-        return self.curve.project @ term.shape(self.grids[term.over], turn)
-
-    def turned(self, found: _Found) -> _Found:
-        """Return the same terms with the length that fits best about the one that was tried."""
-        step = _TURNS[1] / _TURNS[0]
-        bounds = found.turn / step, found.turn * step
-        best: Any = minimize_scalar(lambda d: self(found.terms, float(d)).chi2, bounds=bounds)
-        return self(found.terms, float(best.x))
-
-    def __call__(self, terms: tuple[Term, ...], turn: float) -> _Found:
-        X = np.column_stack([self.column(term, turn) for term in terms])
-        size = np.sqrt(np.sum(X**2, axis=0))
-        size[size == 0] = 1.0
-        X = X / size
-        c, W = self.curve.coefficients, self.precision
-        inverse = np.linalg.pinv(X.T @ W @ X, rcond=1e-12, hermitian=True)
-        a = inverse @ (X.T @ W @ c)
-        rest = c - X @ a
-        return _Found(terms, turn, a / size, inverse / np.outer(size, size), float(rest @ W @ rest))
-
-
-def _formula(found: _Found, fit: _Fit, units: tuple[str, str]) -> Formula:
-    names = [term.name for term in found.terms]
-    spread = np.diag(found.covariance) if fit.known else np.full(len(names), np.nan)
-    errors = np.sqrt(spread).tolist()
-    numbers = dict(zip(names, found.numbers.tolist(), strict=True))
-    stderr = dict(zip(names, errors, strict=True))
-    told = {term.name: unit_of_power(units, *term.powers) for term in found.terms}
-    for term in found.terms:
-        if term.turn:
-            numbers[term.turn], stderr[term.turn] = found.turn, float("nan")
-            told[term.turn] = units[1] + ("/s" if term.over == "v" else "")
-    X = np.column_stack([fit.column(term, found.turn) for term in found.terms])
-    rest = (fit.curve.coefficients - X @ found.numbers) @ fit.curve.basis
-    misfit = float(np.sqrt(np.mean(rest**2))) / fit.largest
-    expression = " + ".join(term.expression for term in found.terms)
-    return Formula(expression, numbers, stderr, told, misfit)
-
-
-def unit_of_power(units: tuple[str, str], q: int, v: int) -> str:
-    """Return the unit of a number that multiplies powers of displacement and velocity.
-
-    Parameters
-    ----------
-    units : tuple of str
-        Of the force and of the displacement.
-    q, v : int
-        The powers.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> unit_of_power(("N", "m"), 5, 0), unit_of_power(("N", "m"), 2, 1)
-    ('N/m^5', 'N s/m^3')
-    """
-    force, length = units
+def _unit(force: str, length: str, q: int, v: int) -> str:
+    """Return the unit of a number that multiplies powers of displacement and velocity."""
     seconds = "" if v == 0 else " s" if v == 1 else f" s^{v}"
     lengths = "" if q + v == 0 else f"/{length}" if q + v == 1 else f"/{length}^{q + v}"
     return f"{force}{seconds}{lengths}"
@@ -302,98 +224,47 @@ def unit_of_power(units: tuple[str, str], q: int, v: int) -> str:
 # What a learned curve resembles, in words with numbers.
 
 
-def describe_law(curve: xr.Dataset, place: str, formula: Formula | None) -> str:
-    """Return sentences on a learned curve or surface.
-
-    Parameters
-    ----------
-    curve : xarray.Dataset
-        ``force`` and ``stderr`` over ``displacement``, ``velocity`` or both, or ``stiffness`` or
-        ``damping`` over ``time``.
-    place : str
-    formula : Formula or None
-
-    Returns
-    -------
-    str
-        The first line says what it is a curve of, how far it was seen and how large it is.
-    """
-    quantity = next(str(name) for name in curve.data_vars if name != "stderr")
-    found = curve[quantity]
-    dims = [str(name) for name in found.dims]
-    ranges = " and ".join(
-        f"{float(curve[d][0]):.3g} to {float(curve[d][-1]):.3g} {curve[d].attrs['units']}"
-        for d in dims
-    )
-    largest = float(np.max(np.abs(found.values)))
-    unit = found.attrs["units"]
-    lines = [
-        f"{quantity.capitalize()} over {' and '.join(dims)} at {place}, seen from {ranges}: "
-        f"up to {largest:.3g} {unit}."
-    ]
-    stderr = curve["stderr"].values
-    if np.isfinite(stderr).all() and largest > 0:
-        share = 100 * float(np.median(stderr)) / largest
-        lines.append(f"Its standard error is {share:.2g} % of that in the middle of all points.")
-    if largest > 0:
-        if dims == ["displacement"]:
-            lines += _spring(curve)
-        elif dims == ["velocity"]:
-            lines += _damper(curve)
-        elif dims == ["time"]:
-            lines.append(_along_time(found))
-        else:
-            lines += _energy(curve)
-    if formula is None:
-        lines.append("No simple formula lies within its band.")
-    else:
-        lines.append(f"The simplest formula within its band: {formula}.")
-    return "\n".join(lines)
-
-
-def _spring(curve: xr.Dataset) -> list[str]:
-    x, g = curve["displacement"].values, curve["force"].values
-    unit, length = curve["force"].attrs["units"], curve["displacement"].attrs["units"]
-    lines = _symmetry(x, g, "the displacement")
-    side = _one_sided(x, g)
-    if side:
-        return [*lines, f"It acts on one side only, at {side} displacements."]
-    if any("even" in line and "neither" not in line for line in lines):
-        return lines
+def _course(curve: xr.Dataset, over: str) -> list[str]:
+    """Return sentences on a force over the displacement or the velocity."""
+    x, g, spring = curve[over].values, curve["force"].values, over == "displacement"
+    unit, length = curve["force"].attrs["units"], curve[over].attrs["units"]
+    lines, side = _symmetry(x, g, f"the {over}"), _one_sided(x, g)
     slope = np.gradient(g, x)
-    zone = _dead_zone(x, g, slope)
-    if zone is not None:
-        low, high = zone
-        return [*lines, f"It has a dead zone from {low:.3g} to {high:.3g} {length}."]
-    middle, ends = _slopes(x, slope)
-    told = f"slope {middle:.3g} {unit}/{length} about the middle and {ends:.3g} at the ends"
-    return [*lines, f"It {_bend(middle, ends, *_OF_SPRINGS)}: {told}."]
+    if side and spring:
+        return [*lines, f"It acts on one side only, at {side} displacements."]
+    if spring:
+        if any("even" in line and "neither" not in line for line in lines):
+            return lines
+        zone = _dead_zone(x, g, slope)
+        if zone is not None:
+            return [*lines, f"It has a dead zone from {zone[0]:.3g} to {zone[1]:.3g} {length}."]
+    else:
+        if side:
+            lines.append(f"It acts in one direction only, at {side} velocities.")
+        lines += _energy(curve)
+        sizes = np.abs(g[np.abs(x) > 0.25 * np.max(np.abs(x))])
+        turns = np.sign(g[x < 0][:1]) != np.sign(g[x > 0][-1:])
+        if not side and turns.all() and np.ptp(sizes) < 0.3 * np.mean(sizes):
+            told = f"as dry friction of {float(np.mean(sizes)):.3g} {unit}"
+            return [*lines, f"It hardly depends on the speed, {told}."]
+    # the slope about the middle of the range, and the mean slope at its ends
+    share = (x - x[0]) / (x[-1] - x[0])
+    middle = float(np.mean(slope[(share > 0.4) & (share < 0.6)]))
+    ends = float(np.mean(np.concatenate([slope[share < 0.12], slope[share > 0.88]])))
+    more, less, straight = _OF_SPRINGS if spring else _OF_DAMPERS
+    if abs(ends) <= 0.2 * abs(middle):
+        bend = "saturates"
+    elif ends > 1.5 * middle and ends > 0:
+        bend = more
+    else:
+        bend = less if ends < 0.67 * middle else straight
+    per, where = (length, "the middle") if spring else (f"({length})", "rest")
+    told = f"slope {middle:.3g} {unit}/{per} about {where} and {ends:.3g} at the ends"
+    return [*lines, f"It {bend}: {told}."]
 
 
-def _damper(curve: xr.Dataset) -> list[str]:
-    v, g = curve["velocity"].values, curve["force"].values
-    unit, length = curve["force"].attrs["units"], curve["velocity"].attrs["units"]
-    lines = _symmetry(v, g, "the velocity")
-    side = _one_sided(v, g)
-    if side:
-        lines.append(f"It acts in one direction only, at {side} velocities.")
-    lines += _energy(curve)
-    outer = np.abs(v) > 0.25 * np.max(np.abs(v))
-    sizes = np.abs(g[outer])
-    turns = np.sign(g[v < 0][:1]) != np.sign(g[v > 0][-1:])
-    if not side and turns.all() and np.ptp(sizes) < 0.3 * np.mean(sizes):
-        mean = float(np.mean(sizes))
-        lines.append(f"It hardly depends on the speed, as dry friction of {mean:.3g} {unit}.")
-        return lines
-    slope = np.gradient(g, v)
-    middle, ends = _slopes(v, slope)
-    told = f"slope {middle:.3g} {unit}/({length}) about rest and {ends:.3g} at the ends"
-    return [*lines, f"It {_bend(middle, ends, *_OF_DAMPERS)}: {told}."]
-
-
-def _along_time(found: xr.DataArray) -> str:
+def _along_time(values: Array, unit: str) -> str:
     """Say how far a stiffness or damping goes along the record, and whether it turns back."""
-    values, unit = found.values, found.attrs["units"]
     steps = np.diff(values)
     up, down = float(steps[steps > 0].sum()), float(-steps[steps < 0].sum())
     way = "rises" if up > down else "falls"
@@ -410,15 +281,6 @@ _OF_SPRINGS = "hardens", "softens", "is nearly straight"
 _OF_DAMPERS = (
     "grows faster than the velocity", "grows more slowly than the velocity", "is nearly viscous",
 )  # fmt: skip
-
-
-def _bend(middle: float, ends: float, more: str, less: str, straight: str) -> str:
-    """Say what becomes of a slope from the middle to the ends."""
-    if abs(ends) <= 0.2 * abs(middle):
-        return "saturates"
-    if ends > 1.5 * middle and ends > 0:
-        return more
-    return less if ends < 0.67 * middle else straight
 
 
 def _symmetry(x: Array, g: Array, what: str) -> list[str]:
@@ -473,14 +335,6 @@ def _dead_zone(x: Array, g: Array, slope: Array) -> tuple[float, float] | None:
     return ends[0], ends[1]
 
 
-def _slopes(x: Array, slope: Array) -> tuple[float, float]:
-    """Return the slope about the middle of a range, and the mean slope at its ends."""
-    share = (x - x[0]) / (x[-1] - x[0])
-    middle = slope[(share > 0.4) & (share < 0.6)]
-    ends = np.concatenate([slope[share < 0.12], slope[share > 0.88]])
-    return float(np.mean(middle)), float(np.mean(ends))
-
-
 def _energy(curve: xr.Dataset) -> list[str]:
     """Say whether a force takes energy out or feeds it, and where, as far as that is sure."""
     v = curve["velocity"].values
@@ -499,9 +353,6 @@ def _energy(curve: xr.Dataset) -> list[str]:
     if np.all(feeds | (np.abs(power) <= little)):
         return ["It feeds energy at every speed that was seen."]
     return [f"It feeds energy at speeds from {speeds.min():.3g} to {speeds.max():.3g} {unit}."]
-
-
-_POINTS, _POINTS_ACROSS, _FINE = 121, 31, 601
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -626,6 +477,7 @@ class LearnedLaw(Displayed):
         )
 
     def _axes(self, points: int) -> dict[str, Array]:
+        """Return a grid over each variable, within what was seen."""
         return {name: np.linspace(*ends, points) for name, ends in self.seen.items()}
 
     def _basis(self, axes: dict[str, Array]) -> Array:
@@ -645,15 +497,7 @@ class LearnedLaw(Displayed):
         Formula or None
             None if no sum of two simple terms does.
         """
-        axes = self._axes(_POINTS_ACROSS if len(self.seen) > 1 else _FINE)
-        basis = self._basis(axes)
-        letters = {"displacement": "q", "velocity": "v", "time": "t"}
-        named = {letters[name]: grid for name, grid in axes.items()}
-        inverse = np.linalg.lstsq(basis.T, np.eye(basis.shape[1]), rcond=None)[0]
-        project = np.array(inverse, dtype=np.float64)
-        curve = Curve(self.coefficients, self.covariance, named, basis, project)
-        units = (self.unit, "s") if self.over == "time" else self.units
-        return simplest_formula(curve, self.over, units)
+        return _simplest_formula(self)
 
     def describe(self) -> str:
         """Say in words what the law resembles, with numbers.
@@ -661,9 +505,31 @@ class LearnedLaw(Displayed):
         Returns
         -------
         str
-            Several lines.
+            Several lines. The first says what it is a curve of, how far it was seen and how large
+            it is.
         """
-        return describe_law(self.curve(), ", ".join(self.effect.at), self.formula())
+        curve, unit, formula = self.curve(), self.unit, self.formula()
+        values, stderr = curve[self.quantity].values, curve["stderr"].values
+        largest = float(np.max(np.abs(values)))
+        ranges = " and ".join(
+            f"{low:.3g} to {high:.3g} {curve[name].attrs['units']}"
+            for name, (low, high) in self.seen.items()
+        )
+        lines = [
+            f"{self.quantity.capitalize()} over {self.over} at {', '.join(self.effect.at)}, "
+            f"seen from {ranges}: up to {largest:.3g} {unit}."
+        ]
+        if np.isfinite(stderr).all() and largest > 0:
+            share = 100 * float(np.median(stderr)) / largest
+            lines.append(
+                f"Its standard error is {share:.2g} % of that in the middle of all points."
+            )
+        if largest > 0 and self.over == "time":
+            lines.append(_along_time(values, unit))
+        elif largest > 0:
+            lines += _energy(curve) if len(self.seen) > 1 else _course(curve, self.over)
+        found = f"The simplest formula within its band: {formula}."
+        return "\n".join([*lines, found if formula else "No simple formula lies within its band."])
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the curve with its 95 % band, or the surface.

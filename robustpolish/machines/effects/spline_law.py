@@ -25,7 +25,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal, NamedTuple, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 
@@ -35,9 +35,7 @@ from robustpolish.machines.effects.evaluate import machine_code
 from robustpolish.machines.effects.kind import EffectKind, Law, Parameter, Steepness, Values
 
 Over = Literal["stiffness", "damping", "force", "varying_stiffness", "varying_damping"]
-_NAME = re.compile(
-    r"learned_(?:((?:varying_)?(?:stiffness|damping))_(\d{1,3})|(force)_(\d{1,2})x(\d{1,2}))"
-)
+_NAME = re.compile(r"learned_(\w+)_(\d{1,3})(?:x(\d{1,2}))?")
 _FEWEST, _MOST, _MOST_ACROSS = 5, 200, 40
 _CURVE, _SURFACE = 3, 5
 """Numbers that stand before the coefficients of a curve, and before those of a surface."""
@@ -71,10 +69,11 @@ def _weights(x, low, high, count, stays):  # type: ignore[no-untyped-def]  # com
     )
 
 
-def _curve(count: int, variable: str, factor: str = "") -> Law:
-    """Return the law of a curve over q, v or t; over t times q (a stiffness) or v (a damping)."""
-    over_time, over_q, stays = variable == "t", variable == "q", variable != "q"
-    times_q, times_v = factor == "q", factor == "v"
+def _curve(over: str, count: int) -> Law:
+    """Return the law of a curve over q or v; or over t, times q (a stiffness) or v (a damping)."""
+    over_time, spring = over.startswith("varying"), over.endswith("stiffness")
+    over_q = spring and not over_time
+    stays, times_q, times_v = not over_q, over_time and spring, over_time and not spring
 
     def law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled by Numba
         x = t if over_time else q[0] if over_q else v[0]
@@ -118,8 +117,16 @@ class SplineLaw:
         self._law()(t, q, v, z, p, f, dz)
 
     def _law(self) -> Law:
-        curve = _LAWS[self.over].curve
-        return _curve(self.count, *curve) if curve else _surface(self.count)
+        return _surface(self.count) if self.over == "force" else _curve(self.over, self.count)
+
+    def steepness(self, values: Values, q: float, v: float) -> Steepness:
+        """Return the largest stiffness and damping of the curve, and no rate; see `EffectKind`."""
+        if self.over == "force":
+            fastest = _steepest(values, "slow", "fast", 1)
+            return _steepest(values, "low", "high", 0), fastest, 0.0
+        varies = self.over.startswith("varying")
+        size = _largest(values) if varies else _steepest(values, "low", "high", 0)
+        return (0.0, size, 0.0) if self.over.endswith("damping") else (size, 0.0, 0.0)
 
     def compiled(self) -> Any:
         """Return the law as machine code."""
@@ -279,56 +286,16 @@ def _steepest(values: Mapping[str, float], first: str, last: str, axis: int) -> 
     return float(np.max(np.abs(np.diff(c, axis=axis)))) / width if width > 0 else 0.0
 
 
-@dataclass(frozen=True)
-class SplineSteepness:
-    """The largest stiffness and damping of a curve or surface.
-
-    Parameters
-    ----------
-    over : {"stiffness", "damping", "force", "varying_stiffness", "varying_damping"}
-    """
-
-    over: str
-
-    def __call__(self, values: Values, q: float, v: float) -> Steepness:
-        """Return stiffness and damping, and no rate; see `EffectKind`."""
-        if self.over == "force":
-            fastest = _steepest(values, "slow", "fast", 1)
-            return _steepest(values, "low", "high", 0), fastest, 0.0
-        varies = self.over.startswith("varying")
-        size = _largest(values) if varies else _steepest(values, "low", "high", 0)
-        return (0.0, size, 0.0) if self.over.endswith("damping") else (size, 0.0, 0.0)
-
-
-class _Shape(NamedTuple):
-    """What is particular to one shape of law: the rest of its kind follows from this.
-
-    `curve` are the arguments of its law, none of a surface; `knots` are the names of their ends,
-    with the dimension of what they lie along; `dimension` is that of the coefficients.
-    """
-
-    curve: tuple[str, ...]
-    over: tuple[str, ...]
-    contains: tuple[str, ...]
-    knots: tuple[tuple[str, str, str], ...]
-    dimension: str = "F"
-
-
-_LAWS: dict[str, _Shape] = {
-    "stiffness": _Shape(("q",), ("displacement",), ("spring",), (("low", "high", "L"),)),
-    "damping": _Shape(("v",), ("velocity",), ("damper",), (("low", "high", "L/T"),)),
-    "force": _Shape(
-        (), ("displacement", "velocity"), ("spring", "damper"),
-        (("low", "high", "L"), ("slow", "fast", "L/T")),
-    ),
-    "varying_stiffness": _Shape(
-        ("t", "q"), ("time",), ("spring",), (("low", "high", "T"),), "F/L"
-    ),
-    "varying_damping": _Shape(
-        ("t", "v"), ("time",), ("damper",), (("low", "high", "T"),), "F*T/L"
-    ),
-}  # fmt: skip
-_ALONG = {"L": "displacement", "L/T": "velocity", "T": "time"}
+_LAWS: dict[str, tuple[tuple[str, ...], tuple[str, ...], str]] = {
+    "stiffness": (("displacement",), ("spring",), "F"),
+    "damping": (("velocity",), ("damper",), "F"),
+    "force": (("displacement", "velocity"), ("spring", "damper"), "F"),
+    "varying_stiffness": (("time",), ("spring",), "F/L"),
+    "varying_damping": (("time",), ("damper",), "F*T/L"),
+}
+"""What each law is a curve over, which parts it contains, and the dimension of its coefficients."""
+_DIMENSIONS = {"displacement": "L", "velocity": "L/T", "time": "T"}
+_KNOTS = (("low", "high"), ("slow", "fast"))
 _OF_THE_MOTION = (
     "Ask which part at this place makes a force of this shape; its curve, its words and "
     "its formula say what it resembles.",
@@ -384,52 +351,44 @@ def learned_kind(name: str) -> EffectKind | None:
     True
     """
     told = _NAME.fullmatch(name)
-    if told is None:
+    if told is None or told[1] not in _LAWS:
         return None
-    over = told[1] or told[3]
-    count, across = int(told[2] or told[4]), int(told[5] or 0)
-    most = _MOST_ACROSS if across else _MOST
-    if not _FEWEST <= count <= most or across not in (0, count):
+    over, count = cast(Over, told[1]), int(told[2])
+    (variables, contains, dimension), square = _LAWS[over], over == "force"
+    fits = _FEWEST <= count <= (_MOST_ACROSS if square else _MOST)
+    if not fits or told[3] != (told[2] if square else None):
         return None
-    shape = _LAWS[over]
-    variable = " and ".join(shape.over)
-    varies = over.removeprefix("varying_") if shape.over == ("time",) else ""
+    variable = " and ".join(variables)
+    varies = over.removeprefix("varying_") if over.startswith("varying") else ""
     what = (
         f"A {varies} that changes along the record"
         if varies
         else f"A force that depends on {variable} and that no effect of the catalogue describes"
     )
+    parameters = []
+    for ends, along in zip(_KNOTS, variables, strict=False):
+        for end, default, which in zip(ends, (-1.0, 1.0), ("least", "largest"), strict=True):
+            meaning, unit = (
+                f"{which} {along} that was seen: an end of the knots",
+                _DIMENSIONS[along],
+            )
+            parameters.append(Parameter(end, unit, meaning, default=default, fitted=False))
+    meaning = "expected size of the second differences of the coefficients, 0 if unknown"
+    parameters.append(Parameter("roughness", dimension, meaning, lower=0.0, fitted=False))
+    columns = [f"_{j + 1}" for j in range(count)] if square else [""]
+    names = [f"c{i + 1}{column}" for i in range(count) for column in columns]
+    meaning = "coefficient of a spline"
+    parameters += [Parameter(c, dimension, meaning, fit_size=_largest) for c in names]
     return EffectKind(
         kind=name,
         title=f"Learned {varies or 'law'} over {variable}",
         domain="pair",
-        parameters=(*_knots(shape), *_coefficients(count, bool(across), shape.dimension)),
-        law=SplineLaw(cast(Over, over), count),
-        gains=SplineSteepness(over),
+        parameters=tuple(parameters),
+        law=SplineLaw(over, count),
         prior=smoothness_prior,
-        over=shape.over,
-        contains=shape.contains,
+        over=variables,
+        contains=contains,
         looks_like=f"{what}; its curve was learned from the data.",
         checks=_OF_TIME if varies else _OF_THE_MOTION,
         references=(_REFERENCE,),
     )
-
-
-def _knots(shape: _Shape) -> list[Parameter]:
-    found = []
-    for first, last, dimension in shape.knots:
-        for name, default, end in ((first, -1.0, "least"), (last, 1.0, "largest")):
-            meaning = f"{end} {_ALONG[dimension]} that was seen: an end of the knots"
-            found.append(Parameter(name, dimension, meaning, default=default, fitted=False))
-    meaning = "expected size of the second differences of the coefficients, 0 if unknown"
-    found.append(Parameter("roughness", shape.dimension, meaning, lower=0.0, fitted=False))
-    return found
-
-
-def _coefficients(count: int, square: bool, dimension: str) -> list[Parameter]:
-    numbers = range(1, count + 1)
-    names = (
-        [f"c{i}_{j}" for i in numbers for j in numbers] if square else [f"c{i}" for i in numbers]
-    )
-    meaning = "coefficient of a spline"
-    return [Parameter(name, dimension, meaning, fit_size=_largest) for name in names]

@@ -7,8 +7,7 @@ import itertools
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from types import FunctionType
 from typing import Any, Literal
 
@@ -24,13 +23,15 @@ from robustpolish.machines.effects.formula_language import (
     PAIRS,
     EffectSpecification,
     PostfixProgram,
+    Powers,
     dimension_text,
     dimensions,
     grows_with,
     linear_in,
+    multiplied,
     specification_from,
 )
-from robustpolish.machines.effects.kind import EffectKind, Parameter, Scan, Values
+from robustpolish.machines.effects.kind import EffectKind, Parameter, Scan, Steepness, Values
 
 # What a screening tries of a formula: which parameters are solved for, and which are scanned.
 #
@@ -78,14 +79,17 @@ class ScreeningPlan:
 
 
 def candidates(
-    formula: PostfixProgram, parameters: Sequence[Parameter], given: Mapping[str, Sequence[float]]
+    formula: PostfixProgram,
+    powers: Mapping[str, Powers],
+    given: Mapping[str, Sequence[float]],
 ) -> ScreeningPlan:
     """Return what a screening tries of a formula.
 
     Parameters
     ----------
     formula : PostfixProgram
-    parameters : sequence of Parameter
+    powers : mapping of str to dict
+        Dimensions of the parameters, see :func:`dimensions`.
     given : mapping of str to sequence of float
         Values to try, by parameter, in SI units.
 
@@ -98,21 +102,24 @@ def candidates(
     InvalidInputError
         If there are too many values.
     """
-    if not parameters:
+    if not powers:
         return ScreeningPlan()
-    by_name = {p.name: p for p in parameters}
-    powers = {p.name: p.powers["F"] + p.powers["M"] for p in parameters}
-    forces = [name for name in powers if powers[name] == 1]
-    free = [name for name in (*forces, *powers) if name not in given]
-    solved, together = _linear(formula, list(dict.fromkeys(free))), []
-    bent = [name for name in powers if powers[name] and name not in solved]
+    by_force = {name: p.get("F", 0) + p.get("M", 0) for name, p in powers.items()}
+    forces = [name for name in powers if by_force[name] == 1]
+    free = [name for name in dict.fromkeys((*forces, *powers)) if name not in given]
+    # the most parameters that the force is linear in together, the first ones first
+    counts = range(len(free), 0, -1)
+    sets = (names for count in counts for names in itertools.combinations(free, count))
+    solved = next((names for names in sets if linear_in(formula, names)), ())
+    together: list[str] = []
+    bent = [name for name in powers if by_force[name] and name not in solved]
     if bent:
         together = forces
-        if any(powers[name] != 1 for name in bent) or not grows_with(formula, forces):
+        if any(by_force[name] != 1 for name in bent) or not grows_with(formula, forces):
             why = f"{formula.text!r}, which is not proportional to {', '.join(bent)}"
             return ScreeningPlan(missing=why, remedy="Give it factors that it is proportional to.")
         half_given = [name for name in forces if name in given]
-        solved = [] if len(half_given) == len(forces) else forces[:1]
+        solved = () if len(half_given) == len(forces) else (forces[0],)
         if half_given and solved:
             remedy = f"They grow together: give values of {', '.join(forces)}, or of none."
             return ScreeningPlan(missing=f"values of {', '.join(half_given)} alone", remedy=remedy)
@@ -121,8 +128,8 @@ def candidates(
         return ScreeningPlan(missing=why, remedy="Give it a factor in front.")
     scan, unknown = [], []
     for name in (name for name in powers if name not in solved):
-        unit = by_name[solved[0]] if solved and name in together else None
-        size = _size(by_name[name], unit)
+        unit = powers[solved[0]] if solved and name in together else {}
+        size = _size(multiplied(powers[name], unit, -1.0))
         if name in given:
             scan.append(Scan(name, "1", tuple(given[name])))
         elif size is not None:
@@ -141,37 +148,16 @@ def candidates(
     if combinations > _MOST:
         shown = described(f"{combinations} combinations of {', '.join(s.parameter for s in scan)}")
         raise invalid("scan", shown, f"at most {_MOST}", "Give fewer values of each.")
-    return ScreeningPlan(tuple(solved), tuple(scan), tuple(together))
+    return ScreeningPlan(solved, tuple(scan), tuple(together))
 
 
-def _linear(formula: PostfixProgram, names: Sequence[str]) -> list[str]:
-    """Return the most parameters that the force is linear in together, the first ones first."""
-    for count in range(len(names), 0, -1):
-        for chosen in itertools.combinations(names, count):
-            if linear_in(formula, chosen):
-                return list(chosen)
-    return []
-
-
-def _size(parameter: Parameter, of: Parameter | None) -> tuple[float, float] | None:
-    """Return powers of amplitude and speed that have the unit of a parameter (over another's)."""
-    powers = dict(parameter.powers)
-    if of is not None:
-        powers = {letter: power - of.powers[letter] for letter, power in powers.items()}
-        # a mass is a force over an acceleration
-    length = powers["L"] - powers["M"]
-    time = powers["T"] + 2 * powers["M"]
-    foreign = set(_letters(parameter)) ^ set(_letters(of) if of else ())
-    if powers["F"] + powers["M"] or foreign or not (length or time):
+def _size(powers: Powers) -> tuple[float, float] | None:
+    """Return the powers of amplitude and speed that have a unit, None if none have."""
+    F, L, T, M = (powers.get(letter, 0) for letter in "FLTM")
+    length, time = L - M, T + 2 * M  # a mass is a force over an acceleration
+    if F + M or not powers.keys() <= {*"FLTM"} or not (length or time):
         return None
     return length + time, -time
-
-
-def _letters(parameter: Parameter) -> list[str]:
-    """Return the units of channels in a dimension."""
-    words = parameter.dimension.replace("*", " ").replace("/", " ").split()
-    found = [word.split("^")[0] for word in words]
-    return [word for word in found if word not in ("F", "L", "T", "M", "1")]
 
 
 # The force law that a formula says: called from Python, or compiled to machine code.
@@ -184,37 +170,44 @@ _GRID = 33  # odd: with the middle, where friction is steepest
 
 
 @dataclass(frozen=True)
-class FormulaLaw:
+class FormulaLaw(EffectSpecification):
     """The law of an effect that somebody wrote as a formula.
 
     It is equal to another one that says the same, and can be pickled.
-
-    Parameters
-    ----------
-    written : EffectSpecification
     """
-
-    written: EffectSpecification
-
-    @cached_property
-    def formula(self) -> PostfixProgram:
-        """The formula, read."""
-        return self.written.read()
 
     def __call__(self, t: float, q: Any, v: Any, z: Any, p: Any, f: Any, dz: Any) -> None:
         """Write the force, as every law does."""
-        f[0] = self.formula.value(self._values(t, q, v, p))
+        f[0] = self.program.value(self._values(t, q, v, p))
 
     def _values(self, t: Any, q: Any, v: Any, p: Any) -> dict[str, Any]:
         values = {"t": t, "q": q[0], "v": v[0]}
-        values.update((name, p[i]) for i, (name, _) in enumerate(self.written.units))
-        values.update((name, q[1 + i]) for i, (name, _) in enumerate(self.written.channels))
+        values.update((name, p[i]) for i, (name, _) in enumerate(self.units))
+        values.update((name, q[1 + i]) for i, (name, _) in enumerate(self.channels))
         return values
 
     @property
     def sharp(self) -> bool:
         """Whether the force may have corners."""
-        return bool(self.formula.operations & _CORNERS)
+        return bool(self.program.operations & _CORNERS)
+
+    def steepness(self, values: Values, q: float, v: float) -> Steepness:
+        """Return the largest stiffness and damping up to these amplitudes, and no rate."""
+        grid = np.linspace(-1.0, 1.0, _GRID)
+        along = {"q": q * grid[:, None], "v": v * grid[None, :], "t": 0.0, **values}
+        largest = {"q": 0.0, "v": 0.0}
+        for level in _SIGNALS if self.channels else (0.0,):
+            along.update((name, level) for name, _ in self.channels)
+            for name, amplitude in (("q", q), ("v", v)):
+                if amplitude == 0 or name not in self.program.names:
+                    continue
+                step = 1e-6 * amplitude
+                ends = [self.program.value({**along, name: along[name] + d}) for d in (-step, step)]
+                with np.errstate(all="ignore"):
+                    slopes = np.abs(np.asarray(ends[1]) - ends[0]) / (2 * step)
+                found = float(np.max(slopes, where=np.isfinite(slopes), initial=0.0))
+                largest[name] = max(largest[name], found)
+        return largest["q"], largest["v"], 0.0
 
     def compiled(self) -> Any:
         """Return the law compiled to the signature of all laws.
@@ -228,8 +221,8 @@ class FormulaLaw:
 def _function(law: FormulaLaw) -> Callable[..., None]:
     """Return the law as a Python function, made of the operations that were read and no others."""
     places = {"t": "t", "q": "q[0]", "v": "v[0]"}
-    places.update((name, f"p[{i}]") for i, (name, _) in enumerate(law.written.units))
-    places.update((name, f"q[{1 + i}]") for i, (name, _) in enumerate(law.written.channels))
+    places.update((name, f"p[{i}]") for i, (name, _) in enumerate(law.units))
+    places.update((name, f"q[{1 + i}]") for i, (name, _) in enumerate(law.channels))
 
     def leaf(item: float | str) -> ast.expr:
         if isinstance(item, str):
@@ -241,48 +234,17 @@ def _function(law: FormulaLaw) -> Callable[..., None]:
             return ast.UnaryOp(ast.USub(), operands[0])
         if operation in _ARITHMETIC:
             return ast.BinOp(operands[0], _ARITHMETIC[operation](), operands[1])
-        exponent = operands[-1].value if isinstance(operands[-1], ast.Constant) else math.inf
-        if operation == "**" and float(exponent).is_integer() and abs(exponent) <= _HIGHEST:  # pyright: ignore[reportArgumentType]
-            power = ast.BinOp(operands[0], ast.Pow(), ast.Constant(abs(int(exponent))))  # pyright: ignore[reportArgumentType]
-            return ast.BinOp(ast.Constant(1.0), ast.Div(), power) if exponent < 0 else power  # pyright: ignore[reportOperatorIssue]
+        exponent: Any = getattr(operands[-1], "value", None)  # of a number
+        whole = isinstance(exponent, float) and exponent.is_integer()
+        if operation == "**" and whole and abs(exponent) <= _HIGHEST:
+            power = ast.BinOp(operands[0], ast.Pow(), ast.Constant(abs(int(exponent))))
+            return ast.BinOp(ast.Constant(1.0), ast.Div(), power) if exponent < 0 else power
         return ast.Call(ast.Name(operation, ast.Load()), list(operands), [])
 
     tree = ast.parse("def law(t, q, v, z, p, f, dz):\n    f[0] = 0.0")
-    tree.body[0].body[0].value = law.formula.fold(leaf, combine)  # type: ignore[attr-defined]
+    tree.body[0].body[0].value = law.program.fold(leaf, combine)  # type: ignore[attr-defined]
     code = compile(ast.fix_missing_locations(tree), "<formula>", "exec").co_consts[0]
     return FunctionType(code, {**FUNCTIONS, **PAIRS})
-
-
-@dataclass(frozen=True)
-class FormulaGains:
-    """The largest slopes of a formula, which decide on the length of steps.
-
-    Parameters
-    ----------
-    law : FormulaLaw
-    """
-
-    law: FormulaLaw
-
-    def __call__(self, values: Values, q: float, v: float) -> tuple[float, float, float]:
-        """Return the largest stiffness and damping up to these amplitudes, and no rate."""
-        grid = np.linspace(-1.0, 1.0, _GRID)
-        along = {"q": q * grid[:, None], "v": v * grid[None, :], "t": 0.0, **values}
-        slopes = [(0.0, 0.0)]
-        for level in _SIGNALS if self.law.written.channels else (0.0,):
-            along.update((name, level) for name, _ in self.law.written.channels)
-            slopes.append((self._steepest(along, "q", q), self._steepest(along, "v", v)))
-        stiffness, damping = np.max(slopes, axis=0).tolist()
-        return stiffness, damping, 0.0
-
-    def _steepest(self, along: dict[str, Any], name: str, amplitude: float) -> float:
-        if amplitude == 0 or name not in self.law.formula.names:
-            return 0.0
-        step = 1e-6 * amplitude
-        ends = [self.law.formula.value({**along, name: along[name] + d}) for d in (-step, step)]
-        with np.errstate(all="ignore"):
-            slopes = np.abs(np.asarray(ends[1]) - ends[0]) / (2 * step)
-        return float(np.max(slopes, where=np.isfinite(slopes), initial=0.0))
 
 
 # Effects of your own: a kind made of a formula, offered to a diagnosis, read from files.
@@ -378,7 +340,7 @@ def effect(
         "channels": channels,
     }
     try:
-        kind, tried = _build_kind(specification_from(given))
+        kind, tried = _build_kind(given)
     except InvalidInputError as error:
         if error.key[:1] != ("units",):
             raise
@@ -422,7 +384,7 @@ def own_kind(table: Mapping[str, Any]) -> EffectKind:
     for key in table:
         if key not in OWN_KEYS:
             raise invalid((key,), described("an unknown key"), ", ".join(OWN_KEYS), "Correct it.")
-    return _build_kind(specification_from(table))[0]
+    return _build_kind(table)[0]
 
 
 def own_table(kind: EffectKind) -> dict[str, Any] | None:
@@ -436,43 +398,37 @@ def own_table(kind: EffectKind) -> dict[str, Any] | None:
     -------
     dict or None
     """
-    return kind.law.written.table() if isinstance(kind.law, FormulaLaw) else None
+    return kind.law.table() if isinstance(kind.law, FormulaLaw) else None
 
 
-def _build_kind(written: EffectSpecification) -> tuple[EffectKind, ScreeningPlan]:
+def _build_kind(table: Mapping[str, Any]) -> tuple[EffectKind, ScreeningPlan]:
     """Return the kind, and what a screening tries of it."""
-    name = written.name or written.formula
+    law = FormulaLaw(**vars(specification_from(table)))
+    name = law.name or law.formula
     if name in built_in():
         raise invalid(("name",), name, "a name that the catalogue does not have", "Rename it.")
-    law = FormulaLaw(written)
-    units, known = dict(written.units), dict(written.known)
-    given = {**dict(written.scan), **{symbol: (value,) for symbol, value in known.items()}}
-    powers = dimensions(law.formula, units, dict(written.channels))
-    parameters = [
-        Parameter(symbol, dimension_text(powers[symbol]), f"{symbol} in {written.formula}")
-        for symbol in units
-    ]
-    tried = candidates(law.formula, parameters, given)
-    limits = {symbol: (lower, upper) for symbol, lower, upper in written.bounds}
+    units, known, limits = dict(law.units), dict(law.known), dict(law.bounds)
+    given = {**dict(law.scan), **{symbol: (value,) for symbol, value in known.items()}}
+    powers = dimensions(law.program, units, dict(law.channels))
+    tried = candidates(law.program, powers, given)
     finished = []
-    for p in parameters:
-        least = 0.0 if p.name in tried.together else -math.inf
-        lower, upper = limits.get(p.name, (least, math.inf))
-        default = given.get(p.name, (0.0 if p.name in tried.linear_in else 1.0,))[0]
-        default = min(max(default, lower), upper)
-        free = p.name not in known
-        finished.append(replace(p, lower=lower, upper=upper, default=default, fitted=free))
+    for symbol in units:
+        least = 0.0 if symbol in tried.together else -math.inf
+        lower, upper = limits.get(symbol, (least, math.inf))
+        default = given.get(symbol, (0.0 if symbol in tried.linear_in else 1.0,))[0]
+        default, free = min(max(default, lower), upper), symbol not in known
+        unit, meaning = dimension_text(powers[symbol]), f"{symbol} in {law.formula}"
+        finished.append(Parameter(symbol, unit, meaning, lower, upper, default, free))
     kind = EffectKind(
         kind=name,
-        title=written.title or name,
-        domain=written.domain,  # type: ignore[arg-type]  # checked by written_from
+        title=law.title or name,
+        domain=law.domain,  # type: ignore[arg-type]  # checked by specification_from
         parameters=tuple(finished),
         law=law,
         linear_in=tried.linear_in,
         scan=tried.scan,
-        gains=FormulaGains(law),
-        channels=written.channels,
+        channels=law.channels,
         sharp=law.sharp,
-        looks_like=f"A force that follows {written.formula}.",
+        looks_like=f"A force that follows {law.formula}.",
     )
     return kind, tried

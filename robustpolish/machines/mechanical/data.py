@@ -2,37 +2,263 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple, TypeVar
 
+import control
 import numpy as np
+from numpy.typing import NDArray
 
-from robustpolish.base.arrays import Array
+from robustpolish.base.arrays import Array, Matrix
 from robustpolish.base.checks import described, invalid
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import GROUND, Motion
 from robustpolish.machines.mechanical.parts import (
+    ACCELERATION,
     CONNECTIONS,
     DISPLACEMENT,
     FORCE,
     UNITS,
+    VELOCITY,
     CoupledInertia,
     Damper,
     Dof,
     Input,
-    MechanicalMatrices,
     Output,
     Spring,
-    assemble,
     check_inertias,
     checked_fields,
     imposed_by,
-    incidence,
+    mass_matrix,
     number,
 )
+from robustpolish.plants.blocks import named_system
+
+# Mass, damping and stiffness matrices of a mechanical model, and its state space.
+
+NO_INPUT = "no_input"
+
+
+_Four = tuple[Matrix, Matrix, Matrix, Matrix]
+
+
+class ImposedSignal(NamedTuple):
+    """A signal that imposes displacement, velocity or acceleration of a coordinate.
+
+    Attributes
+    ----------
+    name : str
+        Of the signal; a data column, or what the derivative of one is called.
+    coordinate : int
+        Position of the coordinate that is moved.
+    quantity : str
+    gain : float
+    source : str
+        Name of the input that the signal is, or that it is a derivative of.
+    """
+
+    name: str
+    coordinate: int
+    quantity: str
+    gain: float
+    source: str
+
+
+@dataclass(frozen=True, eq=False)
+class MechanicalMatrices:
+    """The linear part of a mechanical model over its n coordinates.
+
+    ::
+
+        M q'' + C q' + K q = B u
+        y = Sq q + Sv q' + Sa q''
+
+    The rows of a force output are in Sq and Sv (and Sa for a driving force). Rows and
+    columns of imposed coordinates are kept: `free` and `imposed` hold the positions.
+
+    Attributes
+    ----------
+    M, C, K : ndarray, shape (n, n)
+        Mass, damping and stiffness matrix.
+    B : ndarray, shape (n, nu)
+        Signals of the force inputs to forces on the coordinates, gains included.
+    Sq, Sv, Sa : ndarray, shape (ny, n)
+        Displacements, velocities and accelerations to outputs.
+    free, imposed : ndarray of int
+        Positions of the free and of the imposed coordinates.
+    coordinates, force_inputs, outputs : tuple of str
+        Names of the rows and columns.
+    imposed_signals : tuple of ImposedSignal
+        The columns that impose a motion, in the order of the state space's inputs after the
+        forces. A derivative that no input gives is that of the displacement's column, and has
+        its gain.
+    """
+
+    M: Matrix
+    C: Matrix
+    K: Matrix
+    B: Matrix
+    Sq: Matrix
+    Sv: Matrix
+    Sa: Matrix
+    free: NDArray[np.intp]
+    imposed: NDArray[np.intp]
+    coordinates: tuple[str, ...]
+    force_inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    imposed_signals: tuple[ImposedSignal, ...]
+
+    @cached_property
+    def inverse_mass(self) -> Matrix:
+        """Accelerations of the free coordinates from forces on them, ``inv(M[free, free])``.
+
+        Fits ask for it again and again; it is read-only.
+        """
+        block = self.M[self.free][:, self.free]
+        masses = np.diag(block)
+        if np.count_nonzero(block) == masses.size:
+            found = np.diag(1 / masses)  # as exact as the masses
+        else:
+            size = np.sqrt(masses)
+            found = np.linalg.inv(block / np.outer(size, size)) / np.outer(size, size)
+        found.flags.writeable = False
+        return found
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Names of the state space's inputs: forces, then imposed motions."""
+        return (*self.force_inputs, *(signal.name for signal in self.imposed_signals))
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Name of the input behind each signal: a derivative belongs to its displacement."""
+        return (*self.force_inputs, *(signal.source for signal in self.imposed_signals))
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states: free displacements, then their velocities."""
+        names = [self.coordinates[i] for i in self.free]
+        return (*names, *(f"{name}_dot" for name in names))
+
+    @cached_property
+    def _imposed(self) -> dict[str, Matrix]:
+        """Displacements, velocities and accelerations that the signals impose, by quantity."""
+        shape, first = (len(self.coordinates), len(self.signals)), len(self.force_inputs)
+        found = {name: np.zeros(shape) for name in (DISPLACEMENT, VELOCITY, ACCELERATION)}
+        for column, signal in enumerate(self.imposed_signals, first):
+            found[signal.quantity][signal.coordinate, column] = signal.gain
+        return found
+
+    @cached_property
+    def motion_map(self) -> _Four:
+        """Lq, Lv, and Rq, Rv: the linear motions from states and signals, read-only.
+
+        ``q = Lq s + Rq w`` and ``q' = Lv s + Rv w`` with the states s and the signals w.
+        """
+        free = np.eye(len(self.coordinates))[:, self.free]
+        Lq, Lv = np.hstack([free, 0 * free]), np.hstack([0 * free, free])
+        found = Lq, Lv, self._imposed[DISPLACEMENT], self._imposed[VELOCITY]
+        for part in found:
+            part.flags.writeable = False
+        return found
+
+    def first_order(self) -> _Four:
+        """Return A, B, C, D of the first-order form, from `signals` to `outputs`."""
+        A, B, C, D = (part.copy() for part in self._first_order)
+        return A, B, C, D
+
+    @cached_property
+    def _first_order(self) -> _Four:
+        Lq, Lv, Rq, Rv = self.motion_map
+        force = np.zeros_like(Rq)
+        force[:, : len(self.force_inputs)] = self.B
+        inverse_mass = self.inverse_mass
+        acceleration_s, acceleration_w = np.zeros_like(Lq), self._imposed[ACCELERATION].copy()
+        imposed = self.M[self.free][:, self.imposed] @ acceleration_w[self.imposed]
+        pushed = (force - self.K @ Rq - self.C @ Rv)[self.free] - imposed
+        acceleration_s[self.free] = -inverse_mass @ (self.K @ Lq + self.C @ Lv)[self.free]
+        acceleration_w[self.free] = inverse_mass @ pushed
+        return (
+            np.vstack([Lv[self.free], acceleration_s[self.free]]),
+            np.vstack([np.zeros_like(pushed), acceleration_w[self.free]]),
+            self.Sq @ Lq + self.Sv @ Lv + self.Sa @ acceleration_s,
+            self.Sq @ Rq + self.Sv @ Rv + self.Sa @ acceleration_w,
+        )
+
+    def state_space(self) -> control.StateSpace:
+        """Return the system from the signals to the outputs.
+
+        python-control knows no system with states and outputs but without inputs; a model that
+        decays freely gets an input ``"no_input"`` that does nothing.
+        """
+        A, B, C, D = self.first_order()
+        signals = self.signals
+        if not signals:
+            B, D, signals = np.zeros((len(A), 1)), np.zeros((len(C), 1)), (NO_INPUT,)
+        return named_system((A, B, C, D), 0, signals, self.outputs, self.states)
+
+
+def incidence(names: Sequence[str], pair: Sequence[str]) -> Matrix:
+    """Return the row that gives the relative displacement of a pair from all coordinates."""
+    row = np.zeros(len(names))
+    for name, sign in zip(pair, (1.0, -1.0), strict=False):
+        if name in names:
+            row[names.index(name)] += sign
+    return row
+
+
+def _assemble(model: MechanicalData) -> MechanicalMatrices:
+    """Build the matrices of a model, without effects."""
+    names, n = model.dof_names, len(model.dofs)
+    M = mass_matrix(model.dofs, model.coupled_inertias)
+    K, C = np.zeros((n, n)), np.zeros((n, n))
+    for spring in model.springs:
+        row = incidence(names, spring.between)
+        K += spring.stiffness * np.outer(row, row)
+    for damper in model.dampers:
+        row = incidence(names, damper.between)
+        C += damper.damping * np.outer(row, row)
+    forces = [item for item in model.inputs if item.imposes is None]
+    B = np.array([item.gain * incidence(names, item.on) for item in forces]).reshape(-1, n).T
+    Sq, Sv, Sa = (np.zeros((len(model.outputs), n)) for _ in range(3))
+    for i, item in enumerate(model.outputs):
+        row = incidence(names, item.of) if item.weights is None else np.zeros(n)
+        for name, weight in zip(item.of, item.weights or (), strict=False):
+            row[names.index(name)] = weight
+        if item.quantity != FORCE:
+            {DISPLACEMENT: Sq, VELOCITY: Sv, ACCELERATION: Sa}[item.quantity][i] = row
+        elif item.drive:
+            k = names.index(item.of[0])
+            Sq[i], Sv[i], Sa[i] = K[k], C[k], M[k]
+        else:
+            ends = set(item.of)
+            Sq[i] = row * sum(s.stiffness for s in model.springs if set(s.between) == ends)
+            Sv[i] = row * sum(d.damping for d in model.dampers if set(d.between) == ends)
+    moved = np.array([name in model.imposed for name in names])
+    free = np.flatnonzero(~moved)
+    signals: list[ImposedSignal] = []
+    for i in np.flatnonzero(moved).tolist():
+        given = {x.imposes: x for x in model.inputs if x.imposes and x.on[0] == names[i]}
+        base = given[DISPLACEMENT]
+        wanted = [(DISPLACEMENT, ""), (VELOCITY, "_dot")]
+        if Sa[:, i].any() or M[free, i].any():  # an output or a coupled inertia asks for it
+            wanted.append((ACCELERATION, "_ddot"))
+        for quantity, suffix in wanted:
+            source = given.get(quantity, base)
+            label = source.name if quantity in given else f"{base.name}{suffix}"
+            while quantity not in given and label in model.input_names:
+                label += "_"  # another input has this name already
+            signals.append(ImposedSignal(label, i, quantity, source.gain, source.name))
+    return MechanicalMatrices(
+        M=M, C=C, K=K, B=B, Sq=Sq, Sv=Sv, Sa=Sa, free=free, imposed=np.flatnonzero(moved),
+        coordinates=names,
+        force_inputs=tuple(item.name for item in forces),
+        outputs=model.output_names,
+        imposed_signals=tuple(signals),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, repr=False)
@@ -60,9 +286,7 @@ class MechanicalData:
     @cached_property
     def matrices(self) -> MechanicalMatrices:
         """Mass, damping and stiffness matrices, and the rows of the outputs; no effects."""
-        return assemble(
-            self.dofs, self.springs, self.dampers, self.inputs, self.outputs, self.coupled_inertias
-        )
+        return _assemble(self)
 
     def __getstate__(self) -> dict[str, Any]:
         # The cached matrices are made anew where they are needed.
@@ -155,74 +379,56 @@ class MechanicalData:
         return UNITS[self.is_rotational(item.of)][item.quantity]
 
 
+# The numbers of a model, each by a key such as "spring[0].stiffness".
+
 Model = TypeVar("Model", bound=MechanicalData)
-Part = TypeVar("Part", Dof, Input)
+
+
+def _numbers(model: MechanicalData) -> Iterator[tuple[str, float, str, int, str]]:
+    """Yield each number: its key, its value, the field of the model, which part, its name there."""
+    for i, dof in enumerate(model.dofs):
+        yield ".".join(dof.key), dof.mass, "dofs", i, "mass"
+    for what, (_, name, _) in CONNECTIONS.items():
+        for i, part in enumerate(getattr(model, f"{what}s")):
+            yield f"{what}[{i}].{name}", getattr(part, name), f"{what}s", i, name
+    for i, item in enumerate(model.inputs):
+        yield f"input.{item.name}.gain", item.gain, "inputs", i, "gain"
+    for i, effect in enumerate(model.effects):
+        for name, value in effect.values.items():
+            yield f"effect[{i}].{name}", value, "effects", i, name
 
 
 def values(model: MechanicalData) -> dict[str, float]:
     """Every number of the model by its key."""
-    result: dict[str, float] = {}
-    for dof in model.dofs:
-        result[".".join(dof.key)] = dof.mass
-    for what, (_, name) in CONNECTIONS.items():
-        for i, part in enumerate(getattr(model, f"{what}s")):
-            result[f"{what}[{i}].{name}"] = getattr(part, name)
-    for item in model.inputs:
-        result[f"input.{item.name}.gain"] = item.gain
-    for i, effect in enumerate(model.effects):
-        for name, value in effect.values.items():
-            result[f"effect[{i}].{name}"] = value
-    return result
+    return {key: value for key, value, *_ in _numbers(model)}
 
 
 def with_parameter_values(model: Model, changes: Mapping[str, float]) -> Model:
     """Return `model` with the numbers of `changes` instead of its own."""
-    known = values(model)
-    for key in changes:
+    known = {key: where for key, *where in _numbers(model)}
+    # fits ask thousands of times a second: what stays is neither made nor checked again
+    new: dict[tuple[str, int], dict[str, float]] = {}
+    for key, value in changes.items():
         if key not in known:
             remedy = described("Choose one of " + ", ".join(known) + ".")
             raise invalid("values", key, "a key of model.parameters", remedy)
-    # fits ask thousands of times a second: what stays is neither made nor checked again
-    new = {k: v for k, v in changes.items() if type(v) is not float or v != known[k]}
+        present, field_name, i, name = known[key]
+        if type(value) is not float or value != present:
+            new.setdefault((field_name, i), {})[name] = value
     found = copy(model)
-    for name, part in {
-        "dofs": tuple(_with(d, "mass", ".".join(d.key), new) for d in model.dofs),
-        **{
-            f"{what}s": _each_with(model, what, name, new)
-            for what, (_, name) in CONNECTIONS.items()
-        },
-        "inputs": tuple(_with(i, "gain", f"input.{i.name}.gain", new) for i in model.inputs),
-        "effects": tuple(
-            _effect_with(e, f"effect[{i}].", new) for i, e in enumerate(model.effects)
-        ),
-        "design": dict(model.design),
-    }.items():
-        object.__setattr__(found, name, part)
+    parts: dict[str, list[Any]] = {where: list(getattr(model, where)) for where, _ in new}
+    for (where, i), numbers in new.items():
+        if where[:-1] in CONNECTIONS:  # these parts check no numbers themselves
+            numbers = {name: number((where[:-1], i, name), v) for name, v in numbers.items()}
+        part = parts[where][i]
+        effect = isinstance(part, Effect)
+        parts[where][i] = part.with_parameters(**numbers) if effect else replace(part, **numbers)
+    vars(found).update({where: tuple(items) for where, items in parts.items()})
+    vars(found)["design"] = dict(model.design)
     check_inertias(found.dofs, found.coupled_inertias, imposed_by(found.inputs))
-    if "matrices" in vars(model) and all(key.startswith("effect") for key in new):
+    if "matrices" in vars(model) and parts.keys() <= {"effects"}:
         vars(found)["matrices"] = model.matrices
     return found
-
-
-def _with(part: Part, name: str, key: str, new: Mapping[str, float]) -> Part:
-    """Return a part with its number, whose key is `key`, as it stands in `new`, if it does."""
-    return replace(part, **{name: new[key]}) if key in new else part
-
-
-def _each_with(
-    model: MechanicalData, what: str, name: str, new: Mapping[str, float]
-) -> tuple[Any, ...]:
-    """Return parts with their numbers as they stand in `new`; these parts check none themselves."""
-    found = list(getattr(model, f"{what}s"))
-    for i, part in enumerate(found):
-        if (key := f"{what}[{i}].{name}") in new:
-            found[i] = replace(part, **{name: number((what, i, name), new[key])})
-    return tuple(found)
-
-
-def _effect_with(effect: Effect, prefix: str, new: Mapping[str, float]) -> Effect:
-    own = {k.removeprefix(prefix): v for k, v in new.items() if k.startswith(prefix)}
-    return effect.with_parameters(**own) if own else effect
 
 
 # Least energy, as a share of that without couplings, that a fit leaves every motion.
@@ -259,19 +465,13 @@ def definite_coupling_share(model: MechanicalData, changes: Mapping[str, float])
 
 def unit_of(model: MechanicalData, key: str) -> str:
     """Return the SI unit of the number with a key of :func:`values`."""
-    if key.startswith("dof."):
-        return model.dof(key.removeprefix("dof.").rsplit(".", 1)[0]).unit
-    if key.startswith("input."):
-        return "1"
-    index, name = int(key[key.index("[") + 1 : key.index("]")]), key.rsplit(".", 1)[1]
-    if key.startswith("effect"):
-        return effect_unit(model, model.effects[index], name)
-    if key.startswith("coupled"):
-        turning = sum(model.dof(end).rotational for end in model.coupled_inertias[index].between)
-        return ("kg", "kg m", "kg m^2")[turning]
-    if key.startswith("spring"):
-        return "N m/rad" if model.is_rotational(model.springs[index].between) else "N/m"
-    return "N m s/rad" if model.is_rotational(model.dampers[index].between) else "N s/m"
+    where, i, name = next(found for known, _, *found in _numbers(model) if known == key)
+    part = getattr(model, where)[i]
+    if where in ("dofs", "inputs"):
+        return part.unit if where == "dofs" else "1"
+    if where == "effects":
+        return effect_unit(model, part, name)
+    return CONNECTIONS[where[:-1]][2][sum(model.is_rotational((end,)) for end in part.between)]
 
 
 def effect_unit(model: MechanicalData, effect: Effect, name: str) -> str:
@@ -316,72 +516,44 @@ def port_pairs(effect: Effect) -> list[_Pair]:
     return [*((name, GROUND) for name in effect.at), *channels]
 
 
-def port_matrices(model: MechanicalData, rows: Array, pairs: Sequence[_Pair]) -> _PortMatrices:
+def port_matrices(
+    m: MechanicalMatrices, outputs: Sequence[Output], rows: Array, pairs: Sequence[_Pair]
+) -> _PortMatrices:
     """Return G, H and the motion map of forces along `rows` of the coordinates.
 
     `pairs` names the ends of each row; a force output between the same ends measures the
     force there.
     """
-    return _port_matrices(model.matrices, model.outputs, rows, pairs)
-
-
-def _port_matrices(
-    m: MechanicalMatrices, outputs: Sequence[Output], rows: Array, pairs: Sequence[_Pair]
-) -> _PortMatrices:
     Lq, Lv, Rq, Rv = m.motion_map
-    nf = len(m.free)
     acceleration = m.inverse_mass @ rows.T[m.free]
-    G = np.vstack([np.zeros((nf, len(rows))), acceleration])
+    G = np.vstack([np.zeros_like(acceleration), acceleration])
     H = m.Sa[:, m.free] @ acceleration
     for i, output in enumerate(outputs):
-        if output.quantity != FORCE:
-            continue
-        if output.drive:
+        if output.quantity == FORCE and output.drive:
             H[i] -= rows[:, m.coordinates.index(output.of[0])]
-            continue
-        here = incidence(m.coordinates, output.of)
-        for j, pair in enumerate(pairs):
-            if set(pair) == set(output.of):
-                H[i, j] -= np.sign(here @ rows[j])
+        elif output.quantity == FORCE:
+            here = incidence(m.coordinates, output.of)
+            for j, pair in enumerate(pairs):
+                if set(pair) == set(output.of):
+                    H[i, j] -= np.sign(here @ rows[j])
     return G, H, (rows @ Lq, rows @ Rq, rows @ Lv, rows @ Rv)
 
 
-class EffectPorts(NamedTuple):
-    """The effects of a model that make forces, and where.
-
-    Attributes
-    ----------
-    effects : list of Effect
-    rows : list of ndarray
-        Of each effect one row per port: relative displacements from all coordinates.
-    G, H, motion
-        See :func:`port_matrices`, for the ports of all effects together.
-    """
-
-    effects: list[Effect]
-    rows: list[Array]
-    G: Array
-    H: Array
-    motion: tuple[Array, Array, Array, Array]
-
-
-def effect_ports(model: MechanicalData) -> EffectPorts:
-    """Return the effects that make forces with their ports."""
+def effect_ports(model: MechanicalData) -> tuple[list[Effect], tuple[Array, ...], _PortMatrices]:
+    """Return the effects that make forces, a row per port of each, and their `port_matrices`."""
     effects = [effect for _, effect in dynamic_effects(model)]
     pairs = tuple(tuple(port_pairs(effect)) for effect in effects)
-    rows, (G, H, motion) = _ports_at(model.matrices, model.outputs, pairs)
-    return EffectPorts(effects, list(rows), G, H, motion)
+    return effects, *_ports_at(model.matrices, model.outputs, pairs)
 
 
 @lru_cache(maxsize=32)
 def _ports_at(
-    matrices: MechanicalMatrices, outputs: tuple[Output, ...], pairs: tuple[tuple[_Pair, ...], ...]
+    m: MechanicalMatrices, outputs: tuple[Output, ...], pairs: tuple[tuple[_Pair, ...], ...]
 ) -> tuple[tuple[Array, ...], _PortMatrices]:
     """Return the rows and matrices of effects at these places; fits vary their numbers only."""
-    rows = tuple(_rows(matrices.coordinates, each) for each in pairs)
-    stacked = np.vstack([np.zeros((0, len(matrices.coordinates))), *rows])
-    ends = [pair for each in pairs for pair in each]
-    return rows, _port_matrices(matrices, outputs, stacked, ends)
+    rows = tuple(_rows(m.coordinates, each) for each in pairs)
+    stacked = np.vstack([np.zeros((0, len(m.coordinates))), *rows])
+    return rows, port_matrices(m, outputs, stacked, [pair for each in pairs for pair in each])
 
 
 def dynamic_effects(model: MechanicalData) -> list[tuple[int, Effect]]:

@@ -2,40 +2,41 @@
 
 from __future__ import annotations
 
+import itertools
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
+import control
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
+from scipy.linalg import block_diag
+from scipy.signal import tf2ss
 
 from robustpolish.base.arrays import AnyArray, Array, Matrix
 from robustpolish.base.checks import closest_name_remedy, described, invalid, one_of
 from robustpolish.base.results import Card, Table
 from robustpolish.errors import RobustPolishWarning
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.effects.kind import SignalSlope
 from robustpolish.machines.mechanical.data import (
     MechanicalData,
+    context_values,
+    effect_ports,
     unit_of,
     values,
     with_parameter_values,
-)
-from robustpolish.machines.mechanical.effect_linearization import (
-    add_timing,
-    linear_with_effects,
-    sensor_gains,
-    signal_gains,
-    signal_timing,
 )
 from robustpolish.machines.mechanical.parts import (
     ACCELERATION,
     DISPLACEMENT,
     UNITS,
     VELOCITY,
-    MechanicalMatrices,
-    Output,
+    number,
 )
+from robustpolish.plants.linearization import difference
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.lft import (
     Lft,
@@ -54,30 +55,33 @@ COLUMNS = ("part", "at", "quantity", "value", "unit")
 
 def mechanical_card(model: MechanicalData) -> Card:
     """List masses, springs, dampers and effects, and the signals that drive and leave a model."""
-    rows: list[tuple[Any, ...]] = []
-    for dof in model.dofs:
-        if dof.name in model.channels:  # no mass, and no motion
-            continue
-        name = dof.key[-1]
-        rows.append((name, dof.name, name, dof.mass, dof.unit))
+    # a channel has no mass, and no motion
+    masses = [dof for dof in model.dofs if dof.name not in model.channels]
+    rows = [(dof.key[-1], dof.name, dof.key[-1], dof.mass, dof.unit) for dof in masses]
     parts = [
-        (f"{what}[{i}]", what.replace("_", " "), part.between)
+        (f"{what}[{i}].", what.replace("_", " "), part.between)
         for what in ("spring", "damper", "coupled_inertia")
         for i, part in enumerate(getattr(model, f"{what}s"))
     ]
-    parts += [(f"effect[{i}]", e.kind, e.at) for i, e in enumerate(model.effects)]
+    parts += [(f"effect[{i}].", e.kind, e.at) for i, e in enumerate(model.effects)]
     numbers = values(model)
-    for start, part, at in parts:
-        for key in (key for key in numbers if key.startswith(f"{start}.")):
-            name = key.removeprefix(f"{start}.")
-            rows.append((part, _joined(at), name, float(numbers[key]), unit_of(model, key)))
+    rows += [
+        (part, " - ".join(at), key.removeprefix(start), float(numbers[key]), unit_of(model, key))
+        for start, part, at in parts
+        for key in numbers
+        if key.startswith(start)
+    ]
     signals: list[tuple[Any, ...]] = []
     for item in model.inputs:
         channel = item.imposes and item.on[0] in model.channels
-        what = ("", "channel") if channel else (_joined(item.on), item.imposes or "force")
+        what = ("", "channel") if channel else (" - ".join(item.on), item.imposes or "force")
         signals.append(("input", item.name, *what, model.unit_of(item)))
     for out in model.outputs:
-        signals.append(("output", out.name, _seen(out), out.quantity, model.unit_of(out)))
+        seen = " - ".join(out.of)
+        if out.weights is not None:
+            terms = zip(out.weights, out.of, strict=True)
+            seen = " ".join(f"{weight:+.4g} {name}" for weight, name in terms).removeprefix("+")
+        signals.append(("output", out.name, seen, out.quantity, model.unit_of(out)))
     columns = ("signal", "name", "at", "quantity", "unit")
     tables = [Table("", COLUMNS, tuple(rows)), Table("", columns, tuple(signals))]
     if model.spin_frequency is not None:
@@ -85,16 +89,190 @@ def mechanical_card(model: MechanicalData) -> Card:
     return Card(f"Mechanical model {model.name}".rstrip(), tuple(tables))
 
 
-def _seen(item: Output) -> str:
-    """Return where an output measures, or the sum that it sees."""
-    if item.weights is None:
-        return _joined(item.of)
-    terms = zip(item.weights, item.of, strict=True)
-    return " ".join(f"{weight:+.4g} {name}" for weight, name in terms).removeprefix("+")
+# The slopes of the effects at a state of rest, and what delays and gains do to signals.
+
+_PHASES = 16
+_PADE_ORDER = 2
 
 
-def _joined(places: tuple[str, ...]) -> str:
-    return " - ".join(places)
+def linear_with_effects(
+    model: MechanicalData, operating_point: Mapping[str, float] | None
+) -> tuple[Array, Array, Array, Array, list[str]]:
+    """Return A, B, C, D from the signals to the outputs, all effects that make forces linearised.
+
+    The forces f and internal states z of the effects are linear in the motion at their ports, and
+    the loops from the motion to the forces are closed::
+
+        f  = Fq q + Fv v + Fz z          q = Qs s + Qw w
+        z' = Dq q + Dv v + Dz z          v = Vs s + Vw w
+
+    Parameters
+    ----------
+    model : MechanicalData
+    operating_point : mapping of str to float or None
+        Displacements at rest; None for the equilibrium.
+
+    Returns
+    -------
+    A, B, C, D : ndarray
+        The effects' states follow the model's.
+    states : list of str
+        Names of the effects' states.
+    """
+    placed, ports, (G, H, (Qs, Qw, Vs, Vw)) = effect_ports(model)
+    rest = _rest(model, placed, ports, operating_point)
+    slopes = [[np.zeros((0, 0))] * 6]
+    for effect, here in zip(placed, ports, strict=True):
+        slopes.append(_slopes(model, effect, here @ rest))
+    Fq, Fv, Fz, Dq, Dv, Dz = (np.array(block_diag(*parts)) for parts in zip(*slopes, strict=True))
+    A, B, C, D = model.matrices.first_order()
+    by_s, by_w = Fq @ Qs + Fv @ Vs, Fq @ Qw + Fv @ Vw
+    states = [
+        f"{effect.kind}_{i}_{k + 1}"
+        for i, effect in enumerate(placed, 1)
+        for k in range(effect.definition.states)
+    ]
+    return (
+        np.block([[A + G @ by_s, G @ Fz], [Dq @ Qs + Dv @ Vs, Dz]]),
+        np.vstack([B + G @ by_w, Dq @ Qw + Dv @ Vw]),
+        np.hstack([C + H @ by_s, H @ Fz]),
+        D + H @ by_w,
+        states,
+    )
+
+
+def _rest(
+    model: MechanicalData,
+    effects: Sequence[Effect],
+    ports: Sequence[Array],
+    operating_point: Mapping[str, float] | None,
+) -> Array:
+    """Return the displacements of all coordinates at rest."""
+    names = model.dof_names
+    q = np.zeros(len(names))
+    if operating_point is not None:
+        for name, value in operating_point.items():
+            if name not in names:
+                raise invalid("operating_point", name, f"one of {', '.join(names)}", "Correct it.")
+            q[names.index(name)] = number(f"operating_point[{name!r}]", value)
+        return q
+    m, free = model.matrices, model.matrices.free
+    for _ in range(50):
+        force, slope = -(m.K @ q), -m.K.copy()
+        for effect, here in zip(effects, ports, strict=True):
+            kind = effect.definition
+            still = np.r_[here @ q, np.zeros(len(here) + kind.states)]
+            force += here.T @ _mean_law(model, effect)(still)[: kind.ports]
+            slope += here.T @ _slopes(model, effect, here @ q, warn=False)[0] @ here
+        pull = force[free]
+        typical = np.max(np.abs(m.K @ q), initial=0.0)
+        if not pull.any() or np.max(np.abs(pull)) <= 1e-12 * typical:
+            break
+        q[free] -= np.linalg.lstsq(slope[free][:, free], pull, rcond=1e-12)[0]
+    return q if np.isfinite(q).all() else np.zeros(len(names))
+
+
+def _mean_law(model: MechanicalData, effect: Effect) -> Callable[[Array], Array]:
+    """Return forces and rates from motions, velocities and states, averaged over one turn."""
+    kind, n, spin = effect.definition, effect.definition.ports, model.spin_frequency
+    times = np.arange(_PHASES) / (_PHASES * spin) if spin else np.zeros(1)
+    # No time step: laws that blur a jump over what a step can resolve keep the jump.
+    p = np.array([*effect.values.values(), *context_values(model, effect, 0.0)])
+    law: Any = kind.law  # only effects that make forces come here
+
+    def mean(x: Array) -> Array:
+        found = np.zeros((times.size, n + kind.states))
+        with np.errstate(all="ignore"):
+            for t, row in zip(times, found, strict=True):
+                law(t, x[:n], x[n : 2 * n], x[2 * n :], p, row[:n], row[n:])
+        return np.mean(found, axis=0)
+
+    return mean
+
+
+def _slopes(model: MechanicalData, effect: Effect, rest: Array, warn: bool = True) -> list[Array]:
+    """Return the slopes Fq, Fv, Fz of the force and Dq, Dv, Dz of the internal rates."""
+    n, law = rest.size, _mean_law(model, effect)
+    point = np.concatenate([rest, np.zeros(n + effect.definition.states)])
+    table = np.zeros((point.size - n, point.size))
+    for j in range(point.size):
+        # Wherever the law has a slope at all, so small a step sees it: nothing in mechanics is
+        # finer than 1e-12 in SI units, and at zero there is no rounding to fear.
+        step = max(1e-12, 1e-7 * abs(point[j]))
+        wide, narrow = (difference(law, point, j, h) for h in (step, step / 16))
+        jumps = np.abs(narrow) > 4 * np.abs(wide)
+        if jumps.any() and warn:
+            warnings.warn(
+                f"{effect} jumps at rest and has no linear part: left out of the linear model. "
+                "Judge the controller by simulating the model with it.",
+                RobustPolishWarning,
+                stacklevel=6,
+            )
+        table[:, j] = np.where(jumps, 0.0, wide)
+    table[~np.isfinite(table)] = 0.0
+    columns = (slice(0, n), slice(n, 2 * n), slice(2 * n, None))
+    return [part[:, c] for part in (table[:n], table[n:]) for c in columns]
+
+
+def signal_gains(model: MechanicalData) -> Array:
+    """Return the factor that effects put on each signal."""
+    sources = np.array(model.matrices.sources)
+    gains = np.ones(len(sources))
+    for effect, slope in _slopes_of_signals(model, "input"):
+        gains[sources == effect.at[0]] *= slope.gain
+    return gains
+
+
+def signal_timing(model: MechanicalData, s: AnyArray) -> AnyArray:
+    """Return what delays and lags make of each signal at s, shape (s.size, signals)."""
+    sources = np.array(model.matrices.sources)
+    factors = np.ones((s.size, len(sources)), dtype=complex)
+    for effect, slope in _slopes_of_signals(model, "input"):
+        late = np.exp(-s * slope.delay) / (1 + s * slope.lag)
+        factors[:, sources == effect.at[0]] *= late[:, None]
+    return factors
+
+
+def sensor_gains(model: MechanicalData) -> Array:
+    """Return the factor that effects put on each output."""
+    gains = np.ones(len(model.outputs))
+    for effect, slope in _slopes_of_signals(model, "output"):
+        gains[model.output_names.index(effect.at[0])] *= slope.gain
+    return gains
+
+
+def _slopes_of_signals(model: MechanicalData, domain: str) -> Iterator[tuple[Effect, SignalSlope]]:
+    """Yield the effects on inputs or outputs, each with what a linear model keeps of it."""
+    for effect in model.effects:
+        if effect.definition.domain == domain:
+            yield effect, effect.definition.signal_slope(effect.values)
+
+
+def add_timing(
+    model: MechanicalData, inputs: Sequence[str], A: Array, B: Array, C: Array, D: Array
+) -> tuple[Array, Array, Array, Array, list[str]]:
+    """Put lags and second-order Pade approximations of delays before the inputs that have them."""
+    names: list[str] = []
+    m = model.matrices
+    sources = dict(zip(m.signals, m.sources, strict=True))
+    for effect, slope in _slopes_of_signals(model, "input"):
+        behind = [name for name in m.signals if sources[name] == effect.at[0] and name in inputs]
+        filters: dict[str, Any] = {}
+        if slope.delay > 0:
+            filters["delay"] = control.pade(slope.delay, _PADE_ORDER)
+        if slope.lag > 0:
+            filters["lag"] = (np.ones(1), np.array([slope.lag, 1.0]))
+        for name, (what, transfer) in itertools.product(behind, filters.items()):
+            j = inputs.index(name)
+            Ap, Bp, Cp, Dp = tf2ss(*transfer)
+            column, through = B[:, [j]].copy(), D[:, [j]].copy()
+            A = np.block([[A, column @ Cp], [np.zeros((len(Ap), len(A))), Ap]])
+            B = np.vstack([B, np.zeros((len(Ap), B.shape[1]))])
+            B[:, [j]] = np.vstack([column @ Dp, Bp])
+            C, D = np.hstack([C, through @ Cp]), D.copy()
+            D[:, [j]] = through @ Dp
+            names += [f"{name}_{what}_{k + 1}" for k in range(len(Ap))]
+    return A, B, C, D, names
 
 
 # The response of a mechanical model over frequency, effects linearised about a state of rest.
@@ -132,12 +310,43 @@ def response_values(
     sampling_time: float | None = None,
 ) -> tuple[AnyArray, list[str]]:
     """Return the response, shape (lines, outputs, inputs), and notes; nothing is checked."""
-    system, notes = linear_system(model, operating_point)
+    (A, B, C, D), notes = linear_system(model, operating_point)
     s = 2j * np.pi * lines
-    values = _at(s, *system) * sensor_gains(model)[:, None] * signal_gains(model)
+    pencil = s[:, None, None] * np.eye(len(A)) - A
+    values = np.empty((s.size, *D.shape), dtype=complex)
+    try:
+        values[:] = C @ np.linalg.solve(pencil, B.astype(complex)[None]) + D
+    except np.linalg.LinAlgError:  # a line right on an undamped pole, such as 0 Hz of a free mass
+        for k in range(s.size):
+            singular = np.linalg.cond(pencil[k]) > 1 / np.finfo(float).eps
+            values[k] = np.nan if singular else C @ np.linalg.solve(pencil[k], B) + D
+    values = values * sensor_gains(model)[:, None] * signal_gains(model)
     values = values * signal_timing(model, s)[:, None, :]
-    total = _over_inputs(model, values, s)
-    total *= _holds(model, s, sampling_time, notes)[:, None, :]
+    # An imposed motion is one input with its derivatives; a force is one signal.
+    m = model.matrices
+    forces = len(m.force_inputs)
+    total = np.zeros((*values.shape[:2], len(model.inputs)), dtype=complex)
+    for j, item in enumerate(model.inputs):
+        if item.imposes is None:
+            total[..., j] = values[..., m.force_inputs.index(item.name)]
+            continue
+        coordinate = model.dof_names.index(item.on[0])
+        for k, signal in enumerate(m.imposed_signals, forces):
+            if signal.coordinate == coordinate:
+                power = _ORDER[signal.quantity] - _ORDER[item.imposes]
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    factor = s**power * (item.gain / signal.gain)
+                total[..., j] += values[..., k] * factor[:, None]
+    for effect in model.effects:  # what holding an input between samples does to it
+        if effect.kind != _HELD or effect.values["order"] == 3.0:
+            continue
+        if sampling_time is None:
+            notes.append(f"{effect} left out: the sampling time is not known")
+            continue
+        half = np.imag(s) * sampling_time / 2
+        kept = np.sinc(half / np.pi)
+        held = kept * np.exp(-1j * half) if effect.values["order"] == 0.0 else kept**2
+        total[..., model.input_names.index(effect.at[0])] *= held[:, None]
     return total, notes
 
 
@@ -150,59 +359,9 @@ def linear_system(
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", RobustPolishWarning)
-        A, B, C, D, _ = linear_with_effects(model, operating_point)
+        *system, _ = linear_with_effects(model, operating_point)
+    A, B, C, D = system
     return (A, B, C, D), list(dict.fromkeys(str(item.message) for item in caught))
-
-
-def _at(s: AnyArray, A: Array, B: Array, C: Array, D: Array) -> AnyArray:
-    """Return C (s - A)^-1 B + D, shape (lines, outputs, signals); NaN at an undamped pole."""
-    pencil = s[:, None, None] * np.eye(len(A)) - A
-    values = np.empty((s.size, *D.shape), dtype=complex)
-    try:
-        values[:] = C @ np.linalg.solve(pencil, B.astype(complex)[None]) + D
-    except np.linalg.LinAlgError:  # a line right on an undamped pole, such as 0 Hz of a free mass
-        for k in range(s.size):
-            singular = np.linalg.cond(pencil[k]) > 1 / np.finfo(float).eps
-            values[k] = np.nan if singular else C @ np.linalg.solve(pencil[k], B) + D
-    return values
-
-
-def _over_inputs(model: MechanicalData, values: AnyArray, s: AnyArray) -> AnyArray:
-    """Put the signals of each input together: an imposed motion has its derivatives too."""
-    m = model.matrices
-    total = np.zeros((*values.shape[:2], len(model.inputs)), dtype=complex)
-    forces = len(m.force_inputs)
-    for j, item in enumerate(model.inputs):
-        if item.imposes is None:
-            total[..., j] = values[..., m.force_inputs.index(item.name)]
-            continue
-        coordinate = model.dof_names.index(item.on[0])
-        for k, signal in enumerate(m.imposed_signals, forces):
-            if signal.coordinate == coordinate:
-                power = _ORDER[signal.quantity] - _ORDER[item.imposes]
-                with np.errstate(divide="ignore", invalid="ignore"):
-                    factor = s**power * (item.gain / signal.gain)
-                total[..., j] += values[..., k] * factor[:, None]
-    return total
-
-
-def _holds(
-    model: MechanicalData, s: AnyArray, sampling_time: float | None, notes: list[str]
-) -> Array:
-    """Return what holding an input between samples does to it, shape (lines, inputs)."""
-    factors = np.ones((s.size, len(model.inputs)), dtype=complex)
-    for effect in model.effects:
-        if effect.kind != _HELD or effect.values["order"] == 3.0:
-            continue
-        if sampling_time is None:
-            notes.append(f"{effect} left out: the sampling time is not known")
-            continue
-        half = np.imag(s) * sampling_time / 2
-        kept = np.sinc(half / np.pi)
-        zero_order = kept * np.exp(-1j * half)
-        j = model.input_names.index(effect.at[0])
-        factors[:, j] *= zero_order if effect.values["order"] == 0.0 else kept**2
-    return factors
 
 
 def linearize(
@@ -218,40 +377,50 @@ def linearize(
     if not model.free:
         shown = described("a model whose whole motion is imposed")
         raise invalid("model", shown, "a free coordinate", "There is nothing to control.")
-    m = model.matrices
-    names, nf = model.free, len(model.free)
+    m, names, nf = model.matrices, model.free, len(model.free)
+    wanted = names if controls is None else tuple(controls)
+    known = [*names, *m.signals]
+    for name in wanted:
+        if name not in known:
+            raise invalid("controls", name, f"names among {', '.join(known)}", "Correct it.")
+    chosen = [name for name in wanted if name not in names]  # inputs that become controls
+    pushes = [name for name in wanted if name in names]
     A, B, C, D, own = linear_with_effects(model, operating_point)
-    disturbances = list(m.signals)
-    pushes, chosen, B2, D22 = _controls(model, controls, actuation, A.shape[0])
-    B *= signal_gains(model)
-    C, D, D22 = (sensor_gains(model)[:, None] * M for M in (C, D, D22))
-    if chosen:
-        taken = [disturbances.index(name) for name in chosen]
-        B2, D22 = np.hstack([B[:, taken], B2]), np.hstack([D[:, taken], D22])
-        keep = [i for i, name in enumerate(disturbances) if name not in chosen]
-        B, D, disturbances = B[:, keep], D[:, keep], [disturbances[i] for i in keep]
-    states = [*names, *(f"d{name}" for name in names), *own]
-    inputs = [*disturbances, *chosen]
-    A, both, C, through, more = add_timing(
-        model, inputs, A, np.hstack([B, B2]), C, np.hstack([D, D22])
-    )
-    nw = len(disturbances)
-    states += more
+    # Controls on coordinates: forces, or rates at which displacements are moved.
+    B2, D22 = np.zeros((len(A), len(pushes))), np.zeros((len(C), len(pushes)))
+    rows = [names.index(name) for name in pushes]
+    if actuation == "displacement":
+        B2[rows, range(len(rows))] = 1.0
+    else:
+        B2[nf : 2 * nf] = m.inverse_mass[:, rows]
+        D22 += m.Sa[:, m.free] @ m.inverse_mass[:, rows]
+    gains = sensor_gains(model)[:, None]
+    order = [i for i, name in enumerate(m.signals) if name not in chosen]
+    nw = len(order)
+    order += [m.signals.index(name) for name in chosen]
+    inputs = [m.signals[i] for i in order]
+    both = np.hstack([(B * signal_gains(model))[:, order], B2])
+    through = gains * np.hstack([D[:, order], D22])
+    A, both, C, through, more = add_timing(model, inputs, A, both, gains * C, through)
+    rates = [f"d{name}" for name in names]
+    states = [name for pair in zip(names, rates, strict=True) for name in pair] + own + more
     order = [i for k in range(nf) for i in (k, nf + k)] + list(range(2 * nf, len(states)))
     A, both, C = A[np.ix_(order, order)], both[order], C[:, order]
-    states = [states[i] for i in order]
     position = np.zeros((nf, len(states)))
     position[range(nf), range(0, 2 * nf, 2)] = 1.0
+    seen: Sequence[str] = model.output_names
     if measured != "outputs":
-        C = np.eye(len(states)) if measured == "state" else position
+        C, seen = (np.eye(len(states)), states) if measured == "state" else (position, names)
         through = np.zeros((len(C), both.shape[1]))
-        measurements = states if measured == "state" else list(names)
-    else:
-        measurements = list(model.output_names)
-    if not len(C):
-        measurements = []
-    labels = [f"measured_{name}" for name in measurements]
-    units = _units(model, states, labels, measured, actuation, pushes)
+    units: dict[str, str] = {}
+    for name in names:
+        kind = UNITS[model.dof(name).rotational]
+        units |= {name: kind[DISPLACEMENT], f"d{name}": kind[VELOCITY]}
+        if name in pushes:
+            units[f"u_{name}"] = kind["force" if actuation == "force" else VELOCITY]
+    outputs = {o.name: model.unit_of(o) for o in model.outputs} if measured == "outputs" else units
+    units |= {f"measured_{name}": outputs[name] for name in seen if name in outputs}
+    units |= {i.name: model.unit_of(i) for i in model.inputs if i.name not in units}
     return GeneralizedPlant.from_matrices(
         A,
         both[:, :nw],
@@ -261,61 +430,12 @@ def linearize(
         D21=through[:, :nw],
         D22=through[:, nw:],
         states=states,
-        disturbances=disturbances,
+        disturbances=inputs[:nw],
         controls=[*chosen, *(f"u_{name}" for name in pushes)],
         performance=list(names),
-        measurements=labels,
+        measurements=[f"measured_{name}" for name in seen],
         units=units,
     )
-
-
-def _controls(
-    model: MechanicalData, controls: Sequence[str] | None, actuation: str, n: int
-) -> tuple[list[str], list[str], Matrix, Matrix]:
-    """Return coordinates and inputs that are controls, and B2 and D22 of the former."""
-    wanted = list(model.free) if controls is None else list(controls)
-    signals = model.matrices.signals
-    known = [*model.free, *signals]
-    for name in wanted:
-        if name not in known:
-            raise invalid("controls", name, f"names among {', '.join(known)}", "Correct it.")
-    chosen = [name for name in wanted if name in signals and name not in model.free]
-    pushes = [name for name in wanted if name in model.free]
-    m, nf = model.matrices, len(model.free)
-    B2, D22 = np.zeros((n, len(pushes))), np.zeros((len(model.outputs), len(pushes)))
-    for column, name in enumerate(pushes):
-        row = model.free.index(name)
-        if actuation == "displacement":
-            B2[row, column] = 1.0
-            continue
-        B2[nf : 2 * nf, column] = m.inverse_mass[:, row]
-        D22[:, column] = m.Sa[:, m.free] @ m.inverse_mass[:, row]
-    return pushes, chosen, B2, D22
-
-
-def _units(
-    model: MechanicalData,
-    states: Sequence[str],
-    labels: Sequence[str],
-    measured: str,
-    actuation: str,
-    pushes: Sequence[str],
-) -> dict[str, str]:
-    units: dict[str, str] = {}
-    for name in model.free:
-        kind = UNITS[model.dof(name).rotational]
-        units |= {name: kind["displacement"], f"d{name}": kind["velocity"]}
-        if name in pushes:
-            units[f"u_{name}"] = kind["force" if actuation == "force" else "velocity"]
-    if measured == "outputs":
-        units |= {f"measured_{o.name}": model.unit_of(o) for o in model.outputs}
-    else:
-        units |= {f"measured_{name}": units[name] for name in states if name in units}
-    for item in model.inputs:
-        units.setdefault(item.name, model.unit_of(item))
-    known = {*states, *labels, *model.matrices.signals, *model.free}
-    known |= {f"u_{name}" for name in pushes}
-    return {name: unit for name, unit in units.items() if name in known}
 
 
 # A mechanical model with numbers that are known within bounds only, as an uncertain system.
@@ -335,78 +455,67 @@ def uncertain_model(model: MechanicalData, ranges: Mapping[str, Any]) -> Uncerta
     if not isinstance(ranges, Mapping):
         remedy = 'Write {"spring[0].stiffness": 0.1} for 10 %.'
         raise invalid("ranges", ranges, "a mapping of keys to ranges", remedy)
-    given = dict(ranges)
-    numbers = {key: value for key, value in given.items() if isinstance(value, UncertainSystem)}
-    model = with_parameter_values(
-        model, {key: _nominal(model, key, n) for key, n in numbers.items()}
-    )
-    elements = [_element(model, key, value) for key, value in given.items()]
+    numbers = {key: value for key, value in ranges.items() if isinstance(value, UncertainSystem)}
+    known = {key: _uncertain_value(model, key) for key in (*numbers, *ranges)}
+    for key, value in numbers.items():
+        if value.shape != (1, 1) or not value.is_static:
+            shown = described(f"an uncertain system, {value.shape[0]} x {value.shape[1]}")
+            remedy = "Make it of uncertain_real."
+            raise invalid(("ranges", key), shown, "an uncertain number", remedy)
+        known[key] = float(value.matrices.J[0, 0])
+    model = with_parameter_values(model, {key: known[key] for key in numbers})
+    elements = [_element(key, known[key], value) for key, value in ranges.items()]
     m = model.matrices
-    pieces = [_pieces(model, element) for element in elements]
-    forces = np.hstack([np.zeros((len(m.coordinates), 0)), *(left[0] for left, _ in pieces)])
-    motions = [np.vstack([np.zeros((0, M.shape[1])), *(right[i] for _, right in pieces)])
-               for i, M in enumerate((m.Sq, m.Sv, m.Sa))]  # fmt: skip
-    deltas, first = forces.shape[1], len(m.force_inputs)
+    n, first = len(m.coordinates), len(m.force_inputs)
+    pieces = [_derivative(model, element) for element in elements]
+    left = np.hstack([np.zeros((n + len(m.outputs), 0)), *(piece[0] for piece in pieces)])
+    right = np.vstack([np.zeros((0, 3 * n + first)), *(piece[1] for piece in pieces)])
+    deltas = len(right)
     wider = replace(
         m,
-        B=np.hstack([forces, m.B]),
-        Sq=np.vstack([motions[0], m.Sq]),
-        Sv=np.vstack([motions[1], m.Sv]),
-        Sa=np.vstack([motions[2], m.Sa]),
+        B=np.hstack([left[:n], m.B]),
+        Sq=np.vstack([right[:, :n], m.Sq]),
+        Sv=np.vstack([right[:, n : 2 * n], m.Sv]),
+        Sa=np.vstack([right[:, 2 * n : 3 * n], m.Sa]),
         force_inputs=(*(f"w[{i}]" for i in range(deltas)), *m.force_inputs),
         outputs=(*(f"z[{i}]" for i in range(deltas)), *m.outputs),
     )
     A, B, C, D = wider.first_order()
-    if deltas:
-        D[deltas:, :deltas] += np.hstack([left[1] for left, _ in pieces])
-        D[:deltas, deltas : deltas + first] += np.vstack([right[3] for _, right in pieces])
-    copies = np.array([left[0].shape[1] for left, _ in pieces], dtype=int)
-    scale, skew = (np.repeat([getattr(e, n) for e in elements], copies) for n in ("slope", "skew"))
+    D[deltas:, :deltas] += left[n:]
+    D[:deltas, deltas : deltas + first] += right[:, 3 * n :]
+    copies = np.array([len(rows) for _, rows in pieces], dtype=int)
+    scale = np.repeat([element.slope for element in elements], copies)
+    skew = np.repeat([element.skew for element in elements], copies)
     # w = slope delta z / (1 - skew delta), as a fraction of the delta.
     C[:deltas] *= scale[:, None]
     D[:deltas] *= scale[:, None]
+    # A number made of others is put in the place of a stand-in of slope 1.
+    names = [_STAND_IN + e.name if e.name in numbers else e.name for e in elements]
+    blocks = [
+        UncertainBlock(replace(element, name=name), count)
+        for element, name, count in zip(elements, names, copies.tolist(), strict=True)
+        if count
+    ]
     whole = Lft(
         np.block([[A, B[:, :deltas]], [C[:deltas], D[:deltas, :deltas] + np.diag(skew)]]),
         np.vstack([B[:, deltas:], D[:deltas, deltas:]]),
         np.hstack([C[deltas:], D[deltas:, :deltas]]),
         D[deltas:, deltas:],
         m.states,
-        tuple(UncertainBlock(_renamed(element, numbers), count)
-              for element, count in zip(elements, copies.tolist(), strict=True) if count),
+        tuple(blocks),
         0,
         m.signals,
         m.outputs,
-    )  # fmt: skip
-    for key, number in numbers.items():
-        whole = _with_number(whole, key, number)
+    )
+    for key, value in numbers.items():
+        names = [block.element.name for block in whole.blocks]
+        if _STAND_IN + key in names:  # otherwise it does nothing
+            change = (value - value.matrices.J).matrices
+            whole = close_block(whole, names.index(_STAND_IN + key), change)
     return UncertainSystem(reduce_copies(whole))
 
 
-def _nominal(model: MechanicalData, key: str, number: UncertainSystem) -> float:
-    """Return the nominal value of a number that is made of others; also refuse a wrong key."""
-    _known(model, key)
-    if number.shape != (1, 1) or not number.is_static:
-        shown = described(f"an uncertain system, {number.shape[0]} x {number.shape[1]}")
-        raise invalid(("ranges", key), shown, "an uncertain number", "Make it of uncertain_real.")
-    return float(number.matrices.J[0, 0])
-
-
-def _with_number(whole: Lft, key: str, number: UncertainSystem) -> Lft:
-    """Put a number that is made of others in place of one of slope 1."""
-    names = [block.element.name for block in whole.blocks]
-    if _STAND_IN + key not in names:
-        return whole  # it does nothing
-    change = number - number.matrices.J
-    return close_block(whole, names.index(_STAND_IN + key), change.matrices)
-
-
-def _renamed(element: RealElement, numbers: Mapping[str, Any]) -> RealElement:
-    """Return the element that stands in for a number made of others by a name of its own."""
-    own = element.name in numbers
-    return replace(element, name=_STAND_IN + element.name) if own else element
-
-
-def _known(model: MechanicalData, key: str) -> float:
+def _uncertain_value(model: MechanicalData, key: str) -> float:
     """Return the value of a number that may be uncertain."""
     known = values(model)
     if key not in known:
@@ -416,17 +525,15 @@ def _known(model: MechanicalData, key: str) -> float:
         shown = described(f"{key}, a number of an effect")
         expected = "numbers of masses, springs, dampers and gains"
         raise invalid("ranges", shown, expected, "Put the linear part of the effect into a spring.")
-    imposing = {f"input.{item.name}.gain" for item in model.inputs if item.imposes}
-    if key in imposing:
+    if key in {f"input.{item.name}.gain" for item in model.inputs if item.imposes}:
         shown = described(f"{key}, of an imposed motion")
         remedy = "Multiply the system by an uncertain_real."
         raise invalid("ranges", shown, "gains of forces", remedy)
     return known[key]
 
 
-def _element(model: MechanicalData, key: str, given: Any) -> RealElement:
+def _element(key: str, nominal: float, given: Any) -> RealElement:
     """Return the element of a number: a share of it, or its smallest and largest value."""
-    nominal = _known(model, key)
     if isinstance(given, UncertainSystem):
         return RealElement(key, nominal, nominal - 1, nominal + 1)  # of slope 1
     if isinstance(given, tuple | list | np.ndarray):
@@ -442,41 +549,30 @@ def _element(model: MechanicalData, key: str, given: Any) -> RealElement:
     return real_element(key, nominal, percent=100 * float(given))
 
 
-def _pieces(
-    model: MechanicalData, element: RealElement
-) -> tuple[tuple[Matrix, Matrix], tuple[Matrix, Matrix, Matrix, Matrix]]:
-    """Return what forces and outputs come with a change of a number, and of what motions."""
+def _derivative(model: MechanicalData, element: RealElement) -> tuple[Matrix, Matrix]:
+    """Return the derivative of forces and outputs by a number, as a product of few columns.
+
+    The rows of the right factor are over displacements, velocities, accelerations and inputs.
+    """
     # All matrices are linear in every number: a difference is a derivative.
     step = element.nominal or 1.0
-    moved = with_parameter_values(model, {element.name: element.nominal + step}).matrices
     m = model.matrices
-    if len(moved.signals) != len(m.signals):
-        raise _coupled(element)
-    n, outputs = len(m.coordinates), len(m.outputs)
-    inputs = m.B.shape[1]
-    change = np.zeros((n + outputs, 3 * n + inputs))
-    for columns, name, out in ((0, "K", "Sq"), (n, "C", "Sv"), (2 * n, "M", "Sa")):
-        change[:n, columns : columns + n] = -_slope(moved, m, name, step)
-        change[n:, columns : columns + n] = _slope(moved, m, out, step)
-    change[:n, 3 * n :] = _slope(moved, m, "B", step)
-    change[m.imposed] = 0.0  # their motion is given, whatever force it takes
-    if change[:n, 2 * n + m.imposed].any():
-        raise _coupled(element)
+    moved = with_parameter_values(model, {element.name: element.nominal + step}).matrices
+    n = len(m.coordinates)
+    change = np.zeros((n + len(m.outputs), 3 * n + len(m.force_inputs)))
+    coupled = len(moved.signals) != len(m.signals)
+    if not coupled:
+
+        def slope(name: str) -> Matrix:
+            return (getattr(moved, name) - getattr(m, name)) / step
+
+        change[:n] = np.hstack([-slope("K"), -slope("C"), -slope("M"), slope("B")])
+        change[n:, : 3 * n] = np.hstack([slope("Sq"), slope("Sv"), slope("Sa")])
+        change[m.imposed] = 0.0  # their motion is given, whatever force it takes
+        coupled = change[:n, 2 * n + m.imposed].any()
+    if coupled:
+        shown = described(f"{element.name}, which couples to an imposed motion")
+        raise invalid("ranges", shown, "inertias of free coordinates", "Leave it certain.")
     U, sizes, V = np.linalg.svd(change)
     rank = int(np.count_nonzero(sizes > _NOTHING * sizes.max(initial=0.0)))
-    left, right = U[:, :rank], sizes[:rank, None] * V[:rank]
-    return (left[:n], left[n:]), (
-        right[:, :n],
-        right[:, n : 2 * n],
-        right[:, 2 * n : 3 * n],
-        right[:, 3 * n :],
-    )
-
-
-def _coupled(element: RealElement) -> Exception:
-    shown = described(f"{element.name}, which couples to an imposed motion")
-    return invalid("ranges", shown, "inertias of free coordinates", "Leave it certain.")
-
-
-def _slope(moved: MechanicalMatrices, m: MechanicalMatrices, name: str, step: float) -> Matrix:
-    return (getattr(moved, name) - getattr(m, name)) / step
+    return U[:, :rank], sizes[:rank, None] * V[:rank]

@@ -10,18 +10,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
-import control
 import numpy as np
-from numpy.typing import NDArray
 
 from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import Key, described, instance_of, invalid, one_of, positive
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import GROUND
-from robustpolish.plants.blocks import named_system
 
 DISPLACEMENT = "displacement"
 VELOCITY = "velocity"
@@ -165,13 +161,14 @@ class CoupledInertia:
     value: float
 
 
-CONNECTIONS: dict[str, tuple[type, str]] = {
-    "coupled_inertia": (CoupledInertia, "value"),
-    "spring": (Spring, "stiffness"),
-    "damper": (Damper, "damping"),
+CONNECTIONS: dict[str, tuple[type, str, tuple[str, ...]]] = {
+    "coupled_inertia": (CoupledInertia, "value", ("kg", "kg m", "kg m^2")),
+    "spring": (Spring, "stiffness", ("N/m", "N m/rad", "N m/rad")),
+    "damper": (Damper, "damping", ("N s/m", "N m s/rad", "N m s/rad")),
 }
-"""What lies between two coordinates, by its name in keys and files: its class and its number. The
-fields of a model have these names in the plural."""
+"""What lies between two coordinates, by its name in keys and files: its class, its number, and the
+unit of that if none, one or both of the coordinates are angles. The fields of a model have these
+names in the plural."""
 
 
 @dataclass(frozen=True)
@@ -217,7 +214,7 @@ class Input:
         if gain == 0:
             raise invalid(argument, self.gain, "a number other than 0", "Leave the input out.")
         object.__setattr__(self, "gain", gain)
-        unit_text(("input", name, "unit"), self.unit)
+        _check_unit(("input", name, "unit"), self.unit)
 
 
 @dataclass(frozen=True)
@@ -264,7 +261,7 @@ class Output:
 
     def __post_init__(self) -> None:
         name = text("output", self.name)
-        unit_text(("output", name, "unit"), self.unit)
+        _check_unit(("output", name, "unit"), self.unit)
 
 
 def imposed_by(inputs: Iterable[Input]) -> frozenset[str]:
@@ -282,7 +279,7 @@ def text(argument: str | Key, value: Any) -> str:
     return value
 
 
-def unit_text(argument: Key, value: Any) -> None:
+def _check_unit(argument: Key, value: Any) -> None:
     """Refuse a unit that is neither None nor text."""
     if value is not None and (not isinstance(value, str) or not value.strip()):
         raise invalid(argument, value, "a unit", "Write it as text, such as 'V'.")
@@ -302,16 +299,10 @@ def number(argument: str | Key, value: Any) -> float:
     return float(value)
 
 
-def places(argument: Key, value: Any) -> tuple[str, ...]:
-    """Return one place or a list of places as a tuple of one or two different names."""
-    if isinstance(value, str):
-        value = (value,)
-    if not isinstance(value, Sequence) or not 1 <= len(value) <= 2:
-        raise invalid(argument, value, "one name or a pair of names", "Write ['x', 'ground'].")
-    names = tuple(text(argument, item) for item in value)
-    if len(set(names)) != len(names):
-        raise invalid(argument, described(f"{names[0]!r} twice"), "two ends", "Name the other end.")
-    return names
+def quantity_of(where: Key, value: Any, force: bool = True) -> str:
+    """Return the quantity that a name such as "angular_velocity" means."""
+    known = [name for name, kind in QUANTITIES.items() if force or kind != FORCE]
+    return QUANTITIES[one_of((*where, "quantity"), value, known)]
 
 
 def mass_matrix(dofs: Sequence[Dof], coupled_inertias: Sequence[CoupledInertia]) -> Matrix:
@@ -325,20 +316,10 @@ def mass_matrix(dofs: Sequence[Dof], coupled_inertias: Sequence[CoupledInertia])
     return M
 
 
-NO_ENERGY = 1e-9
-"""Energy of a motion, as a share of what it would have without couplings, that is none."""
-
-
-def least_energy(M: Matrix) -> float:
-    """Return the least energy of any motion, as a share of what it would have without couplings."""
-    size = np.sqrt(np.diag(M))
-    if not size.size or np.count_nonzero(M) == size.size:
-        return 1.0
-    return float(np.linalg.eigvalsh(M / np.outer(size, size))[0])
-
-
 # Checks that concern the parts of a mechanical model together, not one part alone.
 
+_NO_ENERGY = 1e-9
+"""Energy of a motion, as a share of what it would have without couplings, that is none."""
 _KINDS: Mapping[str, type] = {
     "dofs": Dof,
     "springs": Spring,
@@ -367,85 +348,89 @@ def checked_fields(given: Mapping[str, Any]) -> dict[str, Any]:
     InvalidInputError
         See `MechanicalData`; its key says where.
     """
-    found = {name: _tuple_of(name, given[name], kind) for name, kind in _KINDS.items()}
+    found: dict[str, Any] = {}
+    for name, kind in _KINDS.items():
+        items = given[name]
+        if isinstance(items, str) or not isinstance(items, Iterable):
+            raise invalid(name, items, f"a list of {kind.__name__}", "Put it in a list.")
+        found[name] = tuple(items)
+        for item in found[name]:
+            if not isinstance(item, kind):
+                raise invalid(name, item, f"a {kind.__name__}", f"Use {kind.__name__}(...).")
     dofs = {dof.name: dof for dof in found["dofs"]}
-    _check_names(found["dofs"], found["inputs"], found["outputs"])
+    signals = {key: [item.name for item in found[f"{key}s"]] for key in ("input", "output")}
+    _check_names([dof.name for dof in found["dofs"]], signals["input"], signals["output"])
     spin = given["spin_frequency"]
     if spin is not None:
-        spin = positive("spin_frequency", number("spin_frequency", spin), "Hz")
+        found["spin_frequency"] = positive("spin_frequency", number("spin_frequency", spin), "Hz")
     if not isinstance(given["name"], str):
         raise invalid("name", given["name"], "text", "Write it between quotation marks.")
-    found["springs"] = _connections("spring", "stiffness", found["springs"], dofs)
-    found["dampers"] = _connections("damper", "damping", found["dampers"], dofs)
+    for what in CONNECTIONS:
+        items = enumerate(found[f"{what}s"])
+        found[f"{what}s"] = tuple(_connection(what, i, item, dofs) for i, item in items)
     found["inputs"] = tuple(_input(item, dofs) for item in found["inputs"])
-    _check_imposed_motions(found["inputs"], dofs)
+    _check_imposed_motions(found["inputs"])
     moved = imposed_by(found["inputs"])
-    found["coupled_inertias"] = _coupled(found["coupled_inertias"], dofs)
     check_inertias(found["dofs"], found["coupled_inertias"], moved)
     found["outputs"] = tuple(_output(item, dofs, moved) for item in found["outputs"])
-    signals = {key: [i.name for i in found[f"{key}s"]] for key in ("input", "output")}
     for i, effect in enumerate(found["effects"]):
         _check_place(("effect", i, "at"), effect, dofs, signals, moved)
     design = instance_of("design", given["design"], Mapping, "a mapping", "Write {key: value}.")
-    return {**found, "spin_frequency": spin, "name": given["name"], "design": dict(design)}
+    return {**found, "design": dict(design)}
 
 
-def _tuple_of(attribute: str, given: Any, kind: type) -> tuple[Any, ...]:
-    if isinstance(given, str) or not isinstance(given, Iterable):
-        raise invalid(attribute, given, f"a list of {kind.__name__}", "Put it in a list.")
-    items = tuple(given)
-    for item in items:
-        if not isinstance(item, kind):
-            raise invalid(attribute, item, f"a {kind.__name__}", f"Use {kind.__name__}(...).")
-    return items
-
-
-def _check_names(dofs: Sequence[Dof], inputs: Sequence[Input], outputs: Sequence[Output]) -> None:
+def _check_names(dofs: Sequence[str], inputs: Sequence[str], outputs: Sequence[str]) -> None:
     if not dofs:
         raise invalid("dof", described("no degree of freedom"), "one or more", "Add [dof.x].")
     if not outputs:
         raise invalid("output", described("no output"), "one or more", "Add an [[output]].")
-    ins, outs = [item.name for item in inputs], [item.name for item in outputs]
-    for what, names in (
-        ("dof", [dof.name for dof in dofs]),
-        ("input", ins),
-        ("output", outs),
-        ("input and output", [*{*ins}, *{*outs}]),
+    both = [*{*inputs}, *{*outputs}]
+    for what, names in zip(
+        ("dof", "input", "output", "input and output"), (dofs, inputs, outputs, both), strict=True
     ):
         for name, count in Counter(names).items():
             if count > 1:
                 shown, key = described(f"{count} of this name"), (what.split()[0], name)
                 raise invalid(f"{what} {name!r}", shown, "one", "Rename it.", key)
-    for dof in dofs:
-        for taken in (f"{dof.name}_dot", f"d{dof.name}"):
-            if any(other.name == taken for other in dofs):
-                want = f"another name: this is what the velocity of {dof.name!r} is called"
-                raise invalid(("dof", taken), taken, want, "Rename it.")
+    for name in dofs:
+        for taken in {f"{name}_dot", f"d{name}"}.intersection(dofs):
+            want = f"another name: this is what the velocity of {name!r} is called"
+            raise invalid(("dof", taken), taken, want, "Rename it.")
 
 
-def _connections(what: str, key: str, items: Any, dofs: Mapping[str, Dof]) -> tuple[Any, ...]:
-    checked = []
-    for i, item in enumerate(items):
-        pair = _pair((what, i, "between"), item.between, dofs)
-        checked.append(type(item)(pair, number((what, i, key), getattr(item, key))))
-    return tuple(checked)
+def _ends(
+    argument: Key, value: Any, dofs: Mapping[str, Dof], both: str = "", alike: bool = True
+) -> tuple[str, str]:
+    """Return two different ends; one alone is against the ground unless `both` are expected."""
+    given = (value,) if isinstance(value, str) else value
+    if not isinstance(given, Sequence) or not 1 <= len(given) <= 2:
+        raise invalid(argument, value, "one name or a pair of names", "Write ['x', 'ground'].")
+    if both and len(given) == 1:
+        raise invalid(argument, value, both, "Name the other one.")
+    first, second = (text(argument, item) for item in (*given, GROUND)[:2])
+    if first == second:
+        raise invalid(argument, described(f"{first!r} twice"), "two ends", "Name the other end.")
+    for name in (first, second):
+        if name not in dofs and name != GROUND:
+            known = ", ".join([*dofs, GROUND])
+            raise invalid(argument, name, f"one of {known}", "Check the spelling or add the dof.")
+    turning = {dofs[name].rotational for name in (first, second) if name != GROUND}
+    if alike and len(turning) > 1:
+        shown = described(f"{first!r} and {second!r}, one in m and one in rad")
+        remedy = "Connect masses with masses and inertias with inertias."
+        raise invalid(argument, shown, "two coordinates of one unit", remedy)
+    return first, second
 
 
-def _coupled(items: Any, dofs: Mapping[str, Dof]) -> tuple[CoupledInertia, ...]:
-    checked = []
-    for i, item in enumerate(items):
-        argument = ("coupled_inertia", i, "between")
-        names = places(argument, item.between)
-        if len(names) != 2:
-            raise invalid(argument, item.between, "two coordinates", "Name the other one.")
-        for name in names:
-            if name == GROUND:
-                remedy = "Add it to the mass of the other one."
-                raise invalid(argument, name, "a coordinate: the ground does not move", remedy)
-            _check_coordinate(argument, name, dofs)
-        value = number(("coupled_inertia", i, "value"), item.value)
-        checked.append(CoupledInertia((names[0], names[1]), value))
-    return tuple(checked)
+def _connection(what: str, i: int, item: Any, dofs: Mapping[str, Dof]) -> Any:
+    """Return a spring, damper or coupled inertia between checked ends."""
+    field, inertia = CONNECTIONS[what][1], isinstance(item, CoupledInertia)
+    both = "two coordinates" if inertia else "two ends, one of which may be 'ground'"
+    ends = _ends((what, i, "between"), item.between, dofs, both, not inertia)
+    if inertia and GROUND in ends:
+        want, remedy = "a coordinate: the ground does not move", "Add it to the other one's mass."
+        raise invalid((what, i, "between"), GROUND, want, remedy)
+    return type(item)(ends, number((what, i, field), getattr(item, field)))
 
 
 def check_inertias(
@@ -460,103 +445,82 @@ def check_inertias(
     moved : collection of str
         Names of the coordinates whose motion is imposed.
     """
-    for dof in dofs:
-        if dof.mass == 0 and dof.name not in moved:
+    free = {dof.name: dof for dof in dofs if dof.name not in moved}
+    for dof in free.values():
+        if dof.mass == 0:
             remedy = "Only a coordinate with imposed motion may have none."
             raise invalid(dof.key, dof.mass, f"a number above 0 {dof.unit}", remedy)
-    free = [dof for dof in dofs if dof.name not in moved]
-    names = {dof.name for dof in free}
-    inside = [item for item in coupled if names.issuperset(item.between)]
-    if not inside or least_energy(mass_matrix(free, inside)) > NO_ENERGY:
+    inside = [item for item in coupled if free.keys() >= {*item.between}]
+    if not inside:
         return
-    masses = {dof.name: dof.mass for dof in free}
-    ratios = [abs(c.value) / np.sqrt(masses[c.between[0]] * masses[c.between[1]]) for c in inside]
+    M = mass_matrix([*free.values()], inside)
+    size = np.sqrt(np.diag(M))
+    if np.linalg.eigvalsh(M / np.outer(size, size))[0] > _NO_ENERGY:
+        return
+    most = [float(np.sqrt(free[a].mass * free[b].mass)) for a, b in (c.between for c in inside)]
+    ratios = [abs(item.value) / root for item, root in zip(inside, most, strict=True)]
     worst = int(np.argmax(ratios))
-    item = inside[worst]
-    most = float(np.sqrt(masses[item.between[0]] * masses[item.between[1]]))
-    a, b = item.between
-    alone = ratios[worst] >= 1
+    item, (a, b) = inside[worst], inside[worst].between
     raise invalid(
         ("coupled_inertia", coupled.index(item), "value"),
         item.value,
-        f"less than {most:.6g}, the root of the product of the inertias of {a} and {b}: every "
-        "motion needs a positive kinetic energy" if alone else
+        f"less than {most[worst]:.6g}, the root of the product of the inertias of {a} and {b}: "
+        "every motion needs a positive kinetic energy" if ratios[worst] >= 1 else
         "a positive kinetic energy of every motion; with the other coupled inertias some has none",
         f"Correct it, or the inertias; that of {a} contains whatever moves with it.",
     )  # fmt: skip
 
 
-def _pair(argument: Key, value: Any, dofs: Mapping[str, Dof]) -> tuple[str, str]:
-    """Return two ends of one kind of motion, of which the first is a coordinate."""
-    names = places(argument, value)
-    if len(names) != 2:
-        raise invalid(argument, value, "two ends", "Add 'ground' or another coordinate.")
-    first, second = names
-    for name in names:
-        if name not in dofs and name != GROUND:
-            known = ", ".join([*dofs, GROUND])
-            raise invalid(argument, name, f"one of {known}", "Check the spelling or add the dof.")
-    if GROUND not in names and dofs[first].rotational != dofs[second].rotational:
-        shown = described(f"{first!r} and {second!r}, one in m and one in rad")
-        remedy = "Connect masses with masses and inertias with inertias."
-        raise invalid(argument, shown, "two coordinates of one unit", remedy)
-    return first, second
-
-
-def _check_coordinate(argument: Key, name: str, dofs: Mapping[str, Dof]) -> None:
-    if name not in dofs:
-        remedy = "Check the spelling or add the dof."
-        raise invalid(argument, name, f"one of {', '.join(dofs)}", remedy)
-
-
 def _input(item: Input, dofs: Mapping[str, Dof]) -> Input:
     argument = ("input", item.name)
-    on = places(argument, item.on)
-    _check_coordinate(argument, on[0], dofs)
-    on = _pair(argument, (*on, GROUND)[:2], dofs)
+    on = _ends(argument, item.on, dofs)
+    if on[0] == GROUND:
+        remedy = "Name the coordinate that it acts on first."
+        raise invalid(argument, on[0], f"one of {', '.join(dofs)}", remedy)
     imposes = item.imposes
     if imposes is not None:
-        imposes = QUANTITIES.get(imposes, imposes)
-        one_of((*argument, "quantity"), imposes, (DISPLACEMENT, VELOCITY, ACCELERATION))
+        imposes = quantity_of(argument, imposes, force=False)
         if on[1] != GROUND:
             raise invalid(argument, on, "one coordinate", "Impose the motion of one coordinate.")
     return Input(item.name, on, imposes, item.gain, item.unit)
 
 
-def _check_imposed_motions(inputs: Sequence[Input], dofs: Mapping[str, Dof]) -> None:
+def _check_imposed_motions(inputs: Sequence[Input]) -> None:
     motions: dict[tuple[str, str], Input] = {}
     for item in inputs:
-        if item.imposes is None:
-            continue
-        if (item.on[0], item.imposes) in motions:
+        if (
+            item.imposes is not None
+            and motions.setdefault((item.on[0], item.imposes), item) is not item
+        ):
             one, key = f"one imposed {item.imposes}", ("input", item.name, "motion_of")
             raise invalid("motion_of", item.on[0], one, "Remove the other input.", key)
-        motions[item.on[0], item.imposes] = item
     for (name, quantity), item in motions.items():
         if (name, DISPLACEMENT) not in motions:
             shown = described(f"{quantity} of {name!r} only")
-            want = "its displacement too"
             remedy = "Add an input for the displacement; velocity and acceleration go with it."
-            raise invalid("motion_of", shown, want, remedy, ("input", item.name, "motion_of"))
-    imposed = imposed_by(inputs)
+            key = ("input", item.name, "motion_of")
+            raise invalid("motion_of", shown, "its displacement too", remedy, key)
     for item in inputs:
-        if item.imposes is None and item.on[0] in imposed:
+        if item.imposes is None and (item.on[0], DISPLACEMENT) in motions:
             shown = described(f"a force on {item.on[0]!r}, whose motion is imposed")
             remedy = "Remove it: it changes nothing."
             raise invalid(("input", item.name), shown, "a force on a free coordinate", remedy)
 
 
 def _output(item: Output, dofs: Mapping[str, Dof], imposed: frozenset[str]) -> Output:
-    argument = ("output", item.name)
-    quantity = QUANTITIES.get(item.quantity, item.quantity)
-    one_of((*argument, "quantity"), quantity, (DISPLACEMENT, VELOCITY, ACCELERATION, FORCE))
-    if item.weights is not None:
-        return _sum(argument, item, quantity, dofs)
-    of = places(argument, item.of)
-    _check_coordinate(argument, of[0] if of[0] != GROUND else of[-1], dofs)
-    of = _pair(argument, (*of, GROUND)[:2], dofs)
-    rotational = dofs[of[0] if of[0] != GROUND else of[1]].rotational
-    if item.quantity in ROTATIONAL_ONLY and not rotational:
+    argument, weights = ("output", item.name), item.weights
+    quantity = quantity_of(argument, item.quantity)
+    if weights is not None:
+        weights = _weights(argument, item, dofs)
+    of = _ends(argument, item.of, dofs) if weights is None else tuple(item.of)
+    turning = {dofs[name].rotational for name in of if name != GROUND}
+    if weights is not None and (quantity == FORCE or (len(turning) > 1 and item.unit is None)):
+        shown, remedy = "a force", "Measure a motion."
+        if quantity != FORCE:
+            shown, remedy = "coordinates in m and in rad", "Give unit = 'm' if the weights convert."
+        want = "a sum of motions of one kind, or with a unit of its own"
+        raise invalid(argument, described(f"a sum of {shown}"), want, remedy)
+    if item.quantity in ROTATIONAL_ONLY and turning != {True}:
         shown = described(f"{item.quantity!r} of {of[0]!r}, which has a mass")
         remedy = f"Write quantity = {quantity!r}, or give the coordinate an inertia."
         raise invalid((*argument, "quantity"), shown, "a quantity of translation", remedy)
@@ -564,35 +528,25 @@ def _output(item: Output, dofs: Mapping[str, Dof], imposed: frozenset[str]) -> O
         shown = described(f"the driving force of {of[0]!r}, whose motion no input imposes")
         remedy = "Write of = ['x', 'ground'] for the force in a connection."
         raise invalid((*argument, "of"), shown, "a pair of ends or an imposed coordinate", remedy)
-    return Output(item.name, of, quantity, item.drive, item.unit)
+    return Output(item.name, of, quantity, item.drive, item.unit, weights)
 
 
-def _sum(argument: Key, item: Output, quantity: str, dofs: Mapping[str, Dof]) -> Output:
-    """Check an output that sees several coordinates."""
-    weights = item.weights
+def _weights(argument: Key, item: Output, dofs: Mapping[str, Dof]) -> tuple[float, ...]:
+    """Return the weights of an output that sees several coordinates, checked."""
+    weights, where = item.weights, (*argument, "weights")
     fits = isinstance(weights, Sequence) and not isinstance(item.of, str)
     if not fits or not weights or len(weights) != len(item.of) or len({*item.of}) != len(item.of):
         want = "one number for each coordinate, each named once"
         remedy = "Write measures = { q1 = 0.8, q2 = -0.3 }."
-        raise invalid((*argument, "weights"), described(f"{weights} for {item.of}"), want, remedy)
+        raise invalid(where, described(f"{weights} for {item.of}"), want, remedy)
     for name in item.of:
-        _check_coordinate(argument, name, dofs)
-    found = tuple(number((*argument, "weights"), weight) for weight in weights)
+        if name not in dofs:
+            remedy = "Check the spelling or add the dof."
+            raise invalid(argument, name, f"one of {', '.join(dofs)}", remedy)
+    found = tuple(number(where, weight) for weight in weights)
     if not any(found):
-        raise invalid((*argument, "weights"), weights, "one that is not 0", "Correct them.")
-    turning = {dofs[name].rotational for name in item.of}
-    if quantity == FORCE or (len(turning) > 1 and item.unit is None):
-        what = "a force" if quantity == FORCE else "coordinates in m and in rad"
-        raise invalid(
-            argument,
-            described(f"a sum of {what}"),
-            "a sum of motions of one kind, or with a unit of its own",
-            "Give unit = 'm' if the weights convert." if quantity != FORCE else "Measure a motion.",
-        )
-    if item.quantity in ROTATIONAL_ONLY and turning != {True}:
-        expected = "a quantity of translation"
-        raise invalid((*argument, "quantity"), item.quantity, expected, f"Write {quantity!r}.")
-    return Output(item.name, tuple(item.of), quantity, False, item.unit, found)
+        raise invalid(where, weights, "one that is not 0", "Correct them.")
+    return found
 
 
 def _check_place(
@@ -613,260 +567,5 @@ def _check_place(
             shown = described(f"an effect that reads {name!r}, which no input imposes")
             remedy = f"Add it with model.with_channel({name!r}, {unit!r})."
             raise invalid(argument, shown, f"a coordinate {name} with an input in {unit}", remedy)
-    turning = {dofs[name].rotational for name in effect.at if name in dofs}
-    if kind.domain == "pair" and len(turning) > 1:
-        remedy = "Do not mix masses and inertias."
-        raise invalid(argument, effect.at, "two coordinates of one unit", remedy)
-
-
-# Mass, damping and stiffness matrices of a mechanical model, and its state space.
-
-NO_INPUT = "no_input"
-
-
-_Four = tuple[Matrix, Matrix, Matrix, Matrix]
-
-
-class ImposedSignal(NamedTuple):
-    """A signal that imposes displacement, velocity or acceleration of a coordinate.
-
-    Attributes
-    ----------
-    name : str
-        Of the signal; a data column, or what the derivative of one is called.
-    coordinate : int
-        Position of the coordinate that is moved.
-    quantity : str
-    gain : float
-    source : str
-        Name of the input that the signal is, or that it is a derivative of.
-    """
-
-    name: str
-    coordinate: int
-    quantity: str
-    gain: float
-    source: str
-
-
-@dataclass(frozen=True, eq=False)
-class MechanicalMatrices:
-    """The linear part of a mechanical model over its n coordinates.
-
-    ::
-
-        M q'' + C q' + K q = B u
-        y = Sq q + Sv q' + Sa q''
-
-    The rows of a force output are in Sq and Sv (and Sa for a driving force). Rows and
-    columns of imposed coordinates are kept: `free` and `imposed` hold the positions.
-
-    Attributes
-    ----------
-    M, C, K : ndarray, shape (n, n)
-        Mass, damping and stiffness matrix.
-    B : ndarray, shape (n, nu)
-        Signals of the force inputs to forces on the coordinates, gains included.
-    Sq, Sv, Sa : ndarray, shape (ny, n)
-        Displacements, velocities and accelerations to outputs.
-    free, imposed : ndarray of int
-        Positions of the free and of the imposed coordinates.
-    coordinates, force_inputs, outputs : tuple of str
-        Names of the rows and columns.
-    imposed_signals : tuple of ImposedSignal
-        The columns that impose a motion, in the order of the state space's inputs after the
-        forces. A derivative that no input gives is that of the displacement's column, and has
-        its gain.
-    """
-
-    M: Matrix
-    C: Matrix
-    K: Matrix
-    B: Matrix
-    Sq: Matrix
-    Sv: Matrix
-    Sa: Matrix
-    free: NDArray[np.intp]
-    imposed: NDArray[np.intp]
-    coordinates: tuple[str, ...]
-    force_inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    imposed_signals: tuple[ImposedSignal, ...]
-
-    @cached_property
-    def inverse_mass(self) -> Matrix:
-        """Accelerations of the free coordinates from forces on them, ``inv(M[free, free])``.
-
-        Fits ask for it again and again; it is read-only.
-        """
-        block = self.M[self.free][:, self.free]
-        masses = np.diag(block)
-        if np.count_nonzero(block) == masses.size:
-            found = np.diag(1 / masses)  # as exact as the masses
-        else:
-            size = np.sqrt(masses)
-            found = np.linalg.inv(block / np.outer(size, size)) / np.outer(size, size)
-        found.flags.writeable = False
-        return found
-
-    @property
-    def signals(self) -> tuple[str, ...]:
-        """Names of the state space's inputs: forces, then imposed motions."""
-        return (*self.force_inputs, *(signal.name for signal in self.imposed_signals))
-
-    @property
-    def sources(self) -> tuple[str, ...]:
-        """Name of the input behind each signal: a derivative belongs to its displacement."""
-        return (*self.force_inputs, *(signal.source for signal in self.imposed_signals))
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        """Names of the states: free displacements, then their velocities."""
-        names = [self.coordinates[i] for i in self.free]
-        return (*names, *(f"{name}_dot" for name in names))
-
-    @cached_property
-    def motion_map(self) -> _Four:
-        """Lq, Lv, and Rq, Rv: the linear motions from states and signals, read-only.
-
-        ``q = Lq s + Rq w`` and ``q' = Lv s + Rv w`` with the states s and the signals w.
-        """
-        n, nf, nw = len(self.coordinates), len(self.free), len(self.signals)
-        Lq, Lv = np.zeros((n, 2 * nf)), np.zeros((n, 2 * nf))
-        Lq[self.free, np.arange(nf)] = 1
-        Lv[self.free, nf + np.arange(nf)] = 1
-        Rq, Rv = np.zeros((n, nw)), np.zeros((n, nw))
-        for part, quantity in ((Rq, DISPLACEMENT), (Rv, VELOCITY)):
-            for column, row, gain in self._imposed_columns(quantity):
-                part[row, column] = gain
-        for part in (Lq, Lv, Rq, Rv):
-            part.flags.writeable = False
-        return Lq, Lv, Rq, Rv
-
-    def first_order(self) -> _Four:
-        """Return A, B, C, D of the first-order form, from `signals` to `outputs`."""
-        A, B, C, D = (part.copy() for part in self._first_order)
-        return A, B, C, D
-
-    @cached_property
-    def _first_order(self) -> _Four:
-        Lq, Lv, Rq, Rv = self.motion_map
-        n, nf, nw = len(self.coordinates), len(self.free), len(self.signals)
-        force = np.hstack([self.B, np.zeros((n, nw - self.B.shape[1]))])
-        inverse_mass = self.inverse_mass
-        acceleration_s, acceleration_w = np.zeros((n, 2 * nf)), np.zeros((n, nw))
-        for column, row, gain in self._imposed_columns(ACCELERATION):
-            acceleration_w[row, column] = gain
-        imposed = self.M[self.free][:, self.imposed] @ acceleration_w[self.imposed]
-        pushed = (force - self.K @ Rq - self.C @ Rv)[self.free] - imposed
-        acceleration_s[self.free] = -inverse_mass @ (self.K @ Lq + self.C @ Lv)[self.free]
-        acceleration_w[self.free] = inverse_mass @ pushed
-        return (
-            np.vstack([Lv[self.free], acceleration_s[self.free]]),
-            np.vstack([np.zeros((nf, nw)), acceleration_w[self.free]]),
-            self.Sq @ Lq + self.Sv @ Lv + self.Sa @ acceleration_s,
-            self.Sq @ Rq + self.Sv @ Rv + self.Sa @ acceleration_w,
-        )
-
-    def state_space(self) -> control.StateSpace:
-        """Return the system from the signals to the outputs.
-
-        python-control knows no system with states and outputs but without inputs; a model that
-        decays freely gets an input ``"no_input"`` that does nothing.
-        """
-        A, B, C, D = self.first_order()
-        signals = self.signals
-        if not signals:
-            B, D, signals = np.zeros((len(A), 1)), np.zeros((len(C), 1)), (NO_INPUT,)
-        return named_system((A, B, C, D), 0, signals, self.outputs, self.states)
-
-    def _imposed_columns(self, quantity: str) -> list[tuple[int, int, float]]:
-        """Column of the signals, coordinate and gain of each imposed motion of one quantity."""
-        first = len(self.force_inputs)
-        return [
-            (first + i, signal.coordinate, signal.gain)
-            for i, signal in enumerate(self.imposed_signals)
-            if signal.quantity == quantity
-        ]
-
-
-def incidence(names: Sequence[str], pair: Sequence[str]) -> Matrix:
-    """Return the row that gives the relative displacement of a pair from all coordinates."""
-    row = np.zeros(len(names))
-    for name, sign in zip(pair, (1.0, -1.0), strict=False):
-        if name in names:
-            row[names.index(name)] += sign
-    return row
-
-
-def assemble(
-    dofs: Sequence[Dof],
-    springs: Sequence[Spring],
-    dampers: Sequence[Damper],
-    inputs: Sequence[Input],
-    outputs: Sequence[Output],
-    coupled_inertias: Sequence[CoupledInertia] = (),
-) -> MechanicalMatrices:
-    """Build the matrices of checked parts, without effects."""
-    names = tuple(dof.name for dof in dofs)
-    n = len(names)
-    M = mass_matrix(dofs, coupled_inertias)
-    K, C = np.zeros((n, n)), np.zeros((n, n))
-    for spring in springs:
-        row = incidence(names, spring.between)
-        K += spring.stiffness * np.outer(row, row)
-    for damper in dampers:
-        row = incidence(names, damper.between)
-        C += damper.damping * np.outer(row, row)
-    forces = [item for item in inputs if item.imposes is None]
-    B = np.array([item.gain * incidence(names, item.on) for item in forces]).reshape(-1, n).T
-    Sq, Sv, Sa = (np.zeros((len(outputs), n)) for _ in range(3))
-    for i, item in enumerate(outputs):
-        row = incidence(names, item.of) if item.weights is None else np.zeros(n)
-        for name, weight in zip(item.of, item.weights or (), strict=False):
-            row[names.index(name)] = weight
-        if item.quantity == DISPLACEMENT:
-            Sq[i] = row
-        elif item.quantity == VELOCITY:
-            Sv[i] = row
-        elif item.quantity == ACCELERATION:
-            Sa[i] = row
-        elif item.drive:
-            k = names.index(item.of[0])
-            Sq[i], Sv[i], Sa[i] = K[k], C[k], M[k]
-        else:
-            ends = set(item.of)
-            Sq[i] = row * sum(s.stiffness for s in springs if set(s.between) == ends)
-            Sv[i] = row * sum(d.damping for d in dampers if set(d.between) == ends)
-    moved = imposed_by(inputs)
-    imposed = np.array([i for i, name in enumerate(names) if name in moved], dtype=np.intp)
-    free = np.array([i for i, name in enumerate(names) if name not in moved], dtype=np.intp)
-    return MechanicalMatrices(
-        M=M, C=C, K=K, B=B, Sq=Sq, Sv=Sv, Sa=Sa, free=free, imposed=imposed,
-        coordinates=names,
-        force_inputs=tuple(item.name for item in forces),
-        outputs=tuple(item.name for item in outputs),
-        imposed_signals=tuple(
-            _imposed_signals(inputs, names, imposed.tolist(), np.vstack([Sa, M[free]]))
-        ),
-    )  # fmt: skip
-
-
-def _imposed_signals(
-    inputs: Sequence[Input], names: Sequence[str], imposed: Sequence[int], used: Matrix
-) -> list[ImposedSignal]:
-    taken = {item.name for item in inputs}
-    signals = []
-    for i in imposed:
-        given = {item.imposes: item for item in inputs if item.imposes and item.on[0] == names[i]}
-        base = given[DISPLACEMENT]
-        wanted = [(DISPLACEMENT, base.name), (VELOCITY, f"{base.name}_dot")]
-        if used[:, i].any():  # by an output, or by what an inertia couples to it
-            wanted.append((ACCELERATION, f"{base.name}_ddot"))
-        for quantity, label in wanted:
-            item = given.get(quantity, base)
-            label = item.name if quantity in given else label
-            while quantity not in given and label in taken:
-                label += "_"  # another input has this name already
-            signals.append(ImposedSignal(label, i, quantity, item.gain, item.name))
-    return signals
+    if kind.domain == "pair":
+        _ends(argument, effect.at, dofs)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import re
 import tomllib
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from robustpolish.base.atomic_writes import write_file
-from robustpolish.base.checks import Key, described, instance_of, invalid, known_keys, one_of
+from robustpolish.base.checks import Key, described, instance_of, invalid, known_keys
 from robustpolish.base.input_files import FileSpec, check_tree
 from robustpolish.base.input_files import text as read_text
 from robustpolish.base.versions import __version__
@@ -25,10 +26,10 @@ from robustpolish.machines.mechanical.parts import (
     CONNECTIONS,
     DISPLACEMENT,
     FORCE,
-    QUANTITIES,
     Dof,
     Input,
     Output,
+    quantity_of,
 )
 
 # Where in a TOML text a key stands, so that a message can say so.
@@ -36,7 +37,9 @@ from robustpolish.machines.mechanical.parts import (
 # `tomllib` gives values without positions. The keys of our errors, such as
 # ``("spring", 1, "stiffness")`` or ``("input", "F_x", "gain")``, are enough to find the line.
 
-_HEADER = re.compile(r"^\s*\[(?P<list>\[)?\s*(?P<name>[^\]]+?)\s*\]")
+_KEY = r"""\"[^\"]*\"|'[^']*'|[^\s.\"'\[\]=#{}]+"""
+_LINE = re.compile(rf"\s*(\[\[?)?(\s*(?:{_KEY})(?:\s*\.\s*(?:{_KEY}))*)\s*[\]=]\s*({_KEY})?")
+"""A header or the line of a key: the brackets, the dotted key, and the first word of the value."""
 
 
 def line_of(text: str, key: Key) -> int | None:
@@ -60,67 +63,29 @@ def line_of(text: str, key: Key) -> int | None:
     >>> line_of("[dof.x]\nmass = -1", ("dof", "x", "mass"))
     2
     """
-    if not key:
-        return None
-    lines = text.splitlines()
-    block, inside = _block(lines, key)
-    if block is None:
-        outermost = [part for part in key[:2] if isinstance(part, str)][-1]
-        return _mention(lines, 0, len(lines), rf"(\[\[?\s*)?{_quoted(outermost)}\s*[\]=.]")
-    first, last = block
-    for part in reversed(inside):
-        line = _mention(lines, first, last, rf"{_quoted(part)}\s*[=.]")
-        if line is not None:
-            return line
-    return first
-
-
-def _quoted(part: str | int) -> str:
-    return rf"[\"']?{re.escape(str(part))}[\"']?"
-
-
-def _mention(lines: list[str], first: int, last: int, pattern: str) -> int | None:
-    """Return the first of the lines after `first` that begins like this, counted from 1."""
-    begins = re.compile(rf"^\s*{pattern}")
-    return next((i + 1 for i in range(first, last) if begins.match(lines[i])), None)
-
-
-def _block(lines: list[str], key: Key) -> tuple[tuple[int, int] | None, Key]:
-    """Return the line of a table's header, from 1, and that where the next table begins.
-
-    And what is left of the key inside the table.
-    """
-    headers = [
-        (i, _bare(found["name"]))
-        for i, line in enumerate(lines, 1)
-        if (found := _HEADER.match(line))
-    ]
-    ends = [i - 1 for i, _ in headers[1:]] + [len(lines)]
-    blocks = [(i, end, name) for (i, name), end in zip(headers, ends, strict=False)]
-    if len(key) < 2:
-        return None, ()
-    table, entry = key[:2]
-    for length in range(len(key), 1, -1):  # a table in tables, such as [dof.x]
-        dotted = _bare(".".join(map(str, key[:length])))
-        for first, last, name in blocks:
-            if name == dotted:
-                return (first, last), key[length:]
-    same = [block for block in blocks if block[2] == table]
-    if isinstance(entry, int):
-        chosen = same[entry : entry + 1]
-    else:
-        named = rf"name\s*=\s*{_quoted(entry)}\s*(#|$)"
-        found = [b for b in same if _mention(lines, b[0], b[1], named)]
-        chosen = found[-1:]  # of two with one name the later one is too many
-        if not found and any(
-            _mention(lines, b[0], b[1], rf"{_quoted(entry)}\s*[=.]") for b in same
-        ):
-            return (same[0][0], same[0][1]), key[1:]
-    return ((chosen[0][0], chosen[0][1]) if chosen else None), key[2:]
-
-
-def _bare(name: str) -> str:
-    return re.sub(r"[\"' ]", "", name)
+    lines: dict[Key, int] = {}
+    entries: Counter[str] = Counter()
+    named: dict[Key, Key] = {}
+    table: Key = ()
+    for i, line in enumerate(text.splitlines(), 1):
+        if (found := _LINE.match(line)) is None:
+            continue
+        brackets, dotted, value = found.groups()
+        parts: Key = tuple(part.strip("\"'") for part in re.findall(_KEY, dotted))
+        if brackets:
+            entries[parts[0]] += brackets == "[["
+            number = entries[parts[0]] - 1
+            table = parts if number < 0 else (parts[0], number, *parts[1:])
+        elif parts == ("name",) and value:  # of two with one name the later one is too many
+            named[*table[:1], value.strip("\"'")] = table
+        here = table if brackets else (*table, *parts)
+        for length in range(1, len(here) + 1):
+            lines.setdefault(here[:length], i)
+    way = (*named.get(key[:2], key[:2]), *key[2:])
+    for length in range(len(way), 0, -1):
+        if way[:length] in lines:
+            return lines[way[:length]]
+    return next((i for path, i in lines.items() if key and key[0] in path), None)
 
 
 Table = Mapping[str, Any]
@@ -242,12 +207,12 @@ def _dof(name: str, item: Any) -> Dof:
     if len(item) != 1:
         shown = described(" and ".join(item) or "neither")
         raise invalid(where, shown, "either mass or inertia", "Give one of them.")
-    rotational = "inertia" in item
-    return Dof(name, item["inertia" if rotational else "mass"], rotational)
+    [(key, inertia)] = item.items()
+    return Dof(name, inertia, key == "inertia")
 
 
 def _connection(where: Key, item: Table) -> Any:
-    kind, number = CONNECTIONS[str(where[0])]
+    kind, number, _ = CONNECTIONS[str(where[0])]
     known_keys(where, item, ("between", number), ("between", number))
     return kind(item["between"], item[number])
 
@@ -259,52 +224,37 @@ def _input(where: Key, item: Table, dofs: list[Dof]) -> Input:
     if len(given) != 1:
         shown = described(" and ".join(given) or "none of them")
         raise invalid(where, shown, "one of force_on, torque_on and motion_of", "Give one of them.")
-    key = given[0]
+    key, place, imposes = given[0], item[given[0]], None
     if key == "motion_of":
         imposes = item.get("quantity", DISPLACEMENT)
-        motions = [quantity for quantity, kind in QUANTITIES.items() if kind != FORCE]
-        one_of((*where, "quantity"), imposes, motions)
-    else:
-        imposes = None
-        if "quantity" in item:
-            want = f"no quantity with {key}"
-            raise invalid((*where, "quantity"), item["quantity"], want, "Remove it.")
-        _force_fits((*where, key), key, item[key], dofs)
-    return Input(item["name"], item[key], imposes, item.get("gain", 1.0), item.get("unit"))
-
-
-def _force_fits(where: Key, key: str, place: Any, dofs: list[Dof]) -> None:
-    """Refuse a force on an inertia and a torque on a mass."""
+    elif "quantity" in item:
+        want = f"no quantity with {key}"
+        raise invalid((*where, "quantity"), item["quantity"], want, "Remove it.")
     name = place[0] if isinstance(place, list) and place else place
     for dof in dofs:
-        if dof.name == name and dof.rotational != (key == "torque_on"):
+        if imposes is None and dof.name == name and dof.rotational != (key == "torque_on"):
             wanted = "torque_on" if dof.rotational else "force_on"
             has = "an inertia in kg m^2" if dof.rotational else "a mass in kg"
-            shown = described(f"{key} = {name!r}, which has {has}")
-            raise invalid(where, shown, f"{wanted} there: units must match", f"Write {wanted}.")
+            shown, want = described(f"{key} = {name!r}, which has {has}"), f"{wanted} there"
+            raise invalid((*where, key), shown, f"{want}: units must match", f"Write {wanted}.")
+    return Input(item["name"], place, imposes, item.get("gain", 1.0), item.get("unit"))
 
 
 def _output(where: Key, item: Table) -> Output:
-    known_keys(
-        where, item, ("name", "measures", "quantity", "relative_to", "of", "unit"), ("name",)
-    )
-    quantity = item.get("quantity", DISPLACEMENT)
-    one_of((*where, "quantity"), quantity, tuple(QUANTITIES))
-    unit = item.get("unit")
-    if QUANTITIES[quantity] == FORCE:
-        known_keys(where, item, ("name", "quantity", "of", "unit"), ("of",))
+    quantity, measures = item.get("quantity", DISPLACEMENT), item.get("measures")
+    force = quantity_of(where, quantity) == FORCE
+    keys = ("of",) if force else ("measures",)
+    more = () if force or isinstance(measures, dict) else ("relative_to",)
+    known_keys(where, item, ("name", *keys, "quantity", *more, "unit"), ("name", *keys))
+    name, unit = item["name"], item.get("unit")
+    if force:
         of = item["of"]
         remedy = "Write of = 'F', or of = ['x', 'ground']."
         instance_of((*where, "of"), of, (str, list), "the name of an input, or two places", remedy)
-        return Output(item["name"], of, quantity, isinstance(of, str) or len(of) == 1, unit)
-    known_keys(where, item, ("name", "measures", "quantity", "relative_to", "unit"), ("measures",))
-    measures = item["measures"]
+        return Output(name, of, quantity, isinstance(of, str) or len(of) == 1, unit)
     if isinstance(measures, dict):
-        known_keys(where, item, ("name", "measures", "quantity", "unit"))
-        weights = tuple(measures.values())
-        return Output(item["name"], tuple(measures), quantity, unit=unit, weights=weights)
-    of = (measures, item.get("relative_to", GROUND))
-    return Output(item["name"], of, quantity, unit=unit)
+        return Output(name, tuple(measures), quantity, unit=unit, weights=tuple(measures.values()))
+    return Output(name, (measures, item.get("relative_to", GROUND)), quantity, unit=unit)
 
 
 def _effect(where: Key, item: Table) -> Effect:
@@ -314,25 +264,19 @@ def _effect(where: Key, item: Table) -> Effect:
     at = item["at"]
     if not isinstance(at, str | list) or not at:
         raise invalid((*where, "at"), at, "a list of names", "Write at = ['x', 'ground'].")
+    if not formula and not isinstance(item["kind"], str):
+        raise invalid((*where, "kind"), item["kind"], "a name", "Write it as text.")
     place = (at,) if isinstance(at, str) else tuple(at)
     numbers = item.get("parameters", {})
     try:
         if formula:
             kind = own_kind({key: item[key] for key in OWN_KEYS if key in item})
             return Effect.of(kind, place, numbers)
-    except InvalidInputError as error:
-        raise _at(where, error, error.key if error.key[0] in OWN_KEYS else error.key[1:]) from None
-    if not isinstance(item["kind"], str):
-        raise invalid((*where, "kind"), item["kind"], "a name", "Write it as text.")
-    try:
         return Effect(item["kind"], place, numbers)
-    except InvalidInputError as error:
-        raise _at(where, error, error.key[1:]) from None
-
-
-def _at(where: Key, error: InvalidInputError, key: Key) -> InvalidInputError:
-    """Return an error of an effect with its place in the file."""
-    return InvalidInputError(f"effect[{where[1]}]: {error}", (*where, *key))
+    except InvalidInputError as error:  # says where in the file; its key began with the kind
+        inside = error.key if formula and error.key[0] in OWN_KEYS else error.key[1:]
+        message = f"effect[{where[1]}]: {error}"
+        raise InvalidInputError(message, (*where, *inside)) from None
 
 
 def write_model(model: MechanicalData, path: str | Path | None = None) -> str:
@@ -343,12 +287,9 @@ def write_model(model: MechanicalData, path: str | Path | None = None) -> str:
     if model.spin_frequency is not None:
         lines.append(f"spin_frequency = {_value(model.spin_frequency)}  # Hz")
     for dof in model.dofs:
-        lines += [
-            "",
-            f"[dof.{_key(dof.name)}]",
-            f"{dof.key[-1]} = {_value(dof.mass)}  # {dof.unit}",
-        ]
-    for what, (_, name) in CONNECTIONS.items():
+        lines += ["", f"[dof.{_key(dof.name)}]"]
+        lines.append(f"{dof.key[-1]} = {_value(dof.mass)}  # {dof.unit}")
+    for what, (_, name, _) in CONNECTIONS.items():
         for part in getattr(model, f"{what}s"):
             lines += _entry(what, {"between": part.between, name: getattr(part, name)})
     for source in model.inputs:
@@ -367,34 +308,28 @@ def write_model(model: MechanicalData, path: str | Path | None = None) -> str:
 
 
 def _input_table(model: MechanicalData, item: Input) -> dict[str, Any]:
-    if item.imposes:
-        table: dict[str, Any] = {"name": item.name, "motion_of": item.on[0]}
-        if item.imposes != DISPLACEMENT:
-            table["quantity"] = item.imposes
-    else:
-        key = "torque_on" if model.dof(item.on[0]).rotational else "force_on"
-        table = {"name": item.name, key: item.on[0] if item.on[1] == GROUND else item.on}
-    if item.gain != 1:
-        table["gain"] = item.gain
-    if item.unit is not None:
-        table["unit"] = item.unit
-    return table
+    force = "torque_on" if model.is_rotational(item.on) else "force_on"
+    table = {
+        "name": item.name,
+        "motion_of" if item.imposes else force: item.on[0] if item.on[1] == GROUND else item.on,
+        "quantity": item.imposes,
+        "gain": item.gain,
+        "unit": item.unit,
+    }
+    left_out = {"quantity": DISPLACEMENT, "gain": 1.0}
+    return {k: v for k, v in table.items() if v is not None and v != left_out.get(k)}
 
 
 def _output_table(item: Output) -> dict[str, Any]:
+    table: dict[str, Any] = {"name": item.name}
     if item.quantity == FORCE:
-        of: Any = item.of[0] if item.drive else item.of
-        table: dict[str, Any] = {"name": item.name, "quantity": item.quantity, "of": of}
-    elif item.weights is not None:
-        measures = dict(zip(item.of, item.weights, strict=True))
-        table = {"name": item.name, "measures": measures, "quantity": item.quantity}
+        table |= {"quantity": FORCE, "of": item.of[0] if item.drive else item.of}
     else:
-        table = {"name": item.name, "measures": item.of[0], "quantity": item.quantity}
-        if item.of[1] != GROUND:
+        weighted = item.weights and dict(zip(item.of, item.weights, strict=True))
+        table |= {"measures": weighted or item.of[0], "quantity": item.quantity}
+        if not weighted and item.of[1] != GROUND:
             table["relative_to"] = item.of[1]
-    if item.unit is not None:
-        table["unit"] = item.unit
-    return table
+    return table | ({} if item.unit is None else {"unit": item.unit})
 
 
 def _entry(name: str, table: Mapping[str, Any]) -> list[str]:

@@ -37,11 +37,11 @@ from robustpolish.base.checks import described, instance_of, invalid, is_whole, 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 
-def shapes(share: float, length: float, phi: float) -> tuple[Vector, Vector]:
-    """Return how deflection and slope at a point follow from those of the ends.
+def motion(share: float, length: float, phi: float) -> tuple[Vector, Vector]:
+    """Return how deflection and slope at a point follow from the coordinates, the inner ones last.
 
-    They satisfy the static beam equations exactly, so that loads at the ends deflect the element
-    as the theory says, however long it is.
+    Those of the ends satisfy the static beam equations exactly, so that loads at the ends deflect
+    the element as the theory says, however long it is.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def shapes(share: float, length: float, phi: float) -> tuple[Vector, Vector]:
 
     Returns
     -------
-    deflection, slope : ndarray, shape (4,)
+    deflection, slope : ndarray, shape (4,), or (6,) with shear
         The slope is that of the cross-section; shear makes the axis steeper.
 
     References
@@ -64,47 +64,21 @@ def shapes(share: float, length: float, phi: float) -> tuple[Vector, Vector]:
 
     Examples
     --------
-    >>> deflection, slope = shapes(0.5, 0.3, 0.0)
+    >>> deflection, slope = motion(0.5, 0.3, 0.0)
     >>> deflection.round(4).tolist(), slope.round(4).tolist()
     ([0.5, 0.0375, 0.5, -0.0375], [-5.0, -0.25, 5.0, -0.25])
     """
     x, left = share, 1.0 - share
-    deflection = np.array(
-        [
-            1 + phi - phi * x - 3 * x**2 + 2 * x**3,
-            length * x * left * (left + phi / 2),
-            phi * x + 3 * x**2 - 2 * x**3,
-            -length * x * left * (x + phi / 2),
-        ]
-    )
-    slope = np.array(
-        [
-            -6 * x * left / length,
-            left * (1 + phi - 3 * x),
-            6 * x * left / length,
-            x * (3 * x - 2 + phi),
-        ]
-    )
-    return deflection / (1 + phi), slope / (1 + phi)
-
-
-def motion(share: float, length: float, phi: float) -> tuple[Vector, Vector]:
-    """Return how deflection and slope follow from all coordinates, the inner ones last.
-
-    Parameters
-    ----------
-    share, length, phi : float
-        As of :func:`shapes`.
-
-    Returns
-    -------
-    deflection, slope : ndarray, shape (4,), or (6,) with shear
-    """
-    deflection, slope = shapes(share, length, phi)
+    first, second = 1 + phi - phi * x - 3 * x**2 + 2 * x**3, phi * x + 3 * x**2 - 2 * x**3
+    tilt = length * x * left
+    deflection = [first, tilt * (left + phi / 2), second, -tilt * (x + phi / 2)]
+    steep = 6 * x * left / length
+    slope = [-steep, left * (1 + phi - 3 * x), steep, x * (3 * x - 2 + phi)]
+    ends = np.array(deflection) / (1 + phi), np.array(slope) / (1 + phi)
     if phi == 0:
-        return deflection, slope
-    inner = 4 * share * (1.0 - share)
-    return np.append(deflection, [inner, 0.0]), np.append(slope, [0.0, inner])
+        return ends
+    inner = 4 * share * left
+    return np.append(ends[0], [inner, 0.0]), np.append(ends[1], [0.0, inner])
 
 
 def stiffness(length: float, bending: float, phi: float) -> Matrix:
@@ -209,18 +183,17 @@ class ShaftSegment:
     elements: int = 10
 
     def __post_init__(self) -> None:
-        units = {"length": "m", "diameter": "m", "young_modulus": "N/m^2", "shear_modulus": "N/m^2"}
-        _checked(self, units, {"bore": "m", "density": "kg/m^3"})
+        _checked(self, False, length="m", diameter="m", young_modulus="N/m^2",
+                 shear_modulus="N/m^2")  # fmt: skip
+        _checked(self, True, bore="m", density="kg/m^3")
         if self.bore >= self.diameter:
             raise invalid("bore", self.bore, "less than the diameter", "Give the inner diameter.")
         if not 0 <= self.poisson_ratio <= 0.5:
             ratio = described(f"a Poisson's ratio of {self.poisson_ratio:.3g}")
             remedy = "Check both moduli: E = 2 (1 + nu) G."
             raise invalid("shear_modulus", ratio, "one between 0 and 0.5", remedy)
-        if not is_whole(self.elements):
-            raise invalid("elements", self.elements, "a whole number", "Take 10.")
-        if self.elements < 1:
-            raise invalid("elements", self.elements, "at least 1", "Take 10.")
+        if not is_whole(self.elements) or self.elements < 1:
+            raise invalid("elements", self.elements, "a whole number of at least 1", "Take 10.")
 
     @property
     def area(self) -> float:
@@ -306,7 +279,8 @@ class RotorDisc:
 
     def __post_init__(self) -> None:
         _place(self)
-        _checked(self, {"mass": "kg"}, {"diametral_inertia": "kg m^2", "polar_inertia": "kg m^2"})
+        _checked(self, False, mass="kg")
+        _checked(self, True, diametral_inertia="kg m^2", polar_inertia="kg m^2")
         if self.polar_inertia > 2 * self.diametral_inertia * (1 + 1e-12):
             want = f"at most twice the diametral inertia, {2 * self.diametral_inertia:.4g} kg m^2"
             raise invalid("polar_inertia", self.polar_inertia, want, "Check which is which.")
@@ -393,10 +367,9 @@ class RotorBearing:
         for name in ("stiffness", "damping"):
             if not (name == "stiffness" and self.pinned):
                 _in_the_plane(name, getattr(self, name))
-        zero = {"tilting_damping": "N m s/rad"}
+        _checked(self, True, tilting_damping="N m s/rad")
         if not self.upright:
-            zero["tilting_stiffness"] = "N m/rad"
-        _checked(self, {}, zero)
+            _checked(self, True, tilting_stiffness="N m/rad")
 
     @property
     def pinned(self) -> bool:
@@ -443,12 +416,10 @@ def _place(part: RotorDisc | RotorBearing) -> None:
     object.__setattr__(part, "position", float(part.position))
 
 
-def _checked(part: Any, above: dict[str, str], at_least: dict[str, str]) -> None:
+def _checked(part: Any, zero: bool, **units: str) -> None:
     """Set fields to finite floats above zero, or at least zero."""
-    for names, zero in ((above, False), (at_least, True)):
-        for name, unit in names.items():
-            number = positive(name, getattr(part, name), unit, zero=zero)
-            object.__setattr__(part, name, number)
+    for name, unit in units.items():
+        object.__setattr__(part, name, positive(name, getattr(part, name), unit, zero=zero))
 
 
 # Equations of motion with gyroscopic terms, their normal modes, and their state matrix.
@@ -637,34 +608,29 @@ class Mesh:
                 owners.extend([segment] * count)
         return cls(np.array(nodes), tuple(owners), shear)
 
-    def phi(self, element: int) -> float:
-        """Shear parameter of an element."""
-        if not self.shear:
-            return 0.0
-        length = float(self.nodes[element + 1] - self.nodes[element])
-        return self.segments[element].shear_parameter(length)
-
     @property
     def size(self) -> int:
         """Coordinates of one plane."""
         return 2 * len(self.nodes) + (2 * len(self.segments) if self.shear else 0)
 
-    def of_element(self, element: int) -> NDArray[np.intp]:
-        """Return which coordinates of one plane an element has."""
-        ends = 2 * element + np.arange(4)
-        inner = 2 * (len(self.nodes) + element) + np.arange(2)
-        return np.concatenate([ends, inner]) if self.shear else ends
+    def element(self, i: int) -> tuple[float, float, NDArray[np.intp]]:
+        """Return length and shear parameter of an element, and its coordinates in one plane."""
+        length, ends = float(self.nodes[i + 1] - self.nodes[i]), 2 * i + np.arange(4)
+        if not self.shear:
+            return length, 0.0, ends
+        inner = 2 * (len(self.nodes) + i) + np.arange(2)
+        return length, self.segments[i].shear_parameter(length), np.concatenate([ends, inner])
 
     def motion_at(self, place: float) -> tuple[Vector, Vector]:
         """Return rows that give deflection and slope at a place from one plane's coordinates."""
-        last = len(self.nodes) - 1
         deflection, slope = np.zeros(self.size), np.zeros(self.size)
         within = float(np.clip(place, 0.0, self.nodes[-1]))
-        i = int(np.clip(np.searchsorted(self.nodes, within, side="right") - 1, 0, last - 1))
-        length = float(self.nodes[i + 1] - self.nodes[i])
-        share = (within - float(self.nodes[i])) / length
-        here = self.of_element(i)
-        deflection[here], slope[here] = motion(share, length, self.phi(i))
+        behind = np.searchsorted(self.nodes, within, side="right")
+        i = int(np.clip(behind - 1, 0, len(self.segments) - 1))
+        length, phi, here = self.element(i)
+        deflection[here], slope[here] = motion(
+            (within - float(self.nodes[i])) / length, length, phi
+        )
         return deflection + (place - within) * slope, slope
 
 
@@ -714,8 +680,7 @@ def assembled(
     size = mesh.size
     mass, momentum, shaft = (np.zeros((size, size)) for _ in range(3))
     for i, segment in enumerate(mesh.segments):
-        length, phi = float(mesh.nodes[i + 1] - mesh.nodes[i]), mesh.phi(i)
-        at = mesh.of_element(i)
+        length, phi, at = mesh.element(i)
         here = at[:, None], at
         turning = segment.density * segment.area_moment
         mass[here] += inertia(length, segment.density * segment.area, turning, phi)

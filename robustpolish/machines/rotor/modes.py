@@ -365,22 +365,15 @@ def track_modes(
     values, vectors, _ = eigen_whirl(system, slow)
     count = min(count, len(values))
     shapes, at = vectors[:, :count], slow
-    eigenvalues = np.empty((len(speeds), count), dtype=complex)
-    whirl = np.empty((len(speeds), count))
-    for i, speed in enumerate(speeds.tolist()):
+    eigenvalues, whirl = [], []
+    for speed in speeds.tolist():
         values, vectors, chosen = _continued_modes(system, shapes, at, speed, 0)
         if speed >= slow:
             shapes, at = vectors[:, chosen], speed
-        eigenvalues[i] = values[chosen]
-        whirl[i] = [mode.whirl for mode in _modes(values, vectors, system, rows, chosen)]
-    return eigenvalues, whirl
-
-
-def _modes(
-    values: AnyVector, vectors: AnyMatrix, system: SecondOrder, rows: Matrix, chosen: AnyArray
-) -> list[WhirlMode]:
-    found = whirl_modes(values, vectors, system, rows)
-    return [found[k] for k in chosen]
+        eigenvalues.append(values[chosen])
+        found = whirl_modes(values, vectors, system, rows)
+        whirl.append([found[k].whirl for k in chosen])
+    return np.array(eigenvalues), np.array(whirl)
 
 
 def _continued_modes(

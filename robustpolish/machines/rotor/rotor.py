@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from operator import attrgetter
 from typing import Any, Literal
 
 import numpy as np
@@ -71,49 +72,6 @@ def mode_names(system: SecondOrder) -> list[str]:
     """Return names of the states: displacement and rate of each normal coordinate."""
     count = len(system.state_scale)
     return [f"{prefix}mode{k + 1}" for prefix in ("", "d") for k in range(count)]
-
-
-def rotor_plant(
-    system: SecondOrder, speed: float, rows: Mapping[str, Mapping[str, Matrix]]
-) -> GeneralizedPlant:
-    """Return the plant of a rotor.
-
-    Parameters
-    ----------
-    system : SecondOrder
-    speed : float
-    rows : mapping of str to mapping of str to ndarray, shape (2, n)
-        Of "loads", "actuators", "performance" and "sensors": x and y at each named place.
-
-    Returns
-    -------
-    GeneralizedPlant
-    """
-    prefixes = {"loads": "F_", "actuators": "u_", "performance": "", "sensors": "measured_"}
-    names = {
-        role: [f"{prefixes[role]}{name}_{axis}" for name in places for axis in AXES]
-        for role, places in rows.items()
-    }
-    stacked = {role: np.vstack(list(places.values())) for role, places in rows.items()}
-    forces = np.vstack([stacked["loads"], stacked["actuators"]])
-    seen = np.vstack([stacked["performance"], stacked["sensors"]])
-    A, B, C = state_space(system, speed, forces, seen)
-    nw, nz = len(stacked["loads"]), len(stacked["performance"])
-    units = {name: "N" for role in ("loads", "actuators") for name in names[role]}
-    units |= {name: "m" for role in ("performance", "sensors") for name in names[role]}
-    return GeneralizedPlant.from_matrices(
-        A,
-        B[:, :nw],
-        B[:, nw:],
-        C[:nz],
-        C[nz:],
-        states=mode_names(system),
-        disturbances=names["loads"],
-        controls=names["actuators"],
-        performance=names["performance"],
-        measurements=names["sensors"],
-        units=units,
-    )
 
 
 def named_places(argument: str, given: Mapping[str, float]) -> dict[str, float]:
@@ -189,42 +147,33 @@ def reduction_basis(
     Craig and Bampton (1968), Coupling of substructures for dynamic analyses, AIAA Journal 6,
     1313-1319; Rubin (1975), AIAA Journal 13, 995-1006, for modes with static deflections.
     """
-    each = modes * 2 // len(system.planes)
+    each, whirling = modes * 2 // len(system.planes), np.zeros((len(system.mass), 0))
+    if speed:  # motions in and out of phase of the lowest undamped whirl modes
+        none, K = np.zeros_like(system.mass), (system.stiffness + system.stiffness.T) / 2
+        undamped = replace(system, damping=none, circulatory=none, stiffness=K)
+        vectors = eigen_whirl(undamped, speed)[1][: len(system.state_scale), : 2 * modes]
+        motions = (system.normal_modes[1] / system.state_scale) @ vectors
+        whirling = np.hstack([motions.real, motions.imag])
     bases: list[Matrix] = []
-    whirling = _whirl_shapes(system, 2 * modes, speed) if speed else np.zeros((len(system.mass), 0))
     for part in system.parts:
         own = ports[:, part][np.abs(ports[:, part]).max(axis=1) > 0]
-        size = part.stop - part.start
         plane = system.projected(np.eye(len(system.mass))[:, part])
+        size = len(plane.mass)
         if method == "craig_bampton":
             held = null_space(own) if len(own) else np.eye(size)
             dynamic = held @ plane.projected(held).normal_modes[1][:, :each]
-        elif speed:
-            dynamic = whirling[part]
         else:
-            dynamic = plane.normal_modes[1][:, :each]
-        static = np.zeros((size, 0)) if method == "modal" else _deflections(plane, own)
+            dynamic = whirling[part] if speed else plane.normal_modes[1][:, :each]
+        if method != "modal" and plane.normal_modes[0].min(initial=np.inf) == 0:
+            shown = described("deflections under steady forces")
+            remedy = "Add a bearing, or write method='modal'."
+            raise invalid("method", shown, "'modal' for a rotor that nothing holds", remedy)
+        static = np.zeros((size, 0))
+        if method != "modal":
+            static = np.linalg.solve(plane.stiffness, own.T)
         kept = _independent(plane.mass, dynamic, np.zeros((size, 0)), _SAME_SHAPE)
         bases.append(_independent(plane.mass, static, kept, _NEW))
     return tuple(bases)
-
-
-def _whirl_shapes(system: SecondOrder, count: int, speed: float) -> Matrix:
-    """Return the motions, in and out of phase, of the lowest undamped whirl modes at a speed."""
-    none, K = np.zeros_like(system.mass), (system.stiffness + system.stiffness.T) / 2
-    undamped = replace(system, damping=none, circulatory=none, stiffness=K)
-    vectors = eigen_whirl(undamped, speed)[1][: len(system.state_scale), :count]
-    motions = (system.normal_modes[1] / system.state_scale) @ vectors
-    return np.hstack([motions.real, motions.imag])
-
-
-def _deflections(plane: SecondOrder, ports: Matrix) -> Matrix:
-    if plane.normal_modes[0].min(initial=np.inf) == 0:
-        shown = described("deflections under steady forces")
-        remedy = "Add a bearing, or write method='modal'."
-        raise invalid("method", shown, "'modal' for a rotor that nothing holds", remedy)
-    found: Any = np.linalg.solve(plane.stiffness, ports.T)
-    return found
 
 
 def _independent(mass: Matrix, motions: Matrix, before: Matrix, least: float) -> Matrix:
@@ -396,16 +345,29 @@ class ReducedRotor(Displayed):
         ('F_brush_x', 'F_brush_y')
         """
         given = {
-            "loads": loads,
-            "actuators": actuators,
-            "performance": loads if performance is None else performance,
-            "sensors": actuators if sensors is None else sensors,
+            "loads": ("F_", loads),
+            "actuators": ("u_", actuators),
+            "performance": ("", loads if performance is None else performance),
+            "sensors": ("measured_", actuators if sensors is None else sensors),
         }
-        rows = {
-            role: {name: self.rows(at) for name, at in named_places(role, places).items()}
-            for role, places in given.items()
-        }
-        return rotor_plant(self.system, self.speed if speed is None else speed, rows)
+        names: dict[str, list[str]] = {}
+        rows: dict[str, Matrix] = {}
+        for role, (prefix, places) in given.items():
+            found = named_places(role, places)
+            names[role] = [f"{prefix}{name}_{axis}" for name in found for axis in AXES]
+            rows[role] = np.vstack([self.rows(place) for place in found.values()])
+        forces = np.vstack([rows["loads"], rows["actuators"]])
+        seen = np.vstack([rows["performance"], rows["sensors"]])
+        speed = self.speed if speed is None else speed
+        A, B, C = state_space(self.system, speed, forces, seen)
+        nw, nz = len(names["loads"]), len(names["performance"])
+        units = dict.fromkeys(names["loads"] + names["actuators"], "N")
+        units |= dict.fromkeys(names["performance"] + names["sensors"], "m")
+        return GeneralizedPlant.from_matrices(
+            A, B[:, :nw], B[:, nw:], C[:nz], C[nz:], states=mode_names(self.system),
+            disturbances=names["loads"], controls=names["actuators"],
+            performance=names["performance"], measurements=names["sensors"], units=units,
+        )  # fmt: skip
 
     def error(self, speed: float | None = None, band_hz: float | None = None) -> ReductionError:
         """Compare with the whole rotor between the ports.
@@ -433,12 +395,12 @@ class ReducedRotor(Displayed):
         >>> few.error(speed=314.0).response < 0.1, few.error().response < 1e-6
         (True, True)
         """
+        speed = self.speed if speed is None else speed
         band, share, response, lost = self._compared(speed, band_hz)
         shares = lost / response
         worst = int(shares.argmax())
-        whole, own = self.assembly.system, self.system
-        speed = self.speed if speed is None else speed
-        found, known = (np.imag(eigen_whirl(system, speed)[0]) for system in (own, whole))
+        systems = self.system, self.assembly.system
+        found, known = (np.imag(eigen_whirl(system, speed)[0]) for system in systems)
         count = min(int((known <= 2 * math.pi * band * (1 + 1e-9)).sum()), len(found))
         gaps = np.abs(found[:count] / known[:count] - 1)
         return ReductionError(
@@ -451,11 +413,10 @@ class ReducedRotor(Displayed):
         )
 
     def _compared(
-        self, speed: float | None, band_hz: float | None
+        self, speed: float, band_hz: float | None
     ) -> tuple[float, Vector, Vector, Vector]:
         """Return the band in Hz, shares of it, and gains there of the rotor and of what is lost."""
         band = self.band_hz if band_hz is None else positive("band_hz", band_hz, "Hz")
-        speed = self.speed if speed is None else speed
         share = np.r_[0.0, np.geomspace(10.0**-_DECADES, 1, _GRID)]
         s = 2 * math.pi * band * share * (1j + _DAMPED)
         rows = self.assembly.ports(self.ports)
@@ -485,7 +446,7 @@ class ReducedRotor(Displayed):
         >>> rp.polishing.spindle_rotor().reduced(2, [0.025]).plot().get_xlabel()
         'frequency'
         """
-        band, share, *gains = self._compared(None, band_hz)
+        band, share, *gains = self._compared(self.speed, band_hz)
         frequency = {"frequency": band * share[1:]}
         names = ("the whole rotor, 1 % damping added", "what is lost")
         curves = {
@@ -568,32 +529,27 @@ class RotorModel(Displayed):
     ('u_left_x', 'u_left_y', 'u_right_x', 'u_right_y')
     """
 
-    shaft: tuple[ShaftSegment, ...]
-    discs: tuple[RotorDisc, ...] = ()
-    bearings: tuple[RotorBearing, ...] = ()
+    shaft: Sequence[ShaftSegment]
+    discs: Sequence[RotorDisc] = ()
+    bearings: Sequence[RotorBearing] = ()
     theory: Theory = "timoshenko"
     internal_damping: float = 0.0
 
-    def __init__(
-        self,
-        shaft: Sequence[ShaftSegment],
-        discs: Sequence[RotorDisc] = (),
-        bearings: Sequence[RotorBearing] = (),
-        theory: Theory = "timoshenko",
-        internal_damping: float = 0.0,
-    ) -> None:
-        parts = (("shaft", shaft, ShaftSegment), ("discs", discs, RotorDisc))
-        for name, given, kind in (*parts, ("bearings", bearings, RotorBearing)):
-            remedy = f"Write [{kind.__name__}(...)]."
+    def __post_init__(self) -> None:
+        for name, kind in (
+            ("shaft", ShaftSegment),
+            ("discs", RotorDisc),
+            ("bearings", RotorBearing),
+        ):
+            given, remedy = getattr(self, name), f"Write [{kind.__name__}(...)]."
             instance_of(name, given, Sequence, f"a list of {kind.__name__}", remedy)
             for i, part in enumerate(given):
                 instance_of((name, i), part, kind, f"a {kind.__name__}", remedy)
             object.__setattr__(self, name, tuple(given))
-        if not shaft:
-            raise invalid("shaft", shaft, "at least one segment", "Write [ShaftSegment(...)].")
-        one_of("theory", theory, ("timoshenko", "euler"))
-        object.__setattr__(self, "theory", theory)
-        beta = positive("internal_damping", internal_damping, "s", zero=True)
+        if not self.shaft:
+            raise invalid("shaft", self.shaft, "at least one segment", "Write [ShaftSegment(...)].")
+        one_of("theory", self.theory, ("timoshenko", "euler"))
+        beta = positive("internal_damping", self.internal_damping, "s", zero=True)
         object.__setattr__(self, "internal_damping", beta)
 
     @property
@@ -815,25 +771,22 @@ class RotorModel(Displayed):
         )
 
     def _card(self) -> Card:
-        shaft = tuple((part.length, part.diameter, part.bore, part.elements) for part in self.shaft)
-        discs = tuple(
-            (part.position, part.mass, part.diametral_inertia, part.polar_inertia)
-            for part in self.discs
-        )
-        bearings = tuple(
-            (part.position, part.stiffness, part.damping, part.tilting_stiffness)
-            for part in self.bearings
-        )
-        tables = [
-            Table("", ("shaft [m]", "diameter [m]", "bore [m]", "elements"), shaft),
-            Table("", ("disc at [m]", "mass [kg]", "diametral [kg m^2]", "polar [kg m^2]"), discs),
-            Table("", ("bearing at [m]", "[N/m]", "[N s/m]", "tilting [N m/rad]"), bearings),
-        ]
+        inertias = ("mass", "diametral_inertia", "polar_inertia")
+        listed = (
+            (self.shaft, ("shaft [m]", "diameter [m]", "bore [m]", "elements"),
+             attrgetter("length", "diameter", "bore", "elements")),
+            (self.discs, ("disc at [m]", "mass [kg]", "diametral [kg m^2]", "polar [kg m^2]"),
+             attrgetter("position", *inertias)),
+            (self.bearings, ("bearing at [m]", "[N/m]", "[N s/m]", "tilting [N m/rad]"),
+             attrgetter("position", "stiffness", "damping", "tilting_stiffness")),
+        )  # fmt: skip
+        tables = [Table("", head, tuple(map(row, parts))) for parts, head, row in listed if parts]
         lowest = self.modes(count=1)
         first = lowest[0].frequency_hz if len(lowest) else math.nan
-        tables.append(quantities(("lowest frequency at rest [Hz]", first)))
-        kept = tuple(table for table in tables if table.rows)
-        return Card(f"Rotor ({self.theory})", kept)
+        return Card(
+            f"Rotor ({self.theory})",
+            (*tables, quantities(("lowest frequency at rest [Hz]", first))),
+        )
 
 
 def _speed(name: str, value: float) -> float:
@@ -844,52 +797,3 @@ def _speed(name: str, value: float) -> float:
     if not math.isfinite(speed):
         raise invalid(name, value, "a finite speed in rad/s", "Multiply rev/min by pi/30.")
     return speed
-
-
-# Rotors whose natural frequencies are printed in a book.
-#
-# Friswell, Penny, Garvey, Lees (2010), Dynamics of rotating machines, Cambridge: examples 5.9.1,
-# 5.9.2, 5.9.5 and 5.9.9, in the digits in which ross (petrobras/ross, ross/tests/test_examples.py)
-# holds its own results to them.
-
-FAST = 4000 * math.pi / 30
-"""4000 rev/min in rad/s."""
-SHAFT = [ShaftSegment(1.5, 0.05, elements=6)]
-LEFT = RotorDisc.cylinder(0.5, diameter=0.28, width=0.07, bore=0.05)
-RIGHT = RotorDisc.cylinder(1.0, diameter=0.35, width=0.07, bore=0.05)
-
-
-def _on_two_bearings(stiffness: float | tuple[float, float], damping: float = 0.0) -> RotorModel:
-    ends = [RotorBearing(at, stiffness, damping) for at in (0.0, 1.5)]
-    return RotorModel(SHAFT, [LEFT, RIGHT], ends)
-
-
-ISOTROPIC = _on_two_bearings(1e6)
-ANISOTROPIC = _on_two_bearings((1e6, 8e5))
-DAMPED = _on_two_bearings(1e6, 3e3)
-OVERHUNG = RotorModel(
-    SHAFT,
-    [RotorDisc.cylinder(1.5, diameter=0.35, width=0.07, bore=0.05)],
-    [RotorBearing(0.0, 1e7), RotorBearing(1.0, 1e7)],
-)
-
-IN_RAD: dict[str, tuple[RotorModel, float, list[float]]] = {
-    "5.9.1 at rest": (ISOTROPIC, 0.0, [86.66, 86.66, 274.31, 274.31, 716.78, 716.78]),
-    "5.9.1": (ISOTROPIC, FAST, [85.39, 87.80, 251.78, 294.71, 600.18, 827.08]),
-    "5.9.2 at rest": (ANISOTROPIC, 0.0, [82.65, 86.66, 254.52, 274.31, 679.49, 716.79]),
-    "5.9.2": (ANISOTROPIC, FAST, [82.33, 86.86, 239.64, 287.25, 583.49, 806.89]),
-    "5.9.9 at rest": (OVERHUNG, 0.0, [90.14, 90.14, 630.73, 630.73, 830.43, 830.43]),
-    "5.9.9": (OVERHUNG, FAST, [76.19, 103.91, 565.99, 634.23, 647.75, 1174.2]),
-}
-"""Undamped natural frequencies in rad/s."""
-DAMPED_HZ: dict[float, tuple[list[float], list[float]]] = {
-    0.0: (
-        [13.91, 13.91, 48.18, 48.18, 137.06, 137.06],
-        [13.89, 13.89, 46.54, 46.54, 103.22, 103.22],
-    ),
-    FAST: (
-        [13.70, 14.09, 43.61, 52.18, 122.37, 149.81],
-        [13.68, 14.07, 41.98, 50.65, 104.25, 105.66],
-    ),
-}
-"""Of 5.9.5: natural frequencies (magnitudes) and those of the oscillations, in Hz."""

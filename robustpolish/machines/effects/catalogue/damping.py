@@ -231,10 +231,4 @@ _BOUC_WEN_HYSTERESIS = EffectKind(
 )
 
 
-KINDS = (
-    _QUADRATIC_DAMPING,
-    _STRUCTURAL_DAMPING,
-    _DISPLACEMENT_DEPENDENT_DAMPING,
-    _MAXWELL_ELEMENT,
-    _BOUC_WEN_HYSTERESIS,
-)
+KINDS = tuple(kind for kind in globals().copy().values() if isinstance(kind, EffectKind))

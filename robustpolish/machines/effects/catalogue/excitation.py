@@ -168,19 +168,16 @@ def _cross_stiffness_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
 
 
 def _cross_stiffness_shapes(motion: Motion) -> list[Shape]:
-    none = np.zeros_like(motion.q[0])
-    columns = np.array([[-motion.q[1], none], [none, -motion.q[0]]])
-    skew = np.array([[-motion.q[1], motion.q[0]]])
-    tilted = np.array([[-motion.q[1], -motion.q[0]]])
+    x, y, none = -motion.q[0], -motion.q[1], np.zeros_like(motion.q[0])
+
+    def values(c: Array, mixed: float) -> Values:
+        return {"stiffness_xy": float(c[0]), "stiffness_yx": float(mixed)}
+
     return [
-        Shape(skew, lambda c: _cross_stiffness_values(c[0], -c[0]), (0,)),
-        Shape(tilted, lambda c: _cross_stiffness_values(c[0], c[0]), (0,)),
-        Shape(columns, lambda c: _cross_stiffness_values(c[0], c[1]), (0, 0)),
+        Shape(np.array([[y, -x]]), lambda c: values(c, -c[0]), (0,)),
+        Shape(np.array([[y, x]]), lambda c: values(c, c[0]), (0,)),
+        Shape(np.array([[y, none], [none, x]]), lambda c: values(c, c[1]), (0, 0)),
     ]
-
-
-def _cross_stiffness_values(xy: float, yx: float) -> Values:
-    return {"stiffness_xy": float(xy), "stiffness_yx": float(yx)}
 
 
 def _cross_stiffness_gains(values: Values, q: float, v: float) -> Steepness:
@@ -254,24 +251,18 @@ def _resonator_at(motion: Motion, frequency: float) -> Shape:
     """Return the pull of a mass, and its derivative, which moves frequency and damping."""
     column = force_with(_ATTACHED_RESONATOR, _resonator_values(1.0, frequency), motion)
     turned = np.gradient(column[0], motion.time[1] - motion.time[0])[None] / (2 * np.pi * frequency)
-
-    def values(c: Array) -> Values:
-        return _resonator_values(float(c[0]), frequency)
-
-    return Shape(np.stack([column, turned]), values, (1, 0), _resonator_near)
+    return Shape(
+        np.stack([column, turned]),
+        lambda c: _resonator_values(float(c[0]), frequency),
+        (1, 0),
+        lambda c: bool(abs(c[1]) <= abs(c[0])),
+    )
 
 
 def _resonator_values(mass: float, frequency: float) -> Values:
     omega = 2 * np.pi * frequency
-    return {
-        "mass": mass,
-        "stiffness": mass * omega**2,
-        "damping": 2 * _RESONATOR_DAMPING * omega * mass,
-    }
-
-
-def _resonator_near(c: Array) -> bool:
-    return bool(abs(c[1]) <= abs(c[0]))
+    damping = 2 * _RESONATOR_DAMPING * omega * mass
+    return {"mass": mass, "stiffness": mass * omega**2, "damping": damping}
 
 
 def _resonator_gains(values: Values, q: float, v: float) -> Steepness:
@@ -308,12 +299,4 @@ _ATTACHED_RESONATOR = EffectKind(
 )
 
 
-KINDS = (
-    _CONSTANT_FORCE,
-    _HARMONIC_FORCE,
-    _UNBALANCE,
-    _PARAMETRIC_STIFFNESS,
-    _GYROSCOPIC_COUPLING,
-    _CROSS_STIFFNESS,
-    _ATTACHED_RESONATOR,
-)
+KINDS = tuple(kind for kind in globals().copy().values() if isinstance(kind, EffectKind))

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from robustpolish.machines.effects.kind import EffectKind, Parameter, Scan, Steepness, Values
+
+_dry_friction = partial(EffectKind, domain="pair", family="dry friction", sharp=True)
 
 # Dry friction of constant size against the sliding velocity.
 
@@ -19,10 +23,9 @@ def _coulomb_gains(values: Values, q: float, v: float) -> Steepness:
     return 0.0, values["force"] / values["width"] if values["width"] > 0 else 0.0, 0.0
 
 
-_COULOMB_FRICTION = EffectKind(
+_COULOMB_FRICTION = _dry_friction(
     kind="coulomb_friction",
     title="Coulomb friction",
-    domain="pair",
     parameters=(
         Parameter("force", "F", "sliding friction force", lower=0.0),
         Parameter("asymmetry", "F", "half the difference between the directions", fitted=False),
@@ -32,8 +35,6 @@ _COULOMB_FRICTION = EffectKind(
     linear_in=("force",),
     scan=(Scan("width", "speed", (0.02,), kept=False),),
     gains=_coulomb_gains,
-    family="dry friction",
-    sharp=True,
     turns_over="width",
     context=("mobility",),
     looks_like="A square wave with the sign of the velocity; relatively larger at small "
@@ -93,10 +94,9 @@ def _stribeck_gains(values: Values, q: float, v: float) -> Steepness:
     return 0.0, max(slope, more / max(values["velocity"], 1e-300)), 0.0
 
 
-_STRIBECK_FRICTION = EffectKind(
+_STRIBECK_FRICTION = _dry_friction(
     kind="stribeck_friction",
     title="Stribeck friction",
-    domain="pair",
     parameters=(
         Parameter("force", "F", "sliding friction force at high speed", lower=0.0),
         _STATIC_FORCE,
@@ -112,8 +112,6 @@ _STRIBECK_FRICTION = EffectKind(
     gains=_stribeck_gains,
     implausible=_implausible,
     context=("mobility",),
-    family="dry friction",
-    sharp=True,
     turns_over="width",
     looks_like="A square wave with the sign of the velocity and peaks at reversals.",
     checks=(
@@ -171,10 +169,9 @@ def _elastic_coulomb_state_sizes(values: Values, q: float, v: float) -> tuple[fl
     return (max(values["force"] / max(values["stiffness"], 1e-300), 1e-6 * q),)
 
 
-_ELASTIC_COULOMB_FRICTION = EffectKind(
+_ELASTIC_COULOMB_FRICTION = _dry_friction(
     kind="elastic_coulomb_friction",
     title="Elastic Coulomb friction (Jenkins element)",
-    domain="pair",
     parameters=(
         Parameter("force", "F", "force at which it slips", lower=0.0),
         Parameter("stiffness", "F/L", "stiffness while it sticks", lower=0.0),
@@ -187,8 +184,6 @@ _ELASTIC_COULOMB_FRICTION = EffectKind(
     state_sizes=_elastic_coulomb_state_sizes,
     states=1,
     context=("clearance", "step"),
-    family="dry friction",
-    sharp=True,
     looks_like="Parallelogram loops of residual force over displacement; stiff after each "
     "reversal, then constant. A force without memory cannot follow it.",
     checks=(
@@ -221,10 +216,9 @@ def _dahl_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
             f[0] = -min(max(force, -size), size)
 
 
-_DAHL_FRICTION = EffectKind(
+_DAHL_FRICTION = _dry_friction(
     kind="dahl_friction",
     title="Dahl friction",
-    domain="pair",
     parameters=(
         Parameter("force", "F", "sliding friction force", lower=0.0),
         Parameter("stiffness", "F/L", "stiffness after a reversal", lower=0.0),
@@ -237,8 +231,6 @@ _DAHL_FRICTION = EffectKind(
     state_sizes=_sliding_state_sizes,
     states=1,
     context=("clearance", "step"),
-    family="dry friction",
-    sharp=True,
     looks_like="Like Coulomb friction, with rounded corners after each reversal: over some way, "
     "however slowly it is gone.",
     checks=(
@@ -266,10 +258,9 @@ def _lugre_gains(values: Values, q: float, v: float) -> Steepness:
     return stiffness, abs(values["damping"]), rate
 
 
-_LUGRE_FRICTION = EffectKind(
+_LUGRE_FRICTION = _dry_friction(
     kind="lugre_friction",
     title="LuGre friction",
-    domain="pair",
     parameters=(
         Parameter("force", "F", "sliding friction force at high speed", lower=0.0),
         _STATIC_FORCE,
@@ -289,8 +280,6 @@ _LUGRE_FRICTION = EffectKind(
     implausible=_implausible,
     states=1,
     context=("step",),
-    family="dry friction",
-    sharp=True,
     looks_like="Like Stribeck friction, with rounded loops after each reversal.",
     checks=(
         "Lubricated guides and preloaded bearings; micrometre motion before it breaks away.",
@@ -303,10 +292,4 @@ _LUGRE_FRICTION = EffectKind(
 )
 
 
-KINDS = (
-    _COULOMB_FRICTION,
-    _STRIBECK_FRICTION,
-    _ELASTIC_COULOMB_FRICTION,
-    _DAHL_FRICTION,
-    _LUGRE_FRICTION,
-)
+KINDS = tuple(kind for kind in globals().copy().values() if isinstance(kind, EffectKind))

@@ -276,11 +276,10 @@ _SENSOR_OFFSET = EffectKind(
 
 
 def _sensor_gain_shapes(motion: Motion) -> list[Shape]:
-    return [Shape(motion.q[None], _sensor_gain_values, (0,))]
+    def values(c: Array) -> Values:
+        return {"gain": 1.0 / (1.0 - float(np.clip(c[0], -0.9, 0.9)))}
 
-
-def _sensor_gain_values(c: Array) -> Values:
-    return {"gain": 1.0 / (1.0 - float(np.clip(c[0], -0.9, 0.9)))}
+    return [Shape(motion.q[None], values, (0,))]
 
 
 _SENSOR_GAIN = EffectKind(
@@ -296,13 +295,4 @@ _SENSOR_GAIN = EffectKind(
 )
 
 
-KINDS = (
-    _INPUT_DELAY,
-    _INPUT_LAG,
-    _INPUT_GAIN,
-    _INPUT_HOLD,
-    _INPUT_SATURATION,
-    _INPUT_DEAD_ZONE,
-    _SENSOR_OFFSET,
-    _SENSOR_GAIN,
-)
+KINDS = tuple(kind for kind in globals().copy().values() if isinstance(kind, EffectKind))

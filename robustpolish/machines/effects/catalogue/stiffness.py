@@ -151,4 +151,4 @@ _PENDULUM_GRAVITY = EffectKind(
 )
 
 
-KINDS = (_CUBIC_STIFFNESS, _QUADRATIC_STIFFNESS, _BACKLASH, _CONTACT_STOP, _PENDULUM_GRAVITY)
+KINDS = tuple(kind for kind in globals().copy().values() if isinstance(kind, EffectKind))
