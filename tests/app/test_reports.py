@@ -49,13 +49,10 @@ def page():
     return render_html(Report("Design", "Certified & checked.", True, (section,)), "1.2.3")
 
 
-def test_it_needs_no_network(page):
+def test_it_needs_no_network_and_its_content_is_escaped(page):
     links = re.findall(r"(?:src|href)=\"(?!#|data:)([^\"]+)\"", page)
     assert links == []
     assert "url(http" not in page
-
-
-def test_content_is_there_and_escaped(page):
     assert "Certified &amp; checked." in page
     assert "a &lt;b&gt;" in page
     assert "<b>" not in page
@@ -111,6 +108,7 @@ def test_the_files_hold_the_gain_and_the_signals(job, tmp_path):
         np.testing.assert_array_equal(saved["y"], job.comparison.responses["with control"]["y"])
 
 
+@pytest.mark.slow
 def test_margins_and_the_delay_of_the_ideal_stand_side_by_side(buildable_job):
     section = buildability_section(buildable_job)
     words = " ".join(section.text)
@@ -128,6 +126,7 @@ def test_margins_and_the_delay_of_the_ideal_stand_side_by_side(buildable_job):
     assert costs.rows == hardware_limits_table(buildable_job).rows
 
 
+@pytest.mark.slow
 def test_what_reality_costs_is_told_relative_to_what_is_built(buildable_job):
     table = hardware_limits_table(buildable_job)
     rows = {row[0]: row for row in table.rows}
@@ -143,6 +142,7 @@ def test_what_reality_costs_is_told_relative_to_what_is_built(buildable_job):
     assert "ten times the sampling" in words
 
 
+@pytest.mark.slow
 def test_what_could_go_wrong_names_the_numbers_at_which_it_breaks(buildable_job):
     section = assumptions_section(buildable_job)
     points = " ".join(section.points)
@@ -157,6 +157,7 @@ def test_what_could_go_wrong_names_the_numbers_at_which_it_breaks(buildable_job)
     assert all(row[1] for row in table.rows)
 
 
+@pytest.mark.slow
 def test_z_is_explained(buildable_job):
     section = z_deviation_section(buildable_job)
     words = " ".join(section.text)
@@ -168,6 +169,7 @@ def test_z_is_explained(buildable_job):
     assert len(section.pictures) == 1
 
 
+@pytest.mark.slow
 def test_the_summary_is_what_programs_read_can_it_be_built(buildable_job):
     found = json.loads(to_json(buildable_summary(buildable_job)))
     assert found["good"] is True
@@ -179,6 +181,7 @@ def test_the_summary_is_what_programs_read_can_it_be_built(buildable_job):
     assert found["hardware"]["sample_rate_hz"] == 20e3
 
 
+@pytest.mark.slow
 def test_the_whole_report_and_its_files(buildable_job, tmp_path):
     report = brush_design_report(buildable_job)
     assert [section.title for section in report.sections] == [

@@ -28,9 +28,15 @@ from robustpolish.polishing.thesis.listing import ListingDefects, brush_slope, l
 # Coulomb's cone: its angle, what it holds, where sliding pushes.
 
 
-def test_the_angle_of_friction():
+def test_the_angle_of_friction_and_bad_arguments():
     assert FrictionCone(0.25 * np.sqrt(2)).angle == pytest.approx(atan(0.3535534))
     assert FrictionCone(0.0).angle == 0.0
+    with pytest.raises(InvalidInputError, match=r"FrictionCone\.friction"):
+        FrictionCone(-0.1)
+    with pytest.raises(InvalidInputError, match="slip"):
+        FrictionCone(0.1).sliding(1.0, [0, 0, 2.0], [0, 0, 1])
+    with pytest.raises(InvalidInputError, match="normal"):
+        FrictionCone(0.1).holds([0, 0, 1], [0, 0, 0])
 
 
 def test_it_holds_what_pushes_within_the_angle_whatever_the_frame():
@@ -51,31 +57,16 @@ def test_sliding_lies_on_the_edge_and_takes_power():
     assert force @ (slip - (slip @ unit) * unit) < 0.0
 
 
-def test_bad_arguments_are_named():
-    with pytest.raises(InvalidInputError, match=r"FrictionCone\.friction"):
-        FrictionCone(-0.1)
-    with pytest.raises(InvalidInputError, match="slip"):
-        FrictionCone(0.1).sliding(1.0, [0, 0, 2.0], [0, 0, 1])
-    with pytest.raises(InvalidInputError, match="normal"):
-        FrictionCone(0.1).holds([0, 0, 1], [0, 0, 0])
-
-
 # The thesis's estimates of one blow.
 
 
-def test_durations_and_depths_of_the_thesis():
+def test_durations_depths_and_the_mass_at_the_rim():
     for run in (1, 2, 3, 4):
         brush = BrushParameters.for_run(run)
         assert quarter_period(brush.mass, brush.contact_stiffness) == brush.impact_duration
     stored = 0.5 * 1e8 * impact_depth(0.2, 1e8, 0.7) ** 2
     assert stored == pytest.approx(0.5 * 0.2 * 0.7**2)
-
-
-def test_the_mass_at_the_rim():
     assert rim_mass(BrushParameters()) == pytest.approx(6.6667e-6 / 1.25e-4, rel=1e-4)
-
-
-def test_bad_numbers_are_named():
     with pytest.raises(InvalidInputError, match="mass"):
         quarter_period(0.0, 1e4)
     with pytest.raises(InvalidInputError, match="stiffness"):
@@ -202,25 +193,25 @@ def test_bad_landings_are_named():
 # The laws side by side: peaks and impulses.
 
 
-def test_laws_differ_in_peaks_and_hardly_in_impulses():
-    table = rp.polishing.compare_contact_laws(
-        rp.polishing.BrushParameters.for_run(3), duration=0.012
-    ).table
-    peak, window = table["peak"], table["window_impulse"]
+@pytest.fixture(scope="module")
+def tables():
+    brush = rp.polishing.BrushParameters.for_run
+    return {
+        run: rp.polishing.compare_contact_laws(brush(run), duration=0.012).table for run in (2, 3)
+    }
+
+
+def test_laws_differ_in_peaks_and_hardly_in_impulses(tables):
+    peak, window = tables[3]["peak"], tables[3]["window_impulse"]
     assert float(peak.max() / peak.min()) > 1.5
     assert float(window.max() / window.min()) < 1.1
 
 
-def test_peaks_grow_with_stiffness_but_impulses_do_not():
-    tables = [
-        rp.polishing.compare_contact_laws(
-            rp.polishing.BrushParameters.for_run(run), duration=0.012
-        ).table
-        for run in (2, 3)
-    ]
-    law = "Hunt-Crossley"
-    peaks, windows = ([float(t[key].sel(law=law)) for t in tables]
-                      for key in ("peak", "window_impulse"))  # fmt: skip
+def test_peaks_grow_with_stiffness_but_impulses_do_not(tables):
+    peaks, windows = (
+        [float(table[key].sel(law="Hunt-Crossley")) for table in tables.values()]
+        for key in ("peak", "window_impulse")
+    )
     assert peaks[1] > 5 * peaks[0]
     assert windows[1] == pytest.approx(windows[0], rel=0.02)
 
@@ -283,9 +274,10 @@ def test_a_small_roll_touches_neither_side():
 def test_the_moment_is_that_of_the_listing():
     """D.1 lines 123 to 126 at rest: both read (7.8) to (7.10), and the listing adds no impulse."""
     brush = BrushParameters.as_published()
-    constants = listing_constants(brush, ListingDefects())
+    constants, _ = listing_constants(brush, ListingDefects())
     state, slope = np.array([0.0, 0.0, 0.5 * pi, 0.0]), np.empty(4)
-    flags = ListingDefects.none(but=("feed_friction", "pulling_surface")).as_flags()
+    made = ListingDefects.none(but=("feed_friction", "pulling_surface"))
+    _, flags = listing_constants(brush, made)
     speed = np.array([brush.feed, brush.rotation_radius * brush.rotation_rate])
     along = speed / np.hypot(*speed)
     bend = np.array(brush.surface.curvatures)
@@ -296,7 +288,7 @@ def test_the_moment_is_that_of_the_listing():
     xi = [atan(along @ (bend * (start + sign * reach * along))) for sign in (1, -1)]
     brush_slope(0.0, state, constants, flags, slope)
     found = resultant_forces(brush, ahead=abs(xi[0]), behind=abs(xi[1]), unilateral=False)
-    assert slope[1] * constants[9] == pytest.approx(found.moment_x, rel=1e-9)
+    assert slope[1] * constants.tilt_inertia == pytest.approx(found.moment_x, rel=1e-9)
 
 
 def test_no_surface_pulls():
@@ -318,12 +310,9 @@ def test_forces_grow_without_bounds_towards_level_ground():
         resultant_forces(ahead=0.1, behind=-0.1)
 
 
-def test_rolling_angle():
+def test_rolling_angle_and_bad_angles():
     assert rolling_angle(0.2, 0.0) == 0.0
     assert sin(rolling_angle(0.3, 0.7)) == pytest.approx(sin(0.3) * sin(0.7))
-
-
-def test_bad_angles_are_named():
     with pytest.raises(InvalidInputError, match="behind"):
         resultant_forces(ahead=0.1, behind=90.0)
     with pytest.raises(InvalidInputError, match="share"):
@@ -338,25 +327,20 @@ def study():
     return rp.polishing.force_study()
 
 
-def test_the_interpolation_of_d2_is_worth_a_factor_of_the_spacing(study):
+def test_what_changes_the_force_and_what_does_not(study):
     """States weighted 1/S too much: 1e5 for 1e-5 s, as the errors of reading find."""
-    factor = float(study.table["factor"].sel(row="as D.2 applies it"))
-    assert factor == pytest.approx(1e5, rel=0.3)
-
-
-def test_the_duration_is_in_the_force(study):
-    """Force m v / t_m: a tenth and a hundredth of it at 10 and 100 times the duration."""
-    for times in (10, 100):
-        factor = float(study.table["factor"].sel(row=f"t_m {times} times as long"))
-        assert factor == pytest.approx(1 / times, rel=0.1)
-
-
-def test_geometry_and_friction_are_not_to_blame(study):
+    factor = study.table["factor"]
+    assert float(factor.sel(row="as D.2 applies it")) == pytest.approx(1e5, rel=0.3)
+    for times in (10, 100):  # force m v / t_m
+        row = f"t_m {times} times as long"
+        assert float(factor.sel(row=row)) == pytest.approx(1 / times, rel=0.1)
     answer = study.answer()
     assert max(answer["geometry"], answer["friction"]) < 3
     assert answer["duration"] > 50
     assert answer["code"] > 1e5
     assert next(iter(answer)) == "code"
+    assert "times the base" in repr(study)
+    assert study.plot().get_xscale() == "log"
 
 
 def test_base_row_is_the_listing(study):
@@ -370,11 +354,6 @@ def test_well_posed_contact_stays_near_the_polishing_force(study):
         row = study.table.sel(row=f"physical, {start}")
         assert float(row["peak"]) < 1.5 * 10.0
         assert float(row["impulse"]) < 1.0
-
-
-def test_it_shows_itself(study):
-    assert "times the base" in repr(study)
-    assert study.plot().get_xscale() == "log"
 
 
 def test_unknown_suspects_are_named():

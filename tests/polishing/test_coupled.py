@@ -110,20 +110,15 @@ def test_impulses_and_momentum_of_the_machine(guided):
 # Coupled runs: the rigid limit, complaints, and what the check says.
 
 
-def test_passes_agree_and_are_counted():
-    guided = guided_brush(rp.simulate_brush(run=1, duration=0.02))
-    _, states, check = run_coupled(guided, springs(), tolerance=1e-3, max_passes=4)
-    assert (check.converged, check.passes) == (True, 2)
+def test_passes_agree_and_are_counted(guided):
+    good = springs()
+    _, states, check = run_coupled(guided, good, tolerance=1e-3, max_passes=4)
+    assert (check["converged"], check["passes"]) == (1, 2)
     assert states.shape == (401, 6)
     with pytest.warns(RobustPolishWarning, match="passes differ"):
-        run_coupled(guided, springs(), tolerance=1e-14, max_passes=2)
-
-
-def test_an_unstable_machine_is_told():
-    guided = guided_brush(rp.simulate_brush(run=1, duration=0.02))
-    good = springs()
+        run_coupled(guided, good, tolerance=1e-14, max_passes=2)
     A = good.A.copy()
-    A[1::2, 1::2] = 2e5 * np.eye(3)
+    A[1::2, 1::2] = 2e5 * np.eye(3)  # unstable
     with pytest.raises(SolverError, match="swing up"):
         run_coupled(guided, LinearMachine(A, good.B, good.g, good.C), tolerance=1e-3, max_passes=2)
 
@@ -163,8 +158,12 @@ def complex_load(rest, nodes, change):
 
 
 @pytest.mark.parametrize("run", [1, 2, 3, 4])
-def test_derivatives_are_those_of_the_law(run):
+def test_rest_carries_the_polishing_force_and_derivatives_are_those_of_the_law(run):
     rest = brush_at_rest(rp.polishing.BrushParameters.for_run(run), 0.016, 0.0)
+    assert rest.load[2] == pytest.approx(10.0, rel=1e-9)
+    assert np.abs(rest.load[3:]).max() < 1e-8 * 10.0 * 0.01
+    again = BrushAtRest.at(rest.parameters, rest.place, rest.axis)
+    np.testing.assert_allclose(again.load, rest.load)
     nodes = rim_nodes(near_rest._FINER * near_rest.rim_points(rest.parameters))
     np.testing.assert_allclose(
         complex_load(rest, nodes, np.zeros(10, complex)).real, rest.load, atol=1e-9
@@ -175,13 +174,6 @@ def test_derivatives_are_those_of_the_law(run):
     )
     size = np.abs(exact).max(axis=1, keepdims=True)
     np.testing.assert_allclose(rest.jacobian / size, exact / size, atol=2e-3)
-
-
-def test_rest_carries_the_polishing_force_without_a_moment():
-    for run in (1, 3):
-        rest = brush_at_rest(rp.polishing.BrushParameters.for_run(run), 0.016, 0.0)
-        assert rest.load[2] == pytest.approx(10.0, rel=1e-9)
-        assert np.abs(rest.load[3:]).max() < 1e-8 * 10.0 * 0.01
 
 
 def test_flat_ground_in_closed_form():
@@ -195,13 +187,6 @@ def test_flat_ground_in_closed_form():
     # Of the slip's two directions the one along the rim turns with friction, the other does not.
     along = plane.friction * 10.0 / (2 * plane.radius * plane.spin)
     np.testing.assert_allclose(rest.damping, [along, along, 50.0 * 10.0], rtol=1e-3)
-
-
-def test_any_place_can_be_asked():
-    parameters = rp.polishing.BrushParameters()
-    rest = brush_at_rest(parameters, 0.016, 0.0)
-    same = BrushAtRest.at(parameters, rest.place, rest.axis)
-    np.testing.assert_allclose(same.load, rest.load)
 
 
 def test_no_rest_is_told():

@@ -33,13 +33,9 @@ def test_the_design_is_of_the_machine_that_was_asked_for(job):
     assert [text.split()[0] for text in told] == ["Designing", "Simulating", "Comparing"]
 
 
-def test_a_price_is_set_where_none_is_named(job):
-    made = job[0]
-    assert (made.control_weight, made.gain_bound) == (1e-7, None)
-
-
 def test_norms_are_those_without_the_price(job):
     made = job[0]
+    assert (made.control_weight, made.gain_bound) == (1e-7, None)
     assert float(made.open_loop_norm) == pytest.approx(0.00211825, rel=5e-6)
     loop = made.plant.state_feedback_loop(made.design.controller.D)
     assert float(made.closed_loop_norm) == float(rp.hinf_norm(loop))
@@ -60,6 +56,7 @@ def test_the_verdict_names_norms_and_gains():
 # The controller that can be built: margins, sampling, slower actuators, and what reality costs.
 
 
+@pytest.mark.slow
 def test_the_default_keeps_its_margins_with_delay_and_sampling(buildable_job):
     assert buildable_job.good
     assert buildable_job.sampled.certificate.valid
@@ -76,6 +73,7 @@ def test_the_default_keeps_its_margins_with_delay_and_sampling(buildable_job):
     assert buildable_job.ideal_loop.delay_margin < 1e-6 < buildable_job.loop.delay_margin
 
 
+@pytest.mark.slow
 def test_slower_actuators_are_certified_again(buildable_job):
     assert all(found.valid for found in buildable_job.survived.values())
     slow = rp.polishing.PolishingHardware(actuator_bandwidth_hz=1400.0)
@@ -85,6 +83,7 @@ def test_slower_actuators_are_certified_again(buildable_job):
     assert found.valid
 
 
+@pytest.mark.slow
 def test_it_gains_within_its_limits(buildable_job):
     improvement = buildable_job.comparison.table["improvement"].sel(row="with control")
     assert float(improvement.sel(signal="y")) > 60
@@ -96,6 +95,7 @@ def test_it_gains_within_its_limits(buildable_job):
     assert buildable_job.slowest_actuator_hz < 1400
 
 
+@pytest.mark.slow
 def test_the_words_and_tables_tell_both(buildable_job):
     assert buildable_job.verdict().startswith(
         "The controller can be built: sampled at 20 kHz with 25 µs"
@@ -112,6 +112,7 @@ def test_the_words_and_tables_tell_both(buildable_job):
     assert "This loop can be built" in str(buildable_job)
 
 
+@pytest.mark.slow
 def test_the_loop_is_unstable_beyond_what_it_bears(buildable_job):
     period, slowest = (
         buildable_job.largest_period,
@@ -157,6 +158,7 @@ def test_one_limit_is_relaxed_at_a_time():
     assert found["ten times the sampling"].period == pytest.approx(hardware.period / 10)
 
 
+@pytest.mark.slow
 def test_the_rows_lie_between_no_control_and_the_ideal(buildable_job):
     rows = {row.what: row for row in buildable_job.limits}
     assert list(rows) == [

@@ -85,12 +85,16 @@ PATH = rp.polishing.ToolPath.spiral((0.0, 0.0), 0.012, 0.003, speed=0.04)
 TIME = np.linspace(0.0, 3.0, 3001)
 
 
+def compared(ways, deviation, **options):
+    return rp.polishing.compare_force_control(ways, PATH, deviation, TIME, **options)
+
+
 def test_a_slow_rise_gives_the_force_of_the_springs():
     ways = [
         rp.polishing.passive_stiffness(AXIS, 500.0),
         rp.polishing.admittance_control(AXIS, damping=400.0),
     ]
-    found = rp.polishing.compare_force_control(ways, PATH, 2e-3 * TIME, TIME)
+    found = compared(ways, 2e-3 * TIME)
     last = found.signals["force"].isel(time=-1).values
     # 6 mm on 500 and 1e4 N/m in series; 2 mm/s on a damper of 400 N s/m.
     assert last[0] == pytest.approx(10 + 6e-3 / (1 / 500 + 1e-4), rel=5e-3)
@@ -99,9 +103,7 @@ def test_a_slow_rise_gives_the_force_of_the_springs():
 
 
 def test_what_is_wanted_is_taken_off_where_nothing_deviates():
-    found = rp.polishing.compare_force_control(
-        [rp.polishing.passive_stiffness(AXIS)], PATH, 0 * TIME, TIME
-    )
+    found = compared([rp.polishing.passive_stiffness(AXIS)], 0 * TIME)
     assert float(found.table["removal_error"][0]) < 1e-12
     name = found.signals["control"].values[0]
     np.testing.assert_allclose(found.removal[name], found.removal["wanted"])
@@ -115,7 +117,7 @@ def test_table_words_and_pictures():
     ]
     deviation = 1e-3 * np.sin(2 * np.pi * TIME)
     noise = np.random.default_rng(0).normal(0, 0.01, TIME.size)
-    found = rp.polishing.compare_force_control(ways, PATH, deviation, TIME, force_noise=noise)
+    found = compared(ways, deviation, force_noise=noise)
     errors = found.table["removal_error"].values
     assert errors[0] > 2 * errors[1] > 4 * errors[2]
     assert len(found.explain().splitlines()) == 4
@@ -143,6 +145,6 @@ def test_controls_have_to_suit_each_other():
     passive = rp.polishing.passive_stiffness(AXIS)
     for ways in ([], [passive, passive], [passive, rp.polishing.admittance_control(other)]):
         with pytest.raises(rp.InvalidInputError, match="controls"):
-            rp.polishing.compare_force_control(ways, PATH, 0 * TIME, TIME)
+            compared(ways, 0 * TIME)
     with pytest.raises(rp.InvalidInputError, match="deviation"):
-        rp.polishing.compare_force_control([passive], PATH, [0.0, 1.0], TIME)
+        compared([passive], [0.0, 1.0])
