@@ -11,6 +11,7 @@ import control
 import numpy as np
 
 import robustpolish
+from robustpolish.app import documents
 from robustpolish.app.cli.options import (
     FILE,
     READINGS,
@@ -28,14 +29,6 @@ from robustpolish.app.cli.options import (
     to_json,
 )
 from robustpolish.app.design_task import METHODS, machine_plant
-from robustpolish.app.documents import (
-    brush_design_report,
-    brush_design_summary,
-    brush_design_text,
-    machine_design_report,
-    save_brush_design,
-    save_machine_design,
-)
 from robustpolish.app.html import Report, render_html
 from robustpolish.app.machine_design import design_machine, read_design_task
 from robustpolish.base.budget import progress_bar
@@ -194,9 +187,9 @@ def machine_design(
             to_json(content)  # nothing is written if anything fails
             if page is not None:
                 tell("writing the report")
-                _write_report(page, machine_design_report(found))
+                _write_report(page, documents.machine_design_report(found))
             if folder is not None:
-                save_machine_design(found, folder)
+                documents.save_machine_design(found, folder)
     words = [click.wrap_text(text, 88) for text in (*found.notes, found.analysis.explain())]
     lines = repr(found).splitlines()[: -len(words)]
     return content, "\n".join([*lines, "", *words]), out, report
@@ -326,14 +319,14 @@ def design(
         machine = {"parameters": READINGS[reading](), "dissipation": dissipation}
         kind = "ideal" if ideal else None
         job = design_against_brush(realisation=kind, tell=tell, **machine, **options)
-        summary = brush_design_summary(job)
+        summary = documents.brush_design_summary(job)
         if page is not None:
             tell("Writing the report ...")
-            _write_report(page, brush_design_report(job))
+            _write_report(page, documents.brush_design_report(job))
         if folder is not None:
-            save_brush_design(job, folder)
+            documents.save_brush_design(job, folder)
             (folder / "design.json").write_text(to_json(summary) + "\n", encoding="utf-8")
-    return summary, brush_design_text(job), out, report
+    return summary, documents.brush_design_text(job), out, report
 
 
 # `robustpolish margins`.
