@@ -29,13 +29,17 @@ from robustpolish.errors import InfeasibleError, InvalidInputError
 from tests.app.command_line import run
 
 
-def test_help_lists_every_command():
+def test_help_and_bad_input(tmp_path):
     text = run("--help").stdout
     for command in ("design", "modes", "norms", "brush"):
         assert command in text
         assert "Usage" in run(command, "--help").stdout
     assert rp.__version__ in run("--version").stdout
     assert "No such command" in run("nonsense", code=2).stderr
+    assert "duration: got -1.0" in run("brush", "--duration", "-1", code=2).stderr
+    assert "dissipation" in run("norms", "--dissipation", "nan", code=2).stderr
+    assert "out: got" in run("brush", "--out", str(tmp_path / "a.xyz"), code=2).stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_command_without_a_model_says_where_its_machine_comes_from():
@@ -64,14 +68,7 @@ def test_help_imports_no_subcommand():
     assert done.returncode == 0, done.stderr
 
 
-def test_bad_input_ends_in_a_message(tmp_path):
-    assert "duration: got -1.0" in run("brush", "--duration", "-1", code=2).stderr
-    assert "dissipation" in run("norms", "--dissipation", "nan", code=2).stderr
-    assert "out: got" in run("brush", "--out", str(tmp_path / "a.xyz"), code=2).stderr
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_json_is_strict():
+def test_json_is_strict_and_replaced_only_by_force(tmp_path, capsys):
     content = {
         "array": np.array([1.0, np.inf, -np.inf, np.nan]), "scalar": np.float64(2.5),
         "whole": np.int64(3), "true": np.True_, "pole": -1 + 2j, "pair": (1, "a"), 4: None,
@@ -80,9 +77,6 @@ def test_json_is_strict():
         "array": [1.0, "inf", "-inf", None], "scalar": 2.5, "whole": 3, "true": True,
         "pole": {"real": -1.0, "imag": 2.0}, "pair": [1, "a"], "4": None,
     }  # fmt: skip
-
-
-def test_a_file_is_replaced_only_by_force(tmp_path, capsys):
     path = tmp_path / "a.json"
     print_result({"a": 1}, "one", str(path))
     assert capsys.readouterr().out == "one\n"
@@ -208,14 +202,11 @@ def test_ctrl_c_ends_a_command_at_once():
     assert process.returncode == -signal.SIGINT
 
 
-def test_elsewhere_each_stage_is_a_line(capsys):
+def test_each_stage_is_a_line_where_no_bar_is_drawn(capsys):
     with stages("Designing") as tell:
         tell("Certifying the loop ...")
         tell("writing the report")
     assert capsys.readouterr().err == "Certifying the loop ...\n... writing the report\n"
-
-
-def test_a_command_in_a_pipe_draws_no_bar():
     told = run("brush", "--duration", "0.02").stderr
     assert told == "Simulating 0.02 s of run 1 (physical) ...\n"
 

@@ -160,12 +160,18 @@ def test_the_command_line_counts_more_than_the_file(machine_file):
     assert found["norm"]["kind"] == "h2"
 
 
-def test_a_saved_plant(machine_file, tmp_path):
+def test_a_saved_plant_and_what_cannot_be_designed(machine_file, tmp_path):
     plant = rp.MechanicalModel.from_toml(SPINDLE).linearize(["F"])
     plant.save(tmp_path / "plant.json")
     file = str(tmp_path / "plant.json")
     text = run("design", "--plant", file, "--full-state", "--control-weight", "1e-6").stdout
     assert "a static gain, lmi" in text
+    assert "missing.toml" in run("design", "--model", "missing.toml", code=2).stderr
+    path = tmp_path / "loose.toml"
+    loose = SPINDLE.replace("stiffness = 9.0e5", "stiffness = 0.0")
+    path.write_text(loose.replace("damping = 40.0", "damping = 0.0"))
+    refused = run("design", "--model", str(path), "--control", "F", "--measure", "x", code=1)
+    assert "spindle" in refused.stderr
 
 
 def test_bad_options(machine_file):
@@ -182,15 +188,6 @@ def test_bad_options(machine_file):
     }.items():
         told = run("design", "--model", machine_file, *arguments.split(), code=2).stderr
         assert says in told
-
-
-def test_what_cannot_be_designed(machine_file, tmp_path):
-    assert "missing.toml" in run("design", "--model", "missing.toml", code=2).stderr
-    path = tmp_path / "loose.toml"
-    loose = SPINDLE.replace("stiffness = 9.0e5", "stiffness = 0.0")
-    path.write_text(loose.replace("damping = 40.0", "damping = 0.0"))
-    refused = run("design", "--model", str(path), "--control", "F", "--measure", "x", code=1)
-    assert "spindle" in refused.stderr
 
 
 @pytest.fixture(scope="module")
@@ -245,7 +242,7 @@ def test_pictures_and_bad_input(saved, tmp_path):
     assert "sample_rate_hz" in run(*call, "--sample-rate", "-1", code=2).stderr
 
 
-def test_modes_are_those_of_the_thesis():
+def test_modes_of_the_thesis_and_of_a_machine(tmp_path):
     found = json.loads(run("modes", "--json").stdout)["modes"]
     hertz = sorted(mode["frequency_hz"] for mode in found)
     np.testing.assert_allclose(
@@ -253,9 +250,6 @@ def test_modes_are_those_of_the_thesis():
     )
     assert "194.0691" in run("modes").stdout
     assert "3361" in run("modes", "--parameters", "corrected").stdout
-
-
-def test_modes_of_a_machine(tmp_path):
     path = tmp_path / "machine.toml"
     path.write_text(SPINDLE)
     found = json.loads(run("modes", "--model", str(path), "--json").stdout)["modes"]
@@ -272,7 +266,7 @@ def test_modes_of_a_machine(tmp_path):
     assert again[0]["frequency_hz"] == pytest.approx(found[0]["frequency_hz"])  # flat at rest
 
 
-def test_norms_are_those_of_the_thesis(tmp_path):
+def test_norms_of_the_thesis_and_of_a_machine(tmp_path):
     undamped = json.loads(run("norms", "--dissipation", "0", "--json").stdout)["hinf"]
     assert undamped["value"] == "inf"
     assert undamped["reason"]
@@ -284,9 +278,6 @@ def test_norms_are_those_of_the_thesis(tmp_path):
     saved = json.loads(target.read_text())
     assert saved["hinf"]["frequency_hz"] == pytest.approx(194.069, abs=1e-3)
     assert "--force" in run("norms", "--json", str(target), code=2).stderr
-
-
-def test_norms_of_a_machine(tmp_path):
     path = tmp_path / "machine.toml"
     path.write_text(SPINDLE)
     chosen = ("--disturbance", "F", "--performance", "x")
@@ -365,13 +356,10 @@ def test_a_saved_design_becomes_code(servo, tmp_path):
     assert "--force" in again.stderr
 
 
-def test_too_slow_a_period_says_how_fast(servo, tmp_path):
+def test_too_slow_a_period_and_wrong_options_are_refused(servo, tmp_path):
     result = run("export", "--design", servo, "--period", "2.0", "--out", str(tmp_path), code=1)
     assert "longest period" in result.stderr
     assert not (tmp_path / "controller.c").exists()
-
-
-def test_wrong_options_are_refused(servo, tmp_path):
     base = ["export", "--design", servo, "--out", str(tmp_path), "--period"]
     assert "limit" in run(*base, "0.05", "--limit", "F", code=2).stderr
     assert "limits.G" in run(*base, "0.05", "--limit", "G=1", code=2).stderr

@@ -19,17 +19,14 @@ def positive_modes(plant):
     return eigenvalues[eigenvalues.imag > 0]
 
 
-def test_modes_of_section_8_5():
+def test_modes_and_damping_of_section_8_5():
     """Reading: bearing of 1.337 kg, holder 1e9 N/m, inertia of the listing."""
     modes = positive_modes(rp.air_bearing(dissipation=0))
     expected = [194.0691, 194.0691, 2069.58, 2069.58, 2824.58, 4610.75]
     np.testing.assert_allclose(np.sort(modes.imag) / (2 * np.pi), expected, rtol=2e-6)
     np.testing.assert_allclose(modes.real, 0, atol=1e-7)
     assert rp.polishing.AirBearingParameters().damping(0).c_Z == 0
-
-
-def test_damping_ratios_of_section_8_5():
-    """The fourth is printed as 5.7860e-13; the exponent is a misprint."""
+    # The fourth is printed as 5.7860e-13; the exponent is a misprint.
     modes = positive_modes(rp.air_bearing(dissipation=0.001))
     modes = modes[np.argsort(modes.imag)]
     zeta = -modes.real / np.abs(modes)
@@ -65,12 +62,9 @@ def test_equations_of_motion():
     np.testing.assert_array_equal(plant.C1 @ q, q[::2])
 
 
-def test_printed_load_swaps_x_and_y():
+def test_printed_load_swaps_x_and_y_and_options_are_checked():
     right, printed = rp.air_bearing().B1, rp.air_bearing(load="printed").B1
     np.testing.assert_array_equal(printed[:, [1, 0, 2, 3]], right)
-
-
-def test_options_are_checked():
     for option in ("actuation", "measured", "load"):
         with pytest.raises(InvalidInputError, match=f"{option}: got 'no'"):
             rp.air_bearing(**{option: "no"})
@@ -204,9 +198,6 @@ def test_reduction_keeps_the_forces_of_the_thesis_exact():
         gain = beam.open_loop(0.0)
         o, i = beam.performance_names.index(seen), beam.disturbance_names.index(force)
         assert sign * gain[o, i].real > 0
-
-
-def test_a_rod_with_mass_takes_its_density_from_it():
     heavy = rp.polishing.AirBearingParameters(rod_mass=0.002)
     (rod,) = rp.polishing.spindle_rotor(heavy).shaft
     assert rod.density * rod.area * rod.length == pytest.approx(0.002)

@@ -39,15 +39,12 @@ def test_the_angle_of_friction_and_bad_arguments():
         FrictionCone(0.1).holds([0, 0, 1], [0, 0, 0])
 
 
-def test_it_holds_what_pushes_within_the_angle_whatever_the_frame():
+def test_it_holds_what_pushes_within_the_angle_and_slides_on_the_edge():
     cone = FrictionCone(0.5)
     turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
     normal = turn @ [0.0, 0.0, 2.0]
     for force, held in ([0.3, 0.39, 1.0], True), ([0.3, 0.41, 1.0], False), ([0, 0, -1.0], False):
         assert cone.holds(turn @ force, normal) is held
-
-
-def test_sliding_lies_on_the_edge_and_takes_power():
     cone, slip = FrictionCone(0.35), np.array([1.0, -2.0, 5.0])
     normal = np.array([0.1, 0.2, 1.0])
     force = cone.sliding(10.0, slip, normal)
@@ -103,21 +100,15 @@ def test_damping_of_a_restitution(share):
     assert law.restitution(0.02) > share  # slow blows return more
 
 
-def test_slow_blows():
+def test_slow_blows_pushes_and_bad_numbers():
     law = HuntCrossley(1e6, 50.0)
     for speed in (1e-7, 1e-6, 3e-6):
         assert 1 - law.restitution(speed) == pytest.approx(2 * 50 * speed / 3, rel=2e-4)
     assert law.restitution(0.0) == 1.0
-
-
-def test_contact_pushes_only_but_for_the_listing():
     assert HuntCrossley(1e4, 50.0).force(0.001, -1.0) == 0.0
     assert LinearSpring(1e4).force(-0.001, 1.0) == 0.0
     assert ListingImpulse(1e4, 0.2).force(0.001, -1.0) < 0.0
     assert ListingImpulse(1e4, 0.2).force(-0.001, 1.0) == 0.0
-
-
-def test_bad_numbers_of_laws_are_named():
     with pytest.raises(InvalidInputError, match=r"HuntCrossley\.damping"):
         HuntCrossley(1e4, -1.0)
     with pytest.raises(InvalidInputError, match=r"LinearSpring\.stiffness"):
@@ -159,6 +150,12 @@ def test_events_follow_each_other_in_closed_form():
     late = run.impulse.interp(time=blows[1:3] - 1e-6).to_numpy()
     expected = np.cumsum(1.5 * MASS * SPEED * 0.5 ** np.arange(2))
     np.testing.assert_allclose(late, expected, rtol=1e-9)
+    for name in ("mass", "speed", "press", "duration"):
+        numbers = {"mass": 1.0, "speed": 1.0, "press": 1.0, "duration": 1.0} | {name: 0.0}
+        with pytest.raises(InvalidInputError, match=name):
+            land(LinearSpring(1e4), **numbers)
+    with pytest.raises(InvalidInputError, match="samples"):
+        land(LinearSpring(1e4), 1.0, 1.0, 1.0, 1.0, samples=1)
 
 
 @pytest.mark.parametrize(
@@ -179,15 +176,6 @@ def test_what_comes_to_rest_has_taken_the_momentum(law):
     assert float(run.impulse[-1]) == pytest.approx(taken - creep, rel=1e-6)
     assert float(run.velocity[-1]) == pytest.approx(creep / MASS, abs=1e-6)
     assert float(run.force.sum() * run.time[1]) == pytest.approx(float(run.impulse[-1]))
-
-
-def test_bad_landings_are_named():
-    for name in ("mass", "speed", "press", "duration"):
-        numbers = {"mass": 1.0, "speed": 1.0, "press": 1.0, "duration": 1.0} | {name: 0.0}
-        with pytest.raises(InvalidInputError, match=name):
-            land(LinearSpring(1e4), **numbers)
-    with pytest.raises(InvalidInputError, match="samples"):
-        land(LinearSpring(1e4), 1.0, 1.0, 1.0, 1.0, samples=1)
 
 
 # The laws side by side: peaks and impulses.
@@ -216,13 +204,10 @@ def test_peaks_grow_with_stiffness_but_impulses_do_not(tables):
     assert windows[1] == pytest.approx(windows[0], rel=0.02)
 
 
-def test_a_comparison_shows_itself():
+def test_a_comparison_shows_itself_and_its_hardest_ten_milliseconds():
     comparison = rp.polishing.compare_contact_laws(duration=0.01)
     assert "Hunt-Crossley" in repr(comparison)
     assert "N" in comparison.plot().get_ylabel()
-
-
-def test_most_impulse_is_that_of_the_hardest_ten_milliseconds():
     force = np.zeros(1001)
     force[300:400] = 5.0
     assert most_impulse(np.cumsum(force) * 1e-3, 1e-3) == pytest.approx(5.0 * 0.01)
@@ -291,7 +276,7 @@ def test_the_moment_is_that_of_the_listing():
     assert slope[1] * constants.tilt_inertia == pytest.approx(found.moment_x, rel=1e-9)
 
 
-def test_no_surface_pulls():
+def test_no_surface_pulls_and_level_ground_balances_nothing():
     thesis = resultant_forces(ahead=0.2, behind=0.1, unilateral=False)
     found = resultant_forces(ahead=0.2, behind=0.1)
     assert thesis.pulls
@@ -299,9 +284,6 @@ def test_no_surface_pulls():
     assert found.ahead == 0.0
     assert found.behind * cos(found.alpha) == pytest.approx(10.0)
     assert found.forward == pytest.approx(10.0 * np.tan(found.alpha))
-
-
-def test_forces_grow_without_bounds_towards_level_ground():
     sizes = [abs(resultant_forces(ahead=a, behind=a, unilateral=False).behind)
              for a in (0.1, 0.01, 0.001)]  # fmt: skip
     assert sizes[1] / sizes[0] == pytest.approx(10.0, rel=0.3)
@@ -341,19 +323,16 @@ def test_what_changes_the_force_and_what_does_not(study):
     assert next(iter(answer)) == "code"
     assert "times the base" in repr(study)
     assert study.plot().get_xscale() == "log"
+    for start in ("pressed", "landing"):
+        row = study.table.sel(row=f"physical, {start}")
+        assert float(row["peak"]) < 1.5 * 10.0
+        assert float(row["impulse"]) < 1.0
 
 
 def test_base_row_is_the_listing(study):
     signals = rp.simulate_brush("listing", 1, 0.1)
     beyond = np.stack([signals.F_x, signals.F_y, signals.F_z - signals.F_p])
     assert float(study.table["peak"][0]) == pytest.approx(np.linalg.norm(beyond, axis=0).max())
-
-
-def test_well_posed_contact_stays_near_the_polishing_force(study):
-    for start in ("pressed", "landing"):
-        row = study.table.sel(row=f"physical, {start}")
-        assert float(row["peak"]) < 1.5 * 10.0
-        assert float(row["impulse"]) < 1.0
 
 
 def test_unknown_suspects_are_named():

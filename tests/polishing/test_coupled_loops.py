@@ -81,9 +81,6 @@ def test_the_tool_is_where_path_and_machine_put_it(brush):
     # It begins at rest under the first load.
     assert float(coupled["y"][0]) == pytest.approx(-float(brush.F_y[0]) / 1e5)
     assert float(coupled["z"][0]) == pytest.approx(float(brush.F_z[0]) / 1e5)
-
-
-def test_a_design_shows_its_effort(brush):
     gain = np.kron(np.eye(6), [[-1e7, -200.0]])
     design = rp.given_controller(rp.air_bearing(actuation="force"), gain)
     coupled = rp.polishing.simulate_coupled(design, brush.isel(time=slice(0, 401)))
@@ -208,7 +205,7 @@ def test_a_stiff_brush_makes_the_bare_spindle_swing_up():
     assert rp.polishing.linearize_with_brush(held, stiff).system.poles().real.max() < 0
 
 
-def test_statics_are_those_of_springs_in_parallel():
+def test_statics_are_those_of_springs_in_parallel_and_controls_stay_open():
     """On the ground the contact's k_p adds to the spring under the machine."""
     plane = rp.polishing.BrushParameters(
         surface=rp.polishing.Surface.flat(), contact_stiffness=1e6, friction=0.0
@@ -218,9 +215,6 @@ def test_statics_are_those_of_springs_in_parallel():
     assert float(np.squeeze(gain)) == pytest.approx(1 / 4e6, rel=1e-4)
     assert found.system.output_labels[-3:] == ["contact_x", "contact_y", "contact_z"]
     assert found.residual < 1e-8
-
-
-def test_controls_of_a_plant_stay_open():
     plant = rp.air_bearing(actuation="force")
     found = rp.polishing.linearize_with_brush(plant, rp.polishing.BrushParameters.for_run(2))
     assert found.system.ninputs == plant.nw + plant.nu

@@ -30,7 +30,7 @@ def test_unknown_mistakes_are_refused(but) -> None:
 # The right-hand side of listing D.1, with its mistakes and without.
 
 
-def test_free_flight_is_the_two_angle_disc() -> None:
+def test_the_two_angle_disc_and_the_impact_that_returns_more_than_it_takes():
     """Out of contact, with a vertical push that has no arm, (6.59) to (6.62) are left."""
     brush = BrushParameters(surface=Surface.flat(), friction=0.0)
     constants, rates = listing_constants(brush, ListingDefects.none()), np.zeros(4)
@@ -40,9 +40,6 @@ def test_free_flight_is_the_two_angle_disc() -> None:
     assert rates[0] == 3.0
     gyro = brush.spin_inertia / brush.tilt_inertia * brush.spin
     assert rates[3] == pytest.approx(gyro * 3.0)
-
-
-def test_the_impact_returns_more_than_it_takes_until_mended() -> None:
     brush = BrushParameters.as_published(1)
     factors = []
     for defects in (ListingDefects(), ListingDefects.none()):
@@ -58,12 +55,20 @@ def test_the_impact_returns_more_than_it_takes_until_mended() -> None:
 # Runs of the listings of appendix D: what they report, and their ill-posed impact law.
 
 
-def test_starts_level_and_reports_the_thesis_angles() -> None:
+def test_starts_level_and_workarounds_scale_only_the_impacts():
     signals = simulate_brush("listing", run=1, duration=0.05)
     assert float(signals.psi[0]) == pytest.approx(np.pi / 2) == signals.psi.attrs["level"]
     assert signals.sizes == {"time": 5001, "point": 4}
     assert signals.attrs["defects"].split() == list(ListingDefects().names())
     assert bool((signals.F_z >= 10.0).all())
+    plain, divided, timed = (
+        simulate_brush("listing", run=4, duration=0.01, workaround=kind)
+        for kind in ("none", "divide", "impulse")
+    )
+    np.testing.assert_allclose(divided.F_y, plain.F_y / 10000)
+    duration = BrushParameters.as_published(4).impact_duration
+    np.testing.assert_allclose(timed.F_z - 10.0, (plain.F_z - 10.0) * duration, atol=1e-12)
+    assert float(abs(plain.F_y).max()) > 0.0
 
 
 def test_every_motion_mistake_can_be_switched() -> None:
@@ -79,17 +84,6 @@ def test_every_motion_mistake_can_be_switched() -> None:
         assert same == (name in of_the_response), name
         assert name not in mended.attrs["defects"].split()
     assert ListingDefects.none().names() == ()
-
-
-def test_workarounds_scale_only_the_impacts() -> None:
-    plain, divided, timed = (
-        simulate_brush("listing", run=4, duration=0.01, workaround=kind)
-        for kind in ("none", "divide", "impulse")
-    )
-    np.testing.assert_allclose(divided.F_y, plain.F_y / 10000)
-    duration = BrushParameters.as_published(4).impact_duration
-    np.testing.assert_allclose(timed.F_z - 10.0, (plain.F_z - 10.0) * duration, atol=1e-12)
-    assert float(abs(plain.F_y).max()) > 0.0
 
 
 def test_impact_law_is_not_well_posed() -> None:
@@ -157,7 +151,7 @@ def test_without_mistakes_the_load_is_that_of_the_dataset(brush) -> None:
     assert float(answer.response[-1, 0]) == pytest.approx(expected, rel=0.05)
 
 
-def test_interpolation_mistake_and_gate_change_the_load(brush) -> None:
+def test_the_bearing_changes_the_load_and_bad_input_is_named(brush):
     A, B1 = _oscillators(1)
     C = np.eye(12)[[10]]
     gated = listing_response(A, B1, C, brush)
@@ -169,16 +163,10 @@ def test_interpolation_mistake_and_gate_change_the_load(brush) -> None:
     meant = text.replace("interpolation_weight ", "")
     right = listing_response(A, B1, C, brush.assign_attrs(defects=meant))
     assert float(opened.largest[0]) > 100.0 * float(right.largest[0])
-
-
-def test_bearing_that_is_up_drops_the_polishing_force(brush) -> None:
     A, B1 = _oscillators(2)
     kept = listing_response(A, B1, np.eye(12)[[10]], brush)
     dropped = listing_response(A, B1, np.eye(12)[[10]], brush, bearing_mass=1.337)
     assert float(dropped.largest[0]) < float(kept.largest[0])
-
-
-def test_bad_input_is_named(brush) -> None:
     (A, B1), C = _oscillators(0), np.eye(12)
     physical = simulate_brush(duration=0.001)
     for name, arguments in {

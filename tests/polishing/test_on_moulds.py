@@ -74,14 +74,11 @@ def refused(message, **arguments):
         rp.simulate_brush(duration=0.01, **arguments)
 
 
-def test_paths_that_leave_the_mould_or_end_too_soon():
+def test_paths_and_bulges_that_are_refused():
     small = rp.polishing.Mould.from_formula("x**2 + y**2", x=(-0.02, 0.02), y=(-0.02, 0.02))
     refused("leaves the mould by 3.18 mm around x = 12 mm", surface=small, path=SPIRAL)
     with pytest.raises(rp.InvalidInputError, match="at least the duration"):
         rp.simulate_brush(duration=10.0, path=SPIRAL)
-
-
-def test_bulges_are_refused_but_saddles_and_planes_are_not():
     refused(
         "bulges by 100 µm",
         surface=rp.polishing.Mould.from_formula("-x**2 - y**2", **AREA),
@@ -90,9 +87,6 @@ def test_bulges_are_refused_but_saddles_and_planes_are_not():
     for text in ("3*y**2 - 2*x**2", "0*x", "0.1*x"):
         mould = rp.polishing.Mould.from_formula(text, **AREA)
         assert rp.simulate_brush(duration=0.01, surface=mould, path=SPIRAL).attrs["converged"]
-
-
-def test_the_listing_knows_the_trough_only():
     mould = rp.polishing.Mould.from_formula("x**2 + y**2", **AREA)
     with pytest.raises(rp.InvalidInputError, match="physical simulator"):
         rp.simulate_brush("listing", duration=0.01, surface=mould, path=SPIRAL)
@@ -153,7 +147,7 @@ def test_in_a_groove_it_is_taken_off_at_both_sides():
     assert float(middle) < 0.02 * float(profile.sum())
 
 
-def test_an_even_force_takes_off_its_volume_and_less_where_it_is_weak():
+def test_even_forces_take_off_their_volume_and_inputs_are_checked():
     time = np.linspace(0.0, 2.0, 4001)
     even = rp.polishing.removal_of_force(SPIRAL, time, np.full(time.size, 10.0), preston=1e-12)
     # Mean speed over a disc is two thirds of that of its rim.
@@ -163,9 +157,6 @@ def test_an_even_force_takes_off_its_volume_and_less_where_it_is_weak():
         SPIRAL, time, np.where(time < 1, 10.0, -5.0), preston=1e-12
     )
     assert float(lifted.sum()) == pytest.approx(0.5 * float(even.sum()), rel=0.01)
-
-
-def test_inputs_are_checked():
     with pytest.raises(rp.InvalidInputError, match="physical simulator"):
         rp.polishing.removal_map(
             rp.simulate_brush("listing", duration=0.001), rp.polishing.Surface()

@@ -63,16 +63,13 @@ def test_bad_arguments_and_options_of_the_other_simulator_are_named(simulator, g
         simulate_brush(simulator, duration=1e-9)
 
 
-def test_the_listing_needs_a_moving_tool() -> None:
+def test_the_listing_needs_a_moving_tool_and_any_number_of_samples_comes_back():
     resting = BrushParameters(feed=0.0, rotation_rate=0.0)
     with pytest.raises(InvalidInputError, match="at rest"):
         simulate_brush("listing", duration=0.001, parameters=resting)
     held = simulate_brush(duration=0.05, parameters=resting)
     assert float(abs(held.elevation).max()) == 0.0
     assert bool((held.tool_x == held.tool_x[0]).all())
-
-
-def test_any_number_of_samples_comes_back() -> None:
     for samples in (1, 3, 7, 49, 1003):
         for simulator, rate in (("physical", 20e3), ("listing", 1e5)):
             assert simulate_brush(simulator, duration=samples / rate).sizes["time"] == samples + 1
@@ -99,11 +96,16 @@ def test_no_moment_no_motion() -> None:
         assert float(abs(signals.F_x).max()) < 1e-9
 
 
-def test_forces_balance_the_polishing_force(default_run) -> None:
+def test_forces_balance_and_angles_and_rates_belong_together(default_run):
     change = float(default_run.tool_z_rate[-1] - default_run.tool_z_rate[0])
     pressed = float(default_run.F_z.integrate("time") - default_run.F_p.integrate("time"))
     assert pressed == pytest.approx(0.2 * change, abs=1e-6)
     assert float(default_run.F_z.mean()) == pytest.approx(10.0, rel=1e-3)
+    settled = slice(400, -1)  # central differences are too coarse for the start
+    for name in ("theta", "psi", "tool_z"):
+        slope = default_run[name].differentiate("time").isel(time=settled)
+        rate = default_run[f"{name}_rate"].isel(time=settled)
+        assert float(abs(slope - rate).max()) < 1e-3 * float(abs(rate).max())
 
 
 def test_magnitudes_of_dissipative_contact() -> None:
@@ -186,15 +188,7 @@ def test_three_angle_disc_loses_spin_to_friction() -> None:
     np.testing.assert_allclose(three.F_y[2000:], two.F_y[2000:], atol=0.1)
 
 
-def test_angles_and_rates_belong_together(default_run) -> None:
-    settled = slice(400, -1)  # central differences are too coarse for the start
-    for name in ("theta", "psi", "tool_z"):
-        slope = default_run[name].differentiate("time").isel(time=settled)
-        rate = default_run[f"{name}_rate"].isel(time=settled)
-        assert float(abs(slope - rate).max()) < 1e-3 * float(abs(rate).max())
-
-
-def test_little_damping_rattles_and_the_run_says_so() -> None:
+def test_little_damping_rattles_and_a_disc_that_tips_over_is_an_error():
     """Contact damping decides: at 1 s/m and 1e10 N/m the passes cannot agree."""
     loose = BrushParameters(contact_damping=1.0)
     with pytest.warns(RobustPolishWarning, match="contact_damping"):
@@ -202,9 +196,6 @@ def test_little_damping_rattles_and_the_run_says_so() -> None:
     assert signals.attrs["converged"] == 0
     assert float(signals.F_z.max()) > 100.0
     assert bool((signals.contact_force >= 0.0).all())
-
-
-def test_a_disc_that_tips_over_is_an_error() -> None:
     sticky = BrushParameters(friction=3.0, spin=0.0, surface=Surface(0.1, 0.0), height=0.04)
     with pytest.raises(SolverError, match="tipped over"):
         simulate_brush(run=2, parameters=replace(sticky, feed=0.3, rotation_rate=0.0))

@@ -25,16 +25,13 @@ def test_published_surface_is_equation_9_1() -> None:
     assert Surface.flat().trough_radius == np.inf
 
 
-def test_slopes_are_the_derivatives_of_the_height() -> None:
+def test_slopes_and_elevations_of_the_trough():
     surface, x, y, h = Surface(0.7, 3.0), 0.02, 0.005, 1e-6
     ends = [
         (surface.height(x + i, y + j), surface.height(x - i, y - j)) for i, j in ((h, 0), (0, h))
     ]
     expected = [(ahead - behind) / (2 * h) for ahead, behind in ends]
     np.testing.assert_allclose(surface.gradient(x, y), expected, rtol=1e-8)
-
-
-def test_elevation_does_not_depend_on_the_length_of_the_direction() -> None:
     surface = Surface()
     short, long = (surface.elevation(0.01, 0.01, (s * 3.0, s * 4.0)) for s in (1e-9, 1e9))
     assert short == pytest.approx(long, rel=1e-14)
@@ -48,14 +45,11 @@ def test_elevation_does_not_depend_on_the_length_of_the_direction() -> None:
 BOWL = "0.05 - sqrt(0.05**2 - x**2 - y**2)"
 
 
-def test_a_sphere_has_one_curvature_wherever_it_slopes():
+def test_curvature_of_a_sphere_and_elevation_of_a_trough():
     sphere = rp.polishing.Mould.from_formula(BOWL, x=(-0.02, 0.02), y=(-0.02, 0.02))
     x, y = np.random.default_rng(0).uniform(-0.015, 0.015, (2, 30))
     for curvature in sphere.principal_curvatures(x, y):
         np.testing.assert_allclose(curvature, 20.0, rtol=1e-3)
-
-
-def test_elevation_of_a_mould_is_that_of_the_same_trough():
     trough = rp.polishing.Surface(0.2, 1.5)
     along, across = (0.5 * bend for bend in trough.curvatures)
     mould = rp.polishing.Mould.from_formula(
@@ -106,21 +100,11 @@ def test_bends_are_continuous_bounded_and_the_derivatives_of_the_height():
 AREA = {"x": (-0.02, 0.03), "y": (-0.01, 0.01)}
 
 
-def test_names_constants_and_an_equals_sign():
+def test_names_and_what_is_no_smooth_height():
     mould = rp.polishing.Mould.from_formula("z = depth*(1 - exp(-x**2/w**2)) + 0*y*pi", **AREA,
                                   parameters={"depth": 0.002, "w": 0.02})  # fmt: skip
     assert mould.height(0.01, 0.0) == pytest.approx(0.002 * (1 - np.exp(-0.25)), abs=1e-9)
     assert mould.error <= 1e-9
-
-
-NOT_SMOOTH = {
-    "abs(x)": "edge", "a*x": "the name 'a'", "log(x)": "without a value", "1/x": "off on a grid",
-    "__import__('os')": "the name", "x.real": "formula", "sqrt(x**2 + 1e-12)": "off on a grid",
-    7: "text",
-}  # fmt: skip
-
-
-def test_what_is_no_smooth_height_is_refused():
     for text, message in NOT_SMOOTH.items():
         with pytest.raises(rp.InvalidInputError, match=message):
             rp.polishing.Mould.from_formula(text, **AREA)
@@ -128,6 +112,13 @@ def test_what_is_no_smooth_height_is_refused():
         rp.polishing.Mould.from_formula("x", x=(0.0, 0.0), y=(0.0, 1.0))
     with pytest.raises(rp.InvalidInputError, match="finite"):
         rp.polishing.Mould.from_formula("a*x", **AREA, parameters={"a": np.nan})
+
+
+NOT_SMOOTH = {
+    "abs(x)": "edge", "a*x": "the name 'a'", "log(x)": "without a value", "1/x": "off on a grid",
+    "__import__('os')": "the name", "x.real": "formula", "sqrt(x**2 + 1e-12)": "off on a grid",
+    7: "text",
+}  # fmt: skip
 
 
 # Moulds from grids.
@@ -186,7 +177,7 @@ def refused(vertices, faces, message):
         checked(vertices, faces)
 
 
-def test_corners_are_joined_and_a_mesh_drawn_from_below_is_turned_over():
+def test_corners_are_joined_and_holes_and_overhang_are_refused():
     vertices, faces = moulds.triangles(11)
     loose = vertices[faces].reshape(-1, 3)
     sheet = checked(loose, np.arange(len(loose)).reshape(-1, 3))
@@ -195,9 +186,6 @@ def test_corners_are_joined_and_a_mesh_drawn_from_below_is_turned_over():
     sheet = checked(vertices, faces[:, ::-1])
     a, b, c = (sheet.vertices[sheet.faces[:, i]] for i in range(3))
     assert np.all(np.cross(b - a, c - a)[:, 2] > 0)
-
-
-def test_holes_and_overhang_are_refused():
     vertices, faces = moulds.triangles(21)
     middle = vertices[faces].mean(axis=1)
     holed = faces[np.hypot(middle[:, 0] - 0.01, middle[:, 1]) > 0.005]
@@ -294,7 +282,7 @@ def test_outside_the_mould_there_is_nothing():
     assert mould.distance_to_edge(0.035, 0.0) < 0
 
 
-def test_a_round_mesh_ends_at_its_edge(tmp_path):
+def test_a_round_mesh_ends_at_its_edge_and_units_and_steps_are_checked(tmp_path):
     vertices, faces = moulds.triangles(81)
     centres = vertices[faces].mean(axis=1)
     faces = faces[np.hypot(centres[:, 0], centres[:, 1]) < 0.025]
@@ -305,16 +293,10 @@ def test_a_round_mesh_ends_at_its_edge(tmp_path):
     assert mould.height(0.012, 0.01) == pytest.approx(moulds.height(0.012, 0.01), abs=2e-8)
     spare = mould.distance_to_edge(0.010, 0.0)
     assert 0.012 < spare <= 0.0155
-
-
-def test_a_mesh_with_a_step_is_refused(tmp_path):
     vertices, faces = moulds.triangles(61, lambda x, y: 0.005 * (x + 0 * y > 0.0005))
     file = moulds.write_stl(tmp_path / "step.stl", vertices, faces)
     with pytest.raises(rp.InvalidInputError, match="away from a smooth surface"):
         rp.polishing.Mould.from_stl(file, unit="m")
-
-
-def test_units_and_spacing_of_a_mesh(tmp_path):
     file = moulds.write_stl(tmp_path / "mould.stl", *moulds.triangles(31))
     with pytest.raises(rp.InvalidInputError, match="unit"):
         rp.polishing.Mould.from_stl(file, unit="inch")

@@ -39,9 +39,6 @@ def test_the_table_says_that_the_loads_differ():
     comparison = thesis_comparison(4, ["second_scaled"], duration=0.02)
     assert "not the same load" in str(comparison)
     assert list(comparison.table["row"].to_numpy()) == ["without control", "second_scaled"]
-
-
-def test_bad_arguments_are_named():
     with pytest.raises(InvalidInputError, match="run: got 2"):
         thesis_comparison(2)
     with pytest.raises(InvalidInputError, match="controllers: got 'ours'"):

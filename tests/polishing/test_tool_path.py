@@ -51,12 +51,18 @@ def test_contours_keep_their_distance_from_the_edge(mould, paths):
     assert near_a_loop.mean() > 0.85  # the rest leads from loop to loop, or is a rounded corner
 
 
-def test_a_spiral_is_one():
+def test_a_spiral_is_one_and_compiled_code_follows_it():
     path = rp.polishing.ToolPath.spiral((0.01, 0.02), 0.012, 0.003, speed=0.04)
     x, y = path.position(np.linspace(0.0, path.duration, 2000))
     far = np.hypot(x - 0.01, y - 0.02)
     angle = np.unwrap(np.arctan2(y - 0.02, x - 0.01))
     np.testing.assert_allclose(far, 0.012 - 0.003 * angle / (2 * np.pi), atol=1e-5)
+    path = rp.polishing.ToolPath.spiral((0.0, 0.0), 0.012, 0.003, speed=0.04)
+    place, velocity = np.zeros(3), np.zeros(3)
+    for time in np.linspace(0.0, path.duration, 37):
+        evaluate_path(time, path.packed, place, velocity)
+        np.testing.assert_allclose(place[:2], path.position(time), atol=1e-15)
+        np.testing.assert_allclose(velocity[:2], path.velocity(time), atol=1e-13)
 
 
 def test_files_with_and_without_times(tmp_path):
@@ -107,15 +113,6 @@ def test_paths_are_checked(mould):
         path.position(path.duration + 1)
     with pytest.raises(rp.InvalidInputError, match="places"):
         make(np.zeros((3, 2)), 0.1)
-
-
-def test_compiled_code_follows_the_same_path():
-    path = rp.polishing.ToolPath.spiral((0.0, 0.0), 0.012, 0.003, speed=0.04)
-    place, velocity = np.zeros(3), np.zeros(3)
-    for time in np.linspace(0.0, path.duration, 37):
-        evaluate_path(time, path.packed, place, velocity)
-        np.testing.assert_allclose(place[:2], path.position(time), atol=1e-15)
-        np.testing.assert_allclose(velocity[:2], path.velocity(time), atol=1e-13)
 
 
 def test_velocity_is_the_derivative_of_the_place() -> None:
