@@ -37,9 +37,7 @@ _FOLDER = click.Path(file_okay=False, exists=True)
 @option("--name", "Of files and functions.", default="controller")
 @option("--to kinds", "What to write; once for each.", _KINDS, ("c",), multiple=True)
 @click.option("--test-vectors", default=0, help="Random samples to write beside the C file.")
-@click.option(
-    "--out", type=_FOLDER, default=".", help="Existing folder for the files; here by default."
-)
+@click.option("--out", type=_FOLDER, default=".", help=_OUT)
 @result_options
 def export(
     file: str, order: int | None, tolerance: float | None, form: str | None,
