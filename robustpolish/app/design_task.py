@@ -383,9 +383,8 @@ class DesignTask(Displayed):
             besides = "besides full_state"
             for name in ("measurements", "sensors", "measurement_noise"):
                 if getattr(self, name):
-                    refuse(
-                        name, name, besides, "one of both", "All states are measured as they are."
-                    )
+                    measured = "All states are measured as they are."
+                    refuse(name, name, besides, "one of both", measured)
             if set(SENSITIVITIES) & set(self.weights):
                 told = "weights of mixed sensitivity"
                 refuse("weights", told, besides, "weights of channels", "Leave full_state out.")
@@ -400,10 +399,8 @@ class DesignTask(Displayed):
         if self.sample_rate_hz is None:
             for name in ("computation_delay", "anti_aliasing_hz"):
                 if value := getattr(self, name):
-                    remedy = "Give it, or leave this out."
-                    refuse(
-                        name, f"{value:g}", "without a sampling rate", "sample_rate_hz too", remedy
-                    )
+                    told, remedy = f"{value:g}", "Give it, or leave this out."
+                    refuse(name, told, "without a sampling rate", "sample_rate_hz too", remedy)
 
     @cached_property
     def plant(self) -> GeneralizedPlant:
@@ -412,21 +409,15 @@ class DesignTask(Displayed):
             self.machine, self.controls, self.measurements, self.performance, self.disturbances
         )
         u, y = plant.control_names, plant.measurement_names
-        for kind, known, prefixes in (
-            ("actuators", u, (CONTROL,)),
-            ("sensors", y, (MEASUREMENT,)),
-            ("delays", (*u, *y), (CONTROL, MEASUREMENT)),
+        for kind, method, known, prefixes in (
+            ("actuators", "with_actuator", u, (CONTROL,)),
+            ("sensors", "with_sensor", y, (MEASUREMENT,)),
+            ("delays", "with_delay", (*u, *y), (CONTROL, MEASUREMENT)),
         ):
             for name, given in getattr(self, kind).items():
-                full = signal(kind, name, known, *prefixes)
+                full, add = signal(kind, name, known, *prefixes), getattr(plant, method)
                 with inside((kind, name)):
-                    if kind == "delays":
-                        plant = plant.with_delay(full, given)
-                    else:
-                        with_part = (
-                            plant.with_actuator if kind == "actuators" else plant.with_sensor
-                        )
-                        plant = with_part(full, **given)
+                    plant = add(full, given) if kind == "delays" else add(full, **given)
         return plant.with_full_state() if self.full_state else plant
 
     @cached_property

@@ -382,12 +382,8 @@ def design_machine(
 def _channels(plant: GeneralizedPlant, K: control.StateSpace) -> tuple[ChannelGain, ...]:
     """Return the gains of the machine's channels; noise of sensors is not one of them."""
     before, after = plant.open_loop, plant.closed_loop(K)
-    pairs = [
-        (i, j)
-        for j, w in enumerate(plant.disturbance_names)
-        for i in range(plant.nz)
-        if not w.startswith("noise_")
-    ]
+    names = enumerate(plant.disturbance_names)
+    pairs = [(i, j) for j, w in names if not w.startswith("noise_") for i in range(plant.nz)]
     found = []
     for i, j in pairs[:MOST_CHANNELS]:
         z, w = plant.performance_names[i], plant.disturbance_names[j]

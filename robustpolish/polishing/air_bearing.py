@@ -18,12 +18,7 @@ from robustpolish.machines.effects.equivalent_damping import share_damping
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.polishing.quantities import (
-    Quantities,
-    check_quantities,
-    given_or_default,
-    quantity,
-)
+from robustpolish.polishing.quantities import Quantities, check_quantities, or_default, quantity
 
 # Parameters: dimensions, masses and stiffnesses.
 
@@ -339,7 +334,7 @@ def air_bearing(
     >>> plant.nx, plant.nw, plant.nu, plant.nz, plant.ny
     (12, 4, 6, 6, 12)
     """
-    p = given_or_default("parameters", parameters, AirBearingParameters)
+    p = or_default("parameters", parameters, AirBearingParameters)
     one_of("actuation", actuation, ("displacement", "force"))
     one_of("measured", measured, ("state", "displacement"))
     one_of("load", load, ("corrected", "printed"))

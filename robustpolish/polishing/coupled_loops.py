@@ -37,7 +37,7 @@ from robustpolish.polishing.coupled import (
     run_coupled,
 )
 from robustpolish.polishing.parameters import BrushParameters
-from robustpolish.polishing.quantities import given_or_default
+from robustpolish.polishing.quantities import or_default
 from robustpolish.synthesis.design import Design
 
 # Loop as a machine that carries the brush: forces to displacements of the joint.
@@ -496,7 +496,7 @@ def linearize_with_brush(
     >>> at_rest.system.nstates, at_rest.system.output_labels[-1]
     (16, 'contact_z')
     """
-    p = given_or_default("parameters", parameters, BrushParameters)
+    p = or_default("parameters", parameters, BrushParameters)
     along = p.radius + 2.0 * p.rotation_radius if x is None else x
     carried = carrier(design, p.polishing_force)
     rest = brush_at_rest(p, along, y)

@@ -12,19 +12,13 @@ from typing import Any, Literal
 import xarray as xr
 
 from robustpolish.base.checks import closest_name_remedy, described, instance_of, invalid, positive
-from robustpolish.closed_loop.sampled_loops import (
-    Figures,
-    PlantOf,
-    SampledLoops,
-    SampledModel,
-    sample_loops,
-)
+from robustpolish.closed_loop import sampled_loops
 from robustpolish.errors import RobustPolishWarning, SolverError
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
 from robustpolish.polishing.parameters import NUMBERS, BrushParameters
-from robustpolish.polishing.quantities import given_or_default
+from robustpolish.polishing.quantities import or_default
 from robustpolish.polishing.simulate import simulate_brush
 from robustpolish.polishing.surfaces.surface import Surface
 from robustpolish.synthesis.design import Design, checked_design
@@ -37,17 +31,17 @@ def monte_carlo(
     distributions: Mapping[str, Any],
     *,
     machine: Machine | None = None,
-    plant_of: PlantOf | None = None,
+    plant_of: sampled_loops.PlantOf | None = None,
     duration: float | None = None,
     brush: BrushParameters | None = None,
     disturbance: xr.Dataset | None = None,
-    figures: Figures | None = None,
+    figures: sampled_loops.Figures | None = None,
     samples: int = 200,
     seed: int = 0,
     executor: Executor | Literal["serial"] | None = None,
     file: str | os.PathLike[str] | None = None,
     progress: bool = True,
-) -> SampledLoops:
+) -> sampled_loops.SampledLoops:
     """Close a design's loop around machines and brushes whose numbers are drawn.
 
     Every sample is a machine, linearised anew, with the controller as it is: its norm, and its
@@ -117,7 +111,7 @@ def monte_carlo(
     True
     """
     checked_design("design", design)
-    brush = given_or_default("brush", brush, BrushParameters)
+    brush = or_default("brush", brush, BrushParameters)
     plant = design.plant
     if machine is not None:
         kinds, expected = (MechanicalModel, AirBearingParameters), "a model or AirBearingParameters"
@@ -151,24 +145,15 @@ def monte_carlo(
     sampled = None
     if machine is not None and len(drawn) < len(distributions):
         if isinstance(machine, MechanicalModel):
-            sampled = SampledModel(machine, plant_of)
+            sampled = sampled_loops.SampledModel(machine, plant_of)
         else:
             actuation = "force" if plant.units.get("u_x") == "N" else "displacement"
             measured = "state" if plant.ny == plant.nx else "displacement"
             sampled = _SampledBearing(machine, plant_of, actuation, measured)
-    return sample_loops(
-        design,
-        distributions,
-        sampled,
-        disturbance if duration is None else _BrushRun(brush, duration),
-        load_is_drawn=bool(drawn),
-        figures=figures,
-        samples=samples,
-        seed=seed,
-        executor=executor,
-        file=file,
-        progress=progress,
-    )
+    load = disturbance if duration is None else _BrushRun(brush, duration)
+    how: dict[str, Any] = {"figures": figures, "samples": samples, "seed": seed, "file": file}
+    how |= {"load_is_drawn": bool(drawn), "executor": executor, "progress": progress}
+    return sampled_loops.sample_loops(design, distributions, sampled, load, **how)
 
 
 @dataclass(frozen=True)
@@ -176,7 +161,7 @@ class _SampledBearing:
     """The air bearing as a machine whose numbers are drawn, made into plants like a given one."""
 
     parameters: AirBearingParameters
-    plant_of: PlantOf | None
+    plant_of: sampled_loops.PlantOf | None
     actuation: Any
     measured: Any
 

@@ -41,14 +41,12 @@ def check_quantities(
             object.__setattr__(owner, item.name, value)
 
 
-def given_or_default(argument: str, given: T | None, kind: type[T]) -> T:
+def or_default(argument: str, given: T | None, kind: type[T]) -> T:
     """Return the parameters that were given, of the right kind, or else the default ones."""
+    if given is None:
+        return kind()
     name = kind.__name__
-    return (
-        kind()
-        if given is None
-        else instance_of(argument, given, kind, name, f"Build them with {name}(...).")
-    )
+    return instance_of(argument, given, kind, name, f"Build them with {name}(...).")
 
 
 class Quantities(Displayed):

@@ -233,6 +233,10 @@ _OPTIONS: dict[str, dict[str, Any]] = {
     "physical": {"disc": "two-angle", "start": "pressed", "max_passes": 4},
     "listing": {"defects": ListingDefects(), "workaround": "none"},
 }
+_RATTLES = (
+    "With little contact damping the brush rattles chaotically and no step is small enough for "
+    "more than its statistics: raise contact_damping, shorten the run, or raise tolerance."
+)
 _SAMPLE_RATE = {"physical": 20e3, "listing": 1e5}
 _TOLERANCE = {"physical": 2e-3, "listing": 1e-3}
 
@@ -379,16 +383,10 @@ def simulate_brush(
         if listing:
             return run_listing(brush, time, relative=limit, **chosen)
         three, landing = chosen["disc"] == "three-angle", chosen["start"] == "landing"
-        found, _, check = refined(
-            lambda level: (
-                integrate(brush, time, level, three_angles=three, landing=landing),
-                None,
-            ),
-            brush.polishing_force,
-            limit,
-            chosen["max_passes"],
-            "With little contact damping the brush rattles chaotically and no step is small enough "
-            "for more than its statistics: raise contact_damping, shorten the run, or raise "
-            "tolerance.",
-        )
+        force, passes = brush.polishing_force, chosen["max_passes"]
+
+        def attempt(level: int) -> Any:
+            return integrate(brush, time, level, three_angles=three, landing=landing), None
+
+        found, _, check = refined(attempt, force, limit, passes, _RATTLES)
         return physical_dataset(found, check, brush, three)

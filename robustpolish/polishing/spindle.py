@@ -18,7 +18,7 @@ from robustpolish.polishing.air_bearing import (
     AirBearingParameters,
     air_bearing,
 )
-from robustpolish.polishing.quantities import given_or_default
+from robustpolish.polishing.quantities import or_default
 
 POISSON_RATIO = 0.3
 """Of steel; the thesis gives Young's modulus alone."""
@@ -84,7 +84,7 @@ def spindle_rotor(
     >>> round(rp.polishing.spindle_rotor().modes(count=1)[0].frequency_hz, 1)
     131.8
     """
-    p = given_or_default("parameters", parameters, AirBearingParameters)
+    p = or_default("parameters", parameters, AirBearingParameters)
     one_of("brush", brush, ("disc", "point"))
     one_of("bearing", bearing, ("rigid", "reduced"))
     own_density = positive("density", density, "kg/m^3", zero=True)

@@ -12,22 +12,7 @@ import numpy as np
 
 import robustpolish
 from robustpolish.app import documents
-from robustpolish.app.cli.options import (
-    FILE,
-    READINGS,
-    brush_options,
-    choice,
-    claimed_places,
-    machine_options,
-    option,
-    options,
-    place_options,
-    repeatable,
-    result_options,
-    save_picture,
-    stages,
-    to_json,
-)
+from robustpolish.app.cli import options as cli
 from robustpolish.app.design_task import METHODS, machine_plant
 from robustpolish.app.html import Report, render_html
 from robustpolish.app.machine_design import design_machine, read_design_task
@@ -63,7 +48,7 @@ def command_with_any_machine(other: click.Command) -> type[click.Command]:
     """
 
     def names(command: click.Command) -> set[str]:
-        return {name for option in command.params for name in option.opts}
+        return {name for known in command.params for name in known.opts}
 
     class Either(click.Command):
         def make_context(
@@ -97,15 +82,15 @@ def command_with_any_machine(other: click.Command) -> type[click.Command]:
 
 # The options that name a machine and its signals.
 
-given_machine_options = options(
-    option("--model", "Mechanical model, a TOML file.", click.Path()),
-    option("--plant", "Or a plant that was saved (.json).", click.Path()),
+given_machine_options = cli.options(
+    cli.option("--model", "Mechanical model, a TOML file.", click.Path()),
+    cli.option("--plant", "Or a plant that was saved (.json).", click.Path()),
 )
 """Which machine: --model or --plant."""
 
-channel_options = options(
-    repeatable("--performance", "NAME", "What is kept small."),
-    repeatable("--disturbance", "NAME", "What disturbs."),
+channel_options = cli.options(
+    cli.repeatable("--performance", "NAME", "What is kept small."),
+    cli.repeatable("--disturbance", "NAME", "What disturbs."),
 )
 """From where to where: --disturbance and --performance, each repeatable."""
 
@@ -124,19 +109,19 @@ DEFAULT_OUT = "robustpolish-results"
 
 _PRICE = "Price of a unit of control in units of what is kept small."
 _NOISE = "Noise on measurements in their units, per unit of a disturbance."
-_controller_options = options(
-    repeatable("--control", "NAME", "What acts; repeatable."),
-    repeatable("--measure", "NAME", "What is measured; repeatable."),
+_controller_options = cli.options(
+    cli.repeatable("--control", "NAME", "What acts; repeatable."),
+    cli.repeatable("--measure", "NAME", "What is measured; repeatable."),
     channel_options,
     click.option("--full-state", is_flag=True, default=None, help="Measure all states."),
-    option("--norm", "Minimised; hinf by default.", click.Choice(("hinf", "h2"))),
-    option("--method", "auto by default.", click.Choice(METHODS)),
-    option("--order", "States of the controller; as many as it takes.", int),
-    repeatable("--control-weight", "[NAME=]SIZE", _PRICE),
-    repeatable("--noise", "[NAME=]SIZE", _NOISE),
-    option("--sample-rate", "Sample the controller so often, in Hz.", float),
-    option("--delay", "Seconds from a sample until its control acts.", float),
-    option("--anti-aliasing", "Corner of a Butterworth filter, in Hz.", float),
+    cli.option("--norm", "Minimised; hinf by default.", click.Choice(("hinf", "h2"))),
+    cli.option("--method", "auto by default.", click.Choice(METHODS)),
+    cli.option("--order", "States of the controller; as many as it takes.", int),
+    cli.repeatable("--control-weight", "[NAME=]SIZE", _PRICE),
+    cli.repeatable("--noise", "[NAME=]SIZE", _NOISE),
+    cli.option("--sample-rate", "Sample the controller so often, in Hz.", float),
+    cli.option("--delay", "Seconds from a sample until its control acts.", float),
+    cli.option("--anti-aliasing", "Corner of a Butterworth filter, in Hz.", float),
 )
 _TASK = {
     "control": "controls", "measure": "measurements", "disturbance": "disturbances",
@@ -155,10 +140,10 @@ def _write_report(page: Path, report: Report) -> None:
 
 @click.command("design")
 @given_machine_options
-@option("--weights", _SECTIONS, click.Path())
+@cli.option("--weights", _SECTIONS, click.Path())
 @_controller_options
-@place_options("Folder for design, plant, table and figure.")
-@result_options
+@cli.place_options("Folder for design, plant, table and figure.")
+@cli.result_options
 def machine_design(
     model: str | None, plant: str | None, weights: str | None, out: str | None,
     report: str | None, force: bool, **given: Any,
@@ -178,13 +163,13 @@ def machine_design(
     changes = {_TASK.get(name, name): value for name, value in given.items()}
     changes = {name: value for name, value in changes.items() if value not in (None, ())}
     task = read_design_task(source, section, **changes)
-    with claimed_places(out, report, force) as (folder, page):
+    with cli.claimed_places(out, report, force) as (folder, page):
         for note in task.notes:
             click.echo(f"... {note}", err=True)
-        with stages("Designing") as tell:
+        with cli.stages("Designing") as tell:
             found = design_machine(task)
             content = found.to_dict()
-            to_json(content)  # nothing is written if anything fails
+            cli.to_json(content)  # nothing is written if anything fails
             if page is not None:
                 tell("writing the report")
                 _write_report(page, documents.machine_design_report(found))
@@ -215,7 +200,7 @@ def _sizes(option: str, items: tuple[str, ...]) -> float | dict[str, float] | No
 
 @click.command("modes")
 @given_machine_options
-@result_options
+@cli.result_options
 def machine_modes(model: str | None, plant: str | None, force: bool) -> tuple[Any, ...]:
     """Show natural frequencies, damping ratios and the state that carries each mode.
 
@@ -238,7 +223,7 @@ def shown_modes(system: control.StateSpace) -> tuple[dict[str, Any], str]:
 @click.command("norms")
 @given_machine_options
 @channel_options
-@result_options
+@cli.result_options
 def machine_norms(
     model: str | None, plant: str | None, performance: Any, disturbance: Any, force: bool
 ) -> tuple[Any, ...]:
@@ -294,20 +279,20 @@ _BOUND = "Of the ideal: largest singular value that the gain may have."
 
 
 @click.command(cls=command_with_any_machine(machine_design))
-@brush_options
-@option("--ideal", _IDEAL, is_flag=True)
-@option("--actuation", _ACTUATION, click.Choice(("force", "displacement")))
-@option("--norm", "Of the ideal; hinf by default.", click.Choice(("hinf", "h2")))
-@option("--method", "Of the ideal.", click.Choice(("lmi", "riccati")))
-@option("--backend", "Of the ideal.", click.Choice(("cvxpy", "picos")))
-@option("--control-weight", _WEIGHT, float)
-@option("--gain-bound", _BOUND, float)
-@machine_options
-@place_options("Folder for table, figure, code and signals.")
-@result_options
+@cli.brush_options
+@cli.option("--ideal", _IDEAL, is_flag=True)
+@cli.option("--actuation", _ACTUATION, click.Choice(("force", "displacement")))
+@cli.option("--norm", "Of the ideal; hinf by default.", click.Choice(("hinf", "h2")))
+@cli.option("--method", "Of the ideal.", click.Choice(("lmi", "riccati")))
+@cli.option("--backend", "Of the ideal.", click.Choice(("cvxpy", "picos")))
+@cli.option("--control-weight", _WEIGHT, float)
+@cli.option("--gain-bound", _BOUND, float)
+@cli.machine_options
+@cli.place_options("Folder for table, figure, code and signals.")
+@cli.result_options
 def design(
     ideal: bool, reading: str, dissipation: float, out: str | None, report: str | None,
-    force: bool, **options: Any,
+    force: bool, **given: Any,
 ) -> tuple[Any, ...]:  # fmt: skip
     """Design a controller for the polishing robot, certify it and try it on the brush.
 
@@ -315,17 +300,17 @@ def design(
     same forces drive the machine with and without control; the table shows the largest deviations.
     """
     out = out or (DEFAULT_OUT if report == "" else None)
-    with claimed_places(out, report, force) as (folder, page), stages("Designing") as tell:
-        machine = {"parameters": READINGS[reading](), "dissipation": dissipation}
+    with cli.claimed_places(out, report, force) as (folder, page), cli.stages("Designing") as tell:
+        machine = {"parameters": cli.READINGS[reading](), "dissipation": dissipation}
         kind = "ideal" if ideal else None
-        job = design_against_brush(realisation=kind, tell=tell, **machine, **options)
+        job = design_against_brush(realisation=kind, tell=tell, **machine, **given)
         summary = documents.brush_design_summary(job)
         if page is not None:
             tell("Writing the report ...")
             _write_report(page, documents.brush_design_report(job))
         if folder is not None:
             documents.save_brush_design(job, folder)
-            (folder / "design.json").write_text(to_json(summary) + "\n", encoding="utf-8")
+            (folder / "design.json").write_text(cli.to_json(summary) + "\n", encoding="utf-8")
     return summary, documents.brush_design_text(job), out, report
 
 
@@ -336,14 +321,14 @@ _RATE, _DELAY = LoopRequirements.sample_rate_hz, LoopRequirements.delay_s
 
 
 @click.command()
-@option("--design design_file", "A design that was saved (JSON).", FILE, required=True)
-@option("--plant", "Try it on this plant (JSON).", FILE)
-@option("--model", "Or on this machine (TOML).", FILE)
-@option("--sample-rate", "Sampling in Hz that can be bought.", float, _RATE)
-@option("--delay", "Seconds that measurement and drive take besides sampling.", float, _DELAY)
-@choice("--kind", ("nyquist", "bode", "nichols", "sigma", "step"), "What --plot shows.")
-@option("--plot", "Save a picture (.png, .svg, .pdf).", FILE)
-@result_options
+@cli.option("--design design_file", "A design that was saved (JSON).", cli.FILE, required=True)
+@cli.option("--plant", "Try it on this plant (JSON).", cli.FILE)
+@cli.option("--model", "Or on this machine (TOML).", cli.FILE)
+@cli.option("--sample-rate", "Sampling in Hz that can be bought.", float, _RATE)
+@cli.option("--delay", "Seconds that measurement and drive take besides sampling.", float, _DELAY)
+@cli.choice("--kind", ("nyquist", "bode", "nichols", "sigma", "step"), "What --plot shows.")
+@cli.option("--plot", "Save a picture (.png, .svg, .pdf).", cli.FILE)
+@cli.result_options
 def margins(
     design_file: str, plant: str | None, model: str | None, sample_rate: float, delay: float,
     kind: Any, plot: str | None, force: bool,
@@ -364,8 +349,8 @@ def margins(
     words = analysis.explain()
     content = {**analysis.to_dict(), "buildable": analysis.buildable}
     content |= {"problems": list(analysis.problems), "words": words}
-    to_json(content)  # nothing is written if anything fails
-    save_picture(plot, force, lambda: analysis.plot(kind=kind).figure)
+    cli.to_json(content)  # nothing is written if anything fails
+    cli.save_picture(plot, force, lambda: analysis.plot(kind=kind).figure)
     lines = str(analysis).splitlines()
     return content, "\n".join([*lines[:-1], "", click.wrap_text(words, 88)])
 
@@ -396,22 +381,22 @@ def _machine(design: Design, plant: str | None, model: str | None) -> Generalize
 
 
 @click.command(cls=command_with_any_machine(machine_modes))
-@machine_options
-@result_options
+@cli.machine_options
+@cli.result_options
 def modes(reading: str, dissipation: float, force: bool) -> tuple[Any, ...]:
     """Show natural frequencies, damping ratios and the state that carries each mode."""
-    return shown_modes(air_bearing(READINGS[reading](), dissipation).open_loop)
+    return shown_modes(air_bearing(cli.READINGS[reading](), dissipation).open_loop)
 
 
 # `robustpolish norms`.
 
 
 @click.command(cls=command_with_any_machine(machine_norms))
-@machine_options
-@result_options
+@cli.machine_options
+@cli.result_options
 def norms(reading: str, dissipation: float, force: bool) -> tuple[Any, ...]:
     """Show the H-infinity and H2 norms from the brush forces to the six displacements.
 
     Nothing is controlled; the norms are what a controller has to reduce.
     """
-    return shown_norms(air_bearing(READINGS[reading](), dissipation).open_loop, "m/N")
+    return shown_norms(air_bearing(cli.READINGS[reading](), dissipation).open_loop, "m/N")

@@ -11,23 +11,7 @@ import click
 import xarray as xr
 
 import robustpolish
-from robustpolish.app.cli.options import (
-    FILE,
-    Reading,
-    data_argument,
-    load_data,
-    load_records,
-    load_response,
-    measurement_options,
-    option,
-    pairs,
-    repeatable,
-    replaceable,
-    result_options,
-    save_picture,
-    stages,
-    to_json,
-)
+from robustpolish.app.cli import options as cli
 from robustpolish.app.documents import diagnosis_report
 from robustpolish.app.html import render_html
 from robustpolish.base.atomic_writes import new_file
@@ -48,21 +32,21 @@ from robustpolish.signals.frequency_response import holds_frequency_response
 # `robustpolish compare`.
 
 
-_model = option("--model", "Mechanical model, a TOML file.", click.Path(), required=True)
+_model = cli.option("--model", "Mechanical model, a TOML file.", click.Path(), required=True)
 
 
 @click.command()
-@data_argument
+@cli.data_argument
 @_model
-@option("--window", "Start anew after so many SECONDS: short free runs.", float)
-@option("--horizon", "Predict so many SECONDS ahead from the outputs.", float)
-@measurement_options
-@option("--residuals", "Show where the error is.", is_flag=True)
-@option("--plot", "Save the pictures (.png, .svg).", FILE)
-@result_options
+@cli.option("--window", "Start anew after so many SECONDS: short free runs.", float)
+@cli.option("--horizon", "Predict so many SECONDS ahead from the outputs.", float)
+@cli.measurement_options
+@cli.option("--residuals", "Show where the error is.", is_flag=True)
+@cli.option("--plot", "Save the pictures (.png, .svg).", cli.FILE)
+@cli.result_options
 def compare(
     data: tuple[str, ...], model: str, window: float | None, horizon: float | None,
-    reading: Reading, residuals: bool, plot: str | None, force: bool,
+    reading: cli.Reading, residuals: bool, plot: str | None, force: bool,
 ) -> tuple[Any, ...]:  # fmt: skip
     """Simulate a model on measured inputs and compare it with the measured outputs.
 
@@ -75,10 +59,10 @@ def compare(
     loaded = MechanicalModel.from_toml(Path(model))
     if any(holds_frequency_response(path) for path in data):
         given = {"--window": window, "--horizon": horizon, "--residuals": residuals or None}
-        result = compare_model(loaded, load_response(data, reading, given))
+        result = compare_model(loaded, cli.load_response(data, reading, given))
         content, lines = result.to_dict(), [repr(result)]
     else:
-        records = load_records(data, loaded, reading)
+        records = cli.load_records(data, loaded, reading)
         result = compare_model(loaded, records, window=window, horizon=horizon)
         content = result.to_dict()
         lines = [repr(result), *(f"  {note}" for note in result.data.attrs["notes"])]
@@ -86,8 +70,8 @@ def compare(
             analysis = residual_analysis(result)
             content["residuals"] = analysis.to_dict()
             lines.append(analysis.explain())
-    to_json(content)  # nothing is written if anything fails
-    save_picture(plot, force, result.plot_panels)
+    cli.to_json(content)  # nothing is written if anything fails
+    cli.save_picture(plot, force, result.plot_panels)
     return content, "\n".join(lines)
 
 
@@ -98,14 +82,14 @@ _PAIRS = 2
 
 
 @click.command()
-@data_argument
+@cli.data_argument
 @_model
-@option("--save", "Save the extended model (.toml), or the whole diagnosis (.json).", FILE)
-@option("--report", "Save a report (.html).", FILE)
-@measurement_options
-@result_options
+@cli.option("--save", "Save the extended model (.toml), or the whole diagnosis (.json).", cli.FILE)
+@cli.option("--report", "Save a report (.html).", cli.FILE)
+@cli.measurement_options
+@cli.result_options
 def diagnose(
-    data: tuple[str, ...], model: str, save: str | None, report: str | None, reading: Reading,
+    data: tuple[str, ...], model: str, save: str | None, report: str | None, reading: cli.Reading,
     force: bool,
 ) -> tuple[Any, ...]:  # fmt: skip
     """Learn which physical effect a model lacks, and add it.
@@ -118,18 +102,18 @@ def diagnose(
     loaded = MechanicalModel.from_toml(Path(model))
     for path in data:
         require_time_data(path)
-    records = load_records(data, loaded, reading)
+    records = cli.load_records(data, loaded, reading)
     with ExitStack() as places:
         # The places are claimed first: nothing is computed that could not be saved.
         drafts = {}
         for path, suffixes in ((save, (".toml", ".json")), (report, (".html",))):
             if path is not None:
-                replace = force or replaceable(path, *data, model)
+                replace = force or cli.replaceable(path, *data, model)
                 drafts[path] = places.enter_context(new_file(path, replace, suffixes))
-        tell = places.enter_context(stages("Diagnosing"))
+        tell = places.enter_context(cli.stages("Diagnosing"))
         result = diagnose_model(loaded, records, progress=tell)
         content = result.to_dict()
-        to_json(content)  # nothing is written if anything fails
+        cli.to_json(content)  # nothing is written if anything fails
         if save is not None:
             if Path(save).suffix == ".json":
                 result.save(drafts[save], force=True)
@@ -165,13 +149,13 @@ def _told_apart(
 
 
 @click.command()
-@data_argument
+@cli.data_argument
 @_model
-@option("--save", "Save the fitted model (.toml).", FILE)
-@measurement_options
-@result_options
+@cli.option("--save", "Save the fitted model (.toml).", cli.FILE)
+@cli.measurement_options
+@cli.result_options
 def refit(
-    data: tuple[str, ...], model: str, save: str | None, reading: Reading, force: bool
+    data: tuple[str, ...], model: str, save: str | None, reading: cli.Reading, force: bool
 ) -> tuple[Any, ...]:
     """Fit the numbers of a model, those of its effects included.
 
@@ -181,13 +165,15 @@ def refit(
     "frequency [Hz]", UFF 58). The exit code is 0 however well the model fits, and 2 for bad input.
     """
     loaded = MechanicalModel.from_toml(Path(model))
-    responses = any(holds_frequency_response(path) for path in data)
-    given = load_response(data, reading, {}) if responses else load_records(data, loaded, reading)
+    if any(holds_frequency_response(path) for path in data):
+        given = cli.load_response(data, reading, {})
+    else:
+        given = cli.load_records(data, loaded, reading)
     # The place is claimed first: nothing is computed that could not be saved.
     with new_file(save, force, (".toml",)) if save is not None else nullcontext() as draft:
         result = refit_model(loaded, given)
         content = result.to_dict()
-        to_json(content)  # nothing is written if anything fails
+        cli.to_json(content)  # nothing is written if anything fails
         if draft is not None:
             draft.write_text(result.model.to_toml(), encoding="utf-8")
     return content, repr(result)
@@ -200,16 +186,16 @@ _LIMIT = "Largest value of an input or output in SI units, as in F=50; repeatabl
 @click.command("tell-apart")
 @click.argument("data", type=click.Path())
 @click.argument("machines", nargs=-1, required=True, type=click.Path())
-@option("--pair", "Which of a diagnosis's pairs.", default=1)
-@repeatable("--noise noises", "OUTPUT=SIZE", _NOISE)
-@repeatable("--limit limits", "SIGNAL=SIZE", _LIMIT)
+@cli.option("--pair", "Which of a diagnosis's pairs.", default=1)
+@cli.repeatable("--noise noises", "OUTPUT=SIZE", _NOISE)
+@cli.repeatable("--limit limits", "SIGNAL=SIZE", _LIMIT)
 @click.option("--fit/--no-fit", default=True, help="Fit the machines to DATA first, or not.")
-@measurement_options
-@option("--plot", "Save the picture (.png, .svg).", FILE)
-@result_options
+@cli.measurement_options
+@cli.option("--plot", "Save the picture (.png, .svg).", cli.FILE)
+@cli.result_options
 def tell_apart(
     data: str, machines: tuple[str, ...], pair: int, noises: tuple[str, ...],
-    limits: tuple[str, ...], fit: bool, reading: Reading, plot: str | None, force: bool,
+    limits: tuple[str, ...], fit: bool, reading: cli.Reading, plot: str | None, force: bool,
 ) -> tuple[Any, ...]:  # fmt: skip
     """Find the experiment that tells two machines apart which DATA does not.
 
@@ -229,18 +215,18 @@ def tell_apart(
         want = "one diagnosis (.json), or two models (.toml)"
         raise invalid("MACHINES", shown, want, "Add the other one.")
     require_time_data(data)
-    record = load_data(data, model, reading)
+    record = cli.load_data(data, model, reading)
     noise = _sizes("--noise", noises, "--noise x=2e-6")
-    with stages("Trying experiments") as tell:
+    with cli.stages("Trying experiments") as tell:
         bounds = _sizes("--limit", limits, "--limit F=50")
         how: dict[str, Any] = {"noise": noise, "limits": bounds, "fit": fit, "progress": tell}
         found = tell_machines_apart(given, record, pair=pair - 1, **how)
     content = found.to_dict()
-    to_json(content)  # nothing is written if anything fails
-    save_picture(plot, force, found.plot_panels)
+    cli.to_json(content)  # nothing is written if anything fails
+    cli.save_picture(plot, force, found.plot_panels)
     return content, repr(found)
 
 
 def _sizes(option: str, items: tuple[str, ...], example: str) -> dict[str, float]:
-    given = pairs(option, items, "NAME=SIZE", example)
+    given = cli.pairs(option, items, "NAME=SIZE", example)
     return {name: positive(option, value, "SI units") for name, value in given.items()}

@@ -138,15 +138,10 @@ def save_picture(path: str | None, force: bool, draw: Callable[[], Any]) -> None
 
 def place_options(folder: str) -> Callable[[F], F]:
     """Add --out, a folder for what `folder` says, and --report."""
+    told = "Write an HTML report to FILE, or to report.html in the folder."
     return options(
         option("--out", folder, click.Path(file_okay=False)),
-        option(
-            "--report",
-            "Write an HTML report to FILE, or to report.html in the folder.",
-            is_flag=False,
-            flag_value="",
-            metavar="[FILE]",
-        ),
+        option("--report", told, is_flag=False, flag_value="", metavar="[FILE]"),
     )
 
 

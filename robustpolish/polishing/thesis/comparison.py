@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -185,16 +185,11 @@ def thesis_comparison(
         plant = air_bearing(p, actuation=actuation, load="printed")
         loop = plant.A + plant.B2 @ published_gain(name)
         responses[name] = listing_response(loop, plant.B1, total, brush, tolerance=tolerance)
-    signals = {
-        name: xr.Dataset(
-            {
-                axis: ("time", values, {"units": "m"})
-                for axis, values in zip("xyz", found["response"].values.T, strict=True)
-            },
-            {"time": found["time"]},
-        )
-        for name, found in responses.items()
-    }
+    signals = {}
+    for name, found in responses.items():
+        columns = zip("xyz", found["response"].values.T, strict=True)
+        variables = {axis: ("time", values, {"units": "m"}) for axis, values in columns}
+        signals[name] = xr.Dataset(variables, {"time": found["time"]})
     largest = {name: found["largest"].to_numpy() for name, found in responses.items()}
     return tabulate(signals, ("x", "y", "z"), (), UNEQUAL_LOAD, largest=largest)
 
@@ -207,28 +202,24 @@ def thesis_comparison(
 
 Deviations = Mapping[str, tuple[float, float, float]]
 
-PUBLISHED_DEVIATIONS: Mapping[int, Deviations] = MappingProxyType(
-    {
-        1: MappingProxyType(
-            {
-                "without control": (7.8095e-4, 0.0177, 1.9855e-4),
-                "first": (0.0, 7.5486e-4, 7.1232e-6),
-                "first_scaled": (0.0, 4.5467e-4, 8.0705e-6),
-                "second": (0.0, 7.4643e-5, 2.4510e-5),
-                "second_scaled": (0.0, 6.8915e-4, 9.7659e-6),
-            }
-        ),
-        4: MappingProxyType(
-            {
-                "without control": (0.0011, 0.0094, 1.5049e-4),
-                "first": (0.0, 7.9841e-4, 1.2877e-5),
-                "first_scaled": (0.0, 4.9490e-4, 1.2861e-5),
-                "second": (0.0, 8.2640e-5, 4.6829e-5),
-                "second_scaled": (0.0, 8.0809e-4, 1.9925e-5),
-            }
-        ),
-    }
-)
+
+def _deviations(without: tuple[float, ...], *controlled: tuple[float, float]) -> Deviations:
+    """Return the rows of a table: with a controller nothing moves in x."""
+    names = ("without control", "first", "first_scaled", "second", "second_scaled")
+    rows: Any = (without, *((0.0, *row) for row in controlled))
+    return MappingProxyType(dict(zip(names, rows, strict=True)))
+
+
+PUBLISHED_DEVIATIONS: Mapping[int, Deviations] = MappingProxyType({
+    1: _deviations(
+        (7.8095e-4, 0.0177, 1.9855e-4), (7.5486e-4, 7.1232e-6), (4.5467e-4, 8.0705e-6),
+        (7.4643e-5, 2.4510e-5), (6.8915e-4, 9.7659e-6),
+    ),
+    4: _deviations(
+        (0.0011, 0.0094, 1.5049e-4), (7.9841e-4, 1.2877e-5), (4.9490e-4, 1.2861e-5),
+        (8.2640e-5, 4.6829e-5), (8.0809e-4, 1.9925e-5),
+    ),
+})  # fmt: skip
 """Largest deviation [m] in x, y and z by run and row, as printed."""
 
 

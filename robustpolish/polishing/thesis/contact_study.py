@@ -21,7 +21,7 @@ from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.plots.charts import plot_bars
 from robustpolish.plots.time import plot_time_series
 from robustpolish.polishing.parameters import BrushParameters
-from robustpolish.polishing.quantities import check_quantities, given_or_default
+from robustpolish.polishing.quantities import check_quantities, or_default
 from robustpolish.polishing.simulate import simulate_brush
 from robustpolish.polishing.surfaces.surface import Surface
 from robustpolish.polishing.thesis.listing import ListingDefects, listing_forces
@@ -834,7 +834,7 @@ def resultant_forces(
     >>> doubtful.pulls, round(doubtful.ahead), round(doubtful.behind)
     (True, -162, 171)
     """
-    p = given_or_default("parameters", parameters, BrushParameters)
+    p = or_default("parameters", parameters, BrushParameters)
     for name, value in {"ahead": ahead, "behind": behind, "side": side, "roll": roll}.items():
         if not abs(value) < 1.5:
             raise invalid(name, value, "an angle below 1.5 rad", "Give it in rad.")
