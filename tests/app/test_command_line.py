@@ -182,6 +182,7 @@ def _read(terminal):
     return shown.decode()
 
 
+@pytest.mark.slow
 def test_a_terminal_shows_the_stage_in_a_bar_that_goes_away():
     process, terminal = _on_a_terminal(seconds=0.8)
     out, _ = process.communicate()

@@ -117,6 +117,7 @@ def machine_file(tmp_path, monkeypatch):
     return str(path)
 
 
+@pytest.mark.slow
 def test_from_a_file_to_code(machine_file, tmp_path):
     out = tmp_path / "out"
     result = run(

@@ -294,6 +294,7 @@ def diagnosed(tmp_path_factory):
     return folder, content(folder / "out.json"), result.output
 
 
+@pytest.mark.slow
 def test_the_json_that_programs_rely_on_diagnose(diagnosed):
     folder, told, output = diagnosed
     assert told["verdict"] == "missing_effect"
@@ -317,6 +318,7 @@ def test_the_json_that_programs_rely_on_diagnose(diagnosed):
     assert found["rmse"] < 1.2 * NOISE["x"]
 
 
+@pytest.mark.slow
 def test_the_report_says_where_which_how_much_and_what_to_check(diagnosed):
     page = (diagnosed[0] / "report.html").read_text()
     titles = (

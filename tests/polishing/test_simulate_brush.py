@@ -108,6 +108,7 @@ def test_forces_balance_and_angles_and_rates_belong_together(default_run):
         assert float(abs(slope - rate).max()) < 1e-3 * float(abs(rate).max())
 
 
+@pytest.mark.slow
 def test_magnitudes_of_dissipative_contact() -> None:
     """With damping 50 s/m about 10 N at every stiffness, and not the thesis's thousands."""
     for run in (1, 2, 3, 4):
@@ -143,6 +144,7 @@ def test_energy_balance_without_drive(run: int) -> None:
     assert float(abs(balance).max()) < 2e-3 * scale
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("run", [1, 4])
 def test_passes_converge_and_report_their_accuracy(run: int) -> None:
     """Impulses and peaks settle as steps are halved and rim points doubled."""

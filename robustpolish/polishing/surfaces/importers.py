@@ -362,7 +362,9 @@ def fitted(sheet: Any, x: Floats, y: Floats, faces: Floats) -> tuple[Floats, flo
 
     def matrix(places: Floats) -> Any:
         """From coefficients to heights at places, shape (n, unknowns)."""
-        return NdBSpline.design_matrix(np.ascontiguousarray(places), knots, 3)
+        found = NdBSpline.design_matrix(np.ascontiguousarray(places), knots, 3)
+        found.resize(len(places), rows * columns)  # its columns end at the last one in use
+        return found
 
     i, j = np.nonzero(np.isfinite(faces))
     at_vertices, at_faces = matrix(vertices[:, :2]), matrix(np.stack([x[i], y[j]], axis=1))
