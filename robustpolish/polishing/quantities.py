@@ -62,11 +62,9 @@ class Quantities(Displayed):
         -------
         list of tuple
         """
-        rows: Any = fields(self)  # type: ignore[arg-type]
-        return [
-            (item.name, getattr(self, item.name), item.metadata["unit"], item.metadata["source"])
-            for item in rows
-        ]
+        owner: Any = self
+        rows = [(item.name, item.metadata) for item in fields(owner)]
+        return [(name, getattr(self, name), more["unit"], more["source"]) for name, more in rows]
 
     def _card(self) -> Card:
         title, what = self._caption

@@ -362,7 +362,7 @@ def fitted(sheet: Any, x: Floats, y: Floats, faces: Floats) -> tuple[Floats, flo
 
     def matrix(places: Floats) -> Any:
         """From coefficients to heights at places, shape (n, unknowns)."""
-        found = NdBSpline.design_matrix(np.ascontiguousarray(places), knots, 3)
+        found: Any = NdBSpline.design_matrix(np.ascontiguousarray(places), knots, 3)
         found.resize(len(places), rows * columns)  # its columns end at the last one in use
         return found
 
