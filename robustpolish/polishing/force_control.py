@@ -103,8 +103,8 @@ class PolishingAxis:
         A = np.zeros((4, 4))
         A[0, 0], A[1, 2], A[3, 3] = -slow, 1.0, -quick
         A[2] = (force + np.array([0.0, -self.stiffness, -self.damping, 1.0])) / m
-        units = {"force_error": "N", "tool": "m", "gap": "m", "push": "N", "force": "N"}
-        units |= {"s": "m", "z": "m", "dz": "m/s", "a": "N", "surface": "m", "force_noise": "N"}
+        units = {"s": "m", "z": "m", "dz": "m/s", "a": "N", "surface": "m", "force_noise": "N"}
+        units |= {"push": "N", "force_error": "N", "tool": "m", "gap": "m", "force": "N"}
         return GeneralizedPlant.from_matrices(
             A,
             np.array([[slow, 0.0], [0.0, 0.0], [c * slow / m, 0.0], [0.0, 0.0]]),
