@@ -134,9 +134,10 @@ def free_disc() -> tuple[float, float]:
         state[disc_motion.AXES] = [math.sin(0.4), 0.0, math.cos(0.4)]
         state[disc_motion.TURNINGS] = np.cross(state[disc_motion.AXES], [0.0, 5.0, -8.0])
         track, midway = np.empty((201, disc_motion.STATES)), np.empty((200, 3))
+        loads = np.empty((201, disc_motion.LOADS))
         disc_motion.advance(
             state, 5e-4, 5e-5, 1e-12, np.ones(disc_motion.STATES), motion,
-            contact_constants(parameters), rim_nodes(64), track, midway,
+            contact_constants(parameters), rim_nodes(64), track, loads, midway,
         )  # fmt: skip
         turning, spin = track[:, disc_motion.TURNINGS], track[:, disc_motion.SPIN]
         # That of the spin is a constant, and so large that it would hide any change.

@@ -64,8 +64,9 @@ def asked_weight(where: Key, given: Any) -> control.StateSpace | float:
     >>> asked_weight(("effort",), {"numerator": [1.0, 0.0], "denominator": [1.0, 5.0]}).nstates
     1
     """
+    text = ".".join(map(str, where))
     if isinstance(given, control.LTI):
-        return as_state_space(_text(where), given)
+        return as_state_space(text, given)
     if not isinstance(given, Mapping):
         if isinstance(given, bool | str | Sequence) or given is None:
             want = "a number or a table with low, crossover_hz and high"
@@ -73,13 +74,23 @@ def asked_weight(where: Key, given: Any) -> control.StateSpace | float:
         return positive(where, given)
     if set(given) & set(_POLYNOMIALS):
         known_keys(where, given, _POLYNOMIALS, _POLYNOMIALS)
-        numerator, denominator = (_numbers((*where, key), given[key]) for key in _POLYNOMIALS)
-        return as_state_space(_text(where), control.tf(numerator, denominator))
+        want, pair = "a list of numbers, the highest power first", []
+        for key in _POLYNOMIALS:
+            numbers, at = given[key], (*where, key)
+            right = isinstance(numbers, list | tuple) and bool(numbers)
+            if not right or any(
+                isinstance(n, bool) or not isinstance(n, int | float) for n in numbers
+            ):
+                raise invalid(at, numbers, want, "Write [1.0, 2.0] for s + 2.")
+            if key == "denominator" and not any(numbers):
+                raise invalid(at, described("a denominator of zeros"), want, "Correct it.")
+            pair.append([float(n) for n in numbers])
+        return as_state_space(text, control.tf(*pair))
     known_keys(where, given, _GAINS, _GAINS[:3])
     gain = positive((*where, "gain"), given.get("gain", 1.0))
     with inside(where):
         shape = weight(**{key: value for key, value in given.items() if key != "gain"})
-    return shape if gain == 1 else as_state_space(_text(where), gain * shape)
+    return shape if gain == 1 else as_state_space(text, gain * shape)
 
 
 def is_weight(given: Any) -> bool:
@@ -89,21 +100,6 @@ def is_weight(given: Any) -> bool:
     if any(isinstance(value, Mapping) for value in given.values()):
         return False
     return bool({*_GAINS, *_POLYNOMIALS} & set(given))
-
-
-def _numbers(where: Key, given: Any) -> list[float]:
-    want = "a list of numbers, the highest power first"
-    right = isinstance(given, list | tuple) and bool(given)
-    if not right or any(isinstance(n, bool) or not isinstance(n, int | float) for n in given):
-        raise invalid(where, given, want, "Write [1.0, 2.0] for s + 2.")
-    numbers = [float(n) for n in given]
-    if where[-1] == "denominator" and not any(numbers):
-        raise invalid(where, described("a denominator of zeros"), want, "Correct it.")
-    return numbers
-
-
-def _text(where: Key) -> str:
-    return ".".join(map(str, where))
 
 
 # A machine as a plant, its signals chosen by the names that users have for them.
@@ -154,26 +150,22 @@ def machine_plant(
         if not isinstance(plant.system, control.StateSpace):
             shown = described("a frequency response")
             raise invalid("machine", shown, "a model with states", "Fit one to it first.")
-    u = _places("controls", controls, plant.control_names, (CONTROL,))
-    y = _places("measurements", measurements, plant.measurement_names, (MEASUREMENT,))
     acting, inputs = plant.control_names, plant.disturbance_names
     shown, heard = plant.performance_names, plant.measurement_names
+    u = _places("controls", controls, acting, (CONTROL,))
+    y = _places("measurements", measurements, heard, (MEASUREMENT,))
     # Every control may disturb as well, and every measurement be judged.
     doubled = [DISTURBANCE + name.removeprefix(CONTROL) for name in acting]
     outputs = [f"output_{name.removeprefix(MEASUREMENT)}" for name in heard]
     wiring = plant.wiring.with_inputs_twice(doubled)
     wiring = wiring.with_performance(np.eye(plant.ny), np.zeros((plant.ny, plant.nu)), outputs)
     z = _places("performance", performance, (*shown, *heard), ("", MEASUREMENT), len(shown))
+    at = list(range(len(inputs))) or [len(inputs) + i for i in u]
     if disturbances:
-        candidates = (*inputs, *acting)
-        at = _places("disturbances", disturbances, candidates, ("", CONTROL), len(inputs))
-    else:
-        own = range(len(inputs))
-        at = list(own) if own else [len(inputs) + i for i in u]
+        at = _places("disturbances", disturbances, (*inputs, *acting), ("", CONTROL), len(inputs))
     w = [i + plant.nu if i < len(inputs) else i - len(inputs) for i in at]
-    units = dict(plant.units)
-    units |= {new: units[old] for new, old in zip(doubled, acting, strict=True) if old in units}
-    units |= {new: units[old] for new, old in zip(outputs, heard, strict=True) if old in units}
+    same = zip((*doubled, *outputs), (*acting, *heard), strict=True)
+    units = plant.units | {new: plant.units[old] for new, old in same if old in plant.units}
     chosen = wiring.chosen(w, u, z, y)
     there = {*chosen.system.input_labels, *chosen.system.output_labels, *chosen.states}
     return plant.rewired(chosen, units={name: units[name] for name in units if name in there})
@@ -197,19 +189,16 @@ def signal(argument: str, name: str, known: Names, *prefixes: str) -> str:
 def _of_model(model: MechanicalModel, controls: Names, disturbances: Names) -> GeneralizedPlant:
     """Return the plant of a model with all that may be chosen: states are measured, too."""
     free, signals = model.free, model.matrices.signals
-    _places("controls", controls, (*signals, *free), ("",), prefixed=(CONTROL,))
-    _places("disturbances", disturbances, (*signals, *free), ("",), prefixed=(CONTROL,))
+    acting = (*signals, *free)
+    _places("controls", controls, acting, ("",), prefixed=(CONTROL,))
+    _places("disturbances", disturbances, acting, ("",), prefixed=(CONTROL,))
     if not controls:
-        shown = described("none")
-        want = f"names among {', '.join(dict.fromkeys((*signals, *free)))}"
-        raise invalid("controls", shown, want, "Say what the controller acts on.")
-    wanted = [name.removeprefix(CONTROL) if name not in signals else name for name in controls]
-    pushes = [
-        name.removeprefix(CONTROL)
-        for name in disturbances
-        if name not in signals and name.removeprefix(CONTROL) in free
-    ]
-    plant = model.linearize(list(dict.fromkeys([*wanted, *pushes])))
+        want = f"names among {', '.join(dict.fromkeys(acting))}"
+        raise invalid("controls", described("none"), want, "Say what the controller acts on.")
+    own = {name: name if name in signals else name.removeprefix(CONTROL) for name in controls}
+    pushes = [name.removeprefix(CONTROL) for name in disturbances if name not in signals]
+    pushes = [name for name in pushes if name in free]
+    plant = model.linearize(list(dict.fromkeys([*own.values(), *pushes])))
     heard = [f"{MEASUREMENT}{name}" for name in plant.states]
     more = [i for i, name in enumerate(heard) if name not in plant.measurement_names]
     none = np.zeros((len(more), plant.nw + plant.nu))
@@ -244,7 +233,9 @@ def _places(
         tries += [str(name).removeprefix(prefix) for prefix in prefixed]
         place = next((known.index(one) for one in tries if one in known), None)
         if place is None:
-            short = [_bare(one, prefixes) for one in known]
+            short = list(known)
+            for prefix in filter(None, prefixes):
+                short = [one.removeprefix(prefix) for one in short]
             want = f"one of {', '.join(dict.fromkeys(short)) or 'none'}"
             raise invalid(argument, name, want, closest_name_remedy(name, short))
         if place in found:
@@ -252,12 +243,6 @@ def _places(
             raise invalid(argument, shown, "different names", "Name each signal once.")
         found.append(place)
     return found or list(range(first or len(known)))
-
-
-def _bare(name: str, prefixes: Names) -> str:
-    for prefix in filter(None, prefixes):
-        name = name.removeprefix(prefix)
-    return name
 
 
 # What is asked of a controller for some machine, and the plants that this makes.
@@ -361,47 +346,61 @@ class DesignTask(Displayed):
         what = "a MechanicalModel or a GeneralizedPlant"
         instance_of("machine", self.machine, kinds, what, "Load one with robustpolish.load(path).")
         for name in ("controls", "measurements", "performance", "disturbances"):
-            object.__setattr__(self, name, _names(name, getattr(self, name)))
+            given = getattr(self, name) or ()
+            names = (given,) if isinstance(given, str) else given
+            right = isinstance(names, list | tuple)
+            if not right or not all(isinstance(name, str) for name in names):
+                raise invalid(name, given, "names of signals", "Write a list of names.")
+            object.__setattr__(self, name, tuple(names))
         one_of("norm", self.norm, ("hinf", "h2"))
         one_of("method", self.method, METHODS)
-        _whole("order", self.order)
+        if self.order is not None and not (is_whole(self.order) and self.order >= 0):
+            want = "a whole number of at least 0"
+            raise invalid("order", self.order, want, "It counts states.")
         if not isinstance(self.full_state, bool):
             raise invalid("full_state", self.full_state, "true or false", "Choose one of them.")
         for name in ("sample_rate_hz", "anti_aliasing_hz"):
             if getattr(self, name) is not None:
                 positive(name, getattr(self, name), "Hz")
         positive("computation_delay", self.computation_delay, "s", zero=True)
-        _tables("actuators", self.actuators, _ACTUATOR)
-        _tables("sensors", self.sensors, _SENSOR)
+        for name, known in (("actuators", _ACTUATOR), ("sensors", _SENSOR)):
+            tables, remedy = getattr(self, name), f"Write [design.{name}.NAME]."
+            instance_of(name, tables, Mapping, "a table of tables by name", remedy)
+            for key, table in tables.items():
+                remedy = f"Write [design.{name}.{key}]."
+                instance_of((name, key), table, Mapping, "a table", remedy)
+                known_keys((name, key), table, known)
         instance_of("delays", self.delays, Mapping, "a table of names", "Write { F = 1e-4 }.")
         instance_of("weights", self.weights, Mapping, "a table of weights", "See DesignTask.")
         self._check_combinations()
         _ = self.weighted  # names and weights are wrong now or never
 
     def _check_combinations(self) -> None:
+        def refuse(name: str, told: object, without: str, want: str, remedy: str) -> None:
+            raise invalid(name, described(f"{told} {without}"), want, remedy)
+
         if self.full_state:
+            besides = "besides full_state"
             for name in ("measurements", "sensors", "measurement_noise"):
                 if getattr(self, name):
-                    shown, want = described(f"{name} besides full_state"), "one of both"
-                    raise invalid(name, shown, want, "All states are measured as they are.")
+                    measured = "All states are measured as they are."
+                    refuse(name, name, besides, "one of both", measured)
             if set(SENSITIVITIES) & set(self.weights):
-                shown = described("weights of mixed sensitivity besides full_state")
-                raise invalid("weights", shown, "weights of channels", "Leave full_state out.")
+                told = "weights of mixed sensitivity"
+                refuse("weights", told, besides, "weights of channels", "Leave full_state out.")
             if self.order:
-                shown = described(f"{self.order} besides full_state")
-                raise invalid("order", shown, "none", "A state feedback has no states.")
+                refuse("order", self.order, besides, "none", "A state feedback has no states.")
             if self.method == "slycot":
-                shown = described("slycot besides full_state")
-                raise invalid("method", shown, "auto, lmi or riccati", "Choose one of them.")
+                refuse("method", "slycot", besides, "auto, lmi or riccati", "Choose one of them.")
         if self.order is not None and self.method != "auto":
-            shown = described(f"{self.method} besides an order")
             remedy = "Leave one of them out: an order asks for a search of its own."
-            raise invalid("method", shown, "auto where an order is given", remedy)
+            want = "auto where an order is given"
+            refuse("method", self.method, "besides an order", want, remedy)
         if self.sample_rate_hz is None:
             for name in ("computation_delay", "anti_aliasing_hz"):
-                if getattr(self, name):
-                    shown = described(f"{getattr(self, name):g} without a sampling rate")
-                    raise invalid(name, shown, "sample_rate_hz too", "Give it, or leave this out.")
+                if value := getattr(self, name):
+                    told, remedy = f"{value:g}", "Give it, or leave this out."
+                    refuse(name, told, "without a sampling rate", "sample_rate_hz too", remedy)
 
     @cached_property
     def plant(self) -> GeneralizedPlant:
@@ -410,18 +409,15 @@ class DesignTask(Displayed):
             self.machine, self.controls, self.measurements, self.performance, self.disturbances
         )
         u, y = plant.control_names, plant.measurement_names
-        for name, known in self.actuators.items():
-            control = signal("actuators", name, u, CONTROL)
-            with inside(("actuators", name)):
-                plant = plant.with_actuator(control, **known)
-        for name, known in self.sensors.items():
-            measurement = signal("sensors", name, y, MEASUREMENT)
-            with inside(("sensors", name)):
-                plant = plant.with_sensor(measurement, **known)
-        for name, seconds in self.delays.items():
-            delayed = signal("delays", name, (*u, *y), CONTROL, MEASUREMENT)
-            with inside(("delays", name)):
-                plant = plant.with_delay(delayed, seconds)
+        for kind, method, known, prefixes in (
+            ("actuators", "with_actuator", u, (CONTROL,)),
+            ("sensors", "with_sensor", y, (MEASUREMENT,)),
+            ("delays", "with_delay", (*u, *y), (CONTROL, MEASUREMENT)),
+        ):
+            for name, given in getattr(self, kind).items():
+                full, add = signal(kind, name, known, *prefixes), getattr(plant, method)
+                with inside((kind, name)):
+                    plant = add(full, given) if kind == "delays" else add(full, **given)
         return plant.with_full_state() if self.full_state else plant
 
     @cached_property
@@ -435,25 +431,19 @@ class DesignTask(Displayed):
             shown = described(f"{', '.join(mixed)} and channels")
             want = "weights of mixed sensitivity, or of channels"
             raise invalid("weights", shown, want, "Leave one of both out.")
-        for name in ("control_weight", "measurement_noise"):
-            self._per_signal(name)
+        _ = self.prices, self.noises  # names that are wrong are told here
         if mixed:
-            weights: dict[str, Any] = {
-                key: self._per_channel(key, value) for key, value in mixed.items()
-            }
+            weights: Any = {key: self._per_channel(key, value) for key, value in mixed.items()}
             with inside(("weights",)):
                 return mixed_sensitivity(plant, **weights)
         channels = others.get("channels", {})
         instance_of("weights.channels", channels, Mapping, "a table of names", "Write x = 2.0.")
         names = (*plant.performance_names, *plant.disturbance_names)
-        return plant.weighted(
-            {
-                signal("weights.channels", name, names, "disturbance_"): asked_weight(
-                    ("weights", "channels", name), value
-                )
-                for name, value in channels.items()
-            }
-        )
+        asked = {}
+        for name, value in channels.items():
+            full = signal("weights.channels", name, names, DISTURBANCE)
+            asked[full] = asked_weight(("weights", "channels", name), value)
+        return plant.weighted(asked)
 
     @property
     def prices(self) -> np.ndarray | None:
@@ -506,19 +496,17 @@ class DesignTask(Displayed):
     def _per_channel(self, kind: str, given: Any) -> Any:
         """Return the weights of mixed sensitivity, one for all or a list of one per channel."""
         plant, where = self.plant, ("weights", kind)
-        names = plant.control_names if kind == "effort" else plant.measurement_names
         if isinstance(given, list | tuple):
-            return [
-                None if one is None else asked_weight((*where, i), one)
-                for i, one in enumerate(given)
-            ]
+            rows = enumerate(given)
+            return [None if one is None else asked_weight((*where, i), one) for i, one in rows]
         if is_weight(given):
             return asked_weight(where, given)
-        prefix = CONTROL if kind == "effort" else MEASUREMENT
-        found: dict[str, Any] = {
-            signal(".".join(where), name, names, prefix): asked_weight((*where, name), one)
-            for name, one in given.items()
-        }
+        acting = kind == "effort"
+        names = plant.control_names if acting else plant.measurement_names
+        prefix, found = CONTROL if acting else MEASUREMENT, {}
+        for name, one in given.items():
+            full = signal(".".join(where), name, names, prefix)
+            found[full] = asked_weight((*where, name), one)
         return [found.get(name) for name in names]
 
     def _per_signal(self, argument: str) -> np.ndarray | None:
@@ -537,13 +525,13 @@ class DesignTask(Displayed):
         return values
 
     def _card(self) -> Card:
-        P = self.plant
-        kind = "H-infinity" if self.norm == "hinf" else "H2"
-        facts = (P.control_names, P.measurement_names, P.performance_names, P.disturbance_names)
-        words = ("controls", "measurements", "performance", "disturbances")
+        P, kind = self.plant, "H-infinity" if self.norm == "hinf" else "H2"
         rows = [
             ("plant", f"{P.nx} states"),
-            *((word, ", ".join(names)) for word, names in zip(words, facts, strict=True)),
+            ("controls", ", ".join(P.control_names)),
+            ("measurements", ", ".join(P.measurement_names)),
+            ("performance", ", ".join(P.performance_names)),
+            ("disturbances", ", ".join(P.disturbance_names)),
             ("asked for", f"{self.kind}, {kind} norm"),
         ]
         if self.weights:
@@ -551,27 +539,3 @@ class DesignTask(Displayed):
         if self.sample_rate_hz is not None:
             rows.append(("sampling", f"{self.sample_rate_hz:g} Hz"))
         return Card("Design task", (quantities(*rows),), self.notes)
-
-
-def _names(argument: str, given: Any) -> tuple[str, ...]:
-    if given is None:
-        return ()
-    names = (given,) if isinstance(given, str) else given
-    if not isinstance(names, list | tuple) or not all(isinstance(name, str) for name in names):
-        raise invalid(argument, given, "names of signals", "Write a list of names.")
-    return tuple(names)
-
-
-def _whole(argument: str, given: Any) -> None:
-    right = is_whole(given) and given >= 0
-    if given is not None and not right:
-        raise invalid(argument, given, "a whole number of at least 0", "It counts states.")
-
-
-def _tables(argument: str, given: Any, known: tuple[str, ...]) -> None:
-    want = "a table of tables by name"
-    instance_of(argument, given, Mapping, want, f"Write [design.{argument}.NAME].")
-    for name, table in given.items():
-        where = (argument, name)
-        instance_of(where, table, Mapping, "a table", f"Write [design.{argument}.{name}].")
-        known_keys(where, table, known)

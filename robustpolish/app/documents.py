@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import textwrap
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from functools import partial
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -15,14 +16,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from robustpolish.app.html import (
-    Report,
-    Section,
-    panels,
-    paragraphs,
-    picture,
-    whole,
-)
+from robustpolish.app.html import Report, Section, panels, paragraphs, picture, whole
 from robustpolish.app.machine_design import MachineDesign
 from robustpolish.base.results import Card, Table, as_text, prefix_power, prefixed
 from robustpolish.errors import InvalidInputError
@@ -30,14 +24,13 @@ from robustpolish.identification.compare import Comparison
 from robustpolish.identification.diagnosis.result import Diagnosis
 from robustpolish.identification.diagnosis.words import headline, shown_parameters
 from robustpolish.identification.residual_tests import MAPS
-from robustpolish.identification.residuals import ResidualAnalysis, residual_analysis
+from robustpolish.identification.residuals import residual_analysis
 from robustpolish.identification.steps import StepRun
 from robustpolish.identification.tell_apart import ToldApart
 from robustpolish.plots.time import plot_panels
 from robustpolish.polishing.air_bearing import FORCES
 from robustpolish.polishing.buildable import (
     ACTUATOR_LOSS,
-    BUILDABLE,
     RATIO,
     STIFFNESS_ERROR,
     BuildableBrushDesign,
@@ -49,29 +42,22 @@ from robustpolish.polishing.ideal import BrushDesign
 
 def buildability_section(job: BuildableBrushDesign) -> Section:
     """Tell margins, rates and effort, what the loop is like, and what each limit costs."""
-    built = next(row for row in job.limits if row.what == BUILDABLE)
-    relaxed = job.limits[job.limits.index(built) + 1 : -1]
+    _, built, *relaxed, ideal = job.limits
     found = [row for row in relaxed if math.isfinite(row.norm)]
-    text = paragraphs(
-        "buildability",
-        job=job,
-        h=job.hardware,
-        ratio=RATIO,
-        built=built,
-        ideal=job.limits[-1],
-        best=min(found, key=lambda row: row.norm, default=None),
-    )
+    best = min(found, key=lambda row: row.norm, default=None)
+    values = {"h": job.hardware, "ratio": RATIO, "built": built, "ideal": ideal, "best": best}
     nyquist = picture(
         "The loops at the controls, one at a time, and the disk that they keep clear of.",
         lambda ax: job.loop.plot(ax, kind="nyquist"),
     )
+    text = paragraphs("buildability", job=job, **values)
     tables = (job.tables()[0], hardware_limits_table(job))
     return Section("Can it be built?", text, (nyquist,), tables)
 
 
 def hardware_limits_table(job: BuildableBrushDesign) -> Table:
     """Return the table of limits, each relaxed while the others stay."""
-    built = next(row for row in job.limits if row.what == BUILDABLE)
+    built = job.limits[1]
     power = prefix_power(built.deviation)
     rows = tuple(
         (row.what, row.norm, row.norm / built.norm, row.deviation / 10.0**power, row.effort)
@@ -98,7 +84,7 @@ def assumptions_section(job: BuildableBrushDesign) -> Section:
         h=h,
         actuator_loss=ACTUATOR_LOSS,
         stiffness_error=STIFFNESS_ERROR,
-        modelled_hz=job.parameters.natural_frequencies()["x"][0] / (2 * math.pi),
+        modelled_hz=job.axis.problem.upper_mode_hz,
         crossover_hz=crossover,
         spillover_limit=1e6 / gain,
         spin_hz=spin,
@@ -140,11 +126,9 @@ def actuator_forces_section(job: BuildableBrushDesign) -> Section:
     )
     head = ("control", "largest [N]", "RMS [N]", "by noise, RMS [N]", "samples at the limit [%]")
     responses = {"with control": job.comparison.responses["with control"]}
+    pictures = (panels("Forces of the actuators.", responses, controls),)
     return Section(
-        "Effort",
-        (job.design.message,),
-        (panels("Forces of the actuators.", responses, controls),),
-        (Table("Control effort", head, rows),),
+        "Effort", (job.design.message,), pictures, (Table("Control effort", head, rows),)
     )
 
 
@@ -153,43 +137,19 @@ def _sizes(data: xr.Dataset, name: str) -> tuple[str, float, float]:
     return name, float(np.abs(data[name]).max()), float(np.sqrt((data[name] ** 2).mean()))
 
 
-def hardware_table(job: BuildableBrushDesign) -> Table:
-    """Return the parts with their sources."""
-    return Table("Hardware", ("part", "value", "unit", "source"), tuple(job.hardware.table()))
-
-
-def sampled_certificate(job: BuildableBrushDesign) -> Table:
-    """Return what is proven about the sampled loop."""
-    c = job.sampled.certificate
-    rows = (
-        ("proven stable, between samples too", c.valid),
-        ("induced L2 norm, proven to be at least", c.lower),
-        ("induced L2 norm, proven to be at most", c.bound),
-        ("largest pole from sample to sample", c.spectral_radius),
-        ("period [s]", c.period),
-        ("computation delay [s]", c.delay),
-        ("states of the controller", job.sampled.controller.nstates),
-    )
-    return Table("The sampled loop of x, y and z", ("quantity", "value"), rows, digits=6)
-
-
 def buildable_summary(job: BuildableBrushDesign) -> dict[str, object]:
     """Return the figures of what is to be built for other programs."""
-    c = job.sampled.certificate
+    survived = job.survived.items()
+    figures = ("valid", "stable", "achieved", "bound", "period", "delay", "spectral_radius")
+    sampled = _attributes(job.sampled.certificate, *figures)
     return {
         "hardware": {name: value for name, value, _, _ in job.hardware.table()},
         "good": job.good,
-        "sampled": {
-            **_attributes(c, "valid", "stable", "achieved", "bound", "period", "delay"),
-            "spectral_radius": c.spectral_radius,
-            "largest_period": job.largest_period,
-        },
+        "sampled": {**sampled, "largest_period": job.largest_period},
         "loop": job.loop.to_dict(),
         "words": job.loop.explain(),
         "ideal_delay_margin_s": job.ideal_loop.delay_margin,
-        "survived": {
-            what: _attributes(found, "valid", "achieved") for what, found in job.survived.items()
-        },
+        "survived": {what: _attributes(found, "valid", "achieved") for what, found in survived},
         "slowest_actuator_hz": job.slowest_actuator_hz,
         "largest_force": {n: float(np.abs(job.run[n]).max()) for n in job.plant.control_names},
         "noise_force_rms": job.noise_effort,
@@ -209,22 +169,14 @@ AXES = ("x", "y", "z")
 
 def brush_design_report(job: BrushDesign) -> Report:
     """Tell what was gained, at what effort, and why it can be trusted."""
-    if isinstance(job, BuildableBrushDesign):
-        sections = (
-            _brush_gain(job),
-            buildability_section(job),
-            assumptions_section(job),
-            z_deviation_section(job),
-            actuator_forces_section(job),
-        )
-    else:
-        sections = (_brush_gain(job), _effort(job))
-    return Report(
-        title="Controller for the polishing robot",
-        verdict=job.verdict(),
-        good=job.good,
-        sections=(*sections, _certificate(job), _load(job), _machine(job)),
+    built = isinstance(job, BuildableBrushDesign)
+    kinds = (
+        (buildability_section, assumptions_section, z_deviation_section, actuator_forces_section)
+        if built
+        else (_effort,)
     )
+    sections = [part(job) for part in (_brush_gain, *kinds, _certificate, _load, _machine)]
+    return Report("Controller for the polishing robot", job.verdict(), job.good, tuple(sections))
 
 
 def brush_design_text(job: BrushDesign) -> str:
@@ -239,9 +191,13 @@ def brush_design_text(job: BrushDesign) -> str:
 
 def brush_design_summary(job: BrushDesign) -> dict[str, Any]:
     """Return the figures for other programs."""
-    certificate, table = job.design.certificate, job.comparison.table
-    built, units = isinstance(job, BuildableBrushDesign), job.plant.units
+    certificate, table, units = job.design.certificate, job.comparison.table, job.plant.units
+    built, controls = isinstance(job, BuildableBrushDesign), job.plant.control_names
     figures = ("achieved", "claimed", "bound", "largest_gain", "frequencies_hz", "damping")
+
+    def by_axis(figure: str, row: Any) -> dict[str, Any]:
+        return dict(zip(AXES, table[figure].sel(row=row).values, strict=True))
+
     return {
         "realisation": "buildable" if built else "ideal",
         **_attributes(job.design, "status", "message", "method", "backend"),
@@ -250,40 +206,34 @@ def brush_design_summary(job: BrushDesign) -> dict[str, Any]:
             "open_loop": float(job.open_loop_norm),
             "closed_loop": float(job.closed_loop_norm),
         },
-        "control_weight": job.control_weight,
-        "gain_bound": job.gain_bound,
+        **_attributes(job, "control_weight", "gain_bound"),
         "certificate": {
             "valid": certificate.valid,
             "reasons": list(certificate.reasons),
-            "stable": certificate.stable,
-            **_attributes(certificate, *figures),
+            **_attributes(certificate, "stable", *figures),
         },
         "gain": None if job.design.gain is None else job.design.controller.D,
-        "controls": job.plant.control_names,
+        "controls": controls,
         "states": job.plant.states,
         "load": job.comparison.load,
         "units": {
             "deviation": {axis: units[axis] for axis in AXES},
             "improvement_percent": "%",
-            "effort": ", ".join(sorted({units[name] for name in job.plant.control_names})),
-            "controls": {name: units[name] for name in job.plant.control_names},
+            "effort": ", ".join(sorted({units[name] for name in controls})),
+            "controls": {name: units[name] for name in controls},
             "states": {name: units.get(name, "") for name in job.plant.states},
         },
         "rows": [
             {
                 "row": str(row),
-                "deviation": _by_axis(table["deviation"].sel(row=row)),
-                "improvement_percent": _by_axis(table["improvement"].sel(row=row)),
+                "deviation": by_axis("deviation", row),
+                "improvement_percent": by_axis("improvement", row),
                 "effort": float(table["effort"].sel(row=row)),
             }
             for row in table["row"].values
         ],
-        **({"built": buildable_summary(job)} if built else {}),  # pyright: ignore[reportArgumentType]
+        **({"built": buildable_summary(job)} if isinstance(job, BuildableBrushDesign) else {}),
     }
-
-
-def _by_axis(values: xr.DataArray) -> dict[str, Any]:
-    return dict(zip(AXES, values.values, strict=True))
 
 
 def save_brush_design(job: BrushDesign, folder: Path) -> None:
@@ -295,17 +245,18 @@ def save_brush_design(job: BrushDesign, folder: Path) -> None:
         job.sampled.export_c(folder / "controller.c")
         job.sampled.export_json(folder / "controller.json")
     else:
-        gain = pd.DataFrame(
-            job.design.controller.D, index=job.plant.control_names, columns=job.plant.states
-        )
+        gain = pd.DataFrame(job.design.controller.D, job.plant.control_names, job.plant.states)
         gain.to_csv(folder / "gain.csv", index_label="u = F x")
-    figure = plot_panels(job.comparison.responses, AXES)
-    figure.savefig(folder / "figure.png", dpi=150)
-    plt.close(figure)
+    _save_figure(plot_panels(job.comparison.responses, AXES), folder)
     job.disturbance.to_netcdf(folder / "disturbance.nc")
     for row, response in job.comparison.responses.items():
         name = row.replace(" ", "-").replace("'", "")
         response.to_netcdf(folder / f"response-{name}.nc")
+
+
+def _save_figure(figure: Any, folder: Path) -> None:
+    figure.savefig(folder / "figure.png", dpi=150)
+    plt.close(figure)
 
 
 def _brush_gain(job: BrushDesign) -> Section:
@@ -318,78 +269,74 @@ def _brush_gain(job: BrushDesign) -> Section:
 
 
 def _effort(job: BrushDesign) -> Section:
-    response = job.comparison.responses["with control"]
-    names = job.plant.control_names
+    response, names = job.comparison.responses["with control"], job.plant.control_names
     controls = tuple(name for name in names if not name.endswith("_m"))
     unit = job.plant.units[controls[0]]
     gain = np.linalg.norm(job.design.controller.D, 2)
+    text = paragraphs("effort", job=job, unit=unit, largest_gain=gain)
+    pictures = (panels("Control at the brush.", {"control": response}, controls),)
+    head = ("control", f"largest [{unit}]", f"RMS [{unit}]")
     rows = tuple(_sizes(response, name) for name in names)
-    return Section(
-        "Effort and price",
-        paragraphs("effort", job=job, unit=unit, largest_gain=gain),
-        (panels("Control at the brush.", {"control": response}, controls),),
-        (Table("Control effort", ("control", f"largest [{unit}]", f"RMS [{unit}]"), rows),),
-    )
+    return Section("Effort and price", text, pictures, (Table("Control effort", head, rows),))
 
 
 def _certificate(job: BrushDesign) -> Section:
-    c = job.design.certificate
-    built = isinstance(job, BuildableBrushDesign)
-    counted = "the sensors' noise" if built else "the price on u"
+    c, tables = job.design.certificate, []
+    counted = "the price on u"
+    if isinstance(job, BuildableBrushDesign):
+        counted, s = "the sensors' noise", job.sampled.certificate
+        rows = (
+            ("proven stable, between samples too", s.valid),
+            ("induced L2 norm, proven to be at least", s.lower),
+            ("induced L2 norm, proven to be at most", s.bound),
+            ("largest pole from sample to sample", s.spectral_radius),
+            ("period [s]", s.period),
+            ("computation delay [s]", s.delay),
+            ("states of the controller", job.sampled.controller.nstates),
+        )
+        caption = "The sampled loop of x, y and z"
+        tables.append(Table(caption, ("quantity", "value"), rows, digits=6))
     facts = (
         ("status of the design", job.design.status),
         ("all poles stable", "yes" if c.stable else "no"),
         (f"norm achieved by the loop, {counted} included", c.achieved),
-        ("norm claimed by the solver", float("nan") if c.claimed is None else c.claimed),
+        ("norm claimed by the solver", math.nan if c.claimed is None else c.claimed),
         ("norm proven as an upper bound", c.bound),
         ("largest entry of the gain", c.largest_gain),
     )
-    order = np.argsort(c.frequencies_hz)
     # Pairs, equal axes and delays repeat poles: once each, as the table rounds them.
+    poles = zip(c.frequencies_hz, c.damping, np.real(c.poles), strict=True)
     modes = Counter(
-        tuple(float(f"{x:.4g}") for x in (c.frequencies_hz[i], c.damping[i], c.poles[i].real))
-        for i in order
+        tuple(float(f"{x:.4g}") for x in pole) for pole in sorted(poles, key=lambda pole: pole[0])
     )
-    sampled = (sampled_certificate(job),) if built else ()
-    return Section(
-        "Certificate",
-        (*paragraphs("certificate"), *c.reasons),
-        (
-            picture(f"Gain from the forces to the outputs, {counted} included.", job.design.plot),
-            picture("Poles of the closed loop.", job.design.plot_poles),
-        ),
-        (
-            *sampled,
-            Table("What was checked", ("quantity", "value"), facts, digits=6),
-            Table(
-                "Closed-loop poles",
-                ("frequency [Hz]", "damping ratio", "real part [1/s]", "poles"),
-                tuple((*mode, count) for mode, count in modes.items()),
-            ),
-        ),
+    head = ("frequency [Hz]", "damping ratio", "real part [1/s]", "poles")
+    tables += [
+        Table("What was checked", ("quantity", "value"), facts, digits=6),
+        Table("Closed-loop poles", head, tuple((*mode, n) for mode, n in modes.items())),
+    ]
+    pictures = (
+        picture(f"Gain from the forces to the outputs, {counted} included.", job.design.plot),
+        picture("Poles of the closed loop.", job.design.plot_poles),
     )
+    text = (*paragraphs("certificate"), *c.reasons)
+    return Section("Certificate", text, pictures, tuple(tables))
 
 
 def _load(job: BrushDesign) -> Section:
-    largest = tuple(
-        (name, float(np.abs(job.disturbance[name]).max()), float(job.disturbance[name].mean()))
-        for name in FORCES
-    )
-    forces = panels("Forces of the brush on the tool.", {"force": job.disturbance}, FORCES[:3])
-    simulator = job.disturbance.attrs.get("simulator", "")
-    return Section(
-        "Load",
-        (f"Simulated by the brush model '{simulator}'.",),
-        (forces,),
-        (Table("Forces", ("force", "largest [N]", "mean [N]"), largest),),
-    )
+    load = job.disturbance
+    largest = tuple((*_sizes(load, name)[:2], float(load[name].mean())) for name in FORCES)
+    forces = panels("Forces of the brush on the tool.", {"force": load}, FORCES[:3])
+    text = f"Simulated by the brush model '{load.attrs.get('simulator', '')}'."
+    head = ("force", "largest [N]", "mean [N]")
+    return Section("Load", (text,), (forces,), (Table("Forces", head, largest),))
 
 
 def _machine(job: BrushDesign) -> Section:
-    rows = tuple(job.parameters.table())
-    head = ("parameter", "value", "unit", "source")
-    parts = (hardware_table(job),) if isinstance(job, BuildableBrushDesign) else ()
-    return Section("Machine", tables=(*parts, Table("Parameters", head, rows)))
+    head, parameters = ("value", "unit", "source"), tuple(job.parameters.table())
+    tables = [Table("Parameters", ("parameter", *head), parameters)]
+    if isinstance(job, BuildableBrushDesign):
+        tables.insert(0, Table("Hardware", ("part", *head), tuple(job.hardware.table())))
+    return Section("Machine", tables=tuple(tables))
 
 
 # The report of a diagnosis: where the model failed, what is missing, how much, what to check.
@@ -428,9 +375,7 @@ def diagnosis_report(
         before, after = before or runs[0].after, after or runs[-1].after
     numbers = [(key, v.value, _known(v.stderr), v.unit) for key, v in diagnosis.parameters.items()]
     sections = [
-        Section("Look at the record and the numbers first", points=diagnosis.notes)
-        if diagnosis.notes
-        else None,
+        _section("Look at the record and the numbers first", points=diagnosis.notes),
         _where(diagnosis, before),
         _which(diagnosis),
         _how_much(diagnosis, after),
@@ -439,13 +384,18 @@ def diagnosis_report(
         _checks(diagnosis),
         _experiments_section(told),
         _candidates(diagnosis),
-        Section("All fitted numbers", tables=(Table("", _NUMBERS, tuple(numbers)),)),
+        _section("All fitted numbers", tables=[Table("", _NUMBERS, tuple(numbers))]),
     ]
-    return Report(
-        title=f"Diagnosis of {diagnosis.model.name or 'a mechanical model'}",
-        verdict=" ".join([headline(diagnosis), *diagnosis.reasons]),
-        good=diagnosis.verdict in _GOOD,
-        sections=tuple(section for section in sections if section is not None),
+    title = f"Diagnosis of {diagnosis.model.name or 'a mechanical model'}"
+    verdict, good = " ".join([headline(diagnosis), *diagnosis.reasons]), diagnosis.verdict in _GOOD
+    return Report(title, verdict, good, tuple(filter(None, sections)))
+
+
+def _section(title: str, *parts: Iterable[Any], **named: Iterable[Any]) -> Section | None:
+    """Return a section of text, pictures, tables and points, or None if it would be empty."""
+    named |= dict(zip(("text", "pictures", "tables", "points"), parts, strict=False))
+    return (
+        Section(title, **{k: tuple(v) for k, v in named.items()}) if any(named.values()) else None
     )
 
 
@@ -459,71 +409,53 @@ def _where(diagnosis: Diagnosis, before: Comparison | None) -> Section | None:
         return Section(title, (f"The error of the model as it was has no map. {error}",))
     head, *lines = analysis.explain().splitlines()
     # the shares are indented; what the tests say comes behind them
-    shares = [line.strip() for line in takewhile(lambda line: line.startswith(" "), lines)]
-    pictures = [
-        picture(f"The error of {analysis.worst}, as the model was.", analysis.plot),
-        *(
-            picture(
-                f"Force that the model lacked at {place}.",
-                lambda axes, p=place: analysis.plot_surface(axes, place=p),
-            )
-            for place in _places(diagnosis, analysis)
-        ),
-    ]
-    return Section(title, (head,), tuple(pictures), points=tuple(shares))
-
-
-def _places(diagnosis: Diagnosis, analysis: ResidualAnalysis) -> list[str]:
-    """Return the places of the effects that were found, if their force was seen."""
+    shares = (line.strip() for line in takewhile(lambda line: line.startswith(" "), lines))
     ends = [set(effect.at) | {"ground"} for effect in diagnosis.effects]
-    return [
-        name
-        for name, place in analysis.places.items()
-        if any(set(place.at) <= at for at in ends) and place.surface["force"].notnull().any()
-    ]
+    pictures = [picture(f"The error of {analysis.worst}, as the model was.", analysis.plot)]
+    for name, place in analysis.places.items():
+        # of the effects that were found, if their force was seen
+        if any(set(place.at) <= at for at in ends) and place.surface["force"].notnull().any():
+            draw = partial(analysis.plot_surface, place=name)
+            pictures.append(picture(f"Force that the model lacked at {name}.", draw))
+    return _section(title, [head], pictures, points=shares)
 
 
-def _which(diagnosis: Diagnosis) -> Section:
+def _which(diagnosis: Diagnosis) -> Section | None:
     title = "Which effects were added"
-    if not diagnosis.effects:
-        return Section(title, ("None.",))
     text, rows = [], []
     for effect in diagnosis.effects:
-        kind = effect.definition
-        place = ", ".join(effect.at)
+        kind, place = effect.definition, ", ".join(effect.at)
         text.append(f"{kind.title} at {place}. In the residual: {kind.looks_like}")
         rows += [
             (effect.kind, place, name, v.value, v.stderr, v.unit)
             for name, v in shown_parameters(effect).items()
         ]
     pictures, points = [], []
-    for law in diagnosis.laws:
-        place = ", ".join(law.effect.at)
+    for law in diagnosis.laws if diagnosis.effects else ():
         points += law.describe().splitlines()
-        pictures.append(
-            picture(f"The {law.quantity} over {law.over} at {place} as learned.", law.plot)
-        )
-    tables = (Table("", ("effect", "at", *_NUMBERS), tuple(rows)),) if rows else ()
-    return Section(title, tuple(text), tuple(pictures), tables, tuple(points))
+        place = ", ".join(law.effect.at)
+        caption = f"The {law.quantity} over {law.over} at {place} as learned."
+        pictures.append(picture(caption, law.plot))
+    tables = [Table("", ("effect", "at", *_NUMBERS), tuple(rows))] if rows else []
+    return _section(title, text or ["None."], pictures, tables, points)
 
 
-def _how_much(diagnosis: Diagnosis, after: Comparison | None) -> Section:
-    ledger = diagnosis.ledger
+def _how_much(diagnosis: Diagnosis, after: Comparison | None) -> Section | None:
+    ledger, names = diagnosis.ledger, tuple(diagnosis.noise_floor)
     pictures = [
-        picture(f"How the error of {name} fell.", lambda axes, n=name: ledger.plot(axes, output=n))
-        for name in diagnosis.noise_floor
+        picture(f"How the error of {name} fell.", partial(ledger.plot, output=name))
+        for name in names
     ]
-    text = ()
+    text = []
     if after is not None:
         worst = max(after.outputs.values(), key=lambda error: error.nrmse)
-        text = (f"The model now fits {after.fit_percent:.2f} % of the data in a {after.method}.",)
+        text = [f"The model now fits {after.fit_percent:.2f} % of the data in a {after.method}."]
         caption = f"{worst.name} as measured and as the extended model makes it."
         pictures.append(picture(caption, after.plot))
-    names = tuple(diagnosis.noise_floor)
     rows = [(e.step, *(e.nrmse[n] for n in names)) for e in ledger.entries]
     rows.append(("noise floor", *diagnosis.noise_floor.values()))
     table = Table("Free-run error over the standard deviation", ("step", *names), tuple(rows))
-    return Section("How much of the error is gone", text, tuple(pictures), (table,))
+    return _section("How much of the error is gone", text, pictures, [table])
 
 
 def _steps(runs: Sequence[StepRun]) -> Section | None:
@@ -542,7 +474,7 @@ def _steps(runs: Sequence[StepRun]) -> Section | None:
         old, new = run.before.outputs[name], run.after.outputs[name]
         fall = f"from {old.rmse:.4g} to {new.rmse:.4g} {new.unit}"
         points.append(f"{run.step}: the error of {name} goes {fall}.")
-    return Section("Step by step", (), tuple(pictures), points=tuple(points)) if points else None
+    return _section("Step by step", (), pictures, points=points)
 
 
 def _missing_force_section(diagnosis: Diagnosis) -> Section | None:
@@ -555,52 +487,42 @@ def _missing_force_section(diagnosis: Diagnosis) -> Section | None:
     ]
     if diagnosis.maps and diagnosis.maps[0].follows < MAPS.tells:
         text.append("Here the motion foretells next to nothing of what is left.")
+    shown = {"each site": diagnosis.plot_missing_force}
+    shown |= {item.name: item.plot for item in diagnosis.maps[: MAPS.shown]}
     pictures = [
-        picture("Force that is still missing at each site.", diagnosis.plot_missing_force),
-        *(
-            picture(f"Force that is still missing at {item.name}.", item.plot)
-            for item in diagnosis.maps[: MAPS.shown]
-        ),
+        picture(f"Force that is still missing at {at}.", draw) for at, draw in shown.items()
     ]
-    points = tuple(item.describe() for item in diagnosis.maps)
-    return Section("What is left", tuple(text), tuple(pictures), points=points)
+    return _section("What is left", text, pictures, points=[m.describe() for m in diagnosis.maps])
 
 
 def _experiments_section(told: Sequence[ToldApart]) -> Section | None:
     """Return the experiments that would tell effects apart."""
-    if not told:
-        return None
     text, pictures, tables = [], [], []
     for found in told:
         names = " or ".join(found.machines.names)
         text.append(" ".join(found.explain().splitlines()))
-        if not found.tried:
-            continue
-        caption = f"{names}: the experiment that tells most for its amplitude."
-        pictures += [
-            whole(caption, lambda width, f=found: f.plot_panels(width=width)),
-            picture(f"{names}: how far experiments take them apart.", found.plot),
-        ]
-        tables.append(found.table(names))
+        if found.tried:
+            caption = f"{names}: the experiment that tells most for its amplitude."
+            pictures += [
+                whole(caption, lambda width, f=found: f.plot_panels(width=width)),
+                picture(f"{names}: how far experiments take them apart.", found.plot),
+            ]
+            tables.append(found.table(names))
     title = "Which experiment would tell alike effects apart"
-    return Section(title, tuple(text), tuple(pictures), tuple(tables))
+    return _section(title, text, pictures, tables)
 
 
-def _checks(diagnosis: Diagnosis) -> Section:
+def _checks(diagnosis: Diagnosis) -> Section | None:
     points = [
         f"{effect.definition.title} at {', '.join(effect.at)}: {check}"
         for effect in diagnosis.effects
         for check in effect.definition.checks
     ]
-    tables = ()
-    text = () if points else ("Nothing was found that could be checked on the machine.",)
-    if diagnosis.indistinguishable:
-        rows = tuple(
-            (str(c.first), str(c.second), c.experiment) for c in diagnosis.indistinguishable
-        )
-        head = ("effect", "or", "what would tell")
-        tables = (Table("What this data cannot tell apart", head, rows),)
-    return Section("What to check on the machine", text, (), tables, tuple(points))
+    text = [] if points else ["Nothing was found that could be checked on the machine."]
+    alike = diagnosis.indistinguishable
+    rows = tuple((str(c.first), str(c.second), c.experiment) for c in alike)
+    table = Table("What this data cannot tell apart", ("effect", "or", "what would tell"), rows)
+    return _section("What to check on the machine", text, (), [table] if alike else [], points)
 
 
 def _candidates(diagnosis: Diagnosis) -> Section | None:
@@ -634,14 +556,29 @@ def machine_design_report(found: MachineDesign) -> Report:
     -------
     Report
     """
-    machine = found.task.machine
-    name = getattr(machine, "name", "")
-    return Report(
-        title=f"Controller for {name}" if name else "Controller for a machine",
-        verdict=found.verdict(),
-        good=found.design.certificate.valid and found.analysis.buildable,
-        sections=(_machine_gain(found), _built(found), _trusted(found)),
+    name, title = getattr(found.task.machine, "name", ""), "What was gained"
+    analysis, c = found.analysis, found.design.certificate
+    gain = Section(title, (found.design.message,))
+    if found.channels:
+        caption = "Largest gain from disturbances to outputs, without and with control."
+        pictures = (picture(caption, found.plot),)
+        gain = Section(title, (found.design.message,), pictures, found.tables()[:1])
+    text = (analysis.explain(), *filter(None, [found.sampling]))
+    pictures = (
+        picture("The loops, each opened alone.", analysis.plot),
+        picture(
+            "Nyquist curves and the disks that they stay out of.",
+            lambda ax: analysis.plot(ax, kind="nyquist"),
+        ),
     )
+    proof = f"Poles, norm and proof were computed from the closed loop: at most {c.bound:.6g}."
+    sections = (
+        gain,
+        Section("Can it be built?", text, pictures, analysis.tables(), analysis.problems),
+        Section("Why it can be trusted", (proof, *found.task.notes), points=c.reasons),
+    )
+    title = f"Controller for {name or 'a machine'}"
+    return Report(title, found.verdict(), c.valid and analysis.buildable, sections)
 
 
 def save_machine_design(found: MachineDesign, folder: Path) -> None:
@@ -659,32 +596,4 @@ def save_machine_design(found: MachineDesign, folder: Path) -> None:
         folder / "table.csv", index=False
     )
     drawn = found.plot() if found.channels else found.analysis.plot()
-    figure = drawn.get_figure()
-    assert figure is not None, "axes that are drawn have a figure"
-    figure.savefig(folder / "figure.png", dpi=150)  # type: ignore[union-attr]
-    plt.close(figure)  # type: ignore[arg-type]
-
-
-def _machine_gain(found: MachineDesign) -> Section:
-    title, text = "What was gained", (found.design.message,)
-    if not found.channels:
-        return Section(title, text)
-    caption = "Largest gain from disturbances to outputs, without and with control."
-    return Section(title, text, (picture(caption, found.plot),), found.tables()[:1])
-
-
-def _built(found: MachineDesign) -> Section:
-    analysis = found.analysis
-    text = (analysis.explain(), *filter(None, [found.sampling]))
-    caption = "Nyquist curves and the disks that they stay out of."
-    pictures = (
-        picture("The loops, each opened alone.", analysis.plot),
-        picture(caption, lambda ax: analysis.plot(ax, kind="nyquist")),
-    )
-    return Section("Can it be built?", text, pictures, analysis.tables(), analysis.problems)
-
-
-def _trusted(found: MachineDesign) -> Section:
-    c = found.design.certificate
-    proof = f"Poles, norm and proof were computed from the closed loop: at most {c.bound:.6g}."
-    return Section("Why it can be trusted", (proof, *found.task.notes), points=c.reasons)
+    _save_figure(drawn.get_figure(), folder)

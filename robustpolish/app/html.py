@@ -84,12 +84,8 @@ class Report:
 
 # A page 390 pixels wide shows 6 inches at 0.83 pixels per point: 13 points become 11 pixels.
 WIDTH = 6.0
-_STYLE: dict[Any, Any] = {
-    "font.size": 13,
-    "axes.labelsize": 13,
-    "legend.fontsize": 12,
-    "lines.linewidth": 1.3,
-}
+_STYLE: dict[Any, Any] = dict.fromkeys(("font.size", "axes.labelsize"), 13)
+_STYLE |= {"legend.fontsize": 12, "lines.linewidth": 1.3}
 
 
 def whole(caption: str, draw: Callable[[float], Figure]) -> Picture:

@@ -92,20 +92,19 @@ def read_design_task(
     >>> task.weighted.performance_names
     ('performance_measured_x', 'effort_F')
     """
+    known_keys((), changes, _KEYS)
     if isinstance(machine, DesignTask) and section is None:
-        known_keys((), changes, _KEYS)
         return replace(machine, **changes)
     if section is not None:
         with toml_with_line_numbers(section) as table:
             known_keys((), table, ("design", "weights"))
             return _task(_loaded(machine), design_section(table), changes)
-    if not isinstance(machine, str | Path) or Path(machine).suffix == ".json":
-        given = _loaded(machine)
-        own = given.design if isinstance(given, MechanicalModel) else {}
+    given = _loaded(machine)
+    own = given.design if isinstance(given, MechanicalModel) else {}
+    if given is machine or not isinstance(given, MechanicalModel):
         return _task(given, own, changes)
-    model = MechanicalModel.from_toml(machine)
     with toml_with_line_numbers(machine):
-        return _task(model, model.design, changes)
+        return _task(given, own, changes)
 
 
 def _loaded(machine: Any) -> MechanicalModel | GeneralizedPlant:
@@ -115,16 +114,14 @@ def _loaded(machine: Any) -> MechanicalModel | GeneralizedPlant:
         shown = described(type(machine).__name__)
         want = "a file, a MechanicalModel or a GeneralizedPlant"
         raise invalid("machine", shown, want, "Pass one of these.")
-    if Path(machine).suffix == ".json":
-        return GeneralizedPlant.load(machine)
-    return MechanicalModel.from_toml(machine)
+    read = GeneralizedPlant.load if Path(machine).suffix == ".json" else MechanicalModel.from_toml
+    return read(machine)
 
 
 def _task(
     machine: MechanicalModel | GeneralizedPlant, section: Mapping[str, Any], changes: Any
 ) -> DesignTask:
     known_keys(("design",), section, _KEYS)
-    known_keys((), changes, _KEYS)
     try:
         return DesignTask(machine, **{**section, **changes})
     except InvalidInputError as error:
@@ -229,9 +226,8 @@ class MachineDesign(Displayed):
         -------
         tuple of Table
         """
-        rows = tuple(
-            (c.disturbance, c.output, c.unit, c.without, c.controlled) for c in self.channels
-        )
+        names = ("disturbance", "output", "unit", "without", "controlled")
+        rows = tuple(tuple(getattr(c, name) for name in names) for c in self.channels)
         head = ("from", "to", "unit", "without control", "with control")
         own = (Table("Largest gains", head, rows),) if rows else ()
         return (*own, *self.analysis.tables())
@@ -271,31 +267,31 @@ class MachineDesign(Displayed):
         -------
         dict
         """
-        d, c, machine = self.design, self.design.certificate, self.machine
-        found = {
+        d, c, s, P = self.design, self.design.certificate, self.sampled, self.machine
+        sampled = None
+        if s is not None:
+            limits = {"lower": s.certificate.lower, "upper": s.certificate.bound}
+            sampled = {"period": s.period, "delay": s.delay, "norm": s.norm, **limits}
+        return {
             "status": d.status,
             "message": d.message,
             "method": d.method,
             "norm": {"kind": d.norm, "achieved": c.achieved, "bound": c.bound},
             "lower_bound": d.lower_bound,
             "certificate": {"valid": c.valid, "reasons": list(c.reasons), "stable": c.stable},
-            "controls": list(machine.control_names),
-            "measurements": list(machine.measurement_names),
-            "performance": list(machine.performance_names),
-            "disturbances": list(machine.disturbance_names),
+            "controls": list(P.control_names),
+            "measurements": list(P.measurement_names),
+            "performance": list(P.performance_names),
+            "disturbances": list(P.disturbance_names),
             "states": d.controller.nstates,
             "channels": [vars(channel) for channel in self.channels],
             "loop": self.analysis.to_dict(),
             "buildable": self.analysis.buildable,
             "problems": list(self.analysis.problems),
             "words": self.analysis.explain(),
-            "sampled": None,
+            "sampled": sampled,
             "notes": list(self.notes),
         }
-        if (s := self.sampled) is not None:
-            limits = {"lower": s.certificate.lower, "upper": s.certificate.bound}
-            found["sampled"] = {"period": s.period, "delay": s.delay, "norm": s.norm, **limits}
-        return found
 
     def _card(self) -> Card:
         d, K = self.design, self.design.controller
@@ -359,57 +355,39 @@ def design_machine(
     (inf, 0.0017)
     """
     task = read_design_task(machine, **changes)
-    design = _designed(task)
+    noisy = {"control_weight": task.prices, "measurement_noise": task.noises}
+    if task.kind == "state feedback":
+        method = "riccati" if task.method == "riccati" else "lmi"
+        design = state_feedback(task.weighted, task.norm, method, "cvxpy", task.prices)
+    elif task.order is not None:
+        design = static_output_feedback(task.weighted, task.norm, order=task.order, **noisy)
+    else:
+        design = output_feedback(task.weighted, task.norm, task.method, **noisy)
     K, plant = design.controller, task.plant
     if K.ninputs != plant.ny or design.plant.measurement_names != plant.measurement_names:
         plant = plant.with_full_state()
-    rate = {} if task.sample_rate_hz is None else {"sample_rate_hz": task.sample_rate_hz}
-    analysis = model_analysis(plant, K, LoopRequirements(**rate))
-    sampled, sampling = _sampled(task, design)
+    rate, sampled, sampling = task.sample_rate_hz, None, ""
+    asked = {} if rate is None else {"sample_rate_hz": rate}
+    analysis = model_analysis(plant, K, LoopRequirements(**asked))
+    if rate is not None:
+        delay, corner = task.computation_delay, task.anti_aliasing_hz
+        try:
+            sampled = design.discretize(1.0 / rate, delay, anti_aliasing=corner)
+            sampling = sampled.message
+        except (InfeasibleError, SolverError) as error:
+            sampling = f"Sampled, the loop is not certified: {error}"
     return MachineDesign(task, plant, design, analysis, _channels(plant, K), sampled, sampling)
-
-
-def _designed(task: DesignTask) -> Design:
-    plant = task.weighted
-    if task.kind == "state feedback":
-        method = "riccati" if task.method == "riccati" else "lmi"
-        return state_feedback(plant, task.norm, method, "cvxpy", task.prices)
-    price, noise = task.prices, task.noises
-    if task.order is not None:
-        return static_output_feedback(
-            plant, task.norm, order=task.order, control_weight=price, measurement_noise=noise
-        )
-    return output_feedback(
-        plant, task.norm, task.method, control_weight=price, measurement_noise=noise
-    )
-
-
-def _sampled(task: DesignTask, design: Design) -> tuple[SampledDesign | None, str]:
-    if task.sample_rate_hz is None:
-        return None, ""
-    period = 1.0 / task.sample_rate_hz
-    try:
-        found = design.discretize(
-            period, task.computation_delay, anti_aliasing=task.anti_aliasing_hz
-        )
-    except (InfeasibleError, SolverError) as error:
-        return None, f"Sampled, the loop is not certified: {error}"
-    return found, found.message
 
 
 def _channels(plant: GeneralizedPlant, K: control.StateSpace) -> tuple[ChannelGain, ...]:
     """Return the gains of the machine's channels; noise of sensors is not one of them."""
     before, after = plant.open_loop, plant.closed_loop(K)
-    pairs = [
-        (i, j)
-        for j, w in enumerate(plant.disturbance_names)
-        for i in range(plant.nz)
-        if not w.startswith("noise_")
-    ]
+    names = enumerate(plant.disturbance_names)
+    pairs = [(i, j) for j, w in names if not w.startswith("noise_") for i in range(plant.nz)]
     found = []
     for i, j in pairs[:MOST_CHANNELS]:
         z, w = plant.performance_names[i], plant.disturbance_names[j]
-        without, controlled = (float(hinf_norm(system[i, j])) for system in (before, after))
         unit = ratio_unit(plant.units.get(z, ""), plant.units.get(w, ""))
-        found.append(ChannelGain(w, z, unit, without, controlled))
+        gains = (float(hinf_norm(system[i, j])) for system in (before, after))
+        found.append(ChannelGain(w, z, unit, *gains))
     return tuple(found)

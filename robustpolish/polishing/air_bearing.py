@@ -13,17 +13,18 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from robustpolish.base.arrays import Matrix
-from robustpolish.base.checks import instance_of, invalid, one_of, positive
-from robustpolish.base.results import Card, Displayed, Table
+from robustpolish.base.checks import invalid, one_of, positive
 from robustpolish.machines.effects.equivalent_damping import share_damping
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.polishing.quantities import check_quantities, quantity, quantity_table
+from robustpolish.polishing.quantities import Quantities, check_quantities, or_default, quantity
 
 # Parameters: dimensions, masses and stiffnesses.
 
 Reading = Literal["listing", "physical"]
+_NEEDED = "listing D.2 line 33, which the published modes need"
+_READING = {"unit": "", "symbol": "", "source": _NEEDED}
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class DampingCoefficients:
 
 
 @dataclass(frozen=True, repr=False)
-class AirBearingParameters(Displayed):
+class AirBearingParameters(Quantities):
     """Dimensions, masses and stiffnesses of brush, rod and air bearing.
 
     The field's unit, symbol in the thesis and source stand in its metadata, see
@@ -106,6 +107,7 @@ class AirBearingParameters(Displayed):
     0.242
     """
 
+    _caption = ("Air bearing", "parameter")
     brush_radius: float = quantity(0.010, "m", "table 9.1", symbol="r_d")
     brush_height: float = quantity(0.010, "m", "table 9.1", symbol="h")
     brush_mass: float = quantity(0.2, "kg", "table 9.1", symbol="m_t")
@@ -127,20 +129,12 @@ class AirBearingParameters(Displayed):
         1e9, "N/m", "section 9.4.1 and the published modes; table 9.1 has 1e10", symbol="k_A"
     )
     mould_damping: float = quantity(1e-8, "N s/m", "table 9.1", symbol="c_Z")
-    inertia_reading: Reading = field(
-        default="listing",
-        metadata={
-            "unit": "",
-            "symbol": "",
-            "source": "listing D.2 line 33, which the published modes need",
-        },
-    )
+    inertia_reading: Reading = field(default="listing", metadata=_READING)
 
     def __post_init__(self) -> None:
         """Check every field."""
         one_of("inertia_reading", self.inertia_reading, ("listing", "physical"))
-        zero = ("rod_mass", "mould_damping")
-        check_quantities(self, zero=zero, skip=("inertia_reading",))
+        check_quantities(self, zero=("rod_mass", "mould_damping"))
         if self.m_x <= 0:
             expected = f"enough inertia for a positive reduced mass (8.9), not {self.m_x:.4g} kg"
             remedy = "Increase the mass or the size of the bearing."
@@ -182,23 +176,16 @@ class AirBearingParameters(Displayed):
         The reading "listing" is line 33 of listing D.2. The reading "physical" takes a box for
         the bearing, a cylinder for the brush and a slender rod, each moved by Steiner's theorem.
         """
-        half = self.bearing_height / 2
+        half, rod, height = self.bearing_height / 2, self.rod_length, self.brush_height
         if self.inertia_reading == "listing":
             bearing = self.bearing_mass * (half**2 + (self.bearing_width / 2) ** 2)
-            rod = self.rod_mass * (self.rod_length**2 / 12 + half**2)
-            brush = self.brush_mass * (
-                4 / 3 * (self.brush_height / 2) ** 2
-                + 4 * self.brush_radius**2
-                + half**2
-                + self.rod_length**2
-            )
+            rods = self.rod_mass * (rod**2 / 12 + half**2)
+            brush = 4 / 3 * (height / 2) ** 2 + 4 * self.brush_radius**2 + half**2 + rod**2
         else:
             bearing = self.bearing_mass / 12 * (self.bearing_height**2 + self.bearing_width**2)
-            rod = self.rod_mass * (self.rod_length**2 / 12 + (half + self.rod_length / 2) ** 2)
-            brush = self.brush_mass * (
-                (3 * self.brush_radius**2 + self.brush_height**2) / 12 + self.arm**2
-            )
-        return bearing + rod + brush
+            rods = self.rod_mass * (rod**2 / 12 + (half + rod / 2) ** 2)
+            brush = (3 * self.brush_radius**2 + height**2) / 12 + self.arm**2
+        return bearing + rods + self.brush_mass * brush
 
     @property
     def m_x(self) -> float:
@@ -272,21 +259,11 @@ class AirBearingParameters(Displayed):
         if n == 0:
             return DampingCoefficients(0.0, 0.0, 0.0, 0.0)
         frequency = self.natural_frequencies()
-        upper, lower = frequency["x"]
-        return DampingCoefficients(
-            c_A=share_damping(n, self.k_t, upper),
-            c_D=share_damping(n, self.k_x, lower),
-            c_R=share_damping(n, self.k_z, frequency["z_free"][0]),
-            c_Z=self.mould_damping,
+        springs = zip(
+            (self.k_t, self.k_x, self.k_z), (*frequency["x"], frequency["z_free"][0]), strict=True
         )
-
-    def table(self) -> list[tuple[str, float | str, str, str]]:
-        """List every field as (name, value, unit, source)."""
-        return quantity_table(self)
-
-    def _card(self) -> Card:
-        columns = ("parameter", "value", "unit", "source")
-        return Card("Air bearing", (Table("", columns, tuple(self.table())),))
+        c_A, c_D, c_R = (share_damping(n, stiffness, omega) for stiffness, omega in springs)
+        return DampingCoefficients(c_A, c_D, c_R, self.mould_damping)
 
 
 def _two_mass_frequencies(
@@ -357,9 +334,7 @@ def air_bearing(
     >>> plant.nx, plant.nw, plant.nu, plant.nz, plant.ny
     (12, 4, 6, 6, 12)
     """
-    p = AirBearingParameters() if parameters is None else parameters
-    remedy = "Build them with AirBearingParameters(...)."
-    instance_of("parameters", p, AirBearingParameters, "AirBearingParameters", remedy)
+    p = or_default("parameters", parameters, AirBearingParameters)
     one_of("actuation", actuation, ("displacement", "force"))
     one_of("measured", measured, ("state", "displacement"))
     one_of("load", load, ("corrected", "printed"))
@@ -371,18 +346,21 @@ def air_bearing(
     position = np.zeros((6, 12))
     position[range(6), range(0, 12, 2)] = 1.0
     masses = np.array([p.m_x, p.m_t, p.m_x, p.m_t, p.m_z, p.m_t])
-    B2 = position.T if actuation == "displacement" else np.roll(position, 1, axis=1).T / masses
-
+    moves = actuation == "displacement"
+    B2 = position.T if moves else np.roll(position, 1, axis=1).T / masses
+    B1 = np.zeros((12, 4))  # rows dx, dy, dz_m and dz of (8.47)
+    dx, dy = (7, 3) if load == "printed" else (3, 7)
+    B1[dx, 0] = B1[dy, 1] = -1 / p.m_t
+    B1[11, 2], B1[9, 3] = 1 / p.m_t, -1 / p.m_z
     states = [name for q in COORDINATES for name in (q, f"d{q}")]
     measurements = states if measured == "state" else COORDINATES
-    control_unit = "m/s" if actuation == "displacement" else "N"
     units = {name: "m/s" if name.startswith("d") else "m" for name in states}
     units |= {f"measured_{name}": units[name] for name in measurements}
     units |= dict.fromkeys(FORCES, "N")
-    units |= {f"u_{q}": control_unit for q in COORDINATES}
+    units |= {f"u_{q}": "m/s" if moves else "N" for q in COORDINATES}
     return GeneralizedPlant.from_matrices(
         A,
-        _load_matrix(p, load),
+        B1,
         B2,
         position,
         np.eye(12) if measured == "state" else position,
@@ -407,19 +385,6 @@ def _axis(
             [k / mass, c / mass, -k / mass, -(c + c_tip) / mass],
         ]
     )
-
-
-def _load_matrix(p: AirBearingParameters, load: str) -> Matrix:
-    """B1, shape (12, 4): rows dx, dy, dz_m and dz of (8.47)."""
-    B1 = np.zeros((12, 4))
-    F_x, F_y, F_z, F_p = range(4)
-    dx, dy, dz_m, dz = 3, 7, 9, 11
-    if load == "printed":
-        F_x, F_y = F_y, F_x
-    B1[dx, F_x] = B1[dy, F_y] = -1 / p.m_t
-    B1[dz, F_z] = 1 / p.m_t
-    B1[dz_m, F_p] = -1 / p.m_z
-    return B1
 
 
 # Mechanical model: masses, springs and dampers.
@@ -453,18 +418,18 @@ def air_bearing_model(
     """
     p = AirBearingParameters() if parameters is None else parameters
     c = p.damping(dissipation)
+    # Of each axis: mass, springs to ground and between, and where a damper to ground is and how
+    # large it and the one between are.
+    across = (p.m_x, p.k_t, p.k_x, "{}_m", c.c_A, c.c_D)
+    rows = {"x": across, "y": across, "z": (p.m_z, p.k_A, p.k_z, "{}", c.c_Z, c.c_R)}
     dofs, springs, dampers = [], [], []
-    for axis in ("x", "y", "z"):
-        vertical = axis == "z"
+    for axis, (mass, k_ground, k, damped, c_ground, c_between) in rows.items():
         bearing = f"{axis}_m"
-        dofs += [Dof(bearing, p.m_z if vertical else p.m_x), Dof(axis, p.m_t)]
-        springs += [
-            Spring((bearing, "ground"), p.k_A if vertical else p.k_t),
-            Spring((bearing, axis), p.k_z if vertical else p.k_x),
-        ]
+        dofs += [Dof(bearing, mass), Dof(axis, p.m_t)]
+        springs += [Spring((bearing, "ground"), k_ground), Spring((bearing, axis), k)]
         dampers += [
-            Damper((axis if vertical else bearing, "ground"), c.c_Z if vertical else c.c_A),
-            Damper((bearing, axis), c.c_R if vertical else c.c_D),
+            Damper((damped.format(axis), "ground"), c_ground),
+            Damper((bearing, axis), c_between),
         ]
     loads = [("F_x", "x", -1.0), ("F_y", "y", -1.0), ("F_z", "z", 1.0), ("F_p", "z_m", -1.0)]
     return MechanicalModel(

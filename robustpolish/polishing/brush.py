@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from robustpolish.base.arrays import Array
+from robustpolish.base.checks import invalid
 from robustpolish.errors import RobustPolishWarning, SolverError
 from robustpolish.polishing import contact
 from robustpolish.polishing.contact import euler_angles, tilt_angles
 from robustpolish.polishing.dataset import (
     POINTS,
-    Variable,
     angle_variables,
     force_variables,
     labelled,
@@ -55,62 +55,20 @@ class PhysicalRun:
         Bound of the step [s].
     """
 
-    time: NDArray[np.float64]
-    track: NDArray[np.float64]
-    forces: NDArray[np.float64]
-    loads: NDArray[np.float64]
+    time: Array
+    track: Array
+    forces: Array
+    loads: Array
     rim_points: int
     steps: int
     refused: int
     largest_step: float
 
 
-@dataclass(frozen=True)
-class Refinement:
-    """What the accuracy check found.
-
-    Attributes
-    ----------
-    passes : int
-        Integrations made.
-    impulse_error : float
-        Largest difference of the contact impulse over any 10 ms between the last two passes,
-        divided by the impulse of the polishing force.
-    converged : bool
-        Whether that is within the tolerance.
-    """
-
-    passes: int
-    impulse_error: float
-    converged: bool
-
-
-def run_refined(
-    parameters: BrushParameters,
-    time: NDArray[np.float64],
-    *,
-    three_angles: bool,
-    landing: bool,
-    tolerance: float,
-    max_passes: int,
-) -> tuple[PhysicalRun, Refinement]:
-    """Integrate with ever smaller steps and more nodes until the impulses agree.
-
-    Each pass halves the largest step, doubles the nodes along the rim and divides the
-    tolerance of the error control by ten. Warns if the last two passes still differ.
-    """
-    advice = (
-        "With little contact damping the brush rattles chaotically and no step is small enough for "
-        "more than its statistics: raise contact_damping, shorten the run, or raise tolerance."
-    )
-
-    def attempt(level: int) -> tuple[PhysicalRun, None]:
-        found = integrate(parameters, time, level, three_angles=three_angles, landing=landing)
-        return found, None
-
-    force = parameters.polishing_force
-    run, _, check = refined(attempt, force, tolerance, max_passes, advice)
-    return run, check
+def check_passes(max_passes: Any) -> None:
+    """Refuse a number of passes that leaves nothing to compare."""
+    if not isinstance(max_passes, int) or max_passes < 2:
+        raise invalid("max_passes", max_passes, "an integer of at least 2", "Allow more passes.")
 
 
 def refined(
@@ -119,7 +77,7 @@ def refined(
     tolerance: float,
     max_passes: int,
     advice: str,
-) -> tuple[PhysicalRun, Any, Refinement]:
+) -> tuple[PhysicalRun, Any, dict[str, Any]]:
     """Integrate at levels 0, 1, 2, ... until the contact impulses of two passes agree.
 
     Parameters
@@ -133,33 +91,44 @@ def refined(
     max_passes : int
     advice : str
         What to do where they do not agree, for the warning.
+
+    Returns
+    -------
+    run : PhysicalRun
+    more : object
+        What else belongs to it.
+    check : dict
+        `passes` made; `impulse_error`, the largest difference of the contact impulse over any 10 ms
+        between the last two passes, divided by the impulse of the polishing force; and whether it
+        is `converged`, within the tolerance.
     """
     run, more = attempt(0)
-    error = np.inf
-    for level in range(1, max_passes):
-        finer, more = attempt(level)
-        lost = run is None or finer is None
-        error = np.inf if lost else impulse_difference(run, finer, force)  # pyright: ignore[reportArgumentType]
-        run = finer
-        if error <= tolerance:
-            return run, more, Refinement(level + 1, error, True)  # pyright: ignore[reportReturnType]
+    error, passes = np.inf, 1
+    while passes < max_passes and not error <= tolerance:
+        coarse = run
+        run, more = attempt(passes)
+        lost = coarse is None or run is None
+        error = np.inf if lost else impulse_difference(coarse, run, force)
+        passes += 1
     if run is None:
         raise SolverError(
             "Brush and machine swing up against each other until the disc tips over or leaves "
             "all bounds. Add damping to the loop or to the contact, or lower the friction."
         )
-    warnings.warn(
-        f"The contact impulses of the last two of {max_passes} passes differ by {error:.2g} of "
-        f"the polishing force's, more than {tolerance:.2g}. {advice}",
-        RobustPolishWarning,
-        stacklevel=4,
-    )
-    return run, more, Refinement(max_passes, error, False)
+    if not error <= tolerance:
+        warnings.warn(
+            f"The contact impulses of the last two of {max_passes} passes differ by {error:.2g} of "
+            f"the polishing force's, more than {tolerance:.2g}. {advice}",
+            RobustPolishWarning,
+            stacklevel=3,
+        )
+    check = {"passes": passes, "impulse_error": error, "converged": int(error <= tolerance)}
+    return run, more, check
 
 
 def integrate(
     parameters: BrushParameters,
-    time: NDArray[np.float64],
+    time: Array,
     level: int,
     *,
     three_angles: bool = False,
@@ -177,69 +146,42 @@ def integrate(
     nodes = contact.rim_nodes(rim_points(parameters) * 2**level)
     constants, motion = contact_constants(parameters), motion_constants(parameters, three_angles)
     state = _start(parameters, constants, motion, nodes, landing)
-    track = np.empty((time.size, contact.STATES))
+    track, loads = (np.empty((time.size, n)) for n in (contact.STATES, contact.LOADS))
     midway = np.empty((time.size - 1, 3))
+    scale = _error_scale(parameters, interval)
+    tolerance = _FIRST_TOLERANCE / 10.0**level
     outcome, steps, refused, done = contact.advance(
-        state,
-        interval,
-        largest_step,
-        _FIRST_TOLERANCE / 10.0**level,
-        _error_scale(parameters, interval),
-        motion,
-        constants,
-        nodes,
-        track,
+        state, interval, largest_step, tolerance, scale, motion, constants, nodes, track, loads,
         midway,
-    )
+    )  # fmt: skip
     if outcome != contact.RUNNING:
         what = "tipped over" if outcome == contact.TIPPED_OVER else "moves too fast to be followed"
         raise SolverError(
             f"The disc {what} after {done * interval:.4g} s. Lower the friction, use a "
             "flatter surface or a smaller spin, or raise the contact damping."
         )
-    loads = np.empty((time.size, contact.LOADS))
-    contact.loads_along(time, track, motion, constants, nodes, loads)
+
     forces = average_forces(track, midway, interval)
     return PhysicalRun(time, track, forces, loads, nodes.shape[1], steps, refused, largest_step)
 
 
-def contact_constants(parameters: BrushParameters) -> NDArray[np.float64]:
-    """Return the constants of the contact, in the order of `rim_contact`."""
-    surface = parameters.surface
+def contact_constants(parameters: BrushParameters) -> Array:
+    """Return the constants of the contact, in the order of `rim_load`."""
+    p, surface = parameters, parameters.surface
     # On any other surface, which is packed, the bends of the trough are not read.
     bends = surface.curvatures if isinstance(surface, Surface) else (0.0, 0.0)
-    constants = np.array(
-        [
-            parameters.contact_stiffness,
-            parameters.contact_damping,
-            parameters.friction,
-            parameters.slip_scale,
-            *bends,
-            parameters.radius,
-            0.5 * parameters.height,
-        ]
-    )
-    return np.concatenate([constants, surface.packed])
+    law = [p.contact_stiffness, p.contact_damping, p.friction, p.slip_scale]
+    return np.concatenate([[*law, *bends, p.radius, 0.5 * p.height], surface.packed])
 
 
-def motion_constants(parameters: BrushParameters, three_angles: bool) -> NDArray[np.float64]:
-    """Return the constants of the disc and its path, in the order of `disc_motion`."""
-    constants = np.array(
-        [
-            parameters.mass,
-            parameters.polishing_force,
-            parameters.tilt_inertia,
-            parameters.spin_inertia,
-            parameters.spin,
-            parameters.spindle_damping if three_angles else 0.0,
-            parameters.rotation_radius,
-            parameters.rotation_rate,
-            parameters.feed,
-            parameters.radius + parameters.rotation_radius,
-        ]
-    )
-    course = np.empty(0) if parameters.path is None else parameters.path.packed
-    return np.concatenate([constants, course])
+def motion_constants(parameters: BrushParameters, three_angles: bool) -> Array:
+    """Return the constants of the disc and its path, in the order of `slope`."""
+    p = parameters
+    disc = [p.mass, p.polishing_force, p.tilt_inertia, p.spin_inertia, p.spin]
+    drive = p.spindle_damping if three_angles else 0.0
+    circle = [p.rotation_radius, p.rotation_rate, p.feed, p.radius + p.rotation_radius]
+    course = np.empty(0) if p.path is None else p.path.packed
+    return np.concatenate([[*disc, drive, *circle], course])
 
 
 def static_depth(parameters: BrushParameters) -> tuple[float, float]:
@@ -263,28 +205,22 @@ def rim_points(parameters: BrushParameters) -> int:
     return contact.BLOCK * ceil(wanted / contact.BLOCK)
 
 
-def _error_scale(parameters: BrushParameters, interval: float) -> NDArray[np.float64]:
+def _error_scale(parameters: BrushParameters, interval: float) -> Array:
     """Return the unit of error per state, from the static contact's depth and its frequency."""
     depth, _ = static_depth(parameters)
     rim_mass = parameters.tilt_inertia / parameters.rim_distance**2
     speed = depth * sqrt(1.5 * parameters.polishing_force / depth / rim_mass)
     scale = np.full(contact.STATES, np.inf)
-    scale[contact.HEIGHT] = depth
-    scale[contact.CLIMB] = speed
+    scale[contact.HEIGHT], scale[contact.CLIMB] = depth, speed
     scale[contact.AXES] = depth / parameters.radius
-    scale[contact.TURNINGS] = speed / parameters.radius
-    scale[contact.SPIN] = speed / parameters.radius
+    scale[contact.TURNINGS] = scale[contact.SPIN] = speed / parameters.radius
     scale[contact.IMPULSES] = 10.0 * parameters.polishing_force * interval
     return scale
 
 
 def _start(
-    parameters: BrushParameters,
-    constants: NDArray[np.float64],
-    motion: NDArray[np.float64],
-    nodes: NDArray[np.float64],
-    landing: bool,
-) -> NDArray[np.float64]:
+    parameters: BrushParameters, constants: Array, motion: Array, nodes: Array, landing: bool
+) -> Array:
     """State at time zero: parallel to the surface, just touching it or pressed against it."""
     place, velocity, still = np.zeros(3), np.zeros(3), np.zeros(3)
     contact.joint_motion(0.0, motion, place, velocity)
@@ -302,16 +238,13 @@ def _start(
         too_low = touching > 0 if landing else load[contact.FORCE + 2] > parameters.polishing_force
         low, high = (place[2], high) if too_low else (low, place[2])
     state = np.zeros(contact.STATES)
-    state[contact.HEIGHT] = high
+    state[contact.HEIGHT], state[contact.SPIN] = high, parameters.spin
     state[contact.CLIMB] = slope_x * velocity[0] + slope_y * velocity[1]
     state[contact.AXES] = axis
-    state[contact.SPIN] = parameters.spin
     return state
 
 
-def average_forces(
-    track: NDArray[np.float64], midway: NDArray[np.float64], interval: float
-) -> NDArray[np.float64]:
+def average_forces(track: Array, midway: Array, interval: float) -> Array:
     """Return the forces at the samples, averaged over half an interval to either side.
 
     Joined by straight lines they have exactly the impulse of the contact.
@@ -323,12 +256,11 @@ def average_forces(
     return np.diff(bounds, axis=0) / length
 
 
-def impulse_difference(coarse: PhysicalRun, fine: PhysicalRun, force: float) -> float:
-    """Largest difference of window impulses over the polishing force's impulse."""
+def impulse_difference(coarse: Any, fine: Any, force: float) -> float:
+    """Largest difference of window impulses of two runs over the polishing force's impulse."""
     interval = float(fine.time[1] - fine.time[0])
     samples = max(1, min(round(_WINDOW / interval), fine.time.size - 1))
-    columns = slice(contact.IMPULSE, contact.IMPULSE + 3)
-    difference = fine.track[:, columns] - coarse.track[:, columns]
+    difference = fine.track[:, contact.IMPULSES] - coarse.track[:, contact.IMPULSES]
     window = difference[samples:] - difference[:-samples]
     return float(np.max(np.abs(window))) / (force * samples * interval)
 
@@ -337,13 +269,39 @@ def impulse_difference(coarse: PhysicalRun, fine: PhysicalRun, force: float) -> 
 
 
 def physical_dataset(
-    run: PhysicalRun, check: Refinement, parameters: BrushParameters, three_angles: bool
+    run: PhysicalRun, check: dict[str, Any], parameters: BrushParameters, three_angles: bool
 ) -> xr.Dataset:
     """Label a run, and tell in the attributes how it was checked."""
+    axis, turning = run.track[:, contact.AXES], run.track[:, contact.TURNINGS]
+    spin, twist = run.track[:, contact.SPIN], run.track[:, contact.TWIST]
+    loads, both = run.loads, ("time", "point")
+    if three_angles:
+        angles = euler_angles(axis, turning)
+        theta, psi, _, psi_rate = angles
+        precessed = np.cumsum(0.5 * np.diff(psi) * (np.cos(theta[1:]) + np.cos(theta[:-1])))
+        phi = twist - np.concatenate([[0.0], precessed])
+        rate = spin - psi_rate * np.cos(theta)
+        attitude = {
+            **angle_variables(angles, ("nutation", "precession"), level=None),
+            "phi": quantity(phi, "rad", "rotation of the tool about its axis"),
+            "phi_rate": quantity(rate, "rad/s", "rate of phi"),
+            "omega_z": quantity(spin, "rad/s", "angular velocity about the axis of the disc"),
+        }
+    else:
+        names = ("tilt about x", "tilt about y")
+        attitude = angle_variables(tilt_angles(axis, turning), names, level=0.0)
+    fx, fy, fz = run.forces.T
+    normal = loads[:, contact.SECTORS : contact.SECTORS + len(POINTS)]
+    friction, damping = loads[:, contact.FRICTION_POWER], loads[:, contact.DAMPING_POWER]
     variables = {
-        **(_euler_variables(run) if three_angles else _tilt_variables(run)),
-        **_force_variables(run, parameters),
-        **_contact_variables(run.loads),
+        **attitude,
+        **force_variables(-fx, -fy, fz, np.full_like(fz, parameters.polishing_force)),
+        "contact": quantity(normal > 0.0, "1", "whether the quarter of the rim touches", both),
+        "contact_force": quantity(normal, "N", "normal force on the quarter of the rim", both),
+        "contact_share": quantity(loads[:, 0], "1", "share of the rim that touches"),
+        "contact_energy": quantity(loads[:, contact.ENERGY], "J", "energy stored in the contact"),
+        "friction_power": quantity(friction, "W", "power that friction turns into heat"),
+        "damping_power": quantity(damping, "W", "power that contact damping turns into heat"),
         "tool_z": quantity(run.track[:, contact.HEIGHT], "m", "height of the ball joint"),
         "tool_z_rate": quantity(run.track[:, contact.CLIMB], "m/s", "rate of the height"),
         **path_variables(run.time, parameters),
@@ -352,9 +310,7 @@ def physical_dataset(
         "simulator": "physical",
         "disc": "three-angle" if three_angles else "two-angle",
         **parameter_attributes(parameters),
-        "passes": check.passes,
-        "impulse_error": check.impulse_error,
-        "converged": int(check.converged),
+        **check,
         "largest_step": run.largest_step,
         "steps": run.steps,
         "refused_steps": run.refused,
@@ -363,42 +319,3 @@ def physical_dataset(
         "damping_heat": float(run.track[-1, contact.DAMPING_HEAT]),
     }
     return labelled(run.time, variables, attributes)
-
-
-def _tilt_variables(run: PhysicalRun) -> dict[str, Variable]:
-    angles = tilt_angles(run.track[:, contact.AXES], run.track[:, contact.TURNINGS])
-    return angle_variables(angles, ("tilt about x", "tilt about y"), level=0.0)
-
-
-def _euler_variables(run: PhysicalRun) -> dict[str, Variable]:
-    angles = euler_angles(run.track[:, contact.AXES], run.track[:, contact.TURNINGS])
-    theta, psi, _, psi_rate = angles
-    spin = run.track[:, contact.SPIN]
-    precessed = np.cumsum(0.5 * np.diff(psi) * (np.cos(theta[1:]) + np.cos(theta[:-1])))
-    phi = run.track[:, contact.TWIST] - np.concatenate([[0.0], precessed])
-    return {
-        **angle_variables(angles, ("nutation", "precession"), level=None),
-        "phi": quantity(phi, "rad", "rotation of the tool about its axis"),
-        "phi_rate": quantity(spin - psi_rate * np.cos(theta), "rad/s", "rate of phi"),
-        "omega_z": quantity(spin, "rad/s", "angular velocity about the axis of the disc"),
-    }
-
-
-def _force_variables(run: PhysicalRun, parameters: BrushParameters) -> dict[str, Variable]:
-    fx, fy, fz = run.forces.T
-    pressing = np.full_like(fz, parameters.polishing_force)
-    return force_variables({"F_x": -fx, "F_y": -fy, "F_z": fz, "F_p": pressing})
-
-
-def _contact_variables(loads: NDArray[np.float64]) -> dict[str, Variable]:
-    normal = loads[:, contact.SECTORS : contact.SECTORS + len(POINTS)]
-    both = ("time", "point")
-    friction, damping = loads[:, contact.FRICTION_POWER], loads[:, contact.DAMPING_POWER]
-    return {
-        "contact": quantity(normal > 0.0, "1", "whether the quarter of the rim touches", both),
-        "contact_force": quantity(normal, "N", "normal force on the quarter of the rim", both),
-        "contact_share": quantity(loads[:, 0], "1", "share of the rim that touches"),
-        "contact_energy": quantity(loads[:, contact.ENERGY], "J", "energy stored in the contact"),
-        "friction_power": quantity(friction, "W", "power that friction turns into heat"),
-        "damping_power": quantity(damping, "W", "power that contact damping turns into heat"),
-    }

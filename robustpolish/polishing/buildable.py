@@ -86,9 +86,14 @@ class AxisProblem:
         return polishing_plant(self.hardware, self.parameters, self.dissipation, self.axis)
 
     @property
+    def upper_mode_hz(self) -> float:
+        """Upper natural frequency, that of the bearing; nothing above it is modelled."""
+        return self.parameters.natural_frequencies()["x"][0] / (2 * math.pi)
+
+    @property
     def prewarp_hz(self) -> float | None:
         """Where the sampled controller is right exactly: at the upper mode, if samples show it."""
-        upper = self.parameters.natural_frequencies()["x"][0] / (2 * math.pi)
+        upper = self.upper_mode_hz
         return upper if upper < 0.4 * self.hardware.sample_rate_hz else None
 
 
@@ -131,18 +136,14 @@ def weighted_plant(
     hardware, gap = problem.hardware, f"gap_{problem.axis}"
     bare = replace(hardware, sensor_noise=0.0, actuator_limit=math.inf)
     plant = replace(problem, hardware=bare).plant()
-    (command,) = plant.control_names
-    bearing = np.zeros((1, plant.nx))
+    plant = plant.with_filter(plant.control_names[0], integral)
+    nothing = np.zeros((1, plant.nx))
+    bearing, push = nothing.copy(), nothing.T.copy()
     bearing[0, plant.states.index(f"{problem.axis}_m")] = 1.0
-    push = np.zeros((plant.nx, 1))
     push[plant.states.index(f"d{problem.axis}_m"), 0] = -1 / problem.parameters.m_x
-    plant = plant.with_filter(command, integral)
-    grown = plant.nx - len(push)
-    push = np.vstack([push, np.zeros((grown, 1))])
-    bearing = np.hstack([bearing, np.zeros((1, grown))])
     plant = plant.replace(
-        B1=np.hstack([plant.B2, push, np.zeros((plant.nx, 1))]),
-        C1=stiffness * np.vstack([plant.C1, BEARING * bearing, np.zeros((1, plant.nx))]),
+        B1=np.hstack([plant.B2, push, nothing.T]),
+        C1=stiffness * np.vstack([plant.C1, BEARING * bearing, nothing]),
         D11=np.zeros((3, 3)),
         D12=np.array([[0.0], [0.0], [1.0]]),
         D21=np.array([[0.0, 0.0, NOISE / stiffness]]),
@@ -168,10 +169,9 @@ def design_axis(problem: AxisProblem, requirements: LoopRequirements) -> AxisDes
         If no bandwidth that was tried keeps the margins.
     """
     lag = problem.hardware.lag
-    for k in range(TRIALS):
-        found = _trial(problem, FASTEST * RATIO**k / lag, requirements)
-        if found is not None:
-            return found
+    trials = (_trial(problem, FASTEST * RATIO**k / lag, requirements) for k in range(TRIALS))
+    for found in filter(None, trials):
+        return found
     raise InfeasibleError(
         f"hardware: of {TRIALS} controllers with bandwidths from "
         f"{FASTEST / lag / (2 * math.pi):.3g} Hz downwards none keeps "
@@ -197,7 +197,10 @@ def _trial(
     # Proofs take longest: they come when all else is known.
     code = emulated(controller, hardware.period, prewarp_hz=problem.prewarp_hz)
     disk = _disk(_loop_at_samples(plant, code, hardware))
-    if disk is None or disk.alpha < requirements.disk or not survives(problem, code):
+    if disk is None or disk.alpha < requirements.disk:
+        return None
+    machines = [(machine.plant(), machine.hardware) for machine in changed(problem).values()]
+    if not all(_loop_at_samples(other, code, parts).stability for other, parts in machines):
         return None
     try:
         continuous = given_controller(delayed, controller)
@@ -228,25 +231,13 @@ def changed(problem: AxisProblem) -> dict[str, AxisProblem]:
         hardware = replace(problem.hardware, actuator_bandwidth_hz=slow)
         what = f"actuator bandwidth {100 * ACTUATOR_LOSS:g} % lower"
         machines[what] = replace(problem, hardware=hardware)
-    p = problem.parameters
     for sign, word in ((-1, "lower"), (1, "higher")):
         factor = 1 + sign * STIFFNESS_ERROR
-        stiff = replace(
-            p,
-            bearing_stiffness=p.bearing_stiffness * factor,
-            bearing_torsional_stiffness=p.bearing_torsional_stiffness * factor,
-        )
+        names = ("bearing_stiffness", "bearing_torsional_stiffness")
+        stiff = {name: getattr(problem.parameters, name) * factor for name in names}
         what = f"bearing's stiffness {100 * STIFFNESS_ERROR:g} % {word}"
-        machines[what] = replace(problem, parameters=stiff)
+        machines[what] = replace(problem, parameters=replace(problem.parameters, **stiff))
     return machines
-
-
-def survives(problem: AxisProblem, controller: control.StateSpace) -> bool:
-    """Tell whether the sampled loop is stable on every changed machine."""
-    return all(
-        _loop_at_samples(machine.plant(), controller, machine.hardware).stability
-        for machine in changed(problem).values()
-    )
 
 
 # Sensitivity to hardware limits: each is relaxed alone, and the controller is designed anew.
@@ -289,55 +280,42 @@ class HardwareLimit:
 
 def relaxed_hardware(hardware: PolishingHardware) -> Iterator[tuple[str, PolishingHardware]]:
     """Yield the hardware with one limit relaxed at a time, and what that is."""
-    yield "ideal sensors", replace(hardware, sensor_bandwidth_hz=math.inf, sensor_noise=0.0)
-    yield (
-        "ideal actuators",
-        replace(hardware, actuator_bandwidth_hz=math.inf, actuator_limit=math.inf),
-    )
-    yield "no computation delay", replace(hardware, computation_delay=0.0)
-    yield "ten times the sampling", replace(hardware, sample_rate_hz=10 * hardware.sample_rate_hz)
+    for what, changes in {
+        "ideal sensors": {"sensor_bandwidth_hz": math.inf, "sensor_noise": 0.0},
+        "ideal actuators": {"actuator_bandwidth_hz": math.inf, "actuator_limit": math.inf},
+        "no computation delay": {"computation_delay": 0.0},
+        "ten times the sampling": {"sample_rate_hz": 10 * hardware.sample_rate_hz},
+    }.items():
+        yield what, replace(hardware, **changes)
 
 
 def limits_of_hardware(
     design: AxisDesign, ideal: Design, load: xr.Dataset, requirements: LoopRequirements
 ) -> tuple[HardwareLimit, ...]:
     """Return the rows: without control, as built, one limit relaxed at a time, the ideal."""
-    problem, axis = design.problem, design.problem.axis
+    problem, axis, plant = design.problem, design.problem.axis, ideal.plant
     start = load["time"].values[0]
     landing = load.sel(time=slice(start, start + DEVIATION_WINDOW))
-    plant = ideal.plant
-    force, shown = f"F_{axis}", plant.performance_names.index(axis)
-    column = plant.disturbance_names.index(force)
-    rows = [
-        HardwareLimit(
-            "without control",
-            hinf_norm(plant.open_loop[shown, column]).value,
-            _largest(simulate(plant, landing), axis),
-            math.nan,
-            0.0,
-        ),
-        _row(BUILDABLE, design, landing),
-    ]
+    output = plant.performance_names.index(axis)
+    channel = output, plant.disturbance_names.index(f"F_{axis}")
+
+    def row(what: str, found: AxisDesign) -> HardwareLimit:
+        run = found.sampled.simulate(landing)
+        sizes = _largest(run, axis), found.stiffness, _largest(run, f"u_{axis}")
+        return HardwareLimit(what, found.sampled.certificate.achieved, *sizes)
+
+    free = _largest(simulate(plant, landing), axis)
+    norm = hinf_norm(plant.open_loop[channel]).value
+    rows = [HardwareLimit("without control", norm, free, math.nan, 0.0), row(BUILDABLE, design)]
     for what, hardware in relaxed_hardware(problem.hardware):
         try:
-            found = design_axis(replace(problem, hardware=hardware), requirements)
+            rows.append(row(what, design_axis(replace(problem, hardware=hardware), requirements)))
         except RobustPolishError:
             rows.append(HardwareLimit(what, math.nan, math.nan, math.nan, math.nan))
-            continue
-        rows.append(_row(what, found, landing))
     run = simulate(ideal, landing)
-    loop = plant.state_feedback_loop(ideal.controller.D)
-    norm = hinf_norm(loop[shown, column]).value
-    effort = _largest(run, f"u_{axis}")
-    rows.append(HardwareLimit(IDEAL_HARDWARE, norm, _largest(run, axis), math.nan, effort))
-    return tuple(rows)
-
-
-def _row(what: str, design: AxisDesign, landing: xr.Dataset) -> HardwareLimit:
-    axis, run = design.problem.axis, design.sampled.simulate(landing)
-    norm = design.sampled.certificate.achieved
-    effort = _largest(run, f"u_{axis}")
-    return HardwareLimit(what, norm, _largest(run, axis), design.stiffness, effort)
+    norm = hinf_norm(plant.state_feedback_loop(ideal.controller.D)[channel]).value
+    sizes = _largest(run, axis), math.nan, _largest(run, f"u_{axis}")
+    return (*rows, HardwareLimit(IDEAL_HARDWARE, norm, *sizes))
 
 
 def _largest(run: xr.Dataset, name: str) -> float:
@@ -424,7 +402,7 @@ class BuildableBrushDesign(BrushDesign):
         nominal = hardware.actuator_bandwidth_hz
         if not math.isfinite(nominal):
             nominal = hardware.sample_rate_hz
-        controller: Any = self.axis.sampled.controller
+        controller = self.axis.sampled.controller
 
         def stable(bandwidth: float) -> bool:
             slow = replace(hardware, actuator_bandwidth_hz=bandwidth)
@@ -457,8 +435,7 @@ class BuildableBrushDesign(BrushDesign):
         """What the mean of the load leaves of z in m, over the second half of the time."""
         late = self.disturbance.isel(time=slice(self.disturbance.sizes["time"] // 2, None))
         force = np.array([float(late[name].mean()) for name in self.plant.disturbance_names[:4]])
-        open_loop = self.ideal.plant.open_loop
-        gain = np.asarray(control.dcgain(open_loop), dtype=float)
+        gain = np.asarray(control.dcgain(self.ideal.plant.open_loop), dtype=float)
         return float(gain[self.ideal.plant.performance_names.index("z")] @ force)
 
     def verdict(self) -> str:
@@ -509,19 +486,16 @@ class BuildableBrushDesign(BrushDesign):
         --------
         See :class:`BuildableBrushDesign`.
         """
-        disk, ideal = self.loop.disk_margin, self.ideal_loop.disk_margin
-        least = self.ideal_loop.sample_rate
-        slowest = math.nan if least is None else least.lowest_stable_hz
-        delays = self.loop.delay_margin, self.ideal_loop.delay_margin
+        ideal = self.ideal_loop
+        slowest = math.nan if ideal.sample_rate is None else ideal.sample_rate.lowest_stable_hz
+        figures = {
+            "disk margin, one loop at a time [dB]": lambda x: x.disk_margin.gain_db,
+            "disk margin, one loop at a time [deg]": lambda x: x.disk_margin.phase_deg,
+            "disk margin, all inputs at once [dB]": lambda x: x.at_once["inputs"].disk.gain_db,
+            "delay that it bears besides its own [µs]": lambda x: 1e6 * x.delay_margin,
+        }
         rows = (
-            ("disk margin, one loop at a time [dB]", disk.gain_db, ideal.gain_db),
-            ("disk margin, one loop at a time [deg]", disk.phase_deg, ideal.phase_deg),
-            (
-                "disk margin, all inputs at once [dB]",
-                _at_once(self.loop),
-                _at_once(self.ideal_loop),
-            ),
-            ("delay that it bears besides its own [µs]", 1e6 * delays[0], 1e6 * delays[1]),
+            *((what, figure(self.loop), figure(ideal)) for what, figure in figures.items()),
             ("unstable below a sample rate of [kHz]", 1e-3 / self.largest_period, slowest / 1e3),
             ("measured signals", len(self.plant.measurement_names), self.ideal.plant.ny),
             ("actuators", len(self.plant.control_names), self.ideal.plant.nu),
@@ -538,10 +512,6 @@ class BuildableBrushDesign(BrushDesign):
         return Card("Design against the brush", tables, (self.verdict(), self.loop.explain()))
 
 
-def _at_once(loop: LoopAnalysis) -> float:
-    return loop.at_once["inputs"].disk.gain_db
-
-
 def build_against_brush(
     ideal: BrushDesign,
     hardware: PolishingHardware,
@@ -555,19 +525,28 @@ def build_against_brush(
     tell("Designing a controller that can be built ...")
     axis = design_axis(AxisProblem("y", hardware, parameters, dissipation), asked)
     plant = polishing_plant(hardware, parameters, dissipation)
-    controller = _for_both_axes(axis.continuous.controller, plant)
-    delayed = _with_loop_delay(plant, hardware)
-    design = _with_synthesis_message(given_controller(delayed, controller), axis)
+    both: Any = control.append(*[axis.continuous.controller for _ in plant.control_names])
+    states = [f"k{i + 1}" for i in range(both.nstates)]
+    names = plant.measurement_names, plant.control_names
+    controller = named_system((both.A, both.B, both.C, both.D), 0, *names, states)
+    delayed, weighted = _with_loop_delay(plant, hardware), axis.weighted
+    message = (
+        f"x and y share nothing and are of one kind: one H-infinity output feedback serves both, "
+        f"set to a stiffness of {axis.stiffness:.3g} N/m, the largest that keeps the margins. On "
+        f"the weighted plant of one axis its norm is {weighted.certificate.achieved:.4g} "
+        f"({weighted.status})."
+    )
+    origin = {"method": weighted.method, "backend": weighted.backend}
+    design = replace(given_controller(delayed, controller), message=message, **origin)
     tell("Certifying the sampled loop ...")
     sampled = given_controller(plant, controller).discretize(
         hardware.period, hardware.computation_delay, prewarp_hz=axis.problem.prewarp_hz
     )
-    names = *plant.measurement_names, *plant.control_names
     at_samples = GeneralizedPlant(
         plant_at_samples(plant, hardware.period, hardware.computation_delay),
         plant.ny,
         plant.nu,
-        units={name: plant.units[name] for name in names if name in plant.units},
+        units={name: plant.units[name] for name in sum(names, ()) if name in plant.units},
     )
     survived = {
         what: certify_sampled(
@@ -603,26 +582,6 @@ def build_against_brush(
     )
 
 
-def _for_both_axes(controller: control.StateSpace, plant: GeneralizedPlant) -> control.StateSpace:
-    """Return the controller once per axis, by the names of the plant."""
-    both: Any = control.append(*[controller for _ in plant.control_names])
-    states = [f"k{i + 1}" for i in range(both.nstates)]
-    names = plant.measurement_names, plant.control_names, states
-    return named_system((both.A, both.B, both.C, both.D), 0, *names)
-
-
-def _with_synthesis_message(design: Design, axis: AxisDesign) -> Design:
-    """Return the design with words of the synthesis that it comes from."""
-    weighted = axis.weighted
-    message = (
-        f"x and y share nothing and are of one kind: one H-infinity output feedback serves both, "
-        f"set to a stiffness of {axis.stiffness:.3g} N/m, the largest that keeps the margins. On "
-        f"the weighted plant of one axis its norm is {weighted.certificate.achieved:.4g} "
-        f"({weighted.status})."
-    )
-    return replace(design, message=message, method=weighted.method, backend=weighted.backend)
-
-
 def _compared(ideal: BrushDesign, run: xr.Dataset, load: xr.Dataset) -> ControllerComparison:
     """Return the table of deviations, largest values taken between samples too."""
     signals = ("x", "y", "z")
@@ -630,10 +589,10 @@ def _compared(ideal: BrushDesign, run: xr.Dataset, load: xr.Dataset) -> Controll
     for name in forces:
         forces[name].attrs.update(load[name].attrs)
     fine = {WITHOUT: simulate(ideal.plant, forces), WITH: run}
-    fine |= {IDEAL: simulate(ideal.design, forces)}
+    fine[IDEAL] = simulate(ideal.design, forces)
     thin = max(1, round((run.sizes["time"] - 1) / (load.sizes["time"] - 1)))
     responses = {row: found.isel(time=slice(None, None, thin)) for row, found in fine.items()}
     largest = {
-        row: np.array([_largest(found, name) for name in signals]) for row, found in fine.items()
+        row: np.array([_largest(run, axis) for axis in signals]) for row, run in fine.items()
     }
     return tabulate(responses, signals, ideal.plant.control_names, SAME_LOAD, largest)

@@ -17,6 +17,7 @@ from __future__ import annotations
 from math import cos, sin, sqrt
 
 import numpy as np
+from scipy.integrate import RK45
 
 from robustpolish.base.arrays import Array
 from robustpolish.base.jit import njit
@@ -25,23 +26,12 @@ from robustpolish.polishing.tool_path import evaluate_path
 
 STAGES = 7
 
-NODES = np.array([0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0, 1.0])
+NODES = np.append(RK45.C, 1.0)
 
 # Row s combines the slopes before stage s; the last row is the solution of order 5.
-COUPLING = np.array(
-    [
-        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-        [1 / 5, 0.0, 0.0, 0.0, 0.0, 0.0],
-        [3 / 40, 9 / 40, 0.0, 0.0, 0.0, 0.0],
-        [44 / 45, -56 / 15, 32 / 9, 0.0, 0.0, 0.0],
-        [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729, 0.0, 0.0],
-        [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656, 0.0],
-        [35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
-    ]
-)
+COUPLING = np.vstack([np.pad(RK45.A, ((0, 0), (0, 1))), RK45.B])
 
-# Solution of order 5 less that of order 4.
-ERROR = np.array([71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
+ERROR = -RK45.E  # solution of order 5 less that of order 4
 
 # Powers 1 to 4 of the fraction of the step, per slope, for values inside the step.
 DENSE = np.array(
@@ -153,8 +143,17 @@ def euler_angles(axis: Array, turning: Array) -> tuple[Array, Array, Array, Arra
     return theta, psi, theta_rate, psi_rate
 
 
+def disc_axis(theta: Array, psi: Array, euler: bool) -> Array:
+    """Return the axis of the disc, shape (3, ...), at nutation and precession, or at tilts."""
+    sine, cosine = np.sin(theta), np.cos(theta)
+    side, level = np.sin(psi), np.cos(psi)
+    if euler:
+        return np.stack([sine * side, -sine * level, cosine])
+    return np.stack([side, -sine * level, cosine * level])
+
+
 def axis_and_turning(
-    theta: float, psi: float, theta_rate: float, psi_rate: float, *, euler: bool
+    theta: Array, psi: Array, theta_rate: Array, psi_rate: Array, *, euler: bool
 ) -> tuple[Array, Array]:
     """Undo `tilt_angles`, or `euler_angles`, at one instant.
 
@@ -173,13 +172,12 @@ def axis_and_turning(
     sine, cosine = np.sin(theta), np.cos(theta)
     side, level = np.sin(psi), np.cos(psi)
     if euler:
-        axis = np.array([sine * side, -sine * level, cosine])
         moving = theta_rate * np.array([cosine * side, -cosine * level, -sine])
         moving += psi_rate * np.array([sine * level, sine * side, 0.0])
     else:
-        axis = np.array([side, -sine * level, cosine * level])
         moving = theta_rate * np.array([0.0, -cosine * level, -sine * level])
         moving += psi_rate * np.array([level, sine * side, -cosine * side])
+    axis = disc_axis(theta, psi, euler)
     return axis, np.cross(axis, moving)
 
 
@@ -216,7 +214,8 @@ CONSTANTS = 8
 
 # Rows of the scratch: what touches (cosine, sine, depth, slopes); where the mould was expanded
 # last (place, height, slopes, second derivatives) per node, below the disc's centre, and in the
-# middle of each block, there with the place at which the nodes of the block were expanded.
+# middle of each block, there with the place at which the nodes of the block were expanded. The
+# trough is one quadratic, which stands where the expansion below the centre does.
 EXPANDED, CENTRE, MIDDLES, SCRATCH = 5, 13, 14, 15
 PER_BLOCK = 10
 NEAR = 1e-5  # m: the error there is the third derivative times 2e-16 m^3, 2e-12 m for 1e4 / m^2
@@ -235,126 +234,95 @@ def work_array(count):  # pragma: no cover - compiled
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def _touching_nodes(place, axis, constants, span, nodes, found):  # pragma: no cover - compiled
-    """List the nodes below the surface: cosine, sine and depth [m] into `found`; their number.
-
-    Blocks of nodes whose deepest node cannot reach the surface are skipped: with a the angle
-    from a node of the block, depth(a) <= depth + |depth'| a + max|depth''| a^2 / 2.
-    """
-    bend_x, bend_y = constants[BEND_X], constants[BEND_Y]
-    low_x = place[0] - constants[HALF_HEIGHT] * axis[0]
-    low_y = place[1] - constants[HALF_HEIGHT] * axis[1]
-    low_z = place[2] - constants[HALF_HEIGHT] * axis[2]
-    ax, ay, az, by, bz = span
-    # Amplitudes of the first and second harmonic of the depth along the rim.
-    first = abs(bend_x * low_x * ax + bend_y * low_y * ay - az) + abs(bend_y * low_y * by - bz)
-    second = 0.25 * abs(bend_x * ax * ax + bend_y * (ay * ay - by * by))
-    second += 0.5 * abs(bend_y * ay * by)
-    count = nodes.shape[1]
-    reach = 2.0 * np.pi * (BLOCK // 2) / count
-    spare = 0.5 * reach * reach * (first + 4.0 * second)
-    touching = 0
-    for block in range(0, count, BLOCK):
-        cosine, sine = nodes[0, block + BLOCK // 2], nodes[1, block + BLOCK // 2]
-        x, y = low_x + ax * cosine, low_y + ay * cosine + by * sine
-        depth = 0.5 * (bend_x * x * x + bend_y * y * y) - (low_z + az * cosine + bz * sine)
-        steepness = bend_y * y * (by * cosine - ay * sine) - bend_x * x * ax * sine
-        steepness -= bz * cosine - az * sine
-        if depth + abs(steepness) * reach + spare <= 0.0:
-            continue
-        for node in range(block, block + BLOCK):
-            cosine, sine = nodes[0, node], nodes[1, node]
-            x, y = low_x + ax * cosine, low_y + ay * cosine + by * sine
-            depth = 0.5 * (bend_x * x * x + bend_y * y * y) - (low_z + az * cosine + bz * sine)
-            if depth > 0.0:
-                found[0, touching] = cosine
-                found[1, touching] = sine
-                found[2, touching] = depth
-                touching += 1
-    return touching
-
-
-@njit(cache=True, error_model="numpy", fastmath=True)
-def _expand(x, y, mould, found, row, column, stride):  # pragma: no cover - compiled
+def _expand(x, y, mould, flat, place, stride):  # pragma: no cover - compiled
     """Write place, height, slopes and bends of the mould from a place of the scratch on."""
     height, slope_x, slope_y, xx, xy, yy = expansion(x, y, mould)
-    place = row * found.shape[1] + column
-    flat = found.ravel()
     for value in (x, y, height, slope_x, slope_y, xx, xy, yy):
         flat[place] = value
         place += stride
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def _touching_on_mould(place, axis, constants, span, nodes, found):  # pragma: no cover - compiled
-    """Do the same on a mould, and write its slopes at the nodes into rows 3 and 4 of `found`.
+def _is_far(x, y, flat, place):  # pragma: no cover - compiled
+    """Whether what stands at a place of the scratch is too far away to be used at x and y."""
+    dx, dy = x - flat[place], y - flat[place + 1]
+    return dx * dx + dy * dy > NEAR * NEAR
 
-    The mould's height is a cubic spline. Next to where it was expanded last, its two derivatives
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _expanded(x, y, flat, place, stride):  # pragma: no cover - compiled
+    """Return height and slopes at x and y of the quadratic from a place of the scratch on."""
+    dx, dy = x - flat[place], y - flat[place + stride]
+    rise_x, rise_y = flat[place + 3 * stride], flat[place + 4 * stride]
+    slope_x = rise_x + flat[place + 5 * stride] * dx + flat[place + 6 * stride] * dy
+    slope_y = rise_y + flat[place + 6 * stride] * dx + flat[place + 7 * stride] * dy
+    # Half the slope's rise is the bend's part of the height.
+    bent = 0.5 * ((rise_x + slope_x) * dx + (rise_y + slope_y) * dy)
+    return flat[place + 2 * stride] + bent, slope_x, slope_y
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _touching_nodes(place, axis, constants, span, nodes, found):  # pragma: no cover - compiled
+    """List the nodes below the surface: cosine, sine, depth [m], slopes into `found`; their number.
+
+    Blocks of nodes whose deepest node cannot reach the surface are skipped: with a the angle
+    from a node of the block, depth(a) <= depth + |depth'| a + max|depth''| a^2 / 2.
+
+    A mould's height is a cubic spline. Next to where it was expanded last, its two derivatives
     give it as well, and a node stays next to there for many steps.
 
     Along the rim |depth''| is at most the first harmonic over the tangent plane under the disc's
-    centre and 2 R^2 times the mould's largest bend, which bounds both the bend along the rim and
-    how far its slopes differ from those of that plane.
+    centre and, on the trough, four times the second; on a mould 2 R^2 times its largest bend, which
+    bounds both the bend along the rim and how far its slopes differ from those of that plane.
     """
-    mould = constants[CONSTANTS:]
+    mould, on_mould = constants[CONSTANTS:], constants.size > CONSTANTS
     low_x = place[0] - constants[HALF_HEIGHT] * axis[0]
     low_y = place[1] - constants[HALF_HEIGHT] * axis[1]
     low_z = place[2] - constants[HALF_HEIGHT] * axis[2]
     ax, ay, az, by, bz = span
-    count = nodes.shape[1]
-    reach = 2.0 * np.pi * (BLOCK // 2) / count
-    bound = 2.0 * constants[RADIUS] * constants[RADIUS] * mould[BEND]
-    middles, centre = found[MIDDLES], found[CENTRE]
-    dx, dy = low_x - centre[0], low_y - centre[1]
-    if dx * dx + dy * dy > NEAR * NEAR:
-        _expand(low_x, low_y, mould, found, CENTRE, 0, 1)
-        dx = dy = 0.0
-    slope_x = centre[3] + centre[5] * dx + centre[6] * dy
-    slope_y = centre[4] + centre[6] * dx + centre[7] * dy
+    count, flat = nodes.shape[1], found.ravel()
+    centre = CENTRE * count
+    if on_mould:
+        if _is_far(low_x, low_y, flat, centre):
+            _expand(low_x, low_y, mould, flat, centre, 1)
+        bound = 2.0 * constants[RADIUS] * constants[RADIUS] * mould[BEND]
+    else:
+        bend_x, bend_y = constants[BEND_X], constants[BEND_Y]
+        flat[centre : centre + 8] = 0.0
+        flat[centre + 5], flat[centre + 7] = bend_x, bend_y
+        bound = abs(bend_x * ax * ax + bend_y * (ay * ay - by * by)) + 2.0 * abs(bend_y * ay * by)
+    _, slope_x, slope_y = _expanded(low_x, low_y, flat, centre, 1)
     bound += abs(slope_x * ax + slope_y * ay - az) + abs(slope_y * by - bz)
+    reach = 2.0 * np.pi * (BLOCK // 2) / count
     spare = 0.5 * reach * reach * bound
     touching = 0
     for block in range(0, count, BLOCK):
-        middle = block + BLOCK // 2
-        cosine, sine = nodes[0, middle], nodes[1, middle]
+        cosine, sine = nodes[0, block + BLOCK // 2], nodes[1, block + BLOCK // 2]
         x, y = low_x + ax * cosine, low_y + ay * cosine + by * sine
-        b = block // BLOCK * PER_BLOCK
-        dx, dy = x - middles[b], y - middles[b + 1]
-        if dx * dx + dy * dy > NEAR * NEAR:
-            _expand(x, y, mould, found, MIDDLES, b, 1)
-            dx = dy = 0.0
-        slope_x = middles[b + 3] + middles[b + 5] * dx + middles[b + 6] * dy
-        slope_y = middles[b + 4] + middles[b + 6] * dx + middles[b + 7] * dy
-        # Half the slope's rise is the bend's part of the height.
-        depth = middles[b + 2] - (low_z + az * cosine + bz * sine)
-        depth += 0.5 * ((middles[b + 3] + slope_x) * dx + (middles[b + 4] + slope_y) * dy)
+        middle = MIDDLES * count + block // BLOCK * PER_BLOCK if on_mould else centre
+        if on_mould and _is_far(x, y, flat, middle):
+            _expand(x, y, mould, flat, middle, 1)
+        height, slope_x, slope_y = _expanded(x, y, flat, middle, 1)
+        depth = height - (low_z + az * cosine + bz * sine)
         steepness = slope_y * (by * cosine - ay * sine) - slope_x * ax * sine
         steepness -= bz * cosine - az * sine
         if depth + abs(steepness) * reach + spare <= 0.0:
             continue
-        dx, dy = x - middles[b + 8], y - middles[b + 9]
-        if dx * dx + dy * dy > NEAR * NEAR:
-            middles[b + 8], middles[b + 9] = x, y
-            for node in range(block, block + BLOCK):
-                cosine, sine = nodes[0, node], nodes[1, node]
-                x, y = low_x + ax * cosine, low_y + ay * cosine + by * sine
-                _expand(x, y, mould, found, EXPANDED, node, count)
+        anew = on_mould and _is_far(x, y, flat, middle + 8)
+        if anew:
+            flat[middle + 8], flat[middle + 9] = x, y
         for node in range(block, block + BLOCK):
             cosine, sine = nodes[0, node], nodes[1, node]
-            dx = low_x + ax * cosine - found[EXPANDED, node]
-            dy = low_y + ay * cosine + by * sine - found[EXPANDED + 1, node]
-            rise_x, rise_y = found[EXPANDED + 3, node], found[EXPANDED + 4, node]
-            xy = found[EXPANDED + 6, node]
-            slope_x = rise_x + found[EXPANDED + 5, node] * dx + xy * dy
-            slope_y = rise_y + xy * dx + found[EXPANDED + 7, node] * dy
-            depth = found[EXPANDED + 2, node] - (low_z + az * cosine + bz * sine)
-            depth += 0.5 * ((rise_x + slope_x) * dx + (rise_y + slope_y) * dy)
+            x, y = low_x + ax * cosine, low_y + ay * cosine + by * sine
+            own, stride = (EXPANDED * count + node, count) if on_mould else (centre, 1)
+            if anew:
+                _expand(x, y, mould, flat, own, stride)
+            height, slope_x, slope_y = _expanded(x, y, flat, own, stride)
+            depth = height - (low_z + az * cosine + bz * sine)
             if depth > 0.0:
-                found[0, touching] = cosine
-                found[1, touching] = sine
+                found[0, touching], found[1, touching] = cosine, sine
                 found[2, touching] = depth
-                found[3, touching] = slope_x
-                found[4, touching] = slope_y
+                found[3, touching], found[4, touching] = slope_x, slope_y
                 touching += 1
     return touching
 
@@ -376,7 +344,7 @@ def rim_load(
     constants, nodes : ndarray
         See the module.
     found : ndarray, shape (SCRATCH, nodes)
-        From `work_array`, to be used again; three rows of anything will do for a trough.
+        From `work_array`, to be used again.
     load : ndarray, shape (LOADS,)
         Filled.
 
@@ -386,11 +354,9 @@ def rim_load(
         Number of nodes that touch.
     """
     kx, ky, kz = axis[0], axis[1], axis[2]
-    px, py = place[0], place[1]
     ux, uy, uz = velocity[0], velocity[1], velocity[2]
     wx, wy, wz = turning[0], turning[1], turning[2]
-    bend_x, bend_y, half = constants[BEND_X], constants[BEND_Y], constants[HALF_HEIGHT]
-    damping, friction = constants[DAMPING], constants[FRICTION]
+    half, damping, friction = constants[HALF_HEIGHT], constants[DAMPING], constants[FRICTION]
     least_slip = constants[SLIP_SCALE] * constants[SLIP_SCALE]
     share = constants[STIFFNESS] / nodes.shape[1]
     # Two directions across the axis span the rim: the first is x made orthogonal to the axis.
@@ -398,11 +364,7 @@ def rim_load(
     scale = constants[RADIUS] / norm
     ax, ay, az = norm * constants[RADIUS], -kx * ky * scale, -kx * kz * scale
     by, bz = kz * scale, -ky * scale
-    on_mould = constants.size > CONSTANTS
-    if on_mould:
-        touching = _touching_on_mould(place, axis, constants, (ax, ay, az, by, bz), nodes, found)
-    else:
-        touching = _touching_nodes(place, axis, constants, (ax, ay, az, by, bz), nodes, found)
+    touching = _touching_nodes(place, axis, constants, (ax, ay, az, by, bz), nodes, found)
     force_x = force_y = force_z = moment_x = moment_y = moment_z = 0.0
     friction_power = damping_power = energy = front = back = left = right = 0.0
     for node in range(touching):
@@ -410,10 +372,7 @@ def rim_load(
         arm_x = ax * cosine - half * kx
         arm_y = ay * cosine + by * sine - half * ky
         arm_z = az * cosine + bz * sine - half * kz
-        if on_mould:
-            slope_x, slope_y = found[3, node], found[4, node]
-        else:
-            slope_x, slope_y = bend_x * (px + arm_x), bend_y * (py + arm_y)
+        slope_x, slope_y = found[3, node], found[4, node]
         # Velocity of the rim without the spin, which moves it along itself.
         vx = ux + wy * arm_z - wz * arm_y
         vy = uy + wz * arm_x - wx * arm_z
@@ -486,15 +445,16 @@ def joint_motion(time, motion, place, velocity):  # pragma: no cover - compiled
 
 @njit(cache=True, error_model="numpy")
 def slope(time, state, motion, contact, nodes, found, room, result):  # pragma: no cover - compiled
-    """Write the time derivative of the state; `room` is scratch of shape (3, LOADS)."""
+    """Write the time derivative of the state, and the loads into `room[2]`; nodes that touch."""
     place, velocity, load = room[0], room[1], room[2]
     joint_motion(time, motion, place, velocity)
     place[2], velocity[2] = state[HEIGHT], state[CLIMB]
     axis, turning = state[AXIS : AXIS + 3], state[TURNING : TURNING + 3]
-    rim_load(place, velocity, axis, turning, state[SPIN], contact, nodes, found, load)
+    touching = rim_load(place, velocity, axis, turning, state[SPIN], contact, nodes, found, load)
     result[HEIGHT] = state[CLIMB]
     result[CLIMB] = (load[FORCE + 2] - motion[FORCE_P]) / motion[MASS]
     disc_derivative(state, load, motion, result)
+    return touching
 
 
 @njit(cache=True, error_model="numpy")
@@ -535,7 +495,7 @@ def renormalise_axis(state):  # pragma: no cover - compiled
 
 @njit(cache=True, error_model="numpy")
 def advance(
-    state, interval, largest_step, tolerance, scale, motion, contact, nodes, track, midway
+    state, interval, largest_step, tolerance, scale, motion, contact, nodes, track, loads, midway
 ):  # pragma: no cover - compiled
     """Integrate from time zero over intervals of equal length and record their ends.
 
@@ -555,6 +515,8 @@ def advance(
         Constants.
     track : ndarray, shape (count + 1, STATES)
         Filled with the state at the ends of the intervals.
+    loads : ndarray, shape (count + 1, LOADS)
+        Filled with the loads there, the share of the rim that touches in column 0.
     midway : ndarray, shape (count, 3)
         Filled with the impulses in the middle of the intervals.
 
@@ -569,8 +531,9 @@ def advance(
     found = work_array(nodes.shape[1])
     accepted, refused = 0, 0
     wish = largest_step
-    track[0] = state
-    slope(0.0, state, motion, contact, nodes, found, room, slopes[0])
+    touching = slope(0.0, state, motion, contact, nodes, found, room, slopes[0])
+    track[0], loads[0] = state, room[2]
+    loads[0, 0] = touching / nodes.shape[1]
     for i in range(midway.shape[0]):
         time, end = i * interval, (i + 1) * interval
         middle = time + 0.5 * interval
@@ -581,7 +544,8 @@ def advance(
             step = left / parts if parts < 3.0 else min(wish, largest_step)
             for s in range(1, STAGES):
                 stage_state(slopes, s, state, step, stage)
-                slope(time + NODES[s] * step, stage, motion, contact, nodes, found, room, slopes[s])
+                at = time + NODES[s] * step
+                touching = slope(at, stage, motion, contact, nodes, found, room, slopes[s])
             error = step_error(slopes, step, scale) / tolerance
             if not error <= 1.0:
                 refused += 1
@@ -600,28 +564,6 @@ def advance(
             if state[AXIS + 2] < LOWEST_AXIS:
                 return TIPPED_OVER, accepted, refused, i
         renormalise_axis(state)
-        track[i + 1] = state
+        track[i + 1], loads[i + 1] = state, room[2]
+        loads[i + 1, 0] = touching / nodes.shape[1]
     return RUNNING, accepted, refused, midway.shape[0]
-
-
-@njit(cache=True, error_model="numpy")
-def loads_along(time, track, motion, contact, nodes, loads):  # pragma: no cover - compiled
-    """Evaluate the contact at recorded states; the share of the rim that touches in column 0."""
-    place, velocity = np.zeros(3), np.zeros(3)
-    found = work_array(nodes.shape[1])
-    for i in range(time.size):
-        state = track[i]
-        joint_motion(time[i], motion, place, velocity)
-        place[2], velocity[2] = state[HEIGHT], state[CLIMB]
-        touching = rim_load(
-            place,
-            velocity,
-            state[AXIS : AXIS + 3],
-            state[TURNING : TURNING + 3],
-            state[SPIN],
-            contact,
-            nodes,
-            found,
-            loads[i],
-        )
-        loads[i, 0] = touching / nodes.shape[1]

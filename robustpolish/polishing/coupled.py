@@ -15,36 +15,7 @@ from robustpolish.base.arrays import Matrix, Vector
 from robustpolish.base.checks import described, invalid
 from robustpolish.base.jit import njit
 from robustpolish.errors import SolverError
-from robustpolish.polishing import contact
-from robustpolish.polishing.brush import (
-    PhysicalRun,
-    Refinement,
-    average_forces,
-    contact_constants,
-    motion_constants,
-    refined,
-    rim_points,
-    static_depth,
-)
-from robustpolish.polishing.contact import (
-    AXIS,
-    CLIMB,
-    FORCE,
-    HEIGHT,
-    LOADS,
-    LOWEST_AXIS,
-    RUNNING,
-    SPIN,
-    STATES,
-    STUCK,
-    TIPPED_OVER,
-    TURNING,
-    axis_and_turning,
-    disc_derivative,
-    renormalise_axis,
-    rim_load,
-    work_array,
-)
+from robustpolish.polishing import brush, contact
 from robustpolish.polishing.dataset import parameters_from_attributes, tool_velocity
 from robustpolish.polishing.parameters import BrushParameters
 
@@ -127,9 +98,8 @@ class LinearMachine:
     @property
     def stiffness(self) -> Vector:
         """Static stiffness [N/m] of the joint along x, y and z against contact forces."""
-        push = np.eye(3)
         zero = self.C @ self.rest(np.zeros(3))
-        give = [self.C[i] @ self.rest(push[i]) - zero[i] for i in range(3)]
+        give = [self.C[i] @ self.rest(push) - zero[i] for i, push in enumerate(np.eye(3))]
         return 1.0 / np.abs(np.array(give))
 
     def step_matrices(self, step: float) -> tuple[Matrix, Matrix, tuple[Matrix, ...]]:
@@ -164,7 +134,7 @@ class LinearMachine:
         return half, whole, gains
 
 
-def _phi_functions(A: Matrix, step: float) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+def _phi_functions(A: Matrix, step: float) -> tuple[Matrix, ...]:
     """exp(h A) and phi_1, phi_2, phi_3 of h A, from one exponential of a larger matrix.
 
     Sidje, Expokit, ACM Transactions on Mathematical Software 24 (1998), theorem 1.
@@ -175,8 +145,7 @@ def _phi_functions(A: Matrix, step: float) -> tuple[Matrix, Matrix, Matrix, Matr
     large[:n, :n] = step * balanced
     large[: 3 * n, n:] += np.eye(3 * n)
     blocks = np.asarray(expm(large))[:n].reshape(n, 4, n).swapaxes(0, 1)
-    first, one, two, three = blocks * scaling[:, None] / scaling
-    return first, one, two, three
+    return tuple(blocks * scaling[:, None] / scaling)
 
 
 # Integration of disc and machine by the exponential Runge-Kutta method.
@@ -188,14 +157,11 @@ def _phi_functions(A: Matrix, step: float) -> tuple[Matrix, Matrix, Matrix, Matr
 # and the contact force at that place drives the machine, x' = A x + B f + g. The machine is taken
 # exactly, however stiff; for the disc alone the method is the classical Runge-Kutta method.
 
-CONTACT_IMPULSE = slice(10, 13)
-
 
 @njit(cache=True)
-def _reference(
-    track, rate, interval, index, within, place, velocity
-):  # pragma: no cover - compiled
+def _reference(guide, index, within, place, velocity):  # pragma: no cover - compiled
     """Write the reference between two samples, the cubic through places and velocities."""
+    track, rate, interval = guide
     s = within / interval
     for i in range(3):
         before, after = track[index, i], track[index + 1, i]
@@ -208,42 +174,31 @@ def _reference(
 
 @njit(cache=True, error_model="numpy")
 def _rates(
-    reference, rate, interval, index, within, outputs, origin, x, disc, motion, contact, nodes,
-    found, room, result, push,
-):  # pragma: no cover - compiled  # fmt: skip
+    guide, index, within, outputs, x, disc, laws, found, room, result, push
+):  # pragma: no cover - compiled
     """Write the disc's derivative and the push (f, 1) on the machine; nodes that touch."""
+    motion, law, nodes = laws
     place, velocity, load = room[0], room[1], room[2]
-    _reference(reference, rate, interval, index, within, place, velocity)
+    _reference(guide, index, within, place, velocity)
+    moved = outputs @ x
     for i in range(3):
-        yielded, speed = -origin[i], 0.0
-        for j in range(x.size):
-            yielded += outputs[i, j] * x[j]
-            speed += outputs[3 + i, j] * x[j]
-        place[i] += yielded
-        velocity[i] += speed
-    axis, turning = disc[AXIS : AXIS + 3], disc[TURNING : TURNING + 3]
-    touching = rim_load(place, velocity, axis, turning, disc[SPIN], contact, nodes, found, load)
-    disc[HEIGHT], disc[CLIMB] = place[2], velocity[2]
-    result[HEIGHT] = result[CLIMB] = 0.0
-    disc_derivative(disc, load, motion, result)
-    push[0], push[1], push[2], push[3] = load[FORCE], load[FORCE + 1], load[FORCE + 2], 1.0
+        place[i] += moved[i]
+        velocity[i] += moved[3 + i]
+    axis, turning = disc[contact.AXIS : contact.AXIS + 3], disc[contact.TURNING : contact.SPIN]
+    spin = disc[contact.SPIN]
+    touching = contact.rim_load(place, velocity, axis, turning, spin, law, nodes, found, load)
+    disc[contact.HEIGHT], disc[contact.CLIMB] = place[2], velocity[2]
+    result[contact.HEIGHT] = result[contact.CLIMB] = 0.0
+    contact.disc_derivative(disc, load, motion, result)
+    push[:3] = load[contact.FORCE : contact.FORCE + 3]
+    push[3] = 1.0
     return touching
-
-
-@njit(cache=True)
-def _apply(matrix, x, result):  # pragma: no cover - compiled
-    for i in range(result.size):
-        total = 0.0
-        for j in range(x.size):
-            total += matrix[i, j] * x[j]
-        result[i] = total
 
 
 @njit(cache=True, error_model="numpy")
 def advance_coupled(
-    disc, x, reference, rate, interval, steps, outputs, half, whole, gains, motion, contact, nodes,
-    track, machine, loads, midway,
-):  # pragma: no cover - compiled  # fmt: skip
+    disc, x, guide, steps, outputs, half, whole, gains, laws, track, machine, loads, midway
+):  # pragma: no cover - compiled
     """Integrate disc and machine over all intervals of the reference.
 
     Parameters
@@ -251,19 +206,18 @@ def advance_coupled(
     disc : ndarray, shape (STATES,)
         At the first sample; overwritten.
     x : ndarray, shape (n,)
-        Of the machine, at the first sample, where the reference was laid; overwritten.
-    reference, rate : ndarray, shape (count + 1, 3)
-        Places and velocities of the joint at the samples on a rigid machine [m, m/s].
-    interval : float
-        Between samples [s].
+        Of the machine, at the first sample; overwritten.
+    guide : tuple of ndarray, shape (count + 1, 3), and float
+        Places and velocities of the joint at the samples on a machine at x = 0 [m, m/s], and the
+        interval between samples [s].
     steps : int
         Per interval; even.
     outputs : ndarray, shape (6, n)
         C and C A.
     half, whole, gains : ndarray
         From `LinearMachine.step_matrices`; gains of shape (4, n, 4).
-    motion, contact, nodes : ndarray
-        Constants of the disc and of the contact.
+    laws : tuple of ndarray
+        Constants of the disc and of the contact, and the nodes.
     track, machine, loads : ndarray, shape (count + 1, ...)
         Filled with disc, machine and contact loads at the samples.
     midway : ndarray, shape (count, 3)
@@ -274,77 +228,51 @@ def advance_coupled(
     tuple of int
         Outcome (RUNNING is success), and intervals done.
     """
-    n = x.size
+    count, points = midway.shape[0], laws[2].shape[1]
+    interval = guide[2]
     step = interval / steps
-    room, found = np.zeros((3, LOADS)), work_array(nodes.shape[1])
-    slopes, push = np.zeros((4, STATES)), np.zeros((4, 4))
-    stage, stage_x = np.zeros(STATES), np.zeros(n)
-    first_x, free, again = np.zeros(n), np.zeros(n), np.zeros(n)
-    origin = np.zeros(3)
-    _apply(outputs[:3], x, origin)
-    count = midway.shape[0]
+    room, found = np.zeros((3, contact.LOADS)), contact.work_array(points)
+    k, push = np.zeros((4, contact.STATES)), np.zeros((4, 4))
+
     for i in range(count + 1):
         index, start = (i, 0.0) if i < count else (i - 1, interval)
-        touching = _rates(
-            reference, rate, interval, index, start, outputs, origin, x, disc, motion, contact,
-            nodes, found, room, slopes[0], push[0],
-        )  # fmt: skip
-        track[i] = disc
-        machine[i] = x
-        loads[i] = room[2]
-        loads[i, 0] = touching / nodes.shape[1]
+        for part in range(steps):
+            at = start + part * step
+            touching = _rates(guide, index, at, outputs, x, disc, laws, found, room, k[0], push[0])
+            if part == 0:
+                track[i], machine[i], loads[i] = disc, x, room[2]
+                loads[i, 0] = touching / points
+            if i == count:
+                break
+            middle = at + 0.5 * step
+            second = half @ x + gains[0] @ push[0]
+            _rates(
+                guide, i, middle, outputs, second, disc + 0.5 * step * k[0], laws, found,
+                room, k[1], push[1],
+            )  # fmt: skip
+            third = half @ x + gains[0] @ push[1]
+            _rates(
+                guide, i, middle, outputs, third, disc + 0.5 * step * k[1], laws, found,
+                room, k[2], push[2],
+            )  # fmt: skip
+            fourth = half @ second + gains[0] @ (2.0 * push[2] - push[0])
+            _rates(
+                guide, i, at + step, outputs, fourth, disc + step * k[2], laws, found,
+                room, k[3], push[3],
+            )  # fmt: skip
+            middle_pushes = 2.0 * (push[1] + push[2])
+            x[:] = whole @ x + gains[1] @ push[0] + gains[2] @ middle_pushes + gains[3] @ push[3]
+            disc += step / 6.0 * (k[0] + 2.0 * (k[1] + k[2]) + k[3])
+            if 2 * (part + 1) == steps:
+                midway[i] = disc[contact.IMPULSE : contact.IMPULSE + 3]
         if i == count:
             break
-        for part in range(steps):
-            within = part * step
-            if part > 0:
-                _rates(
-                    reference, rate, interval, i, within, outputs, origin, x, disc, motion,
-                    contact, nodes, found, room, slopes[0], push[0],
-                )  # fmt: skip
-            _apply(half, x, free)
-            for s in range(1, 4):
-                if s == 3:
-                    _apply(half, first_x, again)
-                for k in range(STATES):
-                    if s == 3:
-                        stage[k] = disc[k] + step * slopes[2, k]
-                    else:
-                        stage[k] = disc[k] + 0.5 * step * slopes[s - 1, k]
-                for k in range(n):
-                    total = again[k] if s == 3 else free[k]
-                    for j in range(4):
-                        drive = push[s - 1, j]
-                        if s == 3:
-                            drive = 2.0 * push[2, j] - push[0, j]
-                        total += gains[0, k, j] * drive
-                    stage_x[k] = total
-                if s == 1:
-                    first_x[:] = stage_x
-                at = within + (step if s == 3 else 0.5 * step)
-                _rates(
-                    reference, rate, interval, i, at, outputs, origin, stage_x, stage, motion,
-                    contact, nodes, found, room, slopes[s], push[s],
-                )  # fmt: skip
-            _apply(whole, x, free)
-            for k in range(n):
-                total = free[k]
-                for j in range(4):
-                    middle = 2.0 * (push[1, j] + push[2, j])
-                    total += gains[1, k, j] * push[0, j] + gains[2, k, j] * middle
-                    total += gains[3, k, j] * push[3, j]
-                x[k] = total
-            for k in range(STATES):
-                middle = 2.0 * (slopes[1, k] + slopes[2, k])
-                disc[k] += step / 6.0 * (slopes[0, k] + middle + slopes[3, k])
-            if 2 * (part + 1) == steps:
-                midway[i] = disc[CONTACT_IMPULSE]
-        renormalise_axis(disc)
-        if not np.isfinite(disc[AXIS + 2] + x[0]):
-            return STUCK, i
-        if disc[AXIS + 2] < LOWEST_AXIS:
-            return TIPPED_OVER, i
-    return RUNNING, count
+        contact.renormalise_axis(disc)
+        if not np.isfinite(disc[contact.AXIS + 2] + x[0]):
+            return contact.STUCK, i
+        if disc[contact.AXIS + 2] < contact.LOWEST_AXIS:
+            return contact.TIPPED_OVER, i
+    return contact.RUNNING, count
 
 
 # Equilibrium of the spinning disc, and linearisation of its contact forces.
@@ -423,8 +351,8 @@ class BrushAtRest:
         # The angular velocity has to be across the tilted axis.
         along = -(turning @ tilt) / np.sqrt(1.0 - tilt @ tilt)
         turns = turning @ self.across + along * self.axis
-        p = self.parameters
-        load = contact_load(p, self.place + change[PLACE], change[VELOCITY], axis, turns)
+        place = self.place + change[PLACE]
+        load = contact_load(self.parameters, place, change[VELOCITY], axis, turns)
         moment = load[contact.MOMENT : contact.MOMENT + 3]
         return np.concatenate([load[:3], self.across @ (moment - (moment @ axis) * axis)])
 
@@ -432,17 +360,18 @@ class BrushAtRest:
     def jacobian(self) -> Matrix:
         """Slope of the load over the ten changes, shape (5, 10): central differences to order 4."""
         p = self.parameters
-        depth, _ = static_depth(p)
+        depth, _ = brush.static_depth(p)
         rate = np.sqrt(p.polishing_force / depth / p.mass)  # of the contact, in 1/s
-        sizes = np.repeat([depth, depth * rate, depth / p.radius, depth * rate / p.radius],
-                          [3, 3, 2, 2])  # fmt: skip
-        columns = np.empty((5, VARIABLES))
-        for j, size in enumerate(_STEP * sizes):
-            step = size * np.eye(VARIABLES)[j]
+        sizes = np.array([depth, depth * rate, depth / p.radius, depth * rate / p.radius])
+
+        def slope(size: float, unit: Vector) -> Vector:
+            step = size * unit
             wide = (self.load_at(step) - self.load_at(-step)) / (2.0 * size)
             narrow = (self.load_at(0.5 * step) - self.load_at(-0.5 * step)) / size
-            columns[:, j] = (4.0 * narrow - wide) / 3.0
-        return columns
+            return (4.0 * narrow - wide) / 3.0
+
+        steps = zip(_STEP * np.repeat(sizes, [3, 3, 2, 2]), np.eye(VARIABLES), strict=True)
+        return np.column_stack([slope(size, unit) for size, unit in steps])
 
     @property
     def stiffness(self) -> float:
@@ -473,9 +402,9 @@ def contact_load(
     ndarray, shape (LOADS,)
         As `rim_load` fills it.
     """
-    nodes = contact.rim_nodes(_FINER * rim_points(parameters))
+    nodes = contact.rim_nodes(_FINER * brush.rim_points(parameters))
     load, found = np.zeros(contact.LOADS), contact.work_array(nodes.shape[1])
-    constants = contact_constants(parameters)
+    constants = brush.contact_constants(parameters)
     contact.rim_load(place, velocity, axis, turning, parameters.spin, constants, nodes, found, load)
     return load
 
@@ -502,22 +431,27 @@ def brush_at_rest(parameters: BrushParameters, x: float, y: float) -> BrushAtRes
     slope_x, slope_y = (float(part) for part in p.surface.gradient(x, y))
     normal = np.array([-slope_x, -slope_y, 1.0])
     normal /= np.linalg.norm(normal)
-    across = _across(normal)
+    across, still = _across(normal), np.zeros(3)
+    size, ground = p.radius + p.height, float(p.surface.height(x, y))
 
     def leaning(tilt: Vector) -> BrushAtRest:
         axis = tilt @ across + np.sqrt(max(1.0 - tilt @ tilt, _STEEPEST)) * normal
         axis /= np.linalg.norm(axis)
-        place = np.array([x, y, _pressed_height(p, x, y, axis)])
-        return BrushAtRest.at(p, place, axis)
+
+        def excess(height: float) -> float:
+            load = contact_load(p, np.array([x, y, height]), still, axis, still)
+            return load[2] - p.polishing_force
+
+        height = float(_brentq(excess, ground - size, ground + 4.0 * size, xtol=1e-18))
+        return BrushAtRest.at(p, np.array([x, y, height]), axis)
 
     def unbalance(tilt: Vector) -> Vector:
         return leaning(tilt).load[3:] / (p.polishing_force * p.radius)
 
     for guess in _LEANS:
         answer = _root(unbalance, np.array(guess), tol=1e-13)
-        found = leaning(answer.x)
         if np.max(np.abs(answer.fun)) < _AT_REST and answer.x @ answer.x < 1.0 - _STEEPEST:
-            return found
+            return leaning(answer.x)
     raise SolverError(
         f"The spinning disc finds no rest at x = {x:g} m, y = {y:g} m. Lower the friction, or "
         "choose a flatter place."
@@ -529,19 +463,6 @@ def _across(axis: Vector) -> Matrix:
     first = np.array([1.0, 0.0, 0.0]) - axis[0] * axis
     first /= np.linalg.norm(first)
     return np.asarray(np.stack([first, np.cross(axis, first)]), dtype=float)
-
-
-def _pressed_height(parameters: BrushParameters, x: float, y: float, axis: Vector) -> float:
-    """Height at which a disc of that axis carries the polishing force."""
-    size = parameters.radius + parameters.height
-    ground = float(parameters.surface.height(x, y))
-    still = np.zeros(3)
-
-    def excess(height: float) -> float:
-        load = contact_load(parameters, np.array([x, y, height]), still, axis, still)
-        return load[2] - parameters.polishing_force
-
-    return float(_brentq(excess, ground - size, ground + 4.0 * size, xtol=1e-18))
 
 
 # Coupled runs: initial state, integration, and refinement of steps.
@@ -601,59 +522,29 @@ def guided_brush(brush: xr.Dataset) -> GuidedBrush:
         remedy = "Make it with simulate_brush(run=..., duration=...)."
         raise invalid("brush", shown, "a run of the physical brush", remedy)
     parameters = parameters_from_attributes(brush.attrs)
-    three_angles = brush.attrs["disc"] == "three-angle"
-    time = brush["time"].to_numpy()
-    axis, turning = axis_and_turning(
-        *(float(brush[name][0]) for name in ("theta", "psi", "theta_rate", "psi_rate")),
-        euler=three_angles,
-    )
+    three_angles, time = brush.attrs["disc"] == "three-angle", brush["time"].to_numpy()
+    first = {name: float(part[0]) for name, part in brush.items() if part.dims == ("time",)}
+    angles = (first[name] for name in ("theta", "psi", "theta_rate", "psi_rate"))
     start = np.zeros(contact.STATES)
-    start[contact.AXES], start[contact.TURNINGS] = axis, turning
-    start[contact.SPIN] = float(brush["omega_z"][0]) if three_angles else parameters.spin
-    along = tool_velocity(time, parameters)
-    return GuidedBrush(
-        parameters=parameters,
-        three_angles=three_angles,
-        time=time,
-        place=_columns(*(brush[name].to_numpy() for name in ("tool_x", "tool_y", "tool_z"))),
-        velocity=_columns(*along, brush["tool_z_rate"].to_numpy()),
-        start=start,
-        first_force=np.array([-float(brush.F_x[0]), -float(brush.F_y[0]), float(brush.F_z[0])]),
-        nodes=int(brush.attrs["rim_points"]),
+    start[contact.AXES], start[contact.TURNINGS] = contact.axis_and_turning(
+        *angles, euler=three_angles
     )
-
-
-def _columns(*parts: Vector) -> Matrix:
-    return np.ascontiguousarray(np.column_stack(parts))
+    start[contact.SPIN] = first["omega_z"] if three_angles else parameters.spin
+    place = np.column_stack([brush[f"tool_{name}"] for name in "xyz"])
+    velocity = np.column_stack([*tool_velocity(time, parameters), brush["tool_z_rate"]])
+    force = np.array([-first["F_x"], -first["F_y"], first["F_z"]])
+    nodes = int(brush.attrs["rim_points"])
+    return GuidedBrush(parameters, three_angles, time, place, velocity, start, force, nodes)
 
 
 def run_coupled(
     guided: GuidedBrush, machine: LinearMachine, *, tolerance: float, max_passes: int
-) -> tuple[PhysicalRun, Matrix, Refinement]:
-    """Integrate with ever smaller steps until the impulses agree; warn if they do not.
+) -> tuple[brush.PhysicalRun, Matrix, dict[str, Any]]:
+    """Integrate with ever smaller steps until the impulses agree, as `refined`; also the states.
 
-    Parameters
-    ----------
-    guided : GuidedBrush
-    machine : LinearMachine
-    tolerance : float
-        As in `simulate_brush`.
-    max_passes : int
-        At least 2; each halves the steps.
-
-    Returns
-    -------
-    run : PhysicalRun
-    states : ndarray, shape (samples, n)
-        Of the machine.
-    check : Refinement
-
-    Raises
-    ------
-    SolverError
-        If the disc tips over, or disc and machine move apart without bounds.
+    Each of the passes, at least 2, halves the steps.
     """
-    return refined(
+    return brush.refined(
         lambda level: integrate_coupled(guided, machine, _FIRST_STEPS * 2**level),
         guided.parameters.polishing_force,
         tolerance,
@@ -664,7 +555,7 @@ def run_coupled(
 
 def integrate_coupled(
     guided: GuidedBrush, machine: LinearMachine, steps: int
-) -> tuple[PhysicalRun | None, Matrix]:
+) -> tuple[brush.PhysicalRun | None, Matrix]:
     """Integrate once, with so many steps per sample; no run where the disc was lost.
 
     The machine begins at rest under the first contact force, and the reference was laid there.
@@ -674,28 +565,21 @@ def integrate_coupled(
     half, whole, gains = machine.step_matrices(interval / steps)
     track, midway = np.empty((samples, contact.STATES)), np.empty((samples - 1, 3))
     states, loads = np.empty((samples, order)), np.empty((samples, contact.LOADS))
+    motion = brush.motion_constants(guided.parameters, guided.three_angles)
+    rest = machine.rest(guided.first_force)
+    laws = motion, brush.contact_constants(guided.parameters), contact.rim_nodes(guided.nodes)
+    guide = guided.place - machine.C @ rest, guided.velocity, interval
     outcome, _ = advance_coupled(
-        guided.start.copy(),
-        machine.rest(guided.first_force),
-        guided.place,
-        guided.velocity,
-        interval,
-        steps,
+        guided.start.copy(), rest, guide, steps,
         np.vstack([machine.C, machine.C @ machine.A]),
-        np.ascontiguousarray(half),
-        np.ascontiguousarray(whole),
-        np.stack(gains),
-        motion_constants(guided.parameters, guided.three_angles),
-        contact_constants(guided.parameters),
-        contact.rim_nodes(guided.nodes),
-        track,
-        states,
-        loads,
-        midway,
-    )
+        *map(np.ascontiguousarray, (half, whole, np.stack(gains))),
+        laws, track, states, loads, midway,
+    )  # fmt: skip
     if outcome != contact.RUNNING:
         return None, states
-    forces = average_forces(track, midway, interval)
+    forces = brush.average_forces(track, midway, interval)
     count = (samples - 1) * steps
-    run = PhysicalRun(guided.time, track, forces, loads, guided.nodes, count, 0, interval / steps)
+    run = brush.PhysicalRun(
+        guided.time, track, forces, loads, guided.nodes, count, 0, interval / steps
+    )
     return run, states

@@ -9,12 +9,14 @@ import control
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from scipy.linalg import block_diag
 
-from robustpolish.base.arrays import Matrix, Vector
+from robustpolish.base.arrays import Vector
 from robustpolish.base.budget import progress_bar
 from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.closed_loop.simulate import loop_with_units
+from robustpolish.errors import InvalidInputError
 from robustpolish.implementation.sampled_design import SampledDesign
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.linear.response import linear_response
@@ -22,7 +24,7 @@ from robustpolish.plants.linearization import Linearization
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plots.time import plot_time_series
 from robustpolish.polishing import contact as disc
-from robustpolish.polishing.brush import physical_dataset
+from robustpolish.polishing.brush import check_passes, physical_dataset
 from robustpolish.polishing.coupled import (
     PLACE,
     REST_AXIS,
@@ -35,6 +37,7 @@ from robustpolish.polishing.coupled import (
     run_coupled,
 )
 from robustpolish.polishing.parameters import BrushParameters
+from robustpolish.polishing.quantities import or_default
 from robustpolish.synthesis.design import Design
 
 # Loop as a machine that carries the brush: forces to displacements of the joint.
@@ -45,6 +48,10 @@ SIGNS = np.array([-1.0, -1.0, 1.0])
 """Of the forces (8.45): F_x and F_y push the tool against their axes, F_z along its own."""
 
 Loop = Design | GeneralizedPlant | control.StateSpace
+
+
+def _refused(what: str, expected: str, remedy: str) -> InvalidInputError:
+    return invalid("design", described(what), expected, remedy)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,10 +85,9 @@ class BrushCarrier:
         -------
         ndarray, shape (samples, m)
         """
-        given = np.zeros((len(forces), self.system.ninputs))
         labels = self.system.input_labels
-        for name, sign, column in zip(FORCES, SIGNS, forces.T, strict=True):
-            given[:, labels.index(name)] = sign * column
+        given = np.zeros((len(forces), self.system.ninputs))
+        given[:, [labels.index(name) for name in FORCES]] = SIGNS * forces
         if "F_p" in labels:
             given[:, labels.index("F_p")] = polishing_force
         return given
@@ -99,14 +105,9 @@ class BrushCarrier:
         -------
         xarray.Dataset
         """
-        names = self.system.output_labels
-        return xr.Dataset(
-            {
-                name: ("time", outputs[:, i], {"units": self.units.get(name, "")})
-                for i, name in enumerate(names)
-            },
-            coords={"time": ("time", time, {"units": "s"})},
-        )
+        columns = zip(self.system.output_labels, outputs.T, strict=True)
+        signals = {name: ("time", y, {"units": self.units.get(name, "")}) for name, y in columns}
+        return xr.Dataset(signals, {"time": ("time", time, {"units": "s"})})
 
 
 def carrier(design: Loop, polishing_force: float) -> BrushCarrier:
@@ -129,33 +130,27 @@ def carrier(design: Loop, polishing_force: float) -> BrushCarrier:
     InvalidInputError
         If the loop is sampled, lacks one of these signals, or a force moves the brush at once.
     """
+    remedy = "Pass the design that was sampled."
     if isinstance(design, SampledDesign):
-        shown, expected = described("a sampled design"), "a loop in continuous time"
-        raise invalid("design", shown, expected, "Pass the design that was sampled.")
+        raise _refused("a sampled design", "a loop in continuous time", remedy)
     system, units = loop_with_units(design)
     if not system.isctime(strict=False):
-        shown = described("a loop in discrete time")
-        expected = "one in continuous time"
-        raise invalid("design", shown, expected, "Pass the design that was sampled.")
-    for kind, wanted, labels in (
-        ("input", FORCES, system.input_labels),
-        ("output", PLACES, system.output_labels),
-    ):
+        raise _refused("a loop in discrete time", "one in continuous time", remedy)
+    inputs, outputs = system.input_labels, system.output_labels
+    for kind, wanted, labels in (("input", FORCES, inputs), ("output", PLACES, outputs)):
         missing = [name for name in wanted if name not in labels]
         if missing:
-            shown = described(f"{kind}s {', '.join(labels)}")
+            what = f"{kind}s {', '.join(labels)}"
             remedy = f"Name the {kind}s; {', '.join(missing)} is missing."
-            raise invalid("design", shown, f"{', '.join(wanted)} among them", remedy)
-    rows = [system.output_labels.index(name) for name in PLACES]
-    columns = [system.input_labels.index(name) for name in FORCES]
+            raise _refused(what, f"{', '.join(wanted)} among them", remedy)
+    rows = [outputs.index(name) for name in PLACES]
+    columns = [inputs.index(name) for name in FORCES]
     A, B, C, D = (np.asarray(part) for part in (system.A, system.B, system.C, system.D))
     if np.any(D[np.ix_(rows, columns)]):
-        shown = described("a brush that a force displaces at once")
-        expected = "a brush with a mass"
-        raise invalid("design", shown, expected, "Give the place where the brush hangs a mass.")
-    steady = np.zeros(system.nstates)
-    if "F_p" in system.input_labels:
-        steady = B[:, system.input_labels.index("F_p")] * polishing_force
+        remedy = "Give the place where the brush hangs a mass."
+        raise _refused("a brush that a force displaces at once", "a brush with a mass", remedy)
+    has_steady = "F_p" in inputs
+    steady = B[:, inputs.index("F_p")] * polishing_force if has_steady else np.zeros(len(A))
     machine = LinearMachine(A, B[:, columns] * SIGNS, steady, C[rows])
     return BrushCarrier(system, machine, units)
 
@@ -228,19 +223,18 @@ def simulate_coupled(
     remedy = "Make it with simulate_brush(run=..., duration=...)."
     instance_of("brush", brush, xr.Dataset, "an xarray.Dataset", remedy)
     limit = positive("tolerance", tolerance)
-    if not isinstance(max_passes, int) or max_passes < 2:
-        raise invalid("max_passes", max_passes, "an integer of at least 2", "Allow more passes.")
+    check_passes(max_passes)
     guided = guided_brush(brush)
     parameters = guided.parameters
     carried = carrier(design, parameters.polishing_force)
+    system = carried.system
     with progress_bar(f"Simulating brush and machine for {guided.time[-1]:g} s"):
         run, states, check = run_coupled(
             guided, carried.machine, tolerance=limit, max_passes=max_passes
         )
     signals = physical_dataset(run, check, parameters, guided.three_angles)
     inputs = carried.inputs(run.forces, parameters.polishing_force)
-    shown, through = np.asarray(carried.system.C), np.asarray(carried.system.D)
-    outputs = states @ shown.T + inputs @ through.T
+    outputs = states @ np.asarray(system.C).T + inputs @ np.asarray(system.D).T
     yielded = (states - states[0]) @ carried.machine.C.T
     for i, axis in enumerate(PLACES[:2]):
         tool = signals[f"tool_{axis}"]
@@ -303,8 +297,9 @@ class CoupledComparison(Displayed):
         beside the others.
         """
         moved = self.table.sel(signal=list(PLACES))
-        largest = np.maximum(moved["replayed"], moved["coupled"]).max()
-        return float(moved["difference"].max() / largest)
+        return float(
+            moved["difference"].max() / max(moved["replayed"].max(), moved["coupled"].max())
+        )
 
     def replay_is_good_enough(self, share: float = 0.01) -> bool:
         """Whether replayed and coupled displacements agree.
@@ -358,9 +353,8 @@ class CoupledComparison(Displayed):
             f"{1.0 / self.loop_gain:.3g} times where it matters most"
         )
         verdict = f"displacements differ by {100 * self.largest_share:.2g} %"
-        return Card(
-            "Replayed against coupled", (Table("", columns, tuple(rows)),), (ratio, verdict)
-        )
+        tables = (Table("", columns, tuple(rows)),)
+        return Card("Replayed against coupled", tables, (ratio, verdict))
 
 
 def compare_coupled(
@@ -410,50 +404,37 @@ def compare_coupled(
     """
     coupled = simulate_coupled(design, brush, tolerance=tolerance, max_passes=max_passes)
     guided = guided_brush(brush)
-    carried = carrier(design, guided.parameters.polishing_force)
-    replayed = _replayed(carried, brush, guided.first_force, guided.parameters.polishing_force)
-    at_start = BrushAtRest.at(guided.parameters, guided.place[0], guided.start[disc.AXES])
-    return CoupledComparison(
-        _table(replayed, coupled),
-        replayed,
-        coupled,
-        carried.machine.stiffness,
-        at_start.stiffness,
-        _loop_gain(carried, at_start),
+    force = guided.parameters.polishing_force
+    carried = carrier(design, force)
+    machine = carried.machine
+    # The loop under the forces that the brush made on a rigid machine.
+    inputs = carried.inputs(
+        SIGNS * np.column_stack([brush[name].to_numpy() for name in FORCES]), force
     )
-
-
-def _loop_gain(carried: BrushCarrier, contact: BrushAtRest) -> float:
-    """Norm from a force on the brush, through the machine and the contact, to the force back."""
-    machine, slopes = carried.machine, contact.jacobian[:3]
+    rest = machine.rest(guided.first_force)
+    outputs = linear_response(carried.system, guided.time, inputs, rest).outputs
+    replayed = carried.labelled(guided.time, outputs)
+    replayed = replayed.assign({name: brush[name] for name in FORCES})
+    at_start = BrushAtRest.at(guided.parameters, guided.place[0], guided.start[disc.AXES])
+    # From a force on the brush, through the machine and the contact, to the force back.
+    slopes = at_start.jacobian[:3]
     answer = slopes[:, PLACE] @ machine.C + slopes[:, VELOCITY] @ machine.C @ machine.A
-    loop = control.StateSpace(machine.A, machine.B, answer, np.zeros((3, 3)))
-    return float(hinf_norm(loop).value)
-
-
-def _replayed(
-    carried: BrushCarrier, brush: xr.Dataset, first_force: np.ndarray, polishing_force: float
-) -> xr.Dataset:
-    """Run the loop under the forces that the brush made on a rigid machine."""
-    forces = SIGNS * np.column_stack([brush[name].to_numpy() for name in FORCES])
-    time = brush["time"].to_numpy()
-    inputs = carried.inputs(forces, polishing_force)
-    rest = carried.machine.rest(first_force)
-    outputs = linear_response(carried.system, time, inputs, rest).outputs
-    return carried.labelled(time, outputs).assign({name: brush[name] for name in FORCES})
+    gain = hinf_norm(control.StateSpace(machine.A, machine.B, answer, np.zeros((3, 3))))
+    table = _table(replayed, coupled)
+    stiffness = machine.stiffness, at_start.stiffness
+    return CoupledComparison(table, replayed, coupled, *stiffness, float(gain.value))
 
 
 def _table(replayed: xr.Dataset, coupled: xr.Dataset) -> xr.Dataset:
     names = [*PLACES, *FORCES]
-    figures = np.empty((4, len(names)))
-    for i, name in enumerate(names):
-        first, second = (run[name] - run[name][0] for run in (replayed, coupled))
+    figures = []
+    for name in names:
+        sizes = [float(np.abs(run[name] - run[name][0]).max()) for run in (replayed, coupled)]
         apart = float(np.abs(coupled[name] - replayed[name]).max())
-        sizes = [float(np.abs(part).max()) for part in (first, second)]
-        figures[:, i] = (*sizes, apart, apart / max(*sizes, np.finfo(float).tiny))
+        figures.append((*sizes, apart, apart / max(*sizes, np.finfo(float).tiny)))
     keys = ("replayed", "coupled", "difference", "share")
-    columns = {key: ("signal", row) for key, row in zip(keys, figures, strict=True)}
-    return xr.Dataset(columns, {"signal": names})
+    columns = zip(keys, zip(*figures, strict=True), strict=True)
+    return xr.Dataset({key: ("signal", list(row)) for key, row in columns}, {"signal": names})
 
 
 # Linearisation of brush and machine about equilibrium: (10.1) to (10.5).
@@ -515,63 +496,38 @@ def linearize_with_brush(
     >>> at_rest.system.nstates, at_rest.system.output_labels[-1]
     (16, 'contact_z')
     """
-    p = BrushParameters() if parameters is None else parameters
-    remedy = "Build them with BrushParameters(...)."
-    instance_of("parameters", p, BrushParameters, "BrushParameters", remedy)
+    p = or_default("parameters", parameters, BrushParameters)
     along = p.radius + 2.0 * p.rotation_radius if x is None else x
     carried = carrier(design, p.polishing_force)
     rest = brush_at_rest(p, along, y)
     loop = design.system if isinstance(design, GeneralizedPlant) else carried.system
-    A, B_contact, C = carried.machine.A, carried.machine.B, carried.machine.C
-    change = _change(C, A)
+    machine, order = carried.machine, len(carried.machine.A)
+    whole = np.zeros((order + 4, order + 4))
+    whole[:order, :order] = machine.A
+    # The free disc: with e_1 x e_2 = k, w x k = (w_2, -w_1) along e_1, e_2.
+    gyro = p.spin_inertia * p.spin / p.tilt_inertia
+    whole[order:, order:] = np.kron([[0.0, 1.0], [0.0, 0.0]], [[0.0, 1.0], [-1.0, 0.0]])
+    whole[order + 2 :, order + 2 :] = [[0.0, -gyro], [gyro, 0.0]]
+    # The ten changes that the contact depends on, by the states of machine and disc.
+    change = np.zeros((10, order + 4))
+    change[PLACE, :order], change[VELOCITY, :order] = machine.C, machine.C @ machine.A
+    change[REST_AXIS, order : order + 2] = change[REST_TURNING, order + 2 :] = np.eye(2)
     slopes = rest.jacobian @ change
-    order = len(A)
-    top = np.hstack([A, np.zeros((order, 4))]) + B_contact @ slopes[:3]
-    turning = _disc_rows(p, order)
-    turning[2:] += slopes[3:] / p.tilt_inertia
-    whole = np.vstack([top, turning])
-    inputs = np.vstack([loop.B, np.zeros((4, loop.ninputs))])
-    outputs = np.vstack(
-        [
-            np.hstack([loop.C, np.zeros((loop.noutputs, 4))]),
-            np.hstack([np.zeros((4, order)), np.eye(4)]),
-            slopes[:3],
-        ]
-    )
+    whole[:order] += machine.B @ slopes[:3]
+    whole[order + 2 :] += slopes[3:] / p.tilt_inertia
+    outputs = np.vstack([block_diag(loop.C, np.eye(4)), slopes[:3]])
     # Forces may enter outputs at once, such as an acceleration's; so does the contact's then.
     columns = [loop.input_labels.index(name) for name in FORCES]
     outputs[: loop.noutputs] += np.asarray(loop.D)[:, columns] * SIGNS @ slopes[:3]
-    through = np.vstack([loop.D, np.zeros((7, loop.ninputs))])
     system = control.StateSpace(
         whole,
-        inputs,
+        np.vstack([loop.B, np.zeros((4, loop.ninputs))]),
         outputs,
-        through,
+        np.vstack([loop.D, np.zeros((7, loop.ninputs))]),
         states=[*loop.state_labels, *DISC],
         inputs=list(loop.input_labels),
         outputs=[*loop.output_labels, *DISC, "contact_x", "contact_y", "contact_z"],
     )
-    machine_rest = carried.machine.rest(rest.load[:3])
     residual = float(np.max(np.abs(rest.load[3:]))) / (p.polishing_force * p.radius)
-    state = np.concatenate([machine_rest, rest.axis[:2], np.zeros(2)])
+    state = np.concatenate([machine.rest(rest.load[:3]), rest.axis[:2], np.zeros(2)])
     return Linearization(system, state, np.zeros(loop.ninputs), residual)
-
-
-def _change(C: Matrix, A: Matrix) -> Matrix:
-    """Map states of machine and disc to the ten changes that the contact depends on."""
-    order = len(A)
-    change = np.zeros((10, order + 4))
-    change[PLACE, :order] = C
-    change[VELOCITY, :order] = C @ A
-    change[REST_AXIS, order : order + 2] = np.eye(2)
-    change[REST_TURNING, order + 2 :] = np.eye(2)
-    return change
-
-
-def _disc_rows(p: BrushParameters, order: int) -> Matrix:
-    """Rows of the free disc: with e_1 x e_2 = k, w x k = (w_2, -w_1) along e_1, e_2."""
-    gyro = p.spin_inertia * p.spin / p.tilt_inertia
-    rows = np.zeros((4, order + 4))
-    rows[0, order + 3], rows[1, order + 2] = 1.0, -1.0
-    rows[2, order + 3], rows[3, order + 2] = -gyro, gyro
-    return rows

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.base.arrays import AnyArray as Array
-from robustpolish.polishing.parameters import NOT_NUMBERS, BrushParameters
+from robustpolish.polishing.parameters import NUMBERS, BrushParameters
 from robustpolish.polishing.surfaces.surface import Surface
 
 # Position of the tool's centre: circling feed (eqs. 9.2 and 9.3), or a given path.
@@ -42,14 +41,9 @@ def tool_position(time: ArrayLike, parameters: BrushParameters) -> NDArray[np.fl
     if parameters.path is not None:
         return parameters.path.position(time)
     moment = np.asarray(time, dtype=float)
-    turn = parameters.rotation_rate * moment
-    start = parameters.radius + parameters.rotation_radius
-    return np.stack(
-        [
-            parameters.rotation_radius * np.cos(turn) + parameters.feed * moment + start,
-            parameters.rotation_radius * np.sin(turn),
-        ]
-    )
+    turn, circle = parameters.rotation_rate * moment, parameters.rotation_radius
+    x = circle * np.cos(turn) + parameters.feed * moment + (parameters.radius + circle)
+    return np.stack([x, circle * np.sin(turn)])
 
 
 def tool_velocity(time: ArrayLike, parameters: BrushParameters) -> NDArray[np.float64]:
@@ -76,8 +70,7 @@ def tool_velocity(time: ArrayLike, parameters: BrushParameters) -> NDArray[np.fl
     """
     if parameters.path is not None:
         return parameters.path.velocity(time)
-    moment = np.asarray(time, dtype=float)
-    turn = parameters.rotation_rate * moment
+    turn = parameters.rotation_rate * np.asarray(time, dtype=float)
     speed = parameters.rotation_radius * parameters.rotation_rate
     return np.stack([parameters.feed - speed * np.sin(turn), speed * np.cos(turn)])
 
@@ -99,14 +92,10 @@ def quantity(values: Array, units: str, text: str, dims: Any = "time") -> Variab
     return dims, values, {"units": units, "long_name": text}
 
 
-def time_coordinate(time: Array) -> Variable:
-    """Return the dimension that all signals share."""
-    return "time", time, {"units": "s"}
-
-
-def force_variables(forces: Mapping[str, Array]) -> dict[str, Variable]:
+def force_variables(*forces: Array) -> dict[str, Variable]:
     """Return F_x, F_y, F_z and F_p [N], with the signs of (8.45)."""
-    return {name: quantity(forces[name], "N", text) for name, text in _FORCE_TEXT.items()}
+    named = zip(_FORCE_TEXT.items(), forces, strict=True)
+    return {name: quantity(force, "N", text) for (name, text), force in named}
 
 
 def angle_variables(
@@ -127,47 +116,40 @@ def angle_variables(
 
 def path_variables(time: Array, parameters: BrushParameters) -> dict[str, Variable]:
     """Return the tool path (9.2) and the surface under it (9.1, 9.4, 9.5)."""
-    x, y = tool_position(time, parameters)
+    surface, (x, y) = parameters.surface, tool_position(time, parameters)
     along, across = tool_velocity(time, parameters)
-    surface = parameters.surface
-    variables = {
-        "tool_x": quantity(x, "m", "place of the tool's centre along the feed"),
-        "tool_y": quantity(y, "m", "place of the tool's centre across the feed"),
-        "surface_height": quantity(surface.height(x, y), "m", "surface under the tool's centre"),
-    }
     moving = np.hypot(along, across) > 0.0
     angle = np.zeros_like(x)
     angle[moving] = surface.elevation(x[moving], y[moving], (along[moving], across[moving]))
     text = "elevation of the surface in the direction of the tool's movement"
-    variables["elevation"] = quantity(angle, "rad", text)
-    return variables
+    return {
+        "tool_x": quantity(x, "m", "place of the tool's centre along the feed"),
+        "tool_y": quantity(y, "m", "place of the tool's centre across the feed"),
+        "surface_height": quantity(surface.height(x, y), "m", "surface under the tool's centre"),
+        "elevation": quantity(angle, "rad", text),
+    }
 
 
 def parameter_attributes(parameters: BrushParameters) -> dict[str, float | str]:
     """Return every parameter as an attribute that any file format can keep."""
-    scalars = {
-        item.name: getattr(parameters, item.name)
-        for item in fields(parameters)
-        if item.name not in NOT_NUMBERS
-    }
     surface, path = parameters.surface, parameters.path
+    told: dict[str, float | str] = {name: getattr(parameters, name) for name in NUMBERS}
     if isinstance(surface, Surface):
-        told = {"surface_along": surface.along, "surface_across": surface.across}
+        told |= {"surface_along": surface.along, "surface_across": surface.across}
     else:
-        told = {"surface": repr(surface)}
-    return {**scalars, **told, **({} if path is None else {"path": repr(path)})}
+        told["surface"] = repr(surface)
+    return told if path is None else {**told, "path": repr(path)}
 
 
 def parameters_from_attributes(attributes: Mapping[Any, Any]) -> BrushParameters:
     """Undo `parameter_attributes`."""
-    names = [item.name for item in fields(BrushParameters) if item.name not in NOT_NUMBERS]
     surface = Surface(attributes["surface_along"], attributes["surface_across"])
-    return BrushParameters(**{name: attributes[name] for name in names}, surface=surface)
+    return BrushParameters(**{name: attributes[name] for name in NUMBERS}, surface=surface)
 
 
 def labelled(
     time: Array, variables: Mapping[str, Variable], attributes: Mapping[str, Any]
 ) -> xr.Dataset:
     """Put variables along `time` and `point` together."""
-    coordinates = {"time": time_coordinate(time), "point": list(POINTS)}
+    coordinates = {"time": ("time", time, {"units": "s"}), "point": list(POINTS)}
     return xr.Dataset(dict(variables), coordinates, dict(attributes))

@@ -81,35 +81,9 @@ def design_against_brush(
     >>> bool(job.comparison.table["improvement"].sel(row="with control", signal="y") > 90)
     True
     """
-    given: dict[str, Any] = {
-        "actuation": actuation,
-        "norm": norm,
-        "method": method,
-        "backend": backend,
-        "control_weight": control_weight,
-        "gain_bound": gain_bound,
-    }
+    given: dict[str, Any] = {"actuation": actuation, "norm": norm, "method": method}
+    given |= {"backend": backend, "control_weight": control_weight, "gain_bound": gain_bound}
     options = {name: value for name, value in given.items() if value is not None}
-    chosen = _chosen(realisation, options, hardware)
-    machine = AirBearingParameters() if parameters is None else parameters
-    entry = options.pop("actuation", "force")
-    plant = air_bearing(machine, dissipation, entry)
-
-    def load() -> xr.Dataset:
-        tell(f"Simulating the brush for {duration:g} s (run {run}, {simulator}) ...")
-        return simulate_brush(simulator, run, duration)
-
-    ideal = ideal_against_brush(plant, machine, load, entry, tell, **options)
-    if chosen == "ideal":
-        return ideal
-    parts = PolishingHardware() if hardware is None else hardware
-    return build_against_brush(ideal, parts, dissipation, tell=tell)
-
-
-def _chosen(
-    realisation: Realisation | None, options: dict[str, Any], hardware: PolishingHardware | None
-) -> str:
-    """Return which realisation is meant, and refuse options of the other."""
     if hardware is not None:
         remedy = "Build it with PolishingHardware(...)."
         instance_of("hardware", hardware, PolishingHardware, "a PolishingHardware", remedy)
@@ -123,4 +97,16 @@ def _chosen(
         name = next(iter(options))
         remedy = "Pass realisation='ideal', or leave it out and set hardware=."
         raise invalid(name, options[name], "nothing for a controller that can be built", remedy)
-    return realisation
+    machine = AirBearingParameters() if parameters is None else parameters
+    entry = options.pop("actuation", "force")
+    plant = air_bearing(machine, dissipation, entry)
+
+    def load() -> xr.Dataset:
+        tell(f"Simulating the brush for {duration:g} s (run {run}, {simulator}) ...")
+        return simulate_brush(simulator, run, duration)
+
+    ideal = ideal_against_brush(plant, machine, load, entry, tell, **options)
+    if realisation == "ideal":
+        return ideal
+    parts = PolishingHardware() if hardware is None else hardware
+    return build_against_brush(ideal, parts, dissipation, tell=tell)

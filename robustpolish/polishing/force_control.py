@@ -12,6 +12,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
+from robustpolish.base.arrays import Vector
 from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.linear.response import linear_response
@@ -98,17 +99,16 @@ class PolishingAxis:
         m, k, c = self.mass, self.contact_stiffness, self.contact_damping
         slow, quick = 2 * pi * self.surface_bandwidth, 2 * pi * self.actuator_bandwidth
         # States: s, z, z', a. The mould's rate is slow (w - s), with w the disturbance.
-        force = np.array([k - c * slow, -k, -c, 0.0])
+        force, (_, tool, climb, _) = np.array([k - c * slow, -k, -c, 0.0]), np.eye(4)
         A = np.zeros((4, 4))
         A[0, 0], A[1, 2], A[3, 3] = -slow, 1.0, -quick
         A[2] = (force + np.array([0.0, -self.stiffness, -self.damping, 1.0])) / m
-        B1 = np.array([[slow, 0.0], [0.0, 0.0], [c * slow / m, 0.0], [0.0, 0.0]])
-        B2 = np.array([[0.0], [0.0], [0.0], [quick]])
-        tool, climb = np.eye(4)[1], np.eye(4)[2]
+        units = {"s": "m", "z": "m", "dz": "m/s", "a": "N", "surface": "m", "force_noise": "N"}
+        units |= {"push": "N", "force_error": "N", "tool": "m", "gap": "m", "force": "N"}
         return GeneralizedPlant.from_matrices(
             A,
-            B1,
-            B2,
+            np.array([[slow, 0.0], [0.0, 0.0], [c * slow / m, 0.0], [0.0, 0.0]]),
+            np.array([[0.0], [0.0], [0.0], [quick]]),
             np.array([force, tool, [1.0, -1.0, 0.0, 0.0]]),
             np.array([force, tool, climb]),
             D11=np.array([[c * slow, 0.0], [0.0, 0.0], [0.0, 0.0]]),
@@ -118,12 +118,8 @@ class PolishingAxis:
             controls=["push"],
             performance=["force_error", "tool", "gap"],
             measurements=["force", "height", "climb"],
-            units={
-                "s": "m", "z": "m", "dz": "m/s", "a": "N", "surface": "m", "force_noise": "N",
-                "push": "N", "force_error": "N", "tool": "m", "gap": "m", "force": "N",
-                "height": "m", "climb": "m/s",
-            },
-        )  # fmt: skip
+            units={**units, "height": "m", "climb": "m/s"},
+        )
 
 
 # Controllers of the polishing force (thesis, section 3.4.1).
@@ -188,8 +184,8 @@ def passive_stiffness(
     476.2
     """
     k = positive("stiffness", stiffness, "N/m")
-    c = 0.2 * sqrt(k * _axis(axis).mass) if damping is None else _zero_or_more(damping)
-    hung = replace(axis, stiffness=k, damping=c)
+    critical = 2 * sqrt(k * _axis(axis).mass)
+    hung = replace(axis, stiffness=k, damping=_damping(damping, 0.1 * critical))
     return _closed(f"passive, {k:.4g} N/m", hung, _static([0.0, 0.0, 0.0]))
 
 
@@ -235,7 +231,7 @@ def impedance_control(
     own = _axis(axis).mass
     wanted = own if mass is None else positive("mass", mass, "kg")
     k = positive("stiffness", stiffness, "N/m")
-    b = 2 * sqrt(k * wanted) if damping is None else _zero_or_more(damping)
+    b = _damping(damping, 2 * sqrt(k * wanted))
     ratio = own / wanted
     # What hangs already is taken out again.
     gain = [ratio - 1, axis.stiffness - ratio * k, axis.damping - ratio * b]
@@ -284,11 +280,8 @@ def admittance_control(
     0.0
     """
     omega = 2 * pi * positive("position_bandwidth", position_bandwidth, "Hz")
-    b = (
-        10 * _axis(axis).contact_stiffness / omega
-        if damping is None
-        else positive("damping", damping)
-    )
+    usual = 10 * _axis(axis).contact_stiffness / omega
+    b = usual if damping is None else positive("damping", damping)
     m = 0.1 * b / omega if mass is None else positive("mass", mass, "kg")
     k = positive("stiffness", stiffness, "N/m", zero=True)
     hold, brake = axis.mass * omega**2, 1.4 * axis.mass * omega
@@ -367,8 +360,8 @@ def _static(gain: list[float]) -> control.StateSpace:
     return control.StateSpace([], [], [], np.array([gain]))
 
 
-def _zero_or_more(damping: float) -> float:
-    return positive("damping", damping, "N s/m", zero=True)
+def _damping(given: float | None, usual: float) -> float:
+    return usual if given is None else positive("damping", given, "N s/m", zero=True)
 
 
 def _closed(
@@ -385,8 +378,6 @@ def _closed(
 
 
 # Comparison of force and removal along a path.
-
-_OUTPUTS = ("force_error", "tool", "gap", "push")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -437,18 +428,11 @@ class ForceComparison(Displayed):
 
     def _card(self) -> Card:
         columns = ("control", "force error [%]", "least [N]", "largest [N]", "removal error [%]")
-        rows = tuple(
-            (
-                str(name),
-                100.0 * float(row.force_error),
-                float(row.least),
-                float(row.largest),
-                100.0 * float(row.removal_error),
-            )
-            for name in self.table["control"].values
-            for row in (self.table.sel(control=name),)
-        )
-        return Card("", (Table("", columns, rows),))
+        shares = {name: 100.0 * self.table[name] for name in ("force_error", "removal_error")}
+        keys = ("control", "force_error", "least", "largest", "removal_error")
+        shown = self.table.assign(shares)
+        rows = zip(*(shown[key].values.tolist() for key in keys), strict=True)
+        return Card("", (Table("", columns, tuple(rows)),))
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the forces over time.
@@ -462,10 +446,8 @@ class ForceComparison(Displayed):
         matplotlib.axes.Axes
         """
         forces = self.signals["force"]
-        return plot_time_series(
-            {str(name): forces.sel(control=name, drop=True) for name in forces["control"].values},
-            ax,
-        )
+        names = [str(name) for name in forces["control"].values]
+        return plot_time_series({name: forces.sel(control=name, drop=True) for name in names}, ax)
 
     def plot_removal(self, control: str, ax: Axes | None = None, *, error: bool = False) -> Axes:
         """Draw the map of what was taken off.
@@ -582,64 +564,51 @@ def compare_force_control(
     >>> bool(found.table["removal_error"][1] < 0.5 * found.table["removal_error"][0])
     True
     """
-    force = _same_force(controls)
-    moments = np.asarray(time, dtype=float)
-    columns = [
-        np.zeros(moments.shape) if column is None else np.asarray(column, dtype=float)
-        for column in (deviation, force_noise)
-    ]
-    for name, column in zip(("deviation", "force_noise"), columns, strict=True):
-        if column.shape != moments.shape or not np.all(np.isfinite(column)):
-            shown = described(f"shape {column.shape}, or numbers that are not finite")
-            raise invalid(name, shown, f"shape {moments.shape}, as time", "Give one per time.")
-    names = [item.name for item in controls]
-    responses = []
-    for item in controls:
-        # The plant's mould follows its input with a lag, which is taken back here.
-        lag = 1.0 / (2 * pi * item.axis.surface_bandwidth)
-        ahead = columns[0] + lag * np.gradient(columns[0], moments)
-        responses.append(
-            linear_response(item.loop, moments, np.stack([ahead, columns[1]], 1)).outputs
-        )
-    found = dict(zip(_OUTPUTS, np.moveaxis(np.array(responses), -1, 0), strict=True))
-    both = ("control", "time")
-    signals = xr.Dataset(
-        {
-            "force": (both, force + found["force_error"], {"units": "N", "long_name": "force"}),
-            "tool": (both, found["tool"], {"units": "m"}),
-            "push": (both, found["push"], {"units": "N"}),
-            "surface": ("time", columns[0], {"units": "m"}),
-        },
-        coords={"time": ("time", moments, {"units": "s"}), "control": names},
-    )
-    forces = {"wanted": np.full(moments.shape, force)}
-    forces |= dict(zip(names, signals["force"].values, strict=True))
-    maps = {
-        name: removal_of_force(path, moments, pressed, parameters=parameters, preston=preston)
-        for name, pressed in forces.items()
-    }
-    return ForceComparison(signals, _table(signals, maps, force), maps)
-
-
-def _same_force(controls: Sequence[ForceControl]) -> float:
     names = [item.name for item in controls]
     if not names or len(set(names)) < len(names) or "wanted" in names:
         raise invalid("controls", names, "controls with names of their own", "Rename them.")
-    forces = {item.axis.polishing_force for item in controls}
-    if len(forces) > 1:
-        shown = described(f"polishing forces {sorted(forces)} N")
+    wanted = sorted({item.axis.polishing_force for item in controls})
+    if len(wanted) > 1:
+        shown = described(f"polishing forces {wanted} N")
         raise invalid("controls", shown, "one polishing force", "Design all for one axis.")
-    return forces.pop()
+    (force,) = wanted
+    moments = np.asarray(time, dtype=float)
+    columns = []
+    for name, column in (("deviation", deviation), ("force_noise", force_noise)):
+        given = np.zeros(moments.shape) if column is None else np.asarray(column, dtype=float)
+        if given.shape != moments.shape or not np.all(np.isfinite(given)):
+            shown = described(f"shape {given.shape}, or numbers that are not finite")
+            raise invalid(name, shown, f"shape {moments.shape}, as time", "Give one per time.")
+        columns.append(given)
+    surface, noise = columns
 
+    def response(item: ForceControl) -> Vector:
+        # The plant's mould follows its input with a lag, which is taken back here.
+        lag = 1.0 / (2 * pi * item.axis.surface_bandwidth)
+        ahead = surface + lag * np.gradient(surface, moments)
+        return linear_response(item.loop, moments, np.stack([ahead, noise], 1)).outputs
 
-def _table(signals: xr.Dataset, maps: dict[str, xr.DataArray], force: float) -> xr.Dataset:
+    error, tool, _, push = np.moveaxis(np.array([response(item) for item in controls]), -1, 0)
+    both = ("control", "time")
+    signals = xr.Dataset(
+        {
+            "force": (both, force + error, {"units": "N", "long_name": "force"}),
+            "tool": (both, tool, {"units": "m"}),
+            "push": (both, push, {"units": "N"}),
+            "surface": ("time", surface, {"units": "m"}),
+        },
+        coords={"time": ("time", moments, {"units": "s"}), "control": names},
+    )
     pressed = signals["force"]
-    wanted = maps["wanted"].values
-    missed = [
-        float(np.linalg.norm(maps[str(name)].values - wanted) / np.linalg.norm(wanted))
-        for name in signals["control"].values
-    ]
-    return xr.Dataset(
+    forces = {"wanted": np.full(moments.shape, force)}
+    forces |= dict(zip(names, pressed.values, strict=True))
+    maps = {
+        name: removal_of_force(path, moments, applied, parameters=parameters, preston=preston)
+        for name, applied in forces.items()
+    }
+    aim, norm = maps["wanted"].values, np.linalg.norm
+    missed = [float(norm(maps[name].values - aim) / norm(aim)) for name in names]
+    table = xr.Dataset(
         {
             "force_error": ((pressed / force - 1) ** 2).mean("time") ** 0.5,
             "least": pressed.min("time").assign_attrs(units="N"),
@@ -649,3 +618,4 @@ def _table(signals: xr.Dataset, maps: dict[str, xr.DataArray], force: float) -> 
             "push": ((signals["push"] ** 2).mean("time") ** 0.5).assign_attrs(units="N"),
         }
     )
+    return ForceComparison(signals, table, maps)

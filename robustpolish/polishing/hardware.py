@@ -9,16 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from robustpolish.base.checks import instance_of, invalid
-from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
-from robustpolish.polishing.quantities import check_quantities, quantity, quantity_table
+from robustpolish.polishing.quantities import Quantities, check_quantities, quantity
 
 # Sensors, actuators and computer, with their limits.
 
 
 @dataclass(frozen=True, repr=False)
-class PolishingHardware(Displayed):
+class PolishingHardware(Quantities):
     """Sensors, actuators and computer of the polishing robot, for x and y each.
 
     Force control at the brush: a ring of electromagnets in the nose of the air bearing pulls at the
@@ -65,6 +64,7 @@ class PolishingHardware(Displayed):
     ('actuator_limit', 20.0, 'N')
     """
 
+    _caption = ("Polishing hardware", "part")
     sensor_bandwidth_hz: float = quantity(
         10e3,
         "Hz",
@@ -131,19 +131,6 @@ class PolishingHardware(Displayed):
         band = min(math.pi / 2 * self.sensor_bandwidth_hz, self.sample_rate_hz / 2)
         return self.sensor_noise / math.sqrt(2 * band)
 
-    def table(self) -> list[tuple[str, float, str, str]]:
-        """List every field as (name, value, unit, source).
-
-        Returns
-        -------
-        list of tuple
-        """
-        return quantity_table(self)
-
-    def _card(self) -> Card:
-        columns = ("part", "value", "unit", "source")
-        return Card("Polishing hardware", (Table("", columns, tuple(self.table())),))
-
 
 CONTROLLED = ("x", "y")
 _LOADS = {"x": ("F_x",), "y": ("F_y",), "z": ("F_z", "F_p")}
@@ -195,17 +182,18 @@ def polishing_plant(
     active = [axis for axis in chosen if axis in CONTROLLED]
     if not active or set(axes) - set(_LOADS):
         raise invalid("axes", axes, "some of 'x', 'y', 'z', one of them x or y", "Name axes.")
-    places = {axis: 2 * i for i, axis in enumerate(_LOADS)}
-    states = [4 * i + k for i, axis in enumerate(_LOADS) if axis in chosen for k in range(4)]
+    numbers = [list(_LOADS).index(axis) for axis in chosen]
+    states = [4 * i + k for i in numbers for k in range(4)]
     loads = [name for axis in chosen for name in _LOADS[axis]]
     columns = [whole.disturbance_names.index(name) for name in loads]
-    pairs, brush = np.zeros((6, len(active))), np.zeros((len(chosen), 6))
-    for k, axis in enumerate(active):
-        pairs[places[axis], k], pairs[places[axis] + 1, k] = -1.0, 1.0
-    for k, axis in enumerate(chosen):
-        brush[k, places[axis] + 1] = 1.0
+    # Rows of the displacements (bearing, brush) of each axis: the pair of a force and its
+    # reaction, and the place of the brush.
+    pairs = np.kron(np.eye(3), [[-1.0], [1.0]])[:, numbers[: len(active)]]
+    brush = np.kron(np.eye(3), [[0.0, 1.0]])[numbers]
     controls, gaps = [f"u_{axis}" for axis in active], [f"gap_{axis}" for axis in active]
     names = [whole.states[i] for i in states]
+    units = {name: whole.units[name] for name in names}
+    units |= dict.fromkeys((*loads, *controls), "N") | dict.fromkeys((*gaps, *chosen), "m")
     plant = GeneralizedPlant.from_matrices(
         whole.A[np.ix_(states, states)],
         whole.B1[np.ix_(states, columns)],
@@ -217,26 +205,16 @@ def polishing_plant(
         controls=controls,
         performance=chosen,
         measurements=gaps,
-        units={
-            **{name: whole.units[name] for name in names},
-            **dict.fromkeys((*loads, *controls), "N"),
-            **dict.fromkeys((*gaps, *chosen), "m"),
-        },
+        units=units,
     )
-    return _with_hardware(plant, parts)
-
-
-def _with_hardware(plant: GeneralizedPlant, hardware: PolishingHardware) -> GeneralizedPlant:
-    """Return a plant with an actuator at every control and a sensor at every measurement."""
-    controls, gaps = plant.control_names, plant.measurement_names
-    if math.isfinite(hardware.actuator_bandwidth_hz):
-        plant = plant.with_actuator(controls, hardware.actuator_bandwidth_hz)
-    if math.isfinite(hardware.actuator_limit):
-        plant = plant.with_actuator(controls, limit=hardware.actuator_limit)
-    if math.isfinite(hardware.sensor_bandwidth_hz):
-        plant = plant.with_sensor(gaps, hardware.sensor_bandwidth_hz)
-    if hardware.sensor_noise:
-        plant = plant.with_sensor(gaps, noise=hardware.noise_density)
+    if math.isfinite(parts.actuator_bandwidth_hz):
+        plant = plant.with_actuator(controls, parts.actuator_bandwidth_hz)
+    if math.isfinite(parts.actuator_limit):
+        plant = plant.with_actuator(controls, limit=parts.actuator_limit)
+    if math.isfinite(parts.sensor_bandwidth_hz):
+        plant = plant.with_sensor(gaps, parts.sensor_bandwidth_hz)
+    if parts.sensor_noise:
+        plant = plant.with_sensor(gaps, noise=parts.noise_density)
         noises = dict.fromkeys((f"noise_{gap}" for gap in gaps), "s^0.5")
         plant = plant.rewired(plant.wiring, units={**plant.units, **noises})
     return plant

@@ -11,25 +11,14 @@ from typing import Any, Literal
 
 import xarray as xr
 
-from robustpolish.base.checks import (
-    closest_name_remedy,
-    described,
-    instance_of,
-    invalid,
-    positive,
-)
-from robustpolish.closed_loop.sampled_loops import (
-    Figures,
-    PlantOf,
-    SampledLoops,
-    SampledModel,
-    sample_loops,
-)
+from robustpolish.base.checks import closest_name_remedy, described, instance_of, invalid, positive
+from robustpolish.closed_loop import sampled_loops
 from robustpolish.errors import RobustPolishWarning, SolverError
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
-from robustpolish.polishing.parameters import NOT_NUMBERS, BrushParameters
+from robustpolish.polishing.parameters import NUMBERS, BrushParameters
+from robustpolish.polishing.quantities import or_default
 from robustpolish.polishing.simulate import simulate_brush
 from robustpolish.polishing.surfaces.surface import Surface
 from robustpolish.synthesis.design import Design, checked_design
@@ -42,17 +31,17 @@ def monte_carlo(
     distributions: Mapping[str, Any],
     *,
     machine: Machine | None = None,
-    plant_of: PlantOf | None = None,
+    plant_of: sampled_loops.PlantOf | None = None,
     duration: float | None = None,
     brush: BrushParameters | None = None,
     disturbance: xr.Dataset | None = None,
-    figures: Figures | None = None,
+    figures: sampled_loops.Figures | None = None,
     samples: int = 200,
     seed: int = 0,
     executor: Executor | Literal["serial"] | None = None,
     file: str | os.PathLike[str] | None = None,
     progress: bool = True,
-) -> SampledLoops:
+) -> sampled_loops.SampledLoops:
     """Close a design's loop around machines and brushes whose numbers are drawn.
 
     Every sample is a machine, linearised anew, with the controller as it is: its norm, and its
@@ -122,14 +111,23 @@ def monte_carlo(
     True
     """
     checked_design("design", design)
-    brush = BrushParameters() if brush is None else brush
-    remedy = "Build them with BrushParameters(...)."
-    instance_of("brush", brush, BrushParameters, "BrushParameters", remedy)
-    machine = _machine(design, machine)
+    brush = or_default("brush", brush, BrushParameters)
+    plant = design.plant
+    if machine is not None:
+        kinds, expected = (MechanicalModel, AirBearingParameters), "a model or AirBearingParameters"
+        instance_of("machine", machine, kinds, expected, "Pass what the plant was made of.")
+    elif plant.states == air_bearing().states:
+        # Any other plant has numbers that only its maker knows: brush and surface may be drawn.
+        machine = AirBearingParameters()
     if not isinstance(distributions, Mapping) or not distributions:
         remedy = 'Write {"brush.friction": ("normal", 0.35, 0.05)}, for example.'
         raise invalid("distributions", distributions, "a distribution by name", remedy)
-    of_machine, of_load = _names(machine, brush)
+    of_machine = list(machine.parameters) if isinstance(machine, MechanicalModel) else []
+    if isinstance(machine, AirBearingParameters):
+        of_machine = [item.name for item in fields(machine) if item.metadata["unit"]]
+    surface = fields(brush.surface) if isinstance(brush.surface, Surface) else ()
+    of_load = [f"brush.{name}" for name in NUMBERS]
+    of_load += [*(f"surface.{item.name}" for item in surface), "run"]
     for name in distributions:
         if name not in (*of_machine, *of_load):
             expected = "a number of the machine, brush.NAME, surface.NAME or run"
@@ -144,58 +142,26 @@ def monte_carlo(
     elif drawn:
         expected = f"a time in s for which the brush runs, for {drawn[0]} is drawn"
         raise invalid("duration", None, expected, "Write duration=1.0.")
-    varied = machine if len(drawn) < len(distributions) else None
-    return sample_loops(
-        design,
-        distributions,
-        _sampled(varied, plant_of, design.plant),
-        disturbance if duration is None else _BrushRun(brush, duration),
-        load_is_drawn=bool(drawn),
-        figures=figures,
-        samples=samples,
-        seed=seed,
-        executor=executor,
-        file=file,
-        progress=progress,
-    )
-
-
-def _machine(design: Design, machine: Any) -> Machine | None:
-    if machine is None:
-        # Any other plant has numbers that only its maker knows: brush and surface may be drawn.
-        same = design.plant.states == air_bearing().states
-        return AirBearingParameters() if same else None
-    kinds, expected = (MechanicalModel, AirBearingParameters), "a model or AirBearingParameters"
-    return instance_of("machine", machine, kinds, expected, "Pass what the plant was made of.")
-
-
-def _names(machine: Machine | None, brush: BrushParameters) -> tuple[list[str], list[str]]:
-    """Return which numbers of the machine, and which of the brush's run, can be drawn."""
-    bearing = isinstance(machine, AirBearingParameters)
-    own = machine.parameters if isinstance(machine, MechanicalModel) else {}
-    numbers = [item.name for item in fields(machine)] if bearing else list(own)
-    surface = fields(brush.surface) if isinstance(brush.surface, Surface) else ()
-    load = [f"brush.{item.name}" for item in fields(brush) if item.name not in NOT_NUMBERS]
-    load += [f"surface.{item.name}" for item in surface]
-    return [name for name in numbers if name != "inertia_reading"], [*load, "run"]
-
-
-def _sampled(
-    machine: Machine | None, plant_of: PlantOf | None, plant: GeneralizedPlant
-) -> SampledModel | _SampledBearing | None:
-    if isinstance(machine, AirBearingParameters):
-        actuation = "force" if plant.units.get("u_x") == "N" else "displacement"
-        measured = "state" if plant.ny == plant.nx else "displacement"
-        return _SampledBearing(machine, plant_of, actuation, measured)
-    return None if machine is None else SampledModel(machine, plant_of)
+    sampled = None
+    if machine is not None and len(drawn) < len(distributions):
+        if isinstance(machine, MechanicalModel):
+            sampled = sampled_loops.SampledModel(machine, plant_of)
+        else:
+            actuation = "force" if plant.units.get("u_x") == "N" else "displacement"
+            measured = "state" if plant.ny == plant.nx else "displacement"
+            sampled = _SampledBearing(machine, plant_of, actuation, measured)
+    load = disturbance if duration is None else _BrushRun(brush, duration)
+    how: dict[str, Any] = {"figures": figures, "samples": samples, "seed": seed, "file": file}
+    how |= {"load_is_drawn": bool(drawn), "executor": executor, "progress": progress}
+    return sampled_loops.sample_loops(design, distributions, sampled, load, **how)
 
 
 @dataclass(frozen=True)
 class _SampledBearing:
-    """The air bearing as a machine whose numbers are drawn."""
+    """The air bearing as a machine whose numbers are drawn, made into plants like a given one."""
 
     parameters: AirBearingParameters
-    plant_of: PlantOf | None
+    plant_of: sampled_loops.PlantOf | None
     actuation: Any
     measured: Any
 

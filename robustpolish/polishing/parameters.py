@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from math import hypot, pi, sqrt
 from types import MappingProxyType
 from typing import Any
@@ -20,8 +20,6 @@ RUN_STIFFNESS: Mapping[int, float] = MappingProxyType({1: 1e4, 2: 1e6, 3: 1e8, 4
 _MAY_BE_ZERO = frozenset(
     {"friction", "contact_damping", "spin", "rotation_rate", "rotation_radius", "feed"}
 )
-NOT_NUMBERS = frozenset({"surface", "path"})
-"""Fields that are more than a number."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +103,7 @@ class BrushParameters:
         if self.path is not None:
             remedy = "Make one with ToolPath.spiral(...) or the like, or leave it out."
             instance_of("BrushParameters.path", self.path, ToolPath, "a ToolPath", remedy)
-        check_quantities(self, "BrushParameters.", zero=_MAY_BE_ZERO, skip=NOT_NUMBERS)
+        check_quantities(self, "BrushParameters.", zero=_MAY_BE_ZERO)
 
     @classmethod
     def for_run(cls, run: int, **changes: Any) -> BrushParameters:
@@ -196,3 +194,7 @@ class BrushParameters:
     def impact_duration(self) -> float:
         """Duration t_m [s] of an impact as the thesis estimates it (eq. 7.40)."""
         return 0.5 * pi * sqrt(self.mass / self.contact_stiffness)
+
+
+NUMBERS = tuple(item.name for item in fields(BrushParameters) if item.metadata["unit"])
+"""Fields that are numbers: all but surface and path."""

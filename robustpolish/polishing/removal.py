@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from robustpolish.base.checks import described, instance_of, invalid, positive
 from robustpolish.plots.charts import plot_path_in_space
+from robustpolish.polishing.contact import disc_axis
 from robustpolish.polishing.parameters import BrushParameters
 from robustpolish.polishing.surfaces.mould import Mould
 from robustpolish.polishing.surfaces.surface import Floats, PolishedSurface
@@ -55,15 +56,11 @@ def plot_polishing(signals: xr.Dataset, surface: PolishedSurface, ax: Any = None
     heights = surface.height(x[:, None], y[None, :])
     ground = xr.DataArray(heights, {"x": x, "y": y}, ("x", "y"))
     place = tuple(signals[name] for name in ("tool_x", "tool_y", "surface_height"))
-    return plot_path_in_space(ground, place, _normal_force(signals), ax)
-
-
-def _normal_force(signals: xr.Dataset) -> xr.DataArray:
-    """Return the normal force of the whole rim; of the listing, which has none, that upwards."""
-    if "contact_force" not in signals:
-        return signals["F_z"]
-    total = signals["contact_force"].sum("point")
-    return total.assign_attrs(units="N", long_name="contact force")
+    normal = signals["F_z"]  # of the listing, which has no force normal to the rim
+    if "contact_force" in signals:
+        normal = signals["contact_force"].sum("point")
+        normal = normal.assign_attrs(units="N", long_name="contact force")
+    return plot_path_in_space(ground, place, normal, ax)
 
 
 _RATE = 1000.0  # places of the tool per second: 0.04 mm apart at 40 mm/s
@@ -117,12 +114,10 @@ def removal_map(
     """
     if not isinstance(signals, xr.Dataset) or signals.attrs.get("simulator") != "physical":
         shown = described(f"simulator {getattr(signals, 'attrs', {}).get('simulator')!r}")
-        raise invalid(
-            "signals", shown, "a run of the physical simulator", "Make it with simulate_brush(...)."
-        )
-    instance_of(
-        "surface", surface, PolishedSurface, "a Surface or a Mould", "Pass that of the run."
-    )
+        remedy = "Make it with simulate_brush(...)."
+        raise invalid("signals", shown, "a run of the physical simulator", remedy)
+    remedy = "Pass that of the run."
+    instance_of("surface", surface, PolishedSurface, "a Surface or a Mould", remedy)
     time = signals["time"].values
     interval = float(time[1] - time[0])
     every = max(1, round(1.0 / (_RATE * interval)))
@@ -141,25 +136,17 @@ def removal_map(
 
 def _rim(at: xr.Dataset, surface: PolishedSurface) -> tuple[Floats, Floats, Floats, Floats]:
     """Places, depth and slip speed of the rim's nodes over time, each of shape (time, nodes)."""
-    sine, cosine = np.sin, np.cos
-    theta, psi = at["theta"].values, at["psi"].values
-    if at.attrs["disc"] == "three-angle":
-        kx, ky, kz = sine(theta) * sine(psi), -sine(theta) * cosine(psi), cosine(theta)
-    else:
-        kx, ky, kz = sine(psi), -sine(theta) * cosine(psi), cosine(theta) * cosine(psi)
-    radius, half = at.attrs["radius"], 0.5 * at.attrs["height"]
+    axis = disc_axis(at["theta"].values, at["psi"].values, at.attrs["disc"] == "three-angle")
+    kx, ky, kz = axis
     norm = np.sqrt(1.0 - kx**2)
     a = np.stack([norm, -kx * ky / norm, -kx * kz / norm])
     b = np.stack([np.zeros_like(kx), kz / norm, -ky / norm])
     angle = 2 * np.pi * (np.arange(_NODES) + 0.5) / _NODES
-    axis = np.stack([kx, ky, kz])
-    arm = radius * (a[:, :, None] * cosine(angle) + b[:, :, None] * sine(angle))
-    arm = arm - half * axis[:, :, None]
-    place = np.stack([at[f"tool_{name}"].values for name in "xyz"])[:, :, None] + arm
+    across = a[:, :, None] * np.cos(angle) + b[:, :, None] * np.sin(angle)
+    arm = at.attrs["radius"] * across - 0.5 * at.attrs["height"] * axis[:, :, None]
+    tool = np.stack([at[f"tool_{name}"].values for name in "xyz"])
+    place, moved = tool[:, :, None] + arm, np.gradient(tool, at["time"].values, axis=1)
     spin = at["omega_z"].values if "omega_z" in at else np.full(kx.shape, at.attrs["spin"])
-    moved = np.gradient(
-        np.stack([at[f"tool_{n}"].values for n in "xyz"]), at["time"].values, axis=1
-    )
     slip = moved[:, :, None] + spin[:, None] * np.cross(axis[:, :, None], arm, axis=0)
     depth = surface.height(place[0], place[1]) - place[2]
     return place[0], place[1], depth, np.sqrt(np.sum(slip**2, axis=0))
@@ -234,17 +221,13 @@ def removal_of_force(
 def _collected(x: Floats, y: Floats, volume: Floats, cell: float) -> xr.DataArray:
     """Add up volumes [m^3] in cells and return them as depths [m]."""
     side = positive("cell", cell, "m")
-    first = [np.floor(part.min() / side) for part in (x, y)]
-    i, j = (
-        np.floor(part / side - low).astype(int) for part, low in zip((x, y), first, strict=True)
-    )
-    shape = int(i.max()) + 1, int(j.max()) + 1
+    columns, axes = [], {}
+    for name, part in (("x", x), ("y", y)):
+        low = np.floor(part.min() / side)
+        columns.append(np.floor(part / side - low).astype(int))
+        axes[name] = (name, side * (low + 0.5 + np.arange(columns[-1].max() + 1)), {"units": "m"})
+    (i, j), shape = columns, tuple(len(axis) for _, axis, _ in axes.values())
     found = np.bincount((i * shape[1] + j).ravel(), volume.ravel(), shape[0] * shape[1])
-    axes = [side * (low + 0.5 + np.arange(n)) for low, n in zip(first, shape, strict=True)]
-    return xr.DataArray(
-        found.reshape(shape) / side**2,
-        coords={name: (name, axis, {"units": "m"}) for name, axis in zip("xy", axes, strict=True)},
-        dims=("x", "y"),
-        name="removal",
-        attrs={"units": "m", "long_name": "depth taken off"},
-    )
+    depth, attributes = found.reshape(shape) / side**2, {"units": "m"}
+    attributes["long_name"] = "depth taken off"
+    return xr.DataArray(depth, axes, ("x", "y"), "removal", attributes)

@@ -8,12 +8,11 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from robustpolish.base.budget import progress_bar
 from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
 from robustpolish.plots.charts import plot_over_plane
-from robustpolish.polishing.brush import physical_dataset, run_refined
+from robustpolish.polishing.brush import check_passes, integrate, physical_dataset, refined
 from robustpolish.polishing.dataset import tool_position
 from robustpolish.polishing.parameters import BrushParameters
 from robustpolish.polishing.surfaces.mould import Mould
@@ -135,11 +134,21 @@ def check_brush_fit(
     """
     instance_of("mould", mould, Mould, "a Mould", "Make one with Mould.from_stl(...) or the like.")
     reach = BrushParameters().radius if radius is None else positive("radius", radius, "m")
-    x, y = _finer(mould.x), _finer(mould.y)
+    # So fine a grid that nothing sharp hides between its places.
+    x, y = (
+        np.linspace(
+            axis[0], axis[-1], int(np.ceil(_PLACES / (axis.size - 1))) * (axis.size - 1) + 1
+        )
+        for axis in (mould.x, mould.y)
+    )
     largest, _ = mould.principal_curvatures(x[:, None], y[None, :])
     judged = np.isfinite(largest)
     if path is not None:
-        judged &= _near(x, y, path, reach)
+        steps = max(2, int(8 * path.length / reach))
+        near = np.zeros(judged.shape, dtype=bool)
+        for here in path.position(np.linspace(0.0, path.duration, steps)).T:
+            near |= np.hypot(x[:, None] - here[0], y[None, :] - here[1]) <= reach
+        judged &= near
     found = np.where(judged, largest, -np.inf)
     i, j = np.unravel_index(int(np.argmax(found)), found.shape)
     sharpest = 1.0 / found[i, j] if found[i, j] > 0 else np.inf
@@ -153,21 +162,6 @@ def check_brush_fit(
         share_too_narrow=float(np.sum(found * reach >= 1.0)) / count,
         share_bulging=float(np.sum(judged & (largest < -flat))) / count,
     )
-
-
-def _finer(axis: Floats) -> Floats:
-    """Return a grid so fine that nothing sharp hides between its places."""
-    parts = int(np.ceil(_PLACES / (axis.size - 1)))
-    return np.linspace(axis[0], axis[-1], parts * (axis.size - 1) + 1)
-
-
-def _near(x: Floats, y: Floats, path: ToolPath, reach: float) -> np.ndarray:
-    """Which places of the grid a disc on the path passes over."""
-    steps = max(2, int(8 * path.length / reach))
-    near = np.zeros((x.size, y.size), dtype=bool)
-    for here in path.position(np.linspace(0.0, path.duration, steps)).T:
-        near |= np.hypot(x[:, None] - here[0], y[None, :] - here[1]) <= reach
-    return near
 
 
 # Validity of the physical simulator on a surface, along the path of the tool.
@@ -191,34 +185,39 @@ def check_ground(parameters: BrushParameters, duration: float) -> None:
         raise invalid("path", shown, f"at least the duration, {duration:g} s", remedy)
     if not isinstance(mould, Mould):
         return
-    places = centre_places(parameters, duration)
-    reach = parameters.rim_distance
-    spare = mould.distance_to_edge(*places) - reach
-    if spare.min() < 0:
-        where = _told(places[:, int(np.argmin(spare))])
-        away = f"{-1e3 * spare.min():.3g} mm"
-        shown = described(f"a path whose rim leaves the mould by {away} around {where}")
-        wanted = f"the mould to reach {1e3 * reach:.3g} mm around the path"
-        raise invalid("path", shown, wanted, "Move or shrink the path, or give a larger mould.")
-    _check_bulges(mould, places, parameters)
-
-
-def centre_places(parameters: BrushParameters, duration: float) -> Floats:
-    """Places of the tool's centre, an eighth of a radius apart at most, shape (2, n) [m]."""
     rough = tool_position(np.linspace(0.0, duration, 2001), parameters)
     length = float(np.sum(np.hypot(*np.diff(rough, axis=1))))
     count = max(32, int(np.ceil(1.5 * length * _PER_RADIUS / parameters.radius)))
-    return tool_position(np.linspace(0.0, duration, count), parameters)
+    places = tool_position(np.linspace(0.0, duration, count), parameters)
+
+    def where(worst: Any) -> str:
+        x, y = (round(1e3 * float(part), 2) + 0.0 for part in places[:, int(np.argmin(worst))])
+        return f"around x = {x:g} mm, y = {y:g} mm"
+
+    reach = parameters.rim_distance
+    spare = mould.distance_to_edge(*places) - reach
+    if spare.min() < 0:
+        away = f"{-1e3 * spare.min():.3g} mm"
+        shown = described(f"a path whose rim leaves the mould by {away} {where(spare)}")
+        wanted = f"the mould to reach {1e3 * reach:.3g} mm around the path"
+        raise invalid("path", shown, wanted, "Move or shrink the path, or give a larger mould.")
+    least = largest_bends_under_disc(mould, places, parameters.radius).min(axis=1)
+    bulge = -0.5 * float(least.min()) * parameters.radius**2
+    depth = parameters.polishing_force / parameters.contact_stiffness
+    if bulge > max(_BULGE, _SHARE_OF_DEPTH * depth):
+        much = f"{1e6 * bulge:.3g} µm"
+        shown = described(f"{mould.name}, which bulges by {much} under the disc {where(least)}")
+        expected = "a surface that is hollow in some direction, where the disc touches with its rim"
+        remedy = "Lead the path round the bulge; the simulator knows no contact of the disc's face."
+        raise invalid("surface", shown, expected, remedy)
 
 
-def largest_bend_under_disc(
-    surface: PolishedSurface, places: Floats, radius: float
-) -> tuple[Floats, Floats]:
-    """Largest second derivative in any direction at places on and within the rim [1/m].
+def largest_bends_under_disc(surface: PolishedSurface, places: Floats, radius: float) -> Floats:
+    """Largest second derivatives in any direction at places on and within the rim [1/m].
 
     Returns
     -------
-    least, most : ndarray, shape (n,)
+    ndarray, shape (n, 33)
         Under the disc at each place of the path.
     """
     angle = np.linspace(0.0, 2 * np.pi, 16, endpoint=False)
@@ -226,30 +225,18 @@ def largest_bend_under_disc(
     spots = np.concatenate([np.zeros((2, 1)), 0.5 * radius * ring, radius * ring], axis=1)
     x, y = (places[k][:, None] + spots[k] for k in (0, 1))
     r, s, t = surface.bends(x, y)
-    largest = 0.5 * (r + t) + np.hypot(0.5 * (r - t), s)
-    return largest.min(axis=1), largest.max(axis=1)
+    return 0.5 * (r + t) + np.hypot(0.5 * (r - t), s)
 
 
-def _told(place: Floats) -> str:
-    x, y = (round(1e3 * float(part), 2) + 0.0 for part in place)
-    return f"x = {x:g} mm, y = {y:g} mm"
-
-
-def _check_bulges(mould: Mould, places: Floats, parameters: BrushParameters) -> None:
-    least, _ = largest_bend_under_disc(mould, places, parameters.radius)
-    bulge = -0.5 * float(least.min()) * parameters.radius**2
-    depth = parameters.polishing_force / parameters.contact_stiffness
-    if bulge > max(_BULGE, _SHARE_OF_DEPTH * depth):
-        where = _told(places[:, int(np.argmin(least))])
-        much = f"{1e6 * bulge:.3g} µm"
-        shown = described(f"{mould.name}, which bulges by {much} under the disc around {where}")
-        expected = "a surface that is hollow in some direction, where the disc touches with its rim"
-        remedy = "Lead the path round the bulge; the simulator knows no contact of the disc's face."
-        raise invalid("surface", shown, expected, remedy)
-
-
-_PHYSICAL = {"disc": "two-angle", "start": "pressed", "max_passes": 4}
-_LISTING = {"defects": ListingDefects(), "workaround": "none"}
+# Options of each simulator, which the other one refuses.
+_OPTIONS: dict[str, dict[str, Any]] = {
+    "physical": {"disc": "two-angle", "start": "pressed", "max_passes": 4},
+    "listing": {"defects": ListingDefects(), "workaround": "none"},
+}
+_RATTLES = (
+    "With little contact damping the brush rattles chaotically and no step is small enough for "
+    "more than its statistics: raise contact_damping, shorten the run, or raise tolerance."
+)
 _SAMPLE_RATE = {"physical": 20e3, "listing": 1e5}
 _TOLERANCE = {"physical": 2e-3, "listing": 1e-3}
 
@@ -357,94 +344,49 @@ def simulate_brush(
     True
     """
     one_of("simulator", simulator, ("physical", "listing"))
-    given = {
-        "disc": disc,
-        "start": start,
-        "max_passes": max_passes,
-        "defects": defects,
-        "workaround": workaround,
-    }
-    options = _options(simulator, given)
-    chosen = _parameters(simulator, run, parameters, surface, path)
-    rate = _SAMPLE_RATE[simulator] if sample_rate is None else sample_rate
-    time = _sample_times(duration, rate)
-    limit = positive("tolerance", _TOLERANCE[simulator] if tolerance is None else tolerance)
-    check_ground(chosen, float(time[-1]))
-    with progress_bar(f"Simulating the brush for {duration:g} s"):
-        return _run(simulator, chosen, time, limit, options)
-
-
-def _run(
-    simulator: str,
-    chosen: BrushParameters,
-    time: NDArray[np.float64],
-    limit: float,
-    options: dict[str, Any],
-) -> xr.Dataset:
-    """Run a simulator with checked options."""
-    if simulator == "listing":
-        return run_listing(chosen, time, relative=limit, **options)
-    three_angles = options["disc"] == "three-angle"
-    result, check = run_refined(
-        chosen,
-        time,
-        three_angles=three_angles,
-        landing=options["start"] == "landing",
-        tolerance=limit,
-        max_passes=options["max_passes"],
-    )
-    return physical_dataset(result, check, chosen, three_angles)
-
-
-def _options(simulator: str, given: dict[str, Any]) -> dict[str, Any]:
-    """Check the options of one simulator, fill in its defaults, and refuse the other's."""
-    defaults, foreign = (_PHYSICAL, _LISTING) if simulator == "physical" else (_LISTING, _PHYSICAL)
-    for name in foreign:
-        if given[name] is not None:
-            shown = given[name]
+    asked = {"disc": disc, "start": start, "max_passes": max_passes}
+    asked |= {"defects": defects, "workaround": workaround}
+    given = {name: value for name, value in asked.items() if value is not None}
+    own, listing = _OPTIONS[simulator], simulator == "listing"
+    for name, value in given.items():
+        if name not in own:
             expected = f"nothing, because the {simulator} simulator has no such option"
-            raise invalid(name, shown, expected, "Leave it out, or choose the other simulator.")
-    options = {
-        name: default if given[name] is None else given[name] for name, default in defaults.items()
-    }
-    if simulator == "listing":
-        one_of("workaround", options["workaround"], ("none", "divide", "impulse"))
-        if not isinstance(options["defects"], ListingDefects):
-            raise invalid(
-                "defects", options["defects"], "ListingDefects", "Pass ListingDefects(...)."
-            )
-        return options
-    one_of("disc", options["disc"], ("two-angle", "three-angle"))
-    one_of("start", options["start"], ("pressed", "landing"))
-    passes = options["max_passes"]
-    if not isinstance(passes, int) or passes < 2:
-        raise invalid("max_passes", passes, "an integer of at least 2", "Allow more passes.")
-    return options
-
-
-def _sample_times(duration: float, sample_rate: float) -> NDArray[np.float64]:
+            raise invalid(name, value, expected, "Leave it out, or choose the other simulator.")
+    chosen = own | given
+    if listing:
+        one_of("workaround", chosen["workaround"], ("none", "divide", "impulse"))
+        if not isinstance(chosen["defects"], ListingDefects):
+            remedy = "Pass ListingDefects(...)."
+            raise invalid("defects", chosen["defects"], "ListingDefects", remedy)
+    else:
+        one_of("disc", chosen["disc"], ("two-angle", "three-angle"))
+        one_of("start", chosen["start"], ("pressed", "landing"))
+        check_passes(chosen["max_passes"])
+    if parameters is None:
+        parameters = BrushParameters.as_published() if listing else BrushParameters()
+    remedy = "Build them with BrushParameters(...) or BrushParameters.for_run(...)."
+    instance_of("parameters", parameters, BrushParameters, "BrushParameters", remedy)
+    replaced: dict[str, Any] = {"surface": surface, "path": path}
+    brush = replace(parameters, **{k: item for k, item in replaced.items() if item is not None})
+    brush = brush if run is None else brush.with_run(run)
     seconds = positive("duration", duration, "s")
-    rate = positive("sample_rate", sample_rate, "Hz")
+    rate = _SAMPLE_RATE[simulator] if sample_rate is None else sample_rate
+    rate = positive("sample_rate", rate, "Hz")
     samples = round(seconds * rate)
     if samples < 1:
         expected = f"at least one sample of {1.0 / rate:g} s"
         raise invalid("duration", duration, expected, "Raise the duration or the sample rate.")
-    return np.arange(samples + 1) / rate
+    time = np.arange(samples + 1) / rate
+    limit = positive("tolerance", _TOLERANCE[simulator] if tolerance is None else tolerance)
+    check_ground(brush, float(time[-1]))
+    with progress_bar(f"Simulating the brush for {duration:g} s"):
+        if listing:
+            return run_listing(brush, time, relative=limit, **chosen)
+        three, landing = chosen["disc"] == "three-angle", chosen["start"] == "landing"
+        force, passes = brush.polishing_force, chosen["max_passes"]
 
+        def attempt(level: int) -> Any:
+            return integrate(brush, time, level, three_angles=three, landing=landing), None
 
-def _parameters(
-    simulator: str,
-    run: int | None,
-    parameters: BrushParameters | None,
-    surface: PolishedSurface | None,
-    path: ToolPath | None,
-) -> BrushParameters:
-    if parameters is None:
-        listed = simulator == "listing"
-        parameters = BrushParameters.as_published() if listed else BrushParameters()
-    remedy = "Build them with BrushParameters(...) or BrushParameters.for_run(...)."
-    instance_of("parameters", parameters, BrushParameters, "BrushParameters", remedy)
-    given = {"surface": surface, "path": path}
-    changes: dict[str, Any] = {name: item for name, item in given.items() if item is not None}
-    changed = replace(parameters, **changes) if changes else parameters
-    return changed if run is None else changed.with_run(run)
+        found, _, check = refined(attempt, force, limit, passes, _RATTLES)
+        return physical_dataset(found, check, brush, three)

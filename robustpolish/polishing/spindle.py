@@ -8,15 +8,9 @@ from typing import Any, Literal
 import numpy as np
 from scipy.linalg import block_diag
 
-from robustpolish.base.checks import instance_of, one_of, positive
+from robustpolish.base.checks import one_of, positive
 from robustpolish.machines.rotor.assembly import RotorBearing, RotorDisc, ShaftSegment
-from robustpolish.machines.rotor.rotor import (
-    ReducedRotor,
-    RotorModel,
-    Theory,
-    mode_names,
-    state_space,
-)
+from robustpolish.machines.rotor.rotor import RotorModel, Theory, mode_names, state_space
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.polishing.air_bearing import (
     COORDINATES,
@@ -24,6 +18,7 @@ from robustpolish.polishing.air_bearing import (
     AirBearingParameters,
     air_bearing,
 )
+from robustpolish.polishing.quantities import or_default
 
 POISSON_RATIO = 0.3
 """Of steel; the thesis gives Young's modulus alone."""
@@ -89,21 +84,16 @@ def spindle_rotor(
     >>> round(rp.polishing.spindle_rotor().modes(count=1)[0].frequency_hz, 1)
     131.8
     """
-    p = AirBearingParameters() if parameters is None else parameters
-    remedy = "Build them with AirBearingParameters(...)."
-    instance_of("parameters", p, AirBearingParameters, "AirBearingParameters", remedy)
+    p = or_default("parameters", parameters, AirBearingParameters)
     one_of("brush", brush, ("disc", "point"))
     one_of("bearing", bearing, ("rigid", "reduced"))
     own_density = positive("density", density, "kg/m^3", zero=True)
     if p.rod_mass:
         own_density = p.rod_mass / (math.pi * p.rod_radius**2 * p.rod_length)
+    E = p.young_modulus
+    steel: dict[str, Any] = {"young_modulus": E, "shear_modulus": E / (2 * (1 + POISSON_RATIO))}
     rod = ShaftSegment(
-        p.rod_length,
-        2 * p.rod_radius,
-        young_modulus=p.young_modulus,
-        shear_modulus=p.young_modulus / (2 * (1 + POISSON_RATIO)),
-        density=own_density,
-        elements=elements,
+        p.rod_length, 2 * p.rod_radius, **steel, density=own_density, elements=elements
     )
     damping = p.damping(dissipation)
     middle, tip = _places(p, brush, bearing)
@@ -111,16 +101,12 @@ def spindle_rotor(
         body = RotorDisc(middle, p.m_x)
         film = RotorBearing(middle, p.k_t, damping.c_A, tilting_stiffness=math.inf)
     else:
-        wide, high = p.bearing_width, p.bearing_height
+        wide, high, k_r = p.bearing_width, p.bearing_height, p.bearing_torsional_stiffness
         body = RotorDisc.cylinder(middle, diameter=wide, width=high, mass=p.bearing_mass)
         per_stiffness = damping.c_A / p.k_t
-        film = RotorBearing(
-            middle,
-            p.bearing_stiffness,
-            per_stiffness * p.bearing_stiffness,
-            tilting_stiffness=p.bearing_torsional_stiffness,
-            tilting_damping=per_stiffness * p.bearing_torsional_stiffness,
-        )
+        tilting = {"tilting_stiffness": k_r, "tilting_damping": per_stiffness * k_r}
+        k_tr = p.bearing_stiffness
+        film = RotorBearing(middle, k_tr, per_stiffness * k_tr, **tilting)
     tool = RotorDisc(tip, p.m_t)
     if brush == "disc":
         size: dict[str, Any] = {"diameter": 2 * p.brush_radius, "width": p.brush_height}
@@ -176,40 +162,21 @@ def rotating_beam(
     (True, 12, True)
     """
     p = AirBearingParameters() if parameters is None else parameters
-    rotor = spindle_rotor(
-        p,
-        dissipation,
-        theory=theory,
-        brush=brush,
-        bearing=bearing,
-        density=density,
-        elements=elements,
-    )
+    shape: dict[str, Any] = {"theory": theory, "brush": brush, "bearing": bearing}
+    rotor = spindle_rotor(p, dissipation, **shape, density=density, elements=elements)
     places = _places(p, brush, bearing)
+    lumped = air_bearing(p, dissipation, "force", "displacement")
+    # x and y from the rotor, and z from the lumped plant.
     few = rotor.reduced(modes, places, speed=speed)
-    return _with_vertical_axis(few, places, air_bearing(p, dissipation, "force", "displacement"))
-
-
-def _places(p: AirBearingParameters, brush: str, bearing: str) -> tuple[float, float]:
-    """Return where the middles of bearing and brush are, in m from the rod's first end."""
-    middle = 0.0 if bearing == "reduced" else -p.bearing_height / 2
-    return middle, p.rod_length + (p.brush_height / 2 if brush == "disc" else 0.0)
-
-
-def _with_vertical_axis(
-    few: ReducedRotor, places: tuple[float, float], lumped: GeneralizedPlant
-) -> GeneralizedPlant:
-    """Return the plant of x and y from the rotor, and z from the lumped plant."""
     rows = np.vstack([few.rows(place)[axis] for axis in (0, 1) for place in places])
     A, B, C = state_space(few.system, few.speed, rows, rows)
     across = len(C)
     vertical = lumped.part(states=range(8, 12))
     loads = np.zeros((len(A), len(FORCES)))
-    loads[:, FORCES.index("F_x")] = -B[:, COORDINATES.index("x")]
-    loads[:, FORCES.index("F_y")] = -B[:, COORDINATES.index("y")]
+    for force, name in (("F_x", "x"), ("F_y", "y")):
+        loads[:, FORCES.index(force)] = -B[:, COORDINATES.index(name)]
     seen = np.asarray(block_diag(C, vertical.C1[across:]))
     signals = (*FORCES, *lumped.control_names, *COORDINATES, *lumped.measurement_names)
-    units = {name: lumped.units[name] for name in signals}
     return GeneralizedPlant.from_matrices(
         np.asarray(block_diag(A, vertical.A)),
         np.vstack([loads, vertical.B1]),
@@ -221,5 +188,11 @@ def _with_vertical_axis(
         controls=lumped.control_names,
         performance=COORDINATES,
         measurements=lumped.measurement_names,
-        units=units,
+        units={name: lumped.units[name] for name in signals},
     )
+
+
+def _places(p: AirBearingParameters, brush: str, bearing: str) -> tuple[float, float]:
+    """Return where the middles of bearing and brush are, in m from the rod's first end."""
+    middle = 0.0 if bearing == "reduced" else -p.bearing_height / 2
+    return middle, p.rod_length + (p.brush_height / 2 if brush == "disc" else 0.0)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import contourpy
 import numpy as np
@@ -31,11 +31,9 @@ if TYPE_CHECKING:
 _GRID = 240  # places along the longer side
 _SHORTEST = 3.0  # loops shorter than so many steps are left out
 
-Distance = Callable[[ArrayLike, ArrayLike], Floats]
-
 
 def loops(
-    distance: Distance,
+    distance: Callable[[ArrayLike, ArrayLike], Floats],
     area: tuple[tuple[float, float], tuple[float, float]],
     step: float,
     margin: float,
@@ -45,10 +43,8 @@ def loops(
     Each loop begins where it is next to the end of the one before. Where the area inside falls
     into parts, the nearest one is next.
     """
-    (west, east), (south, north) = area
-    spacing = max(east - west, north - south) / _GRID
-    x = np.linspace(west, east, max(8, round((east - west) / spacing)) + 1)
-    y = np.linspace(south, north, max(8, round((north - south) / spacing)) + 1)
+    spacing = max(high - low for low, high in area) / _GRID
+    x, y = (np.linspace(low, high, max(8, round((high - low) / spacing)) + 1) for low, high in area)
     far = distance(x[:, None], y[None, :])
     deepest = float(np.max(far))
     if not deepest > margin:
@@ -58,35 +54,21 @@ def loops(
     drawn = contourpy.contour_generator(x, y, far.T)
     for level in np.arange(margin, deepest, step):
         found = [np.array(part) for part in drawn.lines(level)]
-        left = [part for part in found if _length(part) > _SHORTEST * step and _closed(part)]
+        left = [
+            part[:-1]
+            for part in found
+            if _lengths(part)[-1] > _SHORTEST * step and np.allclose(part[0], part[-1])
+        ]
         while left:
-            nearest = min(range(len(left)), key=lambda k: _gap(line, left[k]))
-            line = np.concatenate([line, _from_nearest(line, left.pop(nearest))])
+            end = line[-1:] if len(line) else left[0][:1]
+            gaps = [np.hypot(*(part - end).T) for part in left]
+            nearest = int(np.argmin([gap.min() for gap in gaps]))
+            turned = np.roll(left.pop(nearest), -int(np.argmin(gaps[nearest])), axis=0)
+            line = np.concatenate([line, turned, turned[:1]])
     if len(line) < 4:
         shown = described(f"{step:g} m, with no loop longer than {_SHORTEST:g} steps")
         raise invalid("step", shown, "steps smaller than the mould", "Lower step or margin.")
     return line
-
-
-def _length(part: Floats) -> float:
-    return float(np.sum(np.hypot(*np.diff(part, axis=0).T)))
-
-
-def _closed(part: Floats) -> bool:
-    return bool(np.allclose(part[0], part[-1]))
-
-
-def _gap(line: Floats, part: Floats) -> float:
-    return 0.0 if not len(line) else float(np.min(np.hypot(*(part - line[-1]).T)))
-
-
-def _from_nearest(line: Floats, part: Floats) -> Floats:
-    """Return a closed loop that begins and ends next to the end of the line."""
-    if not len(line):
-        return part
-    first = int(np.argmin(np.hypot(*(part[:-1] - line[-1]).T)))
-    turned = np.roll(part[:-1], -first, axis=0)
-    return np.concatenate([turned, turned[:1]])
 
 
 # Rounding of corners, and parametrisation by constant speed.
@@ -123,18 +105,12 @@ def at_constant_speed(
     fine = _evenly(corners, _lengths(corners), max(count, 64))
     width = 0.5 * rounding * (len(fine) - 1) / length
     # Mirrored through its end points, a line keeps them, and its direction there.
-    around = [gaussian_filter1d(_mirrored(column), width) for column in fine.T]
-    inner = slice(len(fine) - 1, 2 * len(fine) - 1)
-    rounded = np.stack([column[inner] for column in around], axis=1)
+    before, after = 2 * fine[0] - fine[:0:-1], 2 * fine[-1] - fine[-2::-1]
+    rounded = gaussian_filter1d(np.concatenate([before, fine, after]), width, axis=0)
+    rounded = rounded[len(fine) - 1 : 2 * len(fine) - 1]
     far = _lengths(rounded, over)
     places = _evenly(rounded, far, max(len(fine) // _FINE, 16))
     return places, float(far[-1]) / speed / (len(places) - 1)
-
-
-def _mirrored(values: Floats) -> Floats:
-    before = 2 * values[0] - values[:0:-1]
-    after = 2 * values[-1] - values[-2::-1]
-    return np.concatenate([before, values, after])
 
 
 def _lengths(places: Floats, over: PolishedSurface | None = None) -> Floats:
@@ -176,36 +152,6 @@ def evaluate_path(time, packed, place, velocity):  # pragma: no cover - compiled
         velocity[axis] = moving * packed[0]
 
 
-# Rasters and spirals.
-
-
-def raster(x: tuple[float, float], y: tuple[float, float], step: float) -> Floats:
-    """Return the corners of lines along x, to and fro, shape (n, 2) [m]."""
-    for name, ends in (("x", x), ("y", y)):
-        if len(ends) != 2 or not np.all(np.isfinite(ends)) or not ends[1] > ends[0]:
-            raise invalid(name, ends, "where it begins and where it ends [m]", "Give two numbers.")
-    count = int(np.ceil((y[1] - y[0]) / step * (1 - 1e-9))) + 1
-    lines = np.linspace(y[0], y[1], count)
-    ends = np.where(np.arange(count)[:, None] % 2 == 0, [x], [x[::-1]])
-    return np.stack([ends.ravel(), np.repeat(lines, 2)], axis=1)
-
-
-def spiral(centre: tuple[float, float], radius: float, pitch: float) -> Floats:
-    """Return places of an Archimedean spiral, from the outside in, shape (n, 2) [m]."""
-    middle = np.asarray(centre, dtype=float)
-    if middle.shape != (2,) or not np.all(np.isfinite(middle)):
-        raise invalid("centre", centre, "x and y [m]", "Give two numbers.")
-    end = pitch / 3
-    if radius <= 2 * end:
-        shown = described(f"{pitch:g} m at a radius of {radius:g} m")
-        raise invalid("pitch", shown, "less than 1.5 times the radius", "Lower it.")
-    angle = np.linspace(
-        0.0, 2 * np.pi * (radius - end) / pitch, max(200, int(720 * radius / pitch))
-    )
-    far = radius - pitch * angle / (2 * np.pi)
-    return middle + np.stack([far * np.cos(angle), far * np.sin(angle)], axis=1)
-
-
 # Input of paths: checks, CSV files, and resampling at even times.
 
 _FINER = 4  # times per shortest interval of a file
@@ -231,9 +177,8 @@ def read_csv(path: str | Path, unit: str, file: FileSpec = FILE) -> tuple[Floats
     names = {(name or "").strip().lower(): name for name in (rows[0] if rows else {})}
     if not {"x", "y"} <= set(names):
         shown = described(f"columns {', '.join(names) or 'none'} in {path.name}")
-        raise invalid(
-            "path", shown, "columns x and y, and perhaps t", "Name them in its first row."
-        )
+        remedy = "Name them in its first row."
+        raise invalid("path", shown, "columns x and y, and perhaps t", remedy)
     wanted = [names[key] for key in ("x", "y", "t") if key in names]
     try:
         table = np.array([[float(row[name]) for name in wanted] for row in rows])
@@ -257,9 +202,6 @@ def at_even_times(places: Floats, time: Floats) -> tuple[Floats, float]:
         raise invalid("path", shown, "times of about equal distance", "Resample the path.")
     even = np.linspace(time[0], time[-1], int(np.ceil(shortest)) * _FINER + 1)
     return CubicSpline(time, places)(even), float(even[1] - even[0])
-
-
-Interval = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -321,8 +263,8 @@ class ToolPath:
     @classmethod
     def raster(
         cls,
-        x: Interval,
-        y: Interval,
+        x: tuple[float, float],
+        y: tuple[float, float],
         step: float,
         *,
         speed: float,
@@ -352,7 +294,13 @@ class ToolPath:
         'raster'
         """
         spacing = positive("step", step, "m")
-        corners = raster(x, y, spacing)
+        for name, ends in (("x", x), ("y", y)):
+            if len(ends) != 2 or not np.all(np.isfinite(ends)) or not ends[1] > ends[0]:
+                expected = "where it begins and where it ends [m]"
+                raise invalid(name, ends, expected, "Give two numbers.")
+        count = int(np.ceil((y[1] - y[0]) / spacing * (1 - 1e-9))) + 1
+        along = np.where(np.arange(count)[:, None] % 2 == 0, [x], [x[::-1]])  # to and fro
+        corners = np.stack([along.ravel(), np.repeat(np.linspace(y[0], y[1], count), 2)], axis=1)
         return cls._along(corners, 0.2 * spacing, speed, over, "raster")
 
     @classmethod
@@ -383,7 +331,18 @@ class ToolPath:
         ToolPath
         """
         spacing, outer = positive("pitch", pitch, "m"), positive("radius", radius, "m")
-        return cls._along(spiral(centre, outer, spacing), 0.02 * spacing, speed, over, "spiral")
+        middle = np.asarray(centre, dtype=float)
+        if middle.shape != (2,) or not np.all(np.isfinite(middle)):
+            raise invalid("centre", centre, "x and y [m]", "Give two numbers.")
+        end = spacing / 3
+        if outer <= 2 * end:
+            shown = described(f"{spacing:g} m at a radius of {outer:g} m")
+            raise invalid("pitch", shown, "less than 1.5 times the radius", "Lower it.")
+        count = max(200, int(720 * outer / spacing))
+        angle = np.linspace(0.0, 2 * np.pi * (outer - end) / spacing, count)
+        far = outer - spacing * angle / (2 * np.pi)
+        corners = middle + np.stack([far * np.cos(angle), far * np.sin(angle)], axis=1)
+        return cls._along(corners, 0.02 * spacing, speed, over, "spiral")
 
     @classmethod
     def contour_parallel(
@@ -412,10 +371,8 @@ class ToolPath:
         InvalidInputError
             If no place of the mould is that far from its edge.
         """
-        spacing = positive("step", step, "m")
-        corners = loops(
-            mould.distance_to_edge, mould.area, spacing, positive("margin", margin, "m")
-        )
+        spacing, reach = positive("step", step, "m"), positive("margin", margin, "m")
+        corners = loops(mould.distance_to_edge, mould.area, spacing, reach)
         return cls._along(corners, 0.25 * spacing, speed, mould, "contour-parallel")
 
     @classmethod
@@ -497,12 +454,7 @@ class ToolPath:
 
     @classmethod
     def _along(
-        cls,
-        corners: Floats,
-        rounding: float,
-        speed: float,
-        over: PolishedSurface | None,
-        name: str,
+        cls, corners: Floats, rounding: float, speed: float, over: Any, name: str
     ) -> ToolPath:
         places, interval = at_constant_speed(corners, rounding, positive("speed", speed), over)
         return cls(places, interval, name)
@@ -514,6 +466,7 @@ class ToolPath:
 
     @property
     def length(self) -> float:
+        """Length in the plane [m]."""
         """Length in the plane [m]."""
         return float(np.sum(np.hypot(*np.diff(self.places, axis=0).T)))
 
@@ -552,13 +505,11 @@ class ToolPath:
         return np.concatenate([[1.0 / self.interval], found[:, 0], found[:, 1]])
 
     def _at(self, time: ArrayLike, derivative: int) -> Floats:
-        moments = np.asarray(time, dtype=float)
-        late = 1e-9 * self.interval
+        moments, late = np.asarray(time, dtype=float), 1e-9 * self.interval
         if moments.size and not (moments.min() >= -late and moments.max() <= self.duration + late):
             shown = described(f"times from {moments.min():g} to {moments.max():g} s")
-            raise invalid(
-                "time", shown, f"from 0 to {self.duration:g} s, where the path is", "Stay on it."
-            )
+            expected = f"from 0 to {self.duration:g} s, where the path is"
+            raise invalid("time", shown, expected, "Stay on it.")
         knots = self.interval * np.arange(-3.0, len(self.places) + 3.0)
         found = BSpline(knots, coefficients(self.places), 3)(moments, nu=derivative)
         return np.moveaxis(found, -1, 0)

@@ -20,7 +20,6 @@ from robustpolish.app.cli.main import main
 from robustpolish.app.cli.options import (
     READINGS,
     errors_to_exit_codes,
-    machine_options,
     print_result,
     stages,
     to_json,
@@ -30,23 +29,29 @@ from robustpolish.errors import InfeasibleError, InvalidInputError
 from tests.app.command_line import run
 
 
-def test_help_lists_every_command():
+def test_help_and_bad_input(tmp_path):
     text = run("--help").stdout
     for command in ("design", "modes", "norms", "brush"):
         assert command in text
         assert "Usage" in run(command, "--help").stdout
     assert rp.__version__ in run("--version").stdout
     assert "No such command" in run("nonsense", code=2).stderr
+    assert "duration: got -1.0" in run("brush", "--duration", "-1", code=2).stderr
+    assert "dissipation" in run("norms", "--dissipation", "nan", code=2).stderr
+    assert "out: got" in run("brush", "--out", str(tmp_path / "a.xyz"), code=2).stderr
+    assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(
-    ("command", "says"), [("brush", "--mould"), ("export", "--design"), ("tell-apart", "arguments")]
-)
-def test_a_command_without_a_model_says_where_its_machine_comes_from(command, says):
-    message = run(command, "--model", "m.toml", code=2).stderr
-    assert "No such option" in message
-    assert says in message
-    assert "Did you mean" not in message
+def test_a_command_without_a_model_says_where_its_machine_comes_from():
+    for command, says in {
+        "brush": "--mould",
+        "export": "--design",
+        "tell-apart": "arguments",
+    }.items():
+        message = run(command, "--model", "m.toml", code=2).stderr
+        assert "No such option" in message
+        assert says in message
+        assert "Did you mean" not in message
 
 
 def test_help_imports_no_subcommand():
@@ -63,14 +68,7 @@ def test_help_imports_no_subcommand():
     assert done.returncode == 0, done.stderr
 
 
-def test_bad_input_ends_in_a_message(tmp_path):
-    assert "duration: got -1.0" in run("brush", "--duration", "-1", code=2).stderr
-    assert "dissipation" in run("norms", "--dissipation", "nan", code=2).stderr
-    assert "out: got" in run("brush", "--out", str(tmp_path / "a.xyz"), code=2).stderr
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_json_is_strict():
+def test_json_is_strict_and_replaced_only_by_force(tmp_path, capsys):
     content = {
         "array": np.array([1.0, np.inf, -np.inf, np.nan]), "scalar": np.float64(2.5),
         "whole": np.int64(3), "true": np.True_, "pole": -1 + 2j, "pair": (1, "a"), 4: None,
@@ -79,9 +77,6 @@ def test_json_is_strict():
         "array": [1.0, "inf", "-inf", None], "scalar": 2.5, "whole": 3, "true": True,
         "pole": {"real": -1.0, "imag": 2.0}, "pair": [1, "a"], "4": None,
     }  # fmt: skip
-
-
-def test_a_file_is_replaced_only_by_force(tmp_path, capsys):
     path = tmp_path / "a.json"
     print_result({"a": 1}, "one", str(path))
     assert capsys.readouterr().out == "one\n"
@@ -93,53 +88,19 @@ def test_a_file_is_replaced_only_by_force(tmp_path, capsys):
     assert json.loads(path.read_text()) == {"a": 2}
 
 
-@pytest.mark.parametrize(
-    ("error", "code"), [(InvalidInputError("a: bad"), 2), (InfeasibleError("none exists"), 1)]
-)
-def test_errors_of_the_package_become_exit_codes(error, code, capsys):
-    @errors_to_exit_codes()
-    def command():
-        raise error
-
-    with pytest.raises(SystemExit) as ended:
-        command()
-    assert ended.value.code == code
-    assert capsys.readouterr().err == f"Error: {error}\n"
-
-
-def test_a_defect_of_the_program_keeps_its_traceback():
-    @errors_to_exit_codes()
-    def command():
+def test_errors_of_the_package_become_exit_codes_and_defects_keep_their_traceback(capsys):
+    for error, code in ((InvalidInputError("a: bad"), 2), (InfeasibleError("none exists"), 1)):
+        with pytest.raises(SystemExit) as ended, errors_to_exit_codes():
+            raise error
+        assert ended.value.code == code
+        assert capsys.readouterr().err == f"Error: {error}\n"
+    with pytest.raises(ZeroDivisionError), errors_to_exit_codes():
         raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        command()
-
-
-@click.command()
-@machine_options
-def chosen(reading: str, dissipation: float) -> None:
-    """Tell what was chosen."""
-    parameters = READINGS[reading]()
-    click.echo(f"{parameters.bearing_mass:g} {parameters.inertia_reading} {dissipation:g}")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        ([], "1.337 listing 0.001"),
-        (["--parameters", "printed"], "0.337 listing 0.001"),
-        (["--parameters", "corrected", "--dissipation", "0.01"], "1.337 physical 0.01"),
-    ],
-)
-def test_a_reading_of_the_thesis_is_chosen(arguments, said):
-    assert CliRunner().invoke(chosen, arguments).output.strip() == said
 
 
 def test_an_unknown_reading_is_refused_with_the_choices():
-    result = CliRunner().invoke(chosen, ["--parameters", "guessed"])
-    assert result.exit_code == 2
-    assert all(reading in result.output for reading in READINGS)
+    told = run("modes", "--parameters", "guessed", code=2).output
+    assert all(reading in told for reading in READINGS)
 
 
 @click.command("look")
@@ -156,29 +117,28 @@ def look(near):
     click.echo(f"own {near}")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        ([], "own False"),
-        (["--near"], "own True"),
-        (["--model", "m", "--far"], "other m None True"),
-        (["--plant=p"], "other None p False"),
-        (["--far"], "It needs --model or --plant."),
-        (["--model", "m", "--near"], "It is one of the polishing robot."),
-        (["--neither"], "No such option"),
-        (["--help"], "For any other machine"),
-        (["--model", "m", "--help"], "--far"),
-    ],
-)
-def test_who_is_called(arguments, says):
-    assert says in CliRunner().invoke(look, arguments).output
+CALLED = {
+    "": "own False",
+    "--near": "own True",
+    "--model m --far": "other m None True",
+    "--plant=p": "other None p False",
+    "--far": "It needs --model or --plant.",
+    "--model m --near": "It is one of the polishing robot.",
+    "--neither": "No such option",
+    "--help": "For any other machine",
+    "--model m --help": "--far",
+}
+
+
+def test_who_is_called():
+    for arguments, says in CALLED.items():
+        assert says in CliRunner().invoke(look, arguments.split()).output
 
 
 def test_commands_say_that_there_is_a_sibling():
     for command in ("design", "modes", "norms"):
-        assert f"robustpolish {command} --model" in run(command, "--help").stdout.replace(
-            "main", "robustpolish"
-        )
+        said = run(command, "--help").stdout.replace("main", "robustpolish")
+        assert f"robustpolish {command} --model" in said
         assert "--plant" in run(command, "--model", "m.toml", "--help").stdout
 
 
@@ -222,6 +182,7 @@ def _read(terminal):
     return shown.decode()
 
 
+@pytest.mark.slow
 def test_a_terminal_shows_the_stage_in_a_bar_that_goes_away():
     process, terminal = _on_a_terminal(seconds=0.8)
     out, _ = process.communicate()
@@ -232,6 +193,7 @@ def test_a_terminal_shows_the_stage_in_a_bar_that_goes_away():
     assert out == b""
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_a_command_at_once():
     process, terminal = _on_a_terminal(seconds=60)
     time.sleep(0.3)
@@ -241,14 +203,11 @@ def test_ctrl_c_ends_a_command_at_once():
     assert process.returncode == -signal.SIGINT
 
 
-def test_elsewhere_each_stage_is_a_line(capsys):
+def test_each_stage_is_a_line_where_no_bar_is_drawn(capsys):
     with stages("Designing") as tell:
         tell("Certifying the loop ...")
         tell("writing the report")
     assert capsys.readouterr().err == "Certifying the loop ...\n... writing the report\n"
-
-
-def test_a_command_in_a_pipe_draws_no_bar():
     told = run("brush", "--duration", "0.02").stderr
     assert told == "Simulating 0.02 s of run 1 (physical) ...\n"
 
@@ -278,12 +237,8 @@ def nothing_is_computed(monkeypatch, tmp_path):
     def computed(*_, **__):
         raise AssertionError("it was computed first")
 
-    for what in (
-        "app.cli.brush.simulate_brush",
-        "app.cli.design.design_against_brush",
-        "app.cli.design.air_bearing",
-    ):
-        monkeypatch.setattr(f"robustpolish.{what}", computed)
+    for what in ("brush.simulate_brush", "design.design_against_brush", "design.air_bearing"):
+        monkeypatch.setattr(f"robustpolish.app.cli.{what}", computed)
     monkeypatch.chdir(tmp_path)
 
 
@@ -303,17 +258,19 @@ def test_json(name, tmp_path):
 
 
 @pytest.mark.usefixtures("nothing_is_computed")
-@pytest.mark.parametrize("name", ["compare", "margins", "tell-apart"])
-def test_pictures(name, tmp_path):
-    (tmp_path / "taken.png").write_text("mine")
-    refused(*COMMANDS[name], "--plot", "taken.png")
-
-
-@pytest.mark.usefixtures("nothing_is_computed")
-@pytest.mark.parametrize("taken", ["controller.c", "controller_vectors.csv"])
-def test_code(taken, tmp_path):
+@pytest.mark.parametrize(
+    ("name", "taken", "options"),
+    [
+        *((name, "taken.png", "--plot taken.png") for name in ("compare", "margins", "tell-apart")),
+        *(
+            ("export", f"controller{end}", "--out . --test-vectors 10")
+            for end in (".c", "_vectors.csv")
+        ),
+    ],
+)
+def test_pictures_and_code(name, taken, options, tmp_path):
     (tmp_path / taken).write_text("mine")
-    refused(*COMMANDS["export"], "--out", ".", "--test-vectors", "10")
+    refused(*COMMANDS[name], *options.split())
 
 
 WORK = """

@@ -16,37 +16,37 @@ from tests.app.machines import DESIGN, SPINDLE
 from tests.implementation.designs import servo_design
 
 
-def test_design_saves_a_report(tmp_path):
+def test_design_saves_a_report_and_prints_json_alone(tmp_path):
     out = tmp_path / "results"
-    arguments = ("design", "--ideal", "--duration", "0.05", "--out", str(out), "--report")
-    result = run(*arguments)
-    assert "every row is driven by the same disturbance" in result.stdout
+    arguments = ("design", "--ideal", "--duration", "0.02", "--out", str(out), "--report")
+    found = json.loads(run(*arguments, "--json").stdout)
     names = {path.name for path in out.iterdir()}
     assert {"table.csv", "figure.png", "gain.csv", "design.json", "report.html"} <= names
-    saved = json.loads((out / "design.json").read_text())
-    assert saved["certificate"]["valid"] is True
+    assert json.loads((out / "design.json").read_text()) == found
+    assert found["certificate"]["valid"] is True
+    assert found["status"] in ("optimal", "suboptimal")
     gain = pd.read_csv(out / "gain.csv", index_col=0)
     loop = rp.air_bearing(actuation="force").state_feedback_loop(gain.to_numpy())
-    assert rp.hinf_norm(loop).value == pytest.approx(saved["norm"]["closed_loop"], rel=1e-6)
+    assert rp.hinf_norm(loop).value == pytest.approx(found["norm"]["closed_loop"], rel=1e-6)
+    rows = {row["row"]: row for row in found["rows"]}
+    assert rows["with control"]["improvement_percent"]["y"] >= 90
     page = (out / "report.html").read_text()
     assert "Effort and price" in page
     assert "certified" in page
     assert "--force" in run(*arguments, code=2).stderr
-    run(*arguments, "--force")
 
 
-def test_design_prints_json_alone(tmp_path):
+@pytest.mark.slow
+def test_design_replaces_by_force_and_prints_words(tmp_path):
     report = tmp_path / "report.html"
-    found = json.loads(
-        run("design", "--ideal", "--duration", "0.02", "--json", "--report", str(report)).stdout
-    )
-    rows = {row["row"]: row for row in found["rows"]}
-    assert rows["with control"]["improvement_percent"]["y"] >= 90
-    assert found["status"] in ("optimal", "suboptimal")
-    assert report.exists()
+    report.write_text("mine")
+    arguments = ("design", "--ideal", "--duration", "0.02", "--report", str(report), "--force")
+    assert "every row is driven by the same disturbance" in run(*arguments).stdout
+    assert "Effort and price" in report.read_text()
     assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
 
 
+@pytest.mark.slow
 def test_by_default_it_designs_what_can_be_built(tmp_path, buildable_job, monkeypatch):
     asked = []
 
@@ -109,12 +109,15 @@ def test_the_demo_is_a_controller_that_can_be_built(tmp_path):
 
 
 @pytest.fixture
-def machine_file(tmp_path):
+def machine_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     path = tmp_path / "machine.toml"
     path.write_text(SPINDLE + DESIGN)
+    (tmp_path / "asked.toml").write_text("[design]\n")  # nothing of its own counts
     return str(path)
 
 
+@pytest.mark.slow
 def test_from_a_file_to_code(machine_file, tmp_path):
     out = tmp_path / "out"
     result = run(
@@ -149,7 +152,7 @@ def test_the_command_line_counts_more_than_the_file(machine_file):
         "--measure", "acc", "--performance", "slide", "--disturbance", "F", "--norm", "h2",
         "--method", "riccati",
         "--control-weight", "1e-6", "--noise", "x=1e-7", "--noise", "acc=1e-3", "--json",
-        "--weights", _section(machine_file),
+        "--weights", "asked.toml",
     )  # fmt: skip
     found = json.loads(result.stdout)
     assert found["controls"] == ["u_slide"]
@@ -158,39 +161,12 @@ def test_the_command_line_counts_more_than_the_file(machine_file):
     assert found["norm"]["kind"] == "h2"
 
 
-def test_a_saved_plant(machine_file, tmp_path):
+def test_a_saved_plant_and_what_cannot_be_designed(machine_file, tmp_path):
     plant = rp.MechanicalModel.from_toml(SPINDLE).linearize(["F"])
     plant.save(tmp_path / "plant.json")
-    text = run(
-        "design",
-        "--plant",
-        str(tmp_path / "plant.json"),
-        "--full-state",
-        "--control-weight",
-        "1e-6",
-    ).stdout
+    file = str(tmp_path / "plant.json")
+    text = run("design", "--plant", file, "--full-state", "--control-weight", "1e-6").stdout
     assert "a static gain, lmi" in text
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["--control", "G"], "controls: got 'G'"),
-        (["--measure", "xx"], "measurements: got 'xx'"),
-        (["--order", "-1"], "order"),
-        (["--noise", "x=much"], "--noise"),
-        (["--noise", "1e-6", "--noise", "x=1e-6"], "Name the signals"),
-        (["--plant", "plant.json"], "one of the two"),
-        (["--weights", "none.toml"], "none.toml"),
-        (["--run", "2"], "one of the polishing robot"),
-        (["--method", "best"], "'best' is not one of"),
-    ],
-)
-def test_bad_options(machine_file, arguments, says):
-    assert says in run("design", "--model", machine_file, *arguments, code=2).stderr
-
-
-def test_what_cannot_be_designed(machine_file, tmp_path):
     assert "missing.toml" in run("design", "--model", "missing.toml", code=2).stderr
     path = tmp_path / "loose.toml"
     loose = SPINDLE.replace("stiffness = 9.0e5", "stiffness = 0.0")
@@ -199,32 +175,34 @@ def test_what_cannot_be_designed(machine_file, tmp_path):
     assert "spindle" in refused.stderr
 
 
-def _section(machine_file):
-    """Write an empty section beside a machine, so that nothing of its own counts."""
-    path = machine_file.replace("machine.toml", "asked.toml")
-    with open(path, "w", encoding="utf-8") as file:
-        file.write("[design]\n")
-    return path
-
-
-def machine():
-    return rp.MechanicalModel(
-        [rp.Dof("x", 2.0)],
-        [rp.Spring(("x", "ground"), 800.0)],
-        [rp.Damper(("x", "ground"), 4.0)],
-        inputs=[rp.Input("F", "x")],
-        outputs=[rp.Output("x_meas", "x")],
-    )
+def test_bad_options(machine_file):
+    for arguments, says in {
+        "--control G": "controls: got 'G'",
+        "--measure xx": "measurements: got 'xx'",
+        "--order -1": "order",
+        "--noise x=much": "--noise",
+        "--noise 1e-6 --noise x=1e-6": "Name the signals",
+        "--plant plant.json": "one of the two",
+        "--weights none.toml": "none.toml",
+        "--run 2": "one of the polishing robot",
+        "--method best": "'best' is not one of",
+    }.items():
+        told = run("design", "--model", machine_file, *arguments.split(), code=2).stderr
+        assert says in told
 
 
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("margins")
-    plant = machine().linearize().with_full_state()
+    folder, ground = tmp_path_factory.mktemp("margins"), ("x", "ground")
+    machine = rp.MechanicalModel(
+        [rp.Dof("x", 2.0)], [rp.Spring(ground, 800.0)], [rp.Damper(ground, 4.0)],
+        inputs=[rp.Input("F", "x")], outputs=[rp.Output("x_meas", "x")],
+    )  # fmt: skip
+    plant = machine.linearize().with_full_state()
     design = rp.given_controller(plant, [[-400.0, -60.0]])
     design.save(folder / "design.json")
     plant.save(folder / "plant.json")
-    machine().to_toml(folder / "machine.toml")
+    machine.to_toml(folder / "machine.toml")
     return folder
 
 
@@ -240,19 +218,13 @@ def test_a_saved_design_is_enough(saved):
     assert found["buildable"] == again.buildable
 
 
-def test_the_design_on_another_plant_or_machine(saved):
-    own = run("margins", "--design", str(saved / "design.json"), "--json").stdout
+def test_the_design_on_another_plant_or_machine_and_what_can_be_bought(saved):
+    call = ("margins", "--design", str(saved / "design.json"), "--json")
+    own = json.loads(run(*call).stdout)
     for option, file in (("--plant", "plant.json"), ("--model", "machine.toml")):
-        other = run(
-            "margins", "--design", str(saved / "design.json"), option, str(saved / file), "--json"
-        ).stdout
-        delays = [json.loads(text)["delay_margin_s"] for text in (own, other)]
-        assert delays[0] == pytest.approx(delays[1])
-
-
-def test_what_can_be_bought_changes_the_verdict(saved):
-    call = ("margins", "--design", str(saved / "design.json"), "--json", "--sample-rate")
-    slow, fast = (json.loads(run(*call, rate).stdout) for rate in ("20", "20000"))
+        other = json.loads(run(*call, option, str(saved / file)).stdout)
+        assert other["delay_margin_s"] == pytest.approx(own["delay_margin_s"])
+    slow, fast = (json.loads(run(*call, "--sample-rate", rate).stdout) for rate in ("20", "20000"))
     assert any("sampling" in problem for problem in slow["problems"])
     assert fast["problems"] == []
     assert np.isfinite(fast["sample_rate"]["needed_hz"])
@@ -271,7 +243,7 @@ def test_pictures_and_bad_input(saved, tmp_path):
     assert "sample_rate_hz" in run(*call, "--sample-rate", "-1", code=2).stderr
 
 
-def test_modes_are_those_of_the_thesis():
+def test_modes_of_the_thesis_and_of_a_machine(tmp_path):
     found = json.loads(run("modes", "--json").stdout)["modes"]
     hertz = sorted(mode["frequency_hz"] for mode in found)
     np.testing.assert_allclose(
@@ -279,9 +251,6 @@ def test_modes_are_those_of_the_thesis():
     )
     assert "194.0691" in run("modes").stdout
     assert "3361" in run("modes", "--parameters", "corrected").stdout
-
-
-def test_modes_of_a_machine(tmp_path):
     path = tmp_path / "machine.toml"
     path.write_text(SPINDLE)
     found = json.loads(run("modes", "--model", str(path), "--json").stdout)["modes"]
@@ -298,27 +267,18 @@ def test_modes_of_a_machine(tmp_path):
     assert again[0]["frequency_hz"] == pytest.approx(found[0]["frequency_hz"])  # flat at rest
 
 
-def test_norms_are_those_of_the_thesis(tmp_path):
+def test_norms_of_the_thesis_and_of_a_machine(tmp_path):
+    undamped = json.loads(run("norms", "--dissipation", "0", "--json").stdout)["hinf"]
+    assert undamped["value"] == "inf"
+    assert undamped["reason"]
     found = json.loads(run("norms", "--dissipation", "0.01", "--json").stdout)
     assert found["hinf"]["value"] == pytest.approx(0.00211825, abs=5e-9)
     assert found["h2"]["value"] == pytest.approx(0.00294744, abs=5e-9)
     target = tmp_path / "norms.json"
     assert "0.02118" in run("norms", "--json", str(target)).stdout
-    assert json.loads(target.read_text())["hinf"]["frequency_hz"] == pytest.approx(
-        194.069, abs=1e-3
-    )
+    saved = json.loads(target.read_text())
+    assert saved["hinf"]["frequency_hz"] == pytest.approx(194.069, abs=1e-3)
     assert "--force" in run("norms", "--json", str(target), code=2).stderr
-
-
-def test_undamped_norm_is_infinite_and_says_why():
-    result = run("norms", "--dissipation", "0", "--json")
-    found = json.loads(result.stdout)
-    assert found["hinf"]["value"] == "inf"
-    assert found["hinf"]["frequency_hz"] is None or found["hinf"]["frequency_hz"] == "inf"
-    assert found["hinf"]["reason"]
-
-
-def test_norms_of_a_machine(tmp_path):
     path = tmp_path / "machine.toml"
     path.write_text(SPINDLE)
     chosen = ("--disturbance", "F", "--performance", "x")
@@ -397,13 +357,10 @@ def test_a_saved_design_becomes_code(servo, tmp_path):
     assert "--force" in again.stderr
 
 
-def test_too_slow_a_period_says_how_fast(servo, tmp_path):
+def test_too_slow_a_period_and_wrong_options_are_refused(servo, tmp_path):
     result = run("export", "--design", servo, "--period", "2.0", "--out", str(tmp_path), code=1)
     assert "longest period" in result.stderr
     assert not (tmp_path / "controller.c").exists()
-
-
-def test_wrong_options_are_refused(servo, tmp_path):
     base = ["export", "--design", servo, "--out", str(tmp_path), "--period"]
     assert "limit" in run(*base, "0.05", "--limit", "F", code=2).stderr
     assert "limits.G" in run(*base, "0.05", "--limit", "G=1", code=2).stderr

@@ -45,7 +45,7 @@ def test_weights_of_mixed_sensitivity_and_of_channels():
     assert channels.weighted.nx == channels.plant.nx + 1
 
 
-def test_which_controller_is_meant():
+def test_which_controller_is_meant_and_at_which_price():
     kinds = {
         "output feedback": {"measurements": ["x"]},
         "state feedback": {"measurements": ["slide", "dslide", "spindle", "dspindle"]},
@@ -59,9 +59,6 @@ def test_which_controller_is_meant():
         MODEL, controls=["F"], measurement_noise=1e-6, **kinds["state feedback"]
     )
     assert heard.kind == "output feedback"
-
-
-def test_prices_by_name_and_effects_that_are_linearised():
     model = MODEL.with_effect("cubic_stiffness", ("slide", "ground"), {"stiffness": 1e9})
     task = rp.results.DesignTask(model, controls=["F", "slide"], control_weight={"slide": 2.0})
     assert task.prices is not None
@@ -108,7 +105,7 @@ def test_what_cannot_be_asked_for(extra, says):
         rp.results.DesignTask(MODEL, **{"controls": ["F"], **extra})
 
 
-def test_a_file_says_what_is_asked():
+def test_a_plant_and_files_keep_their_sections(tmp_path):
     task = rp.read_design_task(SPINDLE + DESIGN)
     assert task.controls == ("F",)
     assert task.plant.limits["F"] == 200.0
@@ -117,9 +114,6 @@ def test_a_file_says_what_is_asked():
     assert changed.plant.ny == 2
     assert changed.norm == "h2"
     assert set(rp.read_design_task(SPINDLE + DESIGN + WEIGHTS).weights) == {"performance", "effort"}
-
-
-def test_the_sections_stay_with_the_model(tmp_path):
     path = tmp_path / "machine.toml"
     model = rp.MechanicalModel.from_toml(SPINDLE + DESIGN + WEIGHTS)
     model.with_parameters({"dof.slide.mass": 13.0}).to_toml(path)
@@ -130,9 +124,6 @@ def test_the_sections_stay_with_the_model(tmp_path):
     assert rp.read_design_task(path).plant.nx == 6
     kept = '[design]\nfull_state = true\norder = 3\nnames = ["a"]\n'
     assert rp.MechanicalModel.from_toml(SPINDLE + kept).to_toml().endswith(kept)
-
-
-def test_a_plant_and_a_section_of_its_own(tmp_path):
     rp.air_bearing().save(tmp_path / "plant.json")
     section = tmp_path / "asked.toml"
     section.write_text('[design]\ncontrols = ["x"]\nperformance = ["x"]\n')
@@ -144,37 +135,34 @@ def test_a_plant_and_a_section_of_its_own(tmp_path):
         rp.read_design_task(rp.air_bearing(), section)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "says"),
-    [
-        ('controls = ["F"]', 'control = ["F"]', r"line 34: design\.control:.*Write controls"),
-        ('controls = ["F"]', 'controls = ["G"]', "line 34: controls: got 'G'"),
-        ("bandwidth_hz = 1000.0", "bandwith_hz = 1.0", r"line 41: actuators\.F\.bandwith_hz"),
-        ("bandwidth_hz = 5000.0", "bandwidth_hz = 0", r"line 44: sensors\.x\.bandwidth_hz"),
-        ("crossover_hz = 10.0", "crossover = 10.0", r"line 47: weights\.performance\.crossover"),
-        ("low = 20.0", "low = 0.1", r"line 47: weights\.performance\.low"),
-        ("[weights]", "[weight]", "weight: got an unknown key.*Write weights"),
-        ("control_weight = 1e-6", "control_weight = 1979-05-27", r"design\.control_weight"),
-        ("[design.sensors]", "[design.weights]\neffort = 1.0\n[design.sensors]", "Join them"),
-        ("measurements", "norm = 3\nmeasurements", "line 35: norm: got 3"),
-    ],
-)
-def test_slips_with_their_line(old, new, says):
+SLIPS = [
+    ('controls = ["F"]', 'control = ["F"]', r"line 34: design\.control:.*Write controls"),
+    ('controls = ["F"]', 'controls = ["G"]', "line 34: controls: got 'G'"),
+    ("bandwidth_hz = 1000.0", "bandwith_hz = 1.0", r"line 41: actuators\.F\.bandwith_hz"),
+    ("bandwidth_hz = 5000.0", "bandwidth_hz = 0", r"line 44: sensors\.x\.bandwidth_hz"),
+    ("crossover_hz = 10.0", "crossover = 10.0", r"line 47: weights\.performance\.crossover"),
+    ("low = 20.0", "low = 0.1", r"line 47: weights\.performance\.low"),
+    ("[weights]", "[weight]", "weight: got an unknown key.*Write weights"),
+    ("control_weight = 1e-6", "control_weight = 1979-05-27", r"design\.control_weight"),
+    ("[design.sensors]", "[design.weights]\neffort = 1.0\n[design.sensors]", "Join them"),
+    ("measurements", "norm = 3\nmeasurements", "line 35: norm: got 3"),
+]
+
+
+def test_slips_with_their_line_and_what_is_no_machine():
     text = SPINDLE + DESIGN + WEIGHTS
-    assert old in text
-    with pytest.raises(rp.InvalidInputError, match=says):
-        rp.read_design_task(text.replace(old, new, 1))
-
-
-def test_what_is_no_machine():
-    with pytest.raises(rp.InvalidInputError, match=r"nowhere.toml \(No such file"):
-        rp.read_design_task("nowhere.toml")
-    with pytest.raises(rp.InvalidInputError, match=r"nowhere.json \(No such file"):
-        rp.read_design_task("nowhere.json")
-    with pytest.raises(rp.InvalidInputError, match=r"control.*Write controls"):
-        rp.read_design_task(rp.air_bearing(), control=["u_x"])
-    with pytest.raises(rp.InvalidInputError, match="a MechanicalModel or a GeneralizedPlant"):
-        rp.read_design_task(3)  # type: ignore[arg-type]
+    for old, new, says in SLIPS:
+        assert old in text
+        with pytest.raises(rp.InvalidInputError, match=says):
+            rp.read_design_task(text.replace(old, new, 1))
+    for says, machine, changes in (
+        (r"nowhere.toml \(No such file", "nowhere.toml", {}),
+        (r"nowhere.json \(No such file", "nowhere.json", {}),
+        (r"control.*Write controls", rp.air_bearing(), {"control": ["u_x"]}),
+        ("a MechanicalModel or a GeneralizedPlant", 3, {}),
+    ):
+        with pytest.raises(rp.InvalidInputError, match=says):
+            rp.read_design_task(machine, **changes)
 
 
 def test_every_name_finds_its_column_and_row():
@@ -194,7 +182,7 @@ def test_every_name_finds_its_column_and_row():
     assert plant.units["disturbance_slide"] == "N"
 
 
-def test_what_is_not_named():
+def test_what_is_not_named_and_what_is_unknown():
     plant = machine_plant(MODEL, ["F"], (), (), ())
     assert plant.disturbance_names == ("F_cut",)
     assert plant.performance_names == ("slide", "spindle")
@@ -203,6 +191,16 @@ def test_what_is_not_named():
     assert alone.disturbance_names == ("disturbance_F", "disturbance_F_cut")
     pushed = machine_plant(MODEL, ["u_slide"], (), (), ())
     assert pushed.control_names == ("u_slide",)
+    for names, says in (
+        ((["Fcut"], (), (), ()), "controls: got 'Fcut'.*Write F_cut"),
+        (((), (), (), ()), "controls: got none"),
+        ((["F", "F"], (), (), ()), "F twice"),
+        ((["F"], ["acceleration"], (), ()), "got 'acceleration', expected one of x"),
+        ((["F"], (), ["spindel"], ()), "performance.*Write spindle"),
+        ((["F"], (), (), ["cut"]), "disturbances: got 'cut'"),
+    ):
+        with pytest.raises(rp.InvalidInputError, match=says):
+            machine_plant(MODEL, *names)
 
 
 def test_a_plant_keeps_what_is_named_and_its_delays():
@@ -218,23 +216,7 @@ def test_a_plant_keeps_what_is_named_and_its_delays():
         machine_plant(measured, (), (), (), ())
 
 
-@pytest.mark.parametrize(
-    ("names", "says"),
-    [
-        ((["Fcut"], (), (), ()), "controls: got 'Fcut'.*Write F_cut"),
-        (((), (), (), ()), "controls: got none"),
-        ((["F", "F"], (), (), ()), "F twice"),
-        ((["F"], ["acceleration"], (), ()), "measurements: got 'acceleration', expected one of x"),
-        ((["F"], (), ["spindel"], ()), "performance.*Write spindle"),
-        ((["F"], (), (), ["cut"]), "disturbances: got 'cut'"),
-    ],
-)
-def test_unknown_names(names, says):
-    with pytest.raises(rp.InvalidInputError, match=says):
-        machine_plant(MODEL, *names)
-
-
-def test_the_forms_of_a_weight():
+def test_the_forms_of_a_weight_and_slips():
     table = {"low": 100.0, "crossover_hz": 2.0, "high": 0.5, "order": 2}
     given: Any = asked_weight(("performance",), table)
     own = rp.weight(100.0, 2.0, 0.5, 2)
@@ -248,14 +230,10 @@ def test_the_forms_of_a_weight():
     system = control.tf([1.0], [1.0, 1.0])
     again: Any = asked_weight(("effort",), system)
     assert again(0) == pytest.approx(1)
-
-
-@pytest.mark.parametrize(
-    ("given", "says"),
-    [
+    for given, says in (
         ({"low": 10, "crossover": 1, "high": 0.1}, r"weights\.effort\.crossover.*crossover_hz"),
         ({"low": 10, "high": 0.1}, "no crossover_hz"),
-        ({"low": 10, "crossover_hz": 1, "high": 2}, r"weights\.effort\.low.*above and one below 1"),
+        ({"low": 10, "crossover_hz": 1, "high": 2}, r"weights\.effort\.low.*and one below 1"),
         ({"low": 0.1, "crossover_hz": 1, "high": float("inf")}, "infinite gain at high"),
         ({"low": 10, "crossover_hz": 1, "high": 0.1, "order": 1.5}, "order"),
         ({"numerator": [1, 0, 0], "denominator": [1, 1]}, "improper"),
@@ -265,11 +243,9 @@ def test_the_forms_of_a_weight():
         ("high", "a number or a table"),
         (True, "a number or a table"),
         (-1, "above 0"),
-    ],
-)
-def test_slips(given, says):
-    with pytest.raises(rp.InvalidInputError, match=says):
-        asked_weight(("weights", "effort"), given)
+    ):
+        with pytest.raises(rp.InvalidInputError, match=says):
+            asked_weight(("weights", "effort"), given)
 
 
 def test_an_output_feedback_with_sampling():
@@ -305,7 +281,7 @@ def test_mixed_sensitivity_is_judged_on_the_machine():
     assert found.machine.performance_names == ("spindle",)
 
 
-def test_too_slow_a_sampling_does_not_stop_the_design():
+def test_what_cannot_be_sampled_or_controlled():
     unstable = rp.GeneralizedPlant.from_matrices([[50.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
     found = rp.design_machine(
         unstable, control_weight=0.1, measurement_noise=0.1, sample_rate_hz=5.0
@@ -314,8 +290,13 @@ def test_too_slow_a_sampling_does_not_stop_the_design():
     assert found.to_dict()["sampled"] is None
     assert "longest period" in found.sampling
     assert found.channels[0].without == np.inf
+    text = SPINDLE.replace("stiffness = 9.0e5", "stiffness = 0.0")
+    text = text.replace("damping = 40.0", "damping = 0.0")
+    with pytest.raises(rp.InfeasibleError, match="spindle"):
+        rp.design_machine(text, controls=["F"], measurements=["x"])
 
 
+@pytest.mark.slow
 def test_state_feedback_and_prescribed_order():
     whole = rp.design_machine(MODEL, controls=["F"], full_state=True, control_weight=1e-6)
     assert whole.design.gain is not None
@@ -333,10 +314,3 @@ def test_state_feedback_and_prescribed_order():
     )  # fmt: skip
     assert short.design.controller.nstates == 1
     assert short.design.norm == "h2"
-
-
-def test_a_mode_that_no_control_reaches_is_named():
-    text = SPINDLE.replace("stiffness = 9.0e5", "stiffness = 0.0")
-    text = text.replace("damping = 40.0", "damping = 0.0")
-    with pytest.raises(rp.InfeasibleError, match="spindle"):
-        rp.design_machine(text, controls=["F"], measurements=["x"])

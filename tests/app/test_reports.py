@@ -49,13 +49,10 @@ def page():
     return render_html(Report("Design", "Certified & checked.", True, (section,)), "1.2.3")
 
 
-def test_it_needs_no_network(page):
+def test_it_needs_no_network_and_its_content_is_escaped(page):
     links = re.findall(r"(?:src|href)=\"(?!#|data:)([^\"]+)\"", page)
     assert links == []
     assert "url(http" not in page
-
-
-def test_content_is_there_and_escaped(page):
     assert "Certified &amp; checked." in page
     assert "a &lt;b&gt;" in page
     assert "<b>" not in page
@@ -70,7 +67,7 @@ def job():
     return made_up.brush_design()
 
 
-def test_the_report_begins_with_the_verdict_and_tells_all(job):
+def test_the_report_and_summary_of_an_ideal_design(job, tmp_path):
     report = brush_design_report(job)
     assert report.verdict == job.verdict()
     assert report.good is job.design.certificate.valid
@@ -84,9 +81,6 @@ def test_the_report_begins_with_the_verdict_and_tells_all(job):
     assert rows["u_y"][1] == pytest.approx(float(np.abs(response["u_y"]).max()))
     assert ("F_y", 10.0, 10.0) in load.tables[0].rows
     assert load.text == ("Simulated by the brush model 'a step'.",)
-
-
-def test_the_summary_is_what_programs_read(job):
     found = json.loads(to_json(brush_design_summary(job)))
     np.testing.assert_array_equal(found["gain"], job.design.controller.D)
     assert found["norm"]["open_loop"] == float(job.open_loop_norm)
@@ -96,9 +90,6 @@ def test_the_summary_is_what_programs_read(job):
     assert found["units"]["deviation"] == {"x": "m", "y": "m", "z": "m"}
     assert found["units"]["effort"] == "N"
     assert found["units"]["states"]["dx"] == "m/s"
-
-
-def test_the_files_hold_the_gain_and_the_signals(job, tmp_path):
     save_brush_design(job, tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {
         "table.csv", "gain.csv", "figure.png", "disturbance.nc",
@@ -111,7 +102,8 @@ def test_the_files_hold_the_gain_and_the_signals(job, tmp_path):
         np.testing.assert_array_equal(saved["y"], job.comparison.responses["with control"]["y"])
 
 
-def test_margins_and_the_delay_of_the_ideal_stand_side_by_side(buildable_job):
+@pytest.mark.slow
+def test_sections_of_a_controller_that_can_be_built(buildable_job):
     section = buildability_section(buildable_job)
     words = " ".join(section.text)
     assert buildable_job.loop.explain() in words
@@ -126,9 +118,6 @@ def test_margins_and_the_delay_of_the_ideal_stand_side_by_side(buildable_job):
     assert gain_db >= 6
     assert phase_deg >= 30
     assert costs.rows == hardware_limits_table(buildable_job).rows
-
-
-def test_what_reality_costs_is_told_relative_to_what_is_built(buildable_job):
     table = hardware_limits_table(buildable_job)
     rows = {row[0]: row for row in table.rows}
     assert rows["as it can be built"][2] == 1
@@ -141,9 +130,6 @@ def test_what_reality_costs_is_told_relative_to_what_is_built(buildable_job):
     factor = built / rows["the thesis's ideal"][1]
     assert f"a factor of {factor:.3g}" in words
     assert "ten times the sampling" in words
-
-
-def test_what_could_go_wrong_names_the_numbers_at_which_it_breaks(buildable_job):
     section = assumptions_section(buildable_job)
     points = " ".join(section.points)
     for subject in ("delay", "Slower sampling", "Slower actuators", "Flexible modes", "Noise",
@@ -155,9 +141,6 @@ def test_what_could_go_wrong_names_the_numbers_at_which_it_breaks(buildable_job)
     (table,) = section.tables
     assert [row[0] for row in table.rows] == list(buildable_job.survived)
     assert all(row[1] for row in table.rows)
-
-
-def test_z_is_explained(buildable_job):
     section = z_deviation_section(buildable_job)
     words = " ".join(section.text)
     deviation = buildable_job.comparison.table["deviation"].sel(signal="z")
@@ -168,7 +151,8 @@ def test_z_is_explained(buildable_job):
     assert len(section.pictures) == 1
 
 
-def test_the_summary_is_what_programs_read_can_it_be_built(buildable_job):
+@pytest.mark.slow
+def test_the_whole_report_its_summary_and_files(buildable_job, tmp_path):
     found = json.loads(to_json(buildable_summary(buildable_job)))
     assert found["good"] is True
     assert found["sampled"]["valid"] is True
@@ -177,9 +161,6 @@ def test_the_summary_is_what_programs_read_can_it_be_built(buildable_job):
     assert set(found["survived"]) == set(buildable_job.survived)
     assert [row["what"] for row in found["limits"]] == [row.what for row in buildable_job.limits]
     assert found["hardware"]["sample_rate_hz"] == 20e3
-
-
-def test_the_whole_report_and_its_files(buildable_job, tmp_path):
     report = brush_design_report(buildable_job)
     assert [section.title for section in report.sections] == [
         "What was gained", "Can it be built?", "What could go wrong", "Why z is left alone",
@@ -206,16 +187,13 @@ def found():
     return rp.design_machine(SPINDLE + DESIGN)
 
 
-def test_the_report_answers_whether_it_can_be_built(found):
+def test_the_report_of_a_machine_and_its_files(found, tmp_path):
     report = machine_design_report(found)
     assert report.title == "Controller for spindle on its slide"
     titles = [section.title for section in report.sections]
     assert titles == ["What was gained", "Can it be built?", "Why it can be trusted"]
     assert report.sections[1].points == found.analysis.problems
     assert "Largest gains" in render_html(report, "1")
-
-
-def test_the_files(found, tmp_path):
     save_machine_design(found, tmp_path)
     design = rp.results.Design.load(tmp_path / "design.json")
     assert design.certificate.achieved == pytest.approx(found.design.certificate.achieved)
@@ -246,7 +224,7 @@ def test_without_data_there_is_no_where(told):
     ]  # fmt: skip
 
 
-def test_which_and_how_much(told):
+def test_which_and_how_much_and_what_to_check(told):
     report = diagnosis_report(told)
     which = section(report, "Which effects were added")
     row = ("coulomb_friction", "x, ground", "force", 3.1, 0.02, "N")
@@ -256,15 +234,9 @@ def test_which_and_how_much(told):
     assert fall.rows == (
         ("base", 0.5), ("refit", 0.31), ("coulomb_friction", 0.0123456789), ("noise floor", 0.01),
     )  # fmt: skip
-
-
-def test_checks_and_what_cannot_be_told_apart(told):
     checks = section(diagnosis_report(told), "What to check on the machine")
     assert len(checks.points) == len(lookup("coulomb_friction").checks)
     assert checks.tables[0].rows[0][2] == "Move slowly, <1 mm/s, and change the speed."
-
-
-def test_numbers_that_were_not_found_are_left_blank(told):
     report = diagnosis_report(told)
     assert ("spring[0].stiffness", 8e4, None, "N/m") in section(
         report, "All fitted numbers"
@@ -283,7 +255,7 @@ def test_a_learned_law_is_drawn_and_told():
     assert not report.good  # what nobody has named is to be looked at
 
 
-def test_nothing_found_is_said(told):
+def test_nothing_found_is_said_and_warnings_come_first(told):
     report = diagnosis_report(
         replace(told, verdict="unexplained", effects=(), candidates=(), indistinguishable=())
     )
@@ -293,9 +265,6 @@ def test_nothing_found_is_said(told):
         "Nothing was found that could be checked on the machine.",
     )
     assert "Candidates" not in [part.title for part in report.sections]
-
-
-def test_warnings_come_first_and_once(told):
     note = "x sticks at its extremes in 7 places"
     first, *rest = diagnosis_report(replace(told, notes=(note,))).sections
     assert (first.title, first.points) == ("Look at the record and the numbers first", (note,))

@@ -11,7 +11,7 @@ from robustpolish.machines.simulation import simulate_model as simulate
 from tests import browser as chromium
 from tests import made_up
 
-pytestmark = chromium.marks
+pytestmark = [*chromium.marks, pytest.mark.slow]
 WIDTHS = chromium.WIDTHS
 
 
@@ -52,15 +52,10 @@ def show(request, pages, browser):
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-def test_no_error_and_no_overflow(show, width):
+def test_all_is_visible_legible_and_without_errors(show, width):
     browser = show(width)
     assert browser.get_log("browser") == []
     assert chromium.too_wide(browser, width) == []
-
-
-@pytest.mark.parametrize("width", WIDTHS)
-def test_the_verdict_comes_first_and_the_main_figure_is_visible(show, width):
-    browser = show(width)
     tops = browser.execute_script(
         "return ['h1', '.verdict', 'h2', 'figure svg'].map("
         "s => document.querySelector(s).getBoundingClientRect().top)"
@@ -77,11 +72,6 @@ def test_the_verdict_comes_first_and_the_main_figure_is_visible(show, width):
         "return document.querySelectorAll('figure svg path, figure svg image').length"
     )
     assert lines > 10
-
-
-@pytest.mark.parametrize("width", WIDTHS)
-def test_text_is_legible(show, width):
-    browser = show(width)
     page = browser.execute_script(
         "return [...document.querySelectorAll('p, li, td, th, caption, figcaption')]"
         ".map(e => parseFloat(getComputedStyle(e).fontSize))"
@@ -94,6 +84,19 @@ def test_text_is_legible(show, width):
     # Letters that are turned have no horizontal scale and are left out; the rest is the same size.
     assert len(drawn) > 10
     assert np.median(drawn) >= 9.5
+    browser.execute_script("document.querySelector('figure button').click()")
+    grown = browser.execute_script(
+        "const s = document.querySelector('dialog[open] svg').getBoundingClientRect();"
+        "return [s.width * s.height, s.width]"
+    )
+    own = browser.execute_script(
+        "const s = document.querySelector('figure svg').getBoundingClientRect();"
+        "return s.width * s.height"
+    )
+    assert grown[0] > 1.5 * own
+    assert grown[1] <= width
+    browser.execute_script("document.querySelector('dialog').click()")
+    assert browser.execute_script("return document.querySelector('dialog[open]')") is None
 
 
 def test_tables_sort_by_numbers_and_back(show):
@@ -123,24 +126,6 @@ def test_tables_sort_by_numbers_and_back(show):
         assert finite == sorted(finite)
         sorted_numbers += len(finite) > 2
     assert sorted_numbers >= 2
-
-
-@pytest.mark.parametrize("width", WIDTHS)
-def test_figures_can_be_enlarged(show, width):
-    browser = show(width)
-    browser.execute_script("document.querySelector('figure button').click()")
-    grown = browser.execute_script(
-        "const s = document.querySelector('dialog[open] svg').getBoundingClientRect();"
-        "return [s.width * s.height, s.width]"
-    )
-    own = browser.execute_script(
-        "const s = document.querySelector('figure svg').getBoundingClientRect();"
-        "return s.width * s.height"
-    )
-    assert grown[0] > 1.5 * own
-    assert grown[1] <= width
-    browser.execute_script("document.querySelector('dialog').click()")
-    assert browser.execute_script("return document.querySelector('dialog[open]')") is None
 
 
 def test_it_prints_on_few_pages(show):

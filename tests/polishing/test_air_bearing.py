@@ -19,15 +19,14 @@ def positive_modes(plant):
     return eigenvalues[eigenvalues.imag > 0]
 
 
-def test_modes_of_section_8_5():
+def test_modes_and_damping_of_section_8_5():
     """Reading: bearing of 1.337 kg, holder 1e9 N/m, inertia of the listing."""
-    hertz = np.sort(positive_modes(rp.air_bearing(dissipation=0)).imag) / (2 * np.pi)
+    modes = positive_modes(rp.air_bearing(dissipation=0))
     expected = [194.0691, 194.0691, 2069.58, 2069.58, 2824.58, 4610.75]
-    np.testing.assert_allclose(hertz, expected, rtol=2e-6)
-
-
-def test_damping_ratios_of_section_8_5():
-    """The fourth is printed as 5.7860e-13; the exponent is a misprint."""
+    np.testing.assert_allclose(np.sort(modes.imag) / (2 * np.pi), expected, rtol=2e-6)
+    np.testing.assert_allclose(modes.real, 0, atol=1e-7)
+    assert rp.polishing.AirBearingParameters().damping(0).c_Z == 0
+    # The fourth is printed as 5.7860e-13; the exponent is a misprint.
     modes = positive_modes(rp.air_bearing(dissipation=0.001))
     modes = modes[np.argsort(modes.imag)]
     zeta = -modes.real / np.abs(modes)
@@ -63,27 +62,9 @@ def test_equations_of_motion():
     np.testing.assert_array_equal(plant.C1 @ q, q[::2])
 
 
-def test_displacement_actuation_enters_the_displacement_rows():
-    plant = rp.air_bearing(actuation="displacement", measured="displacement")
-    np.testing.assert_array_equal(plant.B2, plant.C1.T)
-    np.testing.assert_array_equal(plant.C2, plant.C1)
-    assert plant.units["u_x"] == "m/s"
-    assert plant.measurement_names[1] == "measured_x"
-
-
-def test_printed_load_swaps_x_and_y():
+def test_printed_load_swaps_x_and_y_and_options_are_checked():
     right, printed = rp.air_bearing().B1, rp.air_bearing(load="printed").B1
     np.testing.assert_array_equal(printed[:, [1, 0, 2, 3]], right)
-
-
-def test_undamped_model_has_no_damping_at_all():
-    np.testing.assert_allclose(
-        np.linalg.eigvals(rp.air_bearing(dissipation=0).A).real, 0, atol=1e-7
-    )
-    assert rp.polishing.AirBearingParameters().damping(0).c_Z == 0
-
-
-def test_options_are_checked():
     for option in ("actuation", "measured", "load"):
         with pytest.raises(InvalidInputError, match=f"{option}: got 'no'"):
             rp.air_bearing(**{option: "no"})
@@ -96,31 +77,26 @@ def test_options_are_checked():
 # What the air bearing is made of, against the numbers printed in the thesis.
 
 
-def test_damping_coefficients_of_table_9_1():
-    damping = rp.polishing.AirBearingParameters.as_published().damping(0.001)
+def test_damping_and_natural_frequencies_of_table_9_1():
+    published = rp.polishing.AirBearingParameters.as_published()
+    damping, frequency = published.damping(0.001), published.natural_frequencies()
     assert damping.c_A == pytest.approx(1.31593, abs=5e-6)
     assert damping.c_D == pytest.approx(0.0389224, abs=5e-8)
     assert damping.c_R == pytest.approx(0.558123, abs=5e-7)
-
-
-def test_natural_frequencies_of_table_9_1():
-    frequency = rp.polishing.AirBearingParameters().natural_frequencies()
     np.testing.assert_allclose(frequency["x"], [13003.5, 1219.37], rtol=5e-6)
     assert frequency["z"][0] == pytest.approx(28970.2, rel=2e-6)
     assert frequency["z_free"][0] == pytest.approx(20157, rel=1e-5)
     assert frequency["z_free"][1] == 0
 
 
-def test_table_to_the_letter_gives_other_modes():
+def test_other_readings_give_other_modes():
     printed = rp.polishing.AirBearingParameters.as_printed()
-    assert (printed.bearing_mass, printed.holder_stiffness) == (0.337, 1e10)
-    assert printed.natural_frequencies()["x"][0] / (2 * np.pi) == pytest.approx(5271.9, abs=0.05)
-
-
-def test_corrected_inertia():
     corrected = rp.polishing.AirBearingParameters.corrected()
+    assert (printed.bearing_mass, printed.holder_stiffness) == (0.337, 1e10)
     assert corrected.m_x == pytest.approx(0.242, abs=5e-4)
-    assert corrected.natural_frequencies()["x"][0] / (2 * np.pi) == pytest.approx(3361, abs=0.5)
+    upper = [p.natural_frequencies()["x"][0] / (2 * np.pi) for p in (printed, corrected)]
+    assert upper[0] == pytest.approx(5271.9, abs=0.05)
+    assert upper[1] == pytest.approx(3361, abs=0.5)
 
 
 # The air bearing as a mechanical model.
@@ -151,16 +127,13 @@ def test_the_old_name_warns():
 # The air bearing as wired, and the numbers of its hardware.
 
 
-def test_forces_act_between_brush_and_bearing():
+def test_forces_act_between_brush_and_bearing_and_axes_can_be_taken_apart():
     ideal = dict.fromkeys(("sensor_bandwidth_hz", "actuator_bandwidth_hz"), math.inf)
     plant = rp.polishing.polishing_plant(rp.polishing.PolishingHardware(**ideal, sensor_noise=0.0))
     whole = rp.air_bearing(actuation="force", measured="displacement")
     np.testing.assert_array_equal(plant.A, whole.A)
     np.testing.assert_array_equal(plant.B2[:, 0], whole.B2[:, 1] - whole.B2[:, 0])
     np.testing.assert_array_equal(plant.C2[1], whole.C2[3] - whole.C2[2])
-
-
-def test_axes_can_be_taken_apart():
     part = rp.polishing.polishing_plant(axes="y")
     assert part.nx == 6
     assert part.disturbance_names == ("F_y", "noise_gap_y")
@@ -225,45 +198,30 @@ def test_reduction_keeps_the_forces_of_the_thesis_exact():
         gain = beam.open_loop(0.0)
         o, i = beam.performance_names.index(seen), beam.disturbance_names.index(force)
         assert sign * gain[o, i].real > 0
-
-
-def test_a_rod_with_mass_takes_its_density_from_it():
     heavy = rp.polishing.AirBearingParameters(rod_mass=0.002)
     (rod,) = rp.polishing.spindle_rotor(heavy).shaft
     assert rod.density * rod.area * rod.length == pytest.approx(0.002)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "key"),
-    [
-        ({"brush": "ring"}, "brush"),
-        ({"bearing": "soft"}, "bearing"),
-        ({"theory": "plate"}, "theory"),
-        ({"density": -1.0}, "density"),
-        ({"parameters": 3}, "parameters"),
-        ({"elements": 0}, "elements"),
-        ({"speed": math.nan}, "speed"),
-        ({"modes": 0}, "modes"),
-    ],
-)
-def test_bad_arguments_are_refused(arguments, key):
-    with pytest.raises(InvalidInputError) as caught:
-        rp.polishing.rotating_beam(**arguments)
-    assert caught.value.key[0] == key
+def test_bad_arguments_are_refused():
+    for key, value in {
+        "brush": "ring", "bearing": "soft", "theory": "plate", "density": -1.0, "parameters": 3,
+        "elements": 0, "speed": math.nan, "modes": 0,
+    }.items():  # fmt: skip
+        with pytest.raises(InvalidInputError) as caught:
+            rp.polishing.rotating_beam(**{key: value})
+        assert caught.value.key[0] == key
 
 
 # Parameters of the brush, against table 9.1.
 
 
-def test_derived_values() -> None:
+def test_derived_values_and_runs_of_table_9_2() -> None:
     brush = BrushParameters()
     assert brush.rim_distance == pytest.approx(0.01118, abs=5e-6)
     assert brush.spin_inertia == pytest.approx(1.0e-5)
     assert brush.tilt_inertia == pytest.approx(6.67e-6, rel=1e-3)
     assert brush.impact_duration == pytest.approx(np.pi / 2 * np.sqrt(0.2 / 1e4))
-
-
-def test_runs_are_table_9_2() -> None:
     assert dict(RUN_STIFFNESS) == {1: 1e4, 2: 1e6, 3: 1e8, 4: 1e10}
     for run, stiffness in RUN_STIFFNESS.items():
         assert BrushParameters.for_run(run).contact_stiffness == stiffness
@@ -290,36 +248,29 @@ def test_every_number_has_a_unit_and_a_source(kind):
         setattr(kind(), fields(kind)[0].name, 1.0)
 
 
-@pytest.mark.parametrize(
-    ("kind", "name", "value"),
-    [
-        (rp.polishing.AirBearingParameters, "brush_mass", -0.2),
-        (rp.polishing.AirBearingParameters, "rod_length", 0),
-        (rp.polishing.AirBearingParameters, "young_modulus", np.nan),
-        (rp.polishing.AirBearingParameters, "rod_mass", -1),
-        (rp.polishing.AirBearingParameters, "inertia_reading", "guess"),
-        (rp.polishing.AirBearingParameters, "bearing_mass", "heavy"),
-        (rp.polishing.PolishingHardware, "sensor_noise", -1.0),
-        (rp.polishing.PolishingHardware, "sample_rate_hz", -1.0),
-        (rp.polishing.PolishingHardware, "sample_rate_hz", np.inf),
-        (rp.polishing.PolishingHardware, "computation_delay", -1.0),
-        (rp.polishing.PolishingHardware, "computation_delay", 1.0),
-        (rp.polishing.BrushParameters, "mass", -0.2),
-        (rp.polishing.BrushParameters, "radius", 0.0),
-        (rp.polishing.BrushParameters, "friction", np.nan),
-        (rp.polishing.BrushParameters, "spin", np.inf),
-        (rp.polishing.BrushParameters, "surface", 5.0),
-        (rp.polishing.Surface, "along", -0.1),
-        (rp.polishing.Surface, "across", np.nan),
-        (rp.polishing.Surface, "across", "steep"),
-        (rp.polishing.PolishingAxis, "mass", 0.0),
-        (rp.polishing.PolishingAxis, "damping", -1.0),
-        (rp.polishing.PolishingAxis, "contact_stiffness", np.nan),
-    ],
-)
-def test_numbers_that_are_not_physical_are_named(kind, name, value):
-    with pytest.raises(InvalidInputError, match=name):
-        kind(**{name: value})
+NOT_PHYSICAL = {
+    rp.polishing.AirBearingParameters: {
+        "brush_mass": -0.2, "rod_length": 0, "young_modulus": np.nan, "rod_mass": -1,
+        "inertia_reading": "guess", "bearing_mass": "heavy",
+    },
+    rp.polishing.PolishingHardware: {
+        "sensor_noise": -1.0, "sample_rate_hz": np.inf, "computation_delay": 1.0,
+        "actuator_limit": -1.0,
+    },
+    rp.polishing.BrushParameters: {
+        "mass": -0.2, "radius": 0.0, "friction": np.nan, "spin": np.inf, "surface": 5.0,
+        "path": 5.0,
+    },
+    rp.polishing.Surface: {"along": -0.1, "across": "steep"},
+    rp.polishing.PolishingAxis: {"mass": 0.0, "damping": -1.0, "contact_stiffness": np.nan},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", NOT_PHYSICAL)
+def test_numbers_that_are_not_physical_are_named(kind):
+    for name, value in NOT_PHYSICAL[kind].items():
+        with pytest.raises(InvalidInputError, match=name):
+            kind(**{name: value})
 
 
 def test_an_inertia_that_leaves_no_mass_is_refused():

@@ -28,20 +28,23 @@ from robustpolish.polishing.thesis.listing import ListingDefects, brush_slope, l
 # Coulomb's cone: its angle, what it holds, where sliding pushes.
 
 
-def test_the_angle_of_friction():
+def test_the_angle_of_friction_and_bad_arguments():
     assert FrictionCone(0.25 * np.sqrt(2)).angle == pytest.approx(atan(0.3535534))
     assert FrictionCone(0.0).angle == 0.0
+    with pytest.raises(InvalidInputError, match=r"FrictionCone\.friction"):
+        FrictionCone(-0.1)
+    with pytest.raises(InvalidInputError, match="slip"):
+        FrictionCone(0.1).sliding(1.0, [0, 0, 2.0], [0, 0, 1])
+    with pytest.raises(InvalidInputError, match="normal"):
+        FrictionCone(0.1).holds([0, 0, 1], [0, 0, 0])
 
 
-def test_it_holds_what_pushes_within_the_angle_whatever_the_frame():
+def test_it_holds_what_pushes_within_the_angle_and_slides_on_the_edge():
     cone = FrictionCone(0.5)
     turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
     normal = turn @ [0.0, 0.0, 2.0]
     for force, held in ([0.3, 0.39, 1.0], True), ([0.3, 0.41, 1.0], False), ([0, 0, -1.0], False):
         assert cone.holds(turn @ force, normal) is held
-
-
-def test_sliding_lies_on_the_edge_and_takes_power():
     cone, slip = FrictionCone(0.35), np.array([1.0, -2.0, 5.0])
     normal = np.array([0.1, 0.2, 1.0])
     force = cone.sliding(10.0, slip, normal)
@@ -51,31 +54,16 @@ def test_sliding_lies_on_the_edge_and_takes_power():
     assert force @ (slip - (slip @ unit) * unit) < 0.0
 
 
-def test_bad_arguments_are_named():
-    with pytest.raises(InvalidInputError, match=r"FrictionCone\.friction"):
-        FrictionCone(-0.1)
-    with pytest.raises(InvalidInputError, match="slip"):
-        FrictionCone(0.1).sliding(1.0, [0, 0, 2.0], [0, 0, 1])
-    with pytest.raises(InvalidInputError, match="normal"):
-        FrictionCone(0.1).holds([0, 0, 1], [0, 0, 0])
-
-
 # The thesis's estimates of one blow.
 
 
-def test_durations_and_depths_of_the_thesis():
+def test_durations_depths_and_the_mass_at_the_rim():
     for run in (1, 2, 3, 4):
         brush = BrushParameters.for_run(run)
         assert quarter_period(brush.mass, brush.contact_stiffness) == brush.impact_duration
     stored = 0.5 * 1e8 * impact_depth(0.2, 1e8, 0.7) ** 2
     assert stored == pytest.approx(0.5 * 0.2 * 0.7**2)
-
-
-def test_the_mass_at_the_rim():
     assert rim_mass(BrushParameters()) == pytest.approx(6.6667e-6 / 1.25e-4, rel=1e-4)
-
-
-def test_bad_numbers_are_named():
     with pytest.raises(InvalidInputError, match="mass"):
         quarter_period(0.0, 1e4)
     with pytest.raises(InvalidInputError, match="stiffness"):
@@ -112,21 +100,15 @@ def test_damping_of_a_restitution(share):
     assert law.restitution(0.02) > share  # slow blows return more
 
 
-def test_slow_blows():
+def test_slow_blows_pushes_and_bad_numbers():
     law = HuntCrossley(1e6, 50.0)
     for speed in (1e-7, 1e-6, 3e-6):
         assert 1 - law.restitution(speed) == pytest.approx(2 * 50 * speed / 3, rel=2e-4)
     assert law.restitution(0.0) == 1.0
-
-
-def test_contact_pushes_only_but_for_the_listing():
     assert HuntCrossley(1e4, 50.0).force(0.001, -1.0) == 0.0
     assert LinearSpring(1e4).force(-0.001, 1.0) == 0.0
     assert ListingImpulse(1e4, 0.2).force(0.001, -1.0) < 0.0
     assert ListingImpulse(1e4, 0.2).force(-0.001, 1.0) == 0.0
-
-
-def test_bad_numbers_of_laws_are_named():
     with pytest.raises(InvalidInputError, match=r"HuntCrossley\.damping"):
         HuntCrossley(1e4, -1.0)
     with pytest.raises(InvalidInputError, match=r"LinearSpring\.stiffness"):
@@ -168,6 +150,12 @@ def test_events_follow_each_other_in_closed_form():
     late = run.impulse.interp(time=blows[1:3] - 1e-6).to_numpy()
     expected = np.cumsum(1.5 * MASS * SPEED * 0.5 ** np.arange(2))
     np.testing.assert_allclose(late, expected, rtol=1e-9)
+    for name in ("mass", "speed", "press", "duration"):
+        numbers = {"mass": 1.0, "speed": 1.0, "press": 1.0, "duration": 1.0} | {name: 0.0}
+        with pytest.raises(InvalidInputError, match=name):
+            land(LinearSpring(1e4), **numbers)
+    with pytest.raises(InvalidInputError, match="samples"):
+        land(LinearSpring(1e4), 1.0, 1.0, 1.0, 1.0, samples=1)
 
 
 @pytest.mark.parametrize(
@@ -190,48 +178,36 @@ def test_what_comes_to_rest_has_taken_the_momentum(law):
     assert float(run.force.sum() * run.time[1]) == pytest.approx(float(run.impulse[-1]))
 
 
-def test_bad_landings_are_named():
-    for name in ("mass", "speed", "press", "duration"):
-        numbers = {"mass": 1.0, "speed": 1.0, "press": 1.0, "duration": 1.0} | {name: 0.0}
-        with pytest.raises(InvalidInputError, match=name):
-            land(LinearSpring(1e4), **numbers)
-    with pytest.raises(InvalidInputError, match="samples"):
-        land(LinearSpring(1e4), 1.0, 1.0, 1.0, 1.0, samples=1)
-
-
 # The laws side by side: peaks and impulses.
 
 
-def test_laws_differ_in_peaks_and_hardly_in_impulses():
-    table = rp.polishing.compare_contact_laws(
-        rp.polishing.BrushParameters.for_run(3), duration=0.012
-    ).table
-    peak, window = table["peak"], table["window_impulse"]
+@pytest.fixture(scope="module")
+def tables():
+    brush = rp.polishing.BrushParameters.for_run
+    return {
+        run: rp.polishing.compare_contact_laws(brush(run), duration=0.012).table for run in (2, 3)
+    }
+
+
+def test_laws_differ_in_peaks_and_hardly_in_impulses(tables):
+    peak, window = tables[3]["peak"], tables[3]["window_impulse"]
     assert float(peak.max() / peak.min()) > 1.5
     assert float(window.max() / window.min()) < 1.1
 
 
-def test_peaks_grow_with_stiffness_but_impulses_do_not():
-    tables = [
-        rp.polishing.compare_contact_laws(
-            rp.polishing.BrushParameters.for_run(run), duration=0.012
-        ).table
-        for run in (2, 3)
-    ]
-    law = "Hunt-Crossley"
-    peaks, windows = ([float(t[key].sel(law=law)) for t in tables]
-                      for key in ("peak", "window_impulse"))  # fmt: skip
+def test_peaks_grow_with_stiffness_but_impulses_do_not(tables):
+    peaks, windows = (
+        [float(table[key].sel(law="Hunt-Crossley")) for table in tables.values()]
+        for key in ("peak", "window_impulse")
+    )
     assert peaks[1] > 5 * peaks[0]
     assert windows[1] == pytest.approx(windows[0], rel=0.02)
 
 
-def test_a_comparison_shows_itself():
+def test_a_comparison_shows_itself_and_its_hardest_ten_milliseconds():
     comparison = rp.polishing.compare_contact_laws(duration=0.01)
     assert "Hunt-Crossley" in repr(comparison)
     assert "N" in comparison.plot().get_ylabel()
-
-
-def test_most_impulse_is_that_of_the_hardest_ten_milliseconds():
     force = np.zeros(1001)
     force[300:400] = 5.0
     assert most_impulse(np.cumsum(force) * 1e-3, 1e-3) == pytest.approx(5.0 * 0.01)
@@ -283,9 +259,10 @@ def test_a_small_roll_touches_neither_side():
 def test_the_moment_is_that_of_the_listing():
     """D.1 lines 123 to 126 at rest: both read (7.8) to (7.10), and the listing adds no impulse."""
     brush = BrushParameters.as_published()
-    constants = listing_constants(brush, ListingDefects())
+    constants, _ = listing_constants(brush, ListingDefects())
     state, slope = np.array([0.0, 0.0, 0.5 * pi, 0.0]), np.empty(4)
-    flags = ListingDefects.none(but=("feed_friction", "pulling_surface")).as_flags()
+    made = ListingDefects.none(but=("feed_friction", "pulling_surface"))
+    _, flags = listing_constants(brush, made)
     speed = np.array([brush.feed, brush.rotation_radius * brush.rotation_rate])
     along = speed / np.hypot(*speed)
     bend = np.array(brush.surface.curvatures)
@@ -296,10 +273,10 @@ def test_the_moment_is_that_of_the_listing():
     xi = [atan(along @ (bend * (start + sign * reach * along))) for sign in (1, -1)]
     brush_slope(0.0, state, constants, flags, slope)
     found = resultant_forces(brush, ahead=abs(xi[0]), behind=abs(xi[1]), unilateral=False)
-    assert slope[1] * constants[9] == pytest.approx(found.moment_x, rel=1e-9)
+    assert slope[1] * constants.tilt_inertia == pytest.approx(found.moment_x, rel=1e-9)
 
 
-def test_no_surface_pulls():
+def test_no_surface_pulls_and_level_ground_balances_nothing():
     thesis = resultant_forces(ahead=0.2, behind=0.1, unilateral=False)
     found = resultant_forces(ahead=0.2, behind=0.1)
     assert thesis.pulls
@@ -307,9 +284,6 @@ def test_no_surface_pulls():
     assert found.ahead == 0.0
     assert found.behind * cos(found.alpha) == pytest.approx(10.0)
     assert found.forward == pytest.approx(10.0 * np.tan(found.alpha))
-
-
-def test_forces_grow_without_bounds_towards_level_ground():
     sizes = [abs(resultant_forces(ahead=a, behind=a, unilateral=False).behind)
              for a in (0.1, 0.01, 0.001)]  # fmt: skip
     assert sizes[1] / sizes[0] == pytest.approx(10.0, rel=0.3)
@@ -318,12 +292,9 @@ def test_forces_grow_without_bounds_towards_level_ground():
         resultant_forces(ahead=0.1, behind=-0.1)
 
 
-def test_rolling_angle():
+def test_rolling_angle_and_bad_angles():
     assert rolling_angle(0.2, 0.0) == 0.0
     assert sin(rolling_angle(0.3, 0.7)) == pytest.approx(sin(0.3) * sin(0.7))
-
-
-def test_bad_angles_are_named():
     with pytest.raises(InvalidInputError, match="behind"):
         resultant_forces(ahead=0.1, behind=90.0)
     with pytest.raises(InvalidInputError, match="share"):
@@ -338,43 +309,32 @@ def study():
     return rp.polishing.force_study()
 
 
-def test_the_interpolation_of_d2_is_worth_a_factor_of_the_spacing(study):
+@pytest.mark.slow
+def test_what_changes_the_force_and_what_does_not(study):
     """States weighted 1/S too much: 1e5 for 1e-5 s, as the errors of reading find."""
-    factor = float(study.table["factor"].sel(row="as D.2 applies it"))
-    assert factor == pytest.approx(1e5, rel=0.3)
-
-
-def test_the_duration_is_in_the_force(study):
-    """Force m v / t_m: a tenth and a hundredth of it at 10 and 100 times the duration."""
-    for times in (10, 100):
-        factor = float(study.table["factor"].sel(row=f"t_m {times} times as long"))
-        assert factor == pytest.approx(1 / times, rel=0.1)
-
-
-def test_geometry_and_friction_are_not_to_blame(study):
+    factor = study.table["factor"]
+    assert float(factor.sel(row="as D.2 applies it")) == pytest.approx(1e5, rel=0.3)
+    for times in (10, 100):  # force m v / t_m
+        row = f"t_m {times} times as long"
+        assert float(factor.sel(row=row)) == pytest.approx(1 / times, rel=0.1)
     answer = study.answer()
     assert max(answer["geometry"], answer["friction"]) < 3
     assert answer["duration"] > 50
     assert answer["code"] > 1e5
     assert next(iter(answer)) == "code"
-
-
-def test_base_row_is_the_listing(study):
-    signals = rp.simulate_brush("listing", 1, 0.1)
-    beyond = np.stack([signals.F_x, signals.F_y, signals.F_z - signals.F_p])
-    assert float(study.table["peak"][0]) == pytest.approx(np.linalg.norm(beyond, axis=0).max())
-
-
-def test_well_posed_contact_stays_near_the_polishing_force(study):
+    assert "times the base" in repr(study)
+    assert study.plot().get_xscale() == "log"
     for start in ("pressed", "landing"):
         row = study.table.sel(row=f"physical, {start}")
         assert float(row["peak"]) < 1.5 * 10.0
         assert float(row["impulse"]) < 1.0
 
 
-def test_it_shows_itself(study):
-    assert "times the base" in repr(study)
-    assert study.plot().get_xscale() == "log"
+@pytest.mark.slow
+def test_base_row_is_the_listing(study):
+    signals = rp.simulate_brush("listing", 1, 0.1)
+    beyond = np.stack([signals.F_x, signals.F_y, signals.F_z - signals.F_p])
+    assert float(study.table["peak"][0]) == pytest.approx(np.linalg.norm(beyond, axis=0).max())
 
 
 def test_unknown_suspects_are_named():

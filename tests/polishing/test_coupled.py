@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError, RobustPolishWarning, SolverError
 from robustpolish.polishing import coupled as near_rest
+from robustpolish.polishing.brush import rim_points
 from robustpolish.polishing.contact import rim_nodes
 from robustpolish.polishing.coupled import REST_AXIS as AXIS
 from robustpolish.polishing.coupled import REST_TURNING as TURNING
@@ -34,11 +35,18 @@ def springs(steady=(0.0, 0.0, 0.0)):
     return LinearMachine(A, B, B @ steady, C)
 
 
-def test_rest_and_stiffness():
+def test_rest_and_stiffness_and_what_is_refused():
     machine = springs((0.0, 0.0, -10.0))
     np.testing.assert_allclose(machine.stiffness, STIFF, rtol=1e-9)
     rest = machine.rest(np.array([3.0, 0.0, 10.0]))
     np.testing.assert_allclose(machine.C @ rest, [3.0 / STIFF[0], 0.0, 0.0], atol=1e-18)
+    loose = springs()
+    A = loose.A.copy()
+    A[1, 0] = 0.0
+    with pytest.raises(InvalidInputError, match="pole at zero"):
+        LinearMachine(A, loose.B, loose.g, loose.C).rest(np.ones(3))
+    with pytest.raises(InvalidInputError, match="with a mass"):
+        LinearMachine(-np.eye(3), np.eye(3), np.zeros(3), np.eye(3))
 
 
 def test_a_step_is_exact_for_forces_that_are_cubic_in_time():
@@ -65,16 +73,6 @@ def test_a_step_is_exact_for_forces_that_are_cubic_in_time():
         (0, step / 2), x0, rtol=1e-12, atol=1e-15, method="DOP853",
     ).y[:, -1]  # fmt: skip
     np.testing.assert_allclose(half @ x0 + gains[0] @ push[0], middle, rtol=1e-9, atol=1e-13)
-
-
-def test_what_drifts_or_has_no_mass_is_refused():
-    loose = springs()
-    A = loose.A.copy()
-    A[1, 0] = 0.0
-    with pytest.raises(InvalidInputError, match="pole at zero"):
-        LinearMachine(A, loose.B, loose.g, loose.C).rest(np.ones(3))
-    with pytest.raises(InvalidInputError, match="with a mass"):
-        LinearMachine(-np.eye(3), np.eye(3), np.zeros(3), np.eye(3))
 
 
 # Disc and machine in one step scheme: order four, and the rigid machine of the plain brush.
@@ -110,20 +108,15 @@ def test_impulses_and_momentum_of_the_machine(guided):
 # Coupled runs: the rigid limit, complaints, and what the check says.
 
 
-def test_passes_agree_and_are_counted():
-    guided = guided_brush(rp.simulate_brush(run=1, duration=0.02))
-    _, states, check = run_coupled(guided, springs(), tolerance=1e-3, max_passes=4)
-    assert (check.converged, check.passes) == (True, 2)
+def test_passes_agree_and_are_counted(guided):
+    good = springs()
+    _, states, check = run_coupled(guided, good, tolerance=1e-3, max_passes=4)
+    assert (check["converged"], check["passes"]) == (1, 2)
     assert states.shape == (401, 6)
     with pytest.warns(RobustPolishWarning, match="passes differ"):
-        run_coupled(guided, springs(), tolerance=1e-14, max_passes=2)
-
-
-def test_an_unstable_machine_is_told():
-    guided = guided_brush(rp.simulate_brush(run=1, duration=0.02))
-    good = springs()
+        run_coupled(guided, good, tolerance=1e-14, max_passes=2)
     A = good.A.copy()
-    A[1::2, 1::2] = 2e5 * np.eye(3)
+    A[1::2, 1::2] = 2e5 * np.eye(3)  # unstable
     with pytest.raises(SolverError, match="swing up"):
         run_coupled(guided, LinearMachine(A, good.B, good.g, good.C), tolerance=1e-3, max_passes=2)
 
@@ -163,9 +156,13 @@ def complex_load(rest, nodes, change):
 
 
 @pytest.mark.parametrize("run", [1, 2, 3, 4])
-def test_derivatives_are_those_of_the_law(run):
+def test_rest_carries_the_polishing_force_and_derivatives_are_those_of_the_law(run):
     rest = brush_at_rest(rp.polishing.BrushParameters.for_run(run), 0.016, 0.0)
-    nodes = rim_nodes(near_rest._FINER * near_rest.rim_points(rest.parameters))
+    assert rest.load[2] == pytest.approx(10.0, rel=1e-9)
+    assert np.abs(rest.load[3:]).max() < 1e-8 * 10.0 * 0.01
+    again = BrushAtRest.at(rest.parameters, rest.place, rest.axis)
+    np.testing.assert_allclose(again.load, rest.load)
+    nodes = rim_nodes(near_rest._FINER * rim_points(rest.parameters))
     np.testing.assert_allclose(
         complex_load(rest, nodes, np.zeros(10, complex)).real, rest.load, atol=1e-9
     )
@@ -177,14 +174,7 @@ def test_derivatives_are_those_of_the_law(run):
     np.testing.assert_allclose(rest.jacobian / size, exact / size, atol=2e-3)
 
 
-def test_rest_carries_the_polishing_force_without_a_moment():
-    for run in (1, 3):
-        rest = brush_at_rest(rp.polishing.BrushParameters.for_run(run), 0.016, 0.0)
-        assert rest.load[2] == pytest.approx(10.0, rel=1e-9)
-        assert np.abs(rest.load[3:]).max() < 1e-8 * 10.0 * 0.01
-
-
-def test_flat_ground_in_closed_form():
+def test_flat_ground_in_closed_form_and_where_there_is_no_rest():
     """k_p down, mu F_p / (2 r p) along the ground, k_p r^2 / 2 against tilts; chi F_p down."""
     plane = rp.polishing.BrushParameters(
         surface=Surface.flat(), contact_stiffness=1e6, slip_scale=1e-6
@@ -195,16 +185,6 @@ def test_flat_ground_in_closed_form():
     # Of the slip's two directions the one along the rim turns with friction, the other does not.
     along = plane.friction * 10.0 / (2 * plane.radius * plane.spin)
     np.testing.assert_allclose(rest.damping, [along, along, 50.0 * 10.0], rtol=1e-3)
-
-
-def test_any_place_can_be_asked():
-    parameters = rp.polishing.BrushParameters()
-    rest = brush_at_rest(parameters, 0.016, 0.0)
-    same = BrushAtRest.at(parameters, rest.place, rest.axis)
-    np.testing.assert_allclose(same.load, rest.load)
-
-
-def test_no_rest_is_told():
-    """A stiff disc askew in the trough stands on two points, which cannot balance its friction."""
+    # A stiff disc askew in the trough stands on two points, which cannot balance its friction.
     with pytest.raises(SolverError, match="finds no rest"):
         brush_at_rest(rp.polishing.BrushParameters.for_run(2), 0.013, 0.003)

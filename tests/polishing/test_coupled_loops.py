@@ -32,31 +32,24 @@ def test_the_air_bearing_yields_as_its_springs_say():
     rest = carried.machine.C @ carried.machine.rest(np.array([1.0, 2.0, 10.0]))
     # Contact pushes along its force; F_p on the bearing and F_z on the brush stretch the spindle.
     np.testing.assert_allclose(rest, [1 / sideways, 2 / sideways, 10 / p.k_z], rtol=1e-6)
-
-
-def test_inputs_have_the_signs_of_the_thesis():
-    carried = carrier(rp.air_bearing(), 10.0)
     given = carried.inputs(np.array([[1.0, 2.0, 3.0]]), 10.0)
     assert given.tolist() == [[-1.0, -2.0, 3.0, 10.0]]
 
 
 def test_loops_that_do_not_fit_are_refused():
     good = springs(1e6)
-    with pytest.raises(InvalidInputError, match="F_z is missing"):
-        carrier(control.ss(good, inputs=["F_x", "F_y", "push"]), 10.0)
-    with pytest.raises(InvalidInputError, match="z is missing"):
-        carrier(control.ss(good, outputs=["x", "y", "q"]), 10.0)
-    with pytest.raises(InvalidInputError, match="discrete time"):
-        carrier(control.c2d(good, 1e-4), 10.0)
     gain = np.kron(np.eye(6), [[-1e6, -200.0]])
     design = rp.given_controller(rp.air_bearing(actuation="force"), gain)
-    with pytest.raises(InvalidInputError, match="a sampled design"):
-        carrier(design.discretize(1e-5), 10.0)
-    at_once = control.ss(
-        good.A, good.B, good.C, np.eye(3), inputs=["F_x", "F_y", "F_z"], outputs=["x", "y", "z"]
-    )
-    with pytest.raises(InvalidInputError, match="with a mass"):
-        carrier(at_once, 10.0)
+    names = {"inputs": ["F_x", "F_y", "F_z"], "outputs": ["x", "y", "z"]}
+    for message, loop in {
+        "F_z is missing": control.ss(good, inputs=["F_x", "F_y", "push"]),
+        "z is missing": control.ss(good, outputs=["x", "y", "q"]),
+        "discrete time": control.c2d(good, 1e-4),
+        "a sampled design": design.discretize(1e-5),
+        "with a mass": control.ss(good.A, good.B, good.C, np.eye(3), **names),
+    }.items():
+        with pytest.raises(InvalidInputError, match=message):
+            carrier(loop, 10.0)
 
 
 # The brush feels the machine: the rigid limit, statics, labels, complaints.
@@ -88,9 +81,6 @@ def test_the_tool_is_where_path_and_machine_put_it(brush):
     # It begins at rest under the first load.
     assert float(coupled["y"][0]) == pytest.approx(-float(brush.F_y[0]) / 1e5)
     assert float(coupled["z"][0]) == pytest.approx(float(brush.F_z[0]) / 1e5)
-
-
-def test_a_design_shows_its_effort(brush):
     gain = np.kron(np.eye(6), [[-1e7, -200.0]])
     design = rp.given_controller(rp.air_bearing(actuation="force"), gain)
     coupled = rp.polishing.simulate_coupled(design, brush.isel(time=slice(0, 401)))
@@ -99,14 +89,16 @@ def test_a_design_shows_its_effort(brush):
 
 
 def test_bad_arguments_are_named(brush):
-    with pytest.raises(InvalidInputError, match="brush: got dict"):
-        rp.polishing.simulate_coupled(springs(1e6), {})
-    with pytest.raises(InvalidInputError, match="max_passes"):
-        rp.polishing.simulate_coupled(springs(1e6), brush, max_passes=1)
-    with pytest.raises(InvalidInputError, match="tolerance"):
-        rp.polishing.simulate_coupled(springs(1e6), brush, tolerance=0.0)
-    with pytest.raises(InvalidInputError, match="run of the physical brush"):
-        rp.polishing.simulate_coupled(springs(1e6), rp.simulate_brush("listing", 1, 0.01))
+    for message, (run, options) in {
+        "brush: got dict": ({}, {}),
+        "max_passes": (brush, {"max_passes": 1}),
+        "tolerance": (brush, {"tolerance": 0.0}),
+        "run of the physical brush": (rp.simulate_brush("listing", 1, 0.01), {}),
+    }.items():
+        with pytest.raises(InvalidInputError, match=message):
+            rp.polishing.simulate_coupled(springs(1e6), run, **options)
+    with pytest.raises(InvalidInputError, match="parameters"):
+        rp.polishing.linearize_with_brush(springs(1e6), {"radius": 1})
 
 
 # Replayed against coupled: equal where the machine is stiff, apart where it is not.
@@ -213,7 +205,7 @@ def test_a_stiff_brush_makes_the_bare_spindle_swing_up():
     assert rp.polishing.linearize_with_brush(held, stiff).system.poles().real.max() < 0
 
 
-def test_statics_are_those_of_springs_in_parallel():
+def test_statics_are_those_of_springs_in_parallel_and_controls_stay_open():
     """On the ground the contact's k_p adds to the spring under the machine."""
     plane = rp.polishing.BrushParameters(
         surface=rp.polishing.Surface.flat(), contact_stiffness=1e6, friction=0.0
@@ -223,15 +215,7 @@ def test_statics_are_those_of_springs_in_parallel():
     assert float(np.squeeze(gain)) == pytest.approx(1 / 4e6, rel=1e-4)
     assert found.system.output_labels[-3:] == ["contact_x", "contact_y", "contact_z"]
     assert found.residual < 1e-8
-
-
-def test_controls_of_a_plant_stay_open():
     plant = rp.air_bearing(actuation="force")
     found = rp.polishing.linearize_with_brush(plant, rp.polishing.BrushParameters.for_run(2))
     assert found.system.ninputs == plant.nw + plant.nu
     assert found.system.noutputs == plant.nz + plant.ny + 7
-
-
-def test_parameters_of_the_linearization_are_checked():
-    with pytest.raises(InvalidInputError, match="parameters"):
-        rp.polishing.linearize_with_brush(springs(1e6), {"radius": 1})

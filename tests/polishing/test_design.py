@@ -33,13 +33,9 @@ def test_the_design_is_of_the_machine_that_was_asked_for(job):
     assert [text.split()[0] for text in told] == ["Designing", "Simulating", "Comparing"]
 
 
-def test_a_price_is_set_where_none_is_named(job):
-    made = job[0]
-    assert (made.control_weight, made.gain_bound) == (1e-7, None)
-
-
 def test_norms_are_those_without_the_price(job):
     made = job[0]
+    assert (made.control_weight, made.gain_bound) == (1e-7, None)
     assert float(made.open_loop_norm) == pytest.approx(0.00211825, rel=5e-6)
     loop = made.plant.state_feedback_loop(made.design.controller.D)
     assert float(made.closed_loop_norm) == float(rp.hinf_norm(loop))
@@ -60,6 +56,7 @@ def test_the_verdict_names_norms_and_gains():
 # The controller that can be built: margins, sampling, slower actuators, and what reality costs.
 
 
+@pytest.mark.slow
 def test_the_default_keeps_its_margins_with_delay_and_sampling(buildable_job):
     assert buildable_job.good
     assert buildable_job.sampled.certificate.valid
@@ -76,43 +73,14 @@ def test_the_default_keeps_its_margins_with_delay_and_sampling(buildable_job):
     assert buildable_job.ideal_loop.delay_margin < 1e-6 < buildable_job.loop.delay_margin
 
 
-def test_slower_actuators_are_certified_again(buildable_job):
+@pytest.mark.slow
+def test_it_bears_slower_actuators_and_is_unstable_beyond(buildable_job):
     assert all(found.valid for found in buildable_job.survived.values())
     slow = rp.polishing.PolishingHardware(actuator_bandwidth_hz=1400.0)
     found = rp.implementation.certify_sampled(
         rp.polishing.polishing_plant(slow), buildable_job.sampled.controller, delay=2.5e-5
     )
     assert found.valid
-
-
-def test_it_gains_within_its_limits(buildable_job):
-    improvement = buildable_job.comparison.table["improvement"].sel(row="with control")
-    assert float(improvement.sel(signal="y")) > 60
-    assert float(improvement.sel(signal="z")) == pytest.approx(0, abs=1e-6)
-    for name in buildable_job.plant.control_names:
-        assert float(np.abs(buildable_job.run[name]).max()) < 20
-        assert buildable_job.run[name].attrs["at_limit"] == 0
-    assert 0 < buildable_job.noise_effort["u_y"] < 1
-    assert buildable_job.slowest_actuator_hz < 1400
-
-
-def test_the_words_and_tables_tell_both(buildable_job):
-    assert buildable_job.verdict().startswith(
-        "The controller can be built: sampled at 20 kHz with 25 µs"
-    )
-    beside, survived = buildable_job.tables()
-    rows = {row[0]: row[1:] for row in beside.rows}
-    delays = rows["delay that it bears besides its own [µs]"]
-    assert delays == (
-        1e6 * buildable_job.loop.delay_margin,
-        1e6 * buildable_job.ideal_loop.delay_margin,
-    )
-    assert rows["measured signals"] == (2, 12)
-    assert [row[:2] for row in survived.rows] == [(what, True) for what in buildable_job.survived]
-    assert "This loop can be built" in str(buildable_job)
-
-
-def test_the_loop_is_unstable_beyond_what_it_bears(buildable_job):
     period, slowest = (
         buildable_job.largest_period,
         buildable_job.slowest_actuator_hz,
@@ -133,19 +101,35 @@ def test_the_loop_is_unstable_beyond_what_it_bears(buildable_job):
         assert found.stable is stable
 
 
-def test_options_of_the_ideal_do_not_mix_with_hardware():
-    with pytest.raises(rp.InvalidInputError, match="hardware"):
-        rp.design_against_brush(control_weight=1e-7, hardware=rp.polishing.PolishingHardware())
-    with pytest.raises(rp.InvalidInputError, match="realisation"):
-        rp.design_against_brush(realisation="dream")
-    with pytest.raises(rp.InvalidInputError, match="gain_bound"):
-        rp.design_against_brush(realisation="buildable", gain_bound=1e6)
+@pytest.mark.slow
+def test_it_gains_within_its_limits_and_says_so(buildable_job):
+    improvement = buildable_job.comparison.table["improvement"].sel(row="with control")
+    assert float(improvement.sel(signal="y")) > 60
+    assert float(improvement.sel(signal="z")) == pytest.approx(0, abs=1e-6)
+    for name in buildable_job.plant.control_names:
+        assert float(np.abs(buildable_job.run[name]).max()) < 20
+        assert buildable_job.run[name].attrs["at_limit"] == 0
+    assert 0 < buildable_job.noise_effort["u_y"] < 1
+    assert buildable_job.slowest_actuator_hz < 1400
+    assert buildable_job.verdict().startswith(
+        "The controller can be built: sampled at 20 kHz with 25 µs"
+    )
+    beside, survived = buildable_job.tables()
+    rows = {row[0]: row[1:] for row in beside.rows}
+    delays = rows["delay that it bears besides its own [µs]"]
+    assert delays == (
+        1e6 * buildable_job.loop.delay_margin,
+        1e6 * buildable_job.ideal_loop.delay_margin,
+    )
+    assert rows["measured signals"] == (2, 12)
+    assert [row[:2] for row in survived.rows] == [(what, True) for what in buildable_job.survived]
+    assert "This loop can be built" in str(buildable_job)
 
 
 # What each limit of the hardware costs.
 
 
-def test_one_limit_is_relaxed_at_a_time():
+def test_one_limit_is_relaxed_at_a_time_and_options_do_not_mix():
     hardware = rp.polishing.PolishingHardware()
     found = dict(relaxed_hardware(hardware))
     assert list(found) == [
@@ -155,8 +139,15 @@ def test_one_limit_is_relaxed_at_a_time():
     assert math.isinf(found["ideal actuators"].actuator_limit)
     assert found["ideal sensors"].actuator_limit == hardware.actuator_limit
     assert found["ten times the sampling"].period == pytest.approx(hardware.period / 10)
+    with pytest.raises(rp.InvalidInputError, match="hardware"):
+        rp.design_against_brush(control_weight=1e-7, hardware=rp.polishing.PolishingHardware())
+    with pytest.raises(rp.InvalidInputError, match="realisation"):
+        rp.design_against_brush(realisation="dream")
+    with pytest.raises(rp.InvalidInputError, match="gain_bound"):
+        rp.design_against_brush(realisation="buildable", gain_bound=1e6)
 
 
+@pytest.mark.slow
 def test_the_rows_lie_between_no_control_and_the_ideal(buildable_job):
     rows = {row.what: row for row in buildable_job.limits}
     assert list(rows) == [

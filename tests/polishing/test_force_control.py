@@ -42,7 +42,7 @@ def test_passive_stiffness_is_two_springs_in_series():
         assert error_of(way, 0.0).real == pytest.approx(series, rel=1e-9)
 
 
-def test_impedance_control_makes_the_wanted_impedance():
+def test_impedance_and_admittance_control_make_what_is_wanted():
     quick = rp.polishing.PolishingAxis(actuator_bandwidth=1e5, stiffness=800.0)
     way = rp.polishing.impedance_control(quick, mass=1.0, damping=60.0, stiffness=150.0)
     s = 2j * np.pi * 3.0
@@ -50,9 +50,6 @@ def test_impedance_control_makes_the_wanted_impedance():
     contact = quick.contact_stiffness + quick.contact_damping * s
     found = way.loop(s)[0, 0] * (1 + s / (2 * np.pi * quick.surface_bandwidth))
     assert found == pytest.approx(contact * wanted / (contact + wanted), rel=1e-3)
-
-
-def test_admittance_control_has_no_error_at_rest_and_a_damper_when_moving():
     way = rp.polishing.admittance_control(AXIS, damping=400.0)
     assert abs(error_of(way, 0.0)) < 1e-6
     slow = 0.01
@@ -61,16 +58,13 @@ def test_admittance_control_has_no_error_at_rest_and_a_damper_when_moving():
     assert error_of(held, 0.0).real == pytest.approx(1 / (1 / 300 + 1e-4), rel=0.02)
 
 
-def test_hinf_reaches_what_it_was_asked_for():
+def test_hinf_reaches_what_it_was_asked_for_and_unstable_loops_are_refused():
     way = rp.polishing.hinf_force_control(AXIS, 5.0, deviation=1e-3, accuracy=0.02)
     assert way.design.certificate.stable
     assert way.design.certificate.achieved < 1
     for hertz in (0.1, 1.0, 3.0):
         fading = abs(1 + 1j * hertz / 5.0) ** 2
         assert abs(way.loop(2j * np.pi * hertz)[0, 0]) * 1e-3 < 0.02 * 10.0 * fading
-
-
-def test_loops_that_are_not_stable_are_refused():
     with pytest.raises(rp.InvalidInputError, match="a stable loop"):
         rp.polishing.admittance_control(
             rp.polishing.PolishingAxis(contact_damping=0.0), damping=5.0
@@ -85,23 +79,22 @@ PATH = rp.polishing.ToolPath.spiral((0.0, 0.0), 0.012, 0.003, speed=0.04)
 TIME = np.linspace(0.0, 3.0, 3001)
 
 
-def test_a_slow_rise_gives_the_force_of_the_springs():
+def compared(ways, deviation, **options):
+    return rp.polishing.compare_force_control(ways, PATH, deviation, TIME, **options)
+
+
+def test_force_of_a_slow_rise_and_removal_without_one():
     ways = [
         rp.polishing.passive_stiffness(AXIS, 500.0),
         rp.polishing.admittance_control(AXIS, damping=400.0),
     ]
-    found = rp.polishing.compare_force_control(ways, PATH, 2e-3 * TIME, TIME)
+    found = compared(ways, 2e-3 * TIME)
     last = found.signals["force"].isel(time=-1).values
     # 6 mm on 500 and 1e4 N/m in series; 2 mm/s on a damper of 400 N s/m.
     assert last[0] == pytest.approx(10 + 6e-3 / (1 / 500 + 1e-4), rel=5e-3)
     assert last[1] == pytest.approx(10 + 0.8, rel=1e-3)
     assert found.table["touching"].values.tolist() == [1.0, 1.0]
-
-
-def test_what_is_wanted_is_taken_off_where_nothing_deviates():
-    found = rp.polishing.compare_force_control(
-        [rp.polishing.passive_stiffness(AXIS)], PATH, 0 * TIME, TIME
-    )
+    found = compared([rp.polishing.passive_stiffness(AXIS)], 0 * TIME)
     assert float(found.table["removal_error"][0]) < 1e-12
     name = found.signals["control"].values[0]
     np.testing.assert_allclose(found.removal[name], found.removal["wanted"])
@@ -115,7 +108,7 @@ def test_table_words_and_pictures():
     ]
     deviation = 1e-3 * np.sin(2 * np.pi * TIME)
     noise = np.random.default_rng(0).normal(0, 0.01, TIME.size)
-    found = rp.polishing.compare_force_control(ways, PATH, deviation, TIME, force_noise=noise)
+    found = compared(ways, deviation, force_noise=noise)
     errors = found.table["removal_error"].values
     assert errors[0] > 2 * errors[1] > 4 * errors[2]
     assert len(found.explain().splitlines()) == 4
@@ -126,7 +119,7 @@ def test_table_words_and_pictures():
         found.plot_removal("nobody")
 
 
-def test_deviations_are_those_of_the_surfaces():
+def test_deviations_are_those_of_the_surfaces_and_controls_suit_each_other():
     mould = rp.polishing.Mould.from_formula("0.02*x", x=(-0.02, 0.02), y=(-0.02, 0.02))
     x, _ = PATH.position(TIME)
     expected = 0.02 * (x - x[0])
@@ -136,13 +129,10 @@ def test_deviations_are_those_of_the_surfaces():
     small = rp.polishing.Mould.from_formula("0*x", x=(-0.01, 0.01), y=(-0.01, 0.01))
     with pytest.raises(rp.InvalidInputError, match="leaves one of the surfaces"):
         rp.polishing.height_deviation(small, None, PATH, TIME)
-
-
-def test_controls_have_to_suit_each_other():
     other = rp.polishing.PolishingAxis(polishing_force=5.0)
     passive = rp.polishing.passive_stiffness(AXIS)
     for ways in ([], [passive, passive], [passive, rp.polishing.admittance_control(other)]):
         with pytest.raises(rp.InvalidInputError, match="controls"):
-            rp.polishing.compare_force_control(ways, PATH, 0 * TIME, TIME)
+            compared(ways, 0 * TIME)
     with pytest.raises(rp.InvalidInputError, match="deviation"):
-        rp.polishing.compare_force_control([passive], PATH, [0.0, 1.0], TIME)
+        compared([passive], [0.0, 1.0])

@@ -4,12 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import cumulative_trapezoid, solve_ivp
+from scipy.integrate import cumulative_trapezoid
 
 from robustpolish.errors import InvalidInputError, RobustPolishWarning, SolverError
-from robustpolish.polishing import contact as disc_motion
 from robustpolish.polishing.brush import integrate
-from robustpolish.polishing.contact import euler_angles, rim_nodes
 from robustpolish.polishing.parameters import BrushParameters
 from robustpolish.polishing.simulate import simulate_brush
 from robustpolish.polishing.surfaces.surface import Surface
@@ -34,18 +32,10 @@ def test_both_simulators_share_names_and_units(simulator: str) -> None:
     assert signals.attrs["contact_stiffness"] == 1e6
 
 
-def test_the_third_angle_comes_with_the_three_angle_disc() -> None:
-    signals = simulate_brush(duration=0.005, disc="three-angle")
-    assert {"phi", "phi_rate", "omega_z"} <= set(signals.data_vars)
-
-
-def test_defaults_are_the_fitting_surface_and_the_published_one() -> None:
+def test_defaults_and_what_replaces_them() -> None:
     assert simulate_brush(duration=0.001).attrs["surface_across"] == Surface().across
     assert simulate_brush("listing", duration=0.001).attrs["surface_across"] == 5.0
     assert simulate_brush(duration=0.001).attrs["contact_stiffness"] == 1e4
-
-
-def test_run_replaces_the_stiffness_of_given_parameters() -> None:
     given = BrushParameters(contact_stiffness=3e5, friction=0.1)
     assert simulate_brush(duration=0.001, parameters=given).attrs["contact_stiffness"] == 3e5
     replaced = simulate_brush(duration=0.001, parameters=given, run=3)
@@ -53,56 +43,36 @@ def test_run_replaces_the_stiffness_of_given_parameters() -> None:
     assert replaced.attrs["friction"] == 0.1
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("simulator", "magic"),
-        ("run", 7),
-        ("duration", -1.0),
-        ("duration", 1e-9),
-        ("sample_rate", 0.0),
-        ("tolerance", float("nan")),
-        ("disc", "flat"),
-        ("start", "falling"),
-        ("max_passes", 1),
-        ("parameters", {"friction": 0.1}),
-        ("defects", ListingDefects()),
-        ("workaround", "divide"),
-    ],
-)
-def test_bad_arguments_are_named(name: str, value) -> None:
-    with pytest.raises(InvalidInputError, match=name):
-        simulate_brush(**{"duration": 0.001, name: value})
+PHYSICAL = {
+    "simulator": "magic", "run": 7, "duration": -1.0, "sample_rate": 0.0, "disc": "flat",
+    "tolerance": float("nan"), "start": "falling", "max_passes": 1, "workaround": "divide",
+    "parameters": {"friction": 0.1}, "defects": ListingDefects(),
+}  # fmt: skip
+LISTING = {
+    "disc": "two-angle", "start": "landing", "max_passes": 3, "workaround": "hope", "defects": True,
+}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("disc", "two-angle"),
-        ("start", "landing"),
-        ("max_passes", 3),
-        ("workaround", "hope"),
-        ("defects", True),
-    ],
-)
-def test_the_listing_refuses_what_it_does_not_have(name: str, value) -> None:
-    with pytest.raises(InvalidInputError, match=name):
-        simulate_brush("listing", **{"duration": 0.001, name: value})
+@pytest.mark.parametrize(("simulator", "given"), [("physical", PHYSICAL), ("listing", LISTING)])
+def test_bad_arguments_and_options_of_the_other_simulator_are_named(simulator, given) -> None:
+    for name, value in given.items():
+        arguments = {"simulator": simulator, "duration": 0.001, name: value}
+        with pytest.raises(InvalidInputError, match=name):
+            simulate_brush(**arguments)
+    with pytest.raises(InvalidInputError, match="duration"):
+        simulate_brush(simulator, duration=1e-9)
 
 
-def test_the_listing_needs_a_moving_tool() -> None:
+def test_the_listing_needs_a_moving_tool_and_any_number_of_samples_comes_back():
     resting = BrushParameters(feed=0.0, rotation_rate=0.0)
     with pytest.raises(InvalidInputError, match="at rest"):
         simulate_brush("listing", duration=0.001, parameters=resting)
     held = simulate_brush(duration=0.05, parameters=resting)
     assert float(abs(held.elevation).max()) == 0.0
     assert bool((held.tool_x == held.tool_x[0]).all())
-
-
-@pytest.mark.parametrize("samples", [1, 3, 7, 49, 1003])
-def test_any_number_of_samples_comes_back(samples: int) -> None:
-    for simulator, rate in (("physical", 20e3), ("listing", 1e5)):
-        assert simulate_brush(simulator, duration=samples / rate).sizes["time"] == samples + 1
+    for samples in (1, 3, 7, 49, 1003):
+        for simulator, rate in (("physical", 20e3), ("listing", 1e5)):
+            assert simulate_brush(simulator, duration=samples / rate).sizes["time"] == samples + 1
 
 
 # The physical simulator: mechanics, accuracy, dissipation, work.
@@ -126,13 +96,19 @@ def test_no_moment_no_motion() -> None:
         assert float(abs(signals.F_x).max()) < 1e-9
 
 
-def test_forces_balance_the_polishing_force(default_run) -> None:
+def test_forces_balance_and_angles_and_rates_belong_together(default_run):
     change = float(default_run.tool_z_rate[-1] - default_run.tool_z_rate[0])
     pressed = float(default_run.F_z.integrate("time") - default_run.F_p.integrate("time"))
     assert pressed == pytest.approx(0.2 * change, abs=1e-6)
     assert float(default_run.F_z.mean()) == pytest.approx(10.0, rel=1e-3)
+    settled = slice(400, -1)  # central differences are too coarse for the start
+    for name in ("theta", "psi", "tool_z"):
+        slope = default_run[name].differentiate("time").isel(time=settled)
+        rate = default_run[f"{name}_rate"].isel(time=settled)
+        assert float(abs(slope - rate).max()) < 1e-3 * float(abs(rate).max())
 
 
+@pytest.mark.slow
 def test_magnitudes_of_dissipative_contact() -> None:
     """With damping 50 s/m about 10 N at every stiffness, and not the thesis's thousands."""
     for run in (1, 2, 3, 4):
@@ -168,10 +144,12 @@ def test_energy_balance_without_drive(run: int) -> None:
     assert float(abs(balance).max()) < 2e-3 * scale
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("run", [1, 4])
-def test_converges_under_refinement(run: int) -> None:
+def test_passes_converge_and_report_their_accuracy(run: int) -> None:
     """Impulses and peaks settle as steps are halved and rim points doubled."""
-    samples = np.arange(4001) / 20e3
+    signals = simulate_brush(run=run, duration=0.2)
+    samples = signals.time.values
     passes = [integrate(BrushParameters.for_run(run), samples, level) for level in range(4)]
     impulse = [cumulative_trapezoid(p.forces, samples, axis=0) for p in passes]
     gaps = [float(np.max(np.abs(a - impulse[-1]))) for a in impulse[:-1]]
@@ -179,14 +157,9 @@ def test_converges_under_refinement(run: int) -> None:
     assert gaps[2] < 0.5 * gaps[0]
     peaks = [np.max(np.abs(p.forces), axis=0) for p in passes]
     np.testing.assert_allclose(peaks[2], peaks[3], rtol=0.02)
-
-
-def test_reported_accuracy_is_honest() -> None:
-    """The impulse error in the attributes is that against a far finer integration, or more."""
-    signals = simulate_brush(run=3, duration=0.2)
-    finest = integrate(BrushParameters.for_run(3), signals.time.values, 4)
+    # The impulse error in the attributes is that against a far finer integration, or more.
     got = np.stack([-signals.F_x, -signals.F_y, signals.F_z], axis=1)
-    total = cumulative_trapezoid(got - finest.forces, signals.time, axis=0)
+    total = cumulative_trapezoid(got - passes[-1].forces, samples, axis=0)
     window = np.abs(total[200:] - total[:-200]).max() / (10.0 * 0.01)
     assert signals.attrs["converged"] == 1
     assert window <= max(signals.attrs["impulse_error"], 1e-4)
@@ -204,49 +177,10 @@ def test_sampled_forces_keep_the_impulse_at_any_rate() -> None:
     assert float(fine.F_z.max()) > 1.05 * float(coarse.F_z.max())
 
 
-def test_free_disc_follows_the_euler_angle_equations() -> None:
-    """Far above the surface the motion is that of (6.54) to (6.58) without moments."""
-    brush = BrushParameters()
-    inertia, spin_inertia, spin = brush.tilt_inertia, brush.spin_inertia, 100.0
-
-    def euler(_, q):
-        theta, theta_rate, _, psi_rate, omega = q
-        sine, cosine, ratio = np.sin(theta), np.cos(theta), spin_inertia / inertia
-        return [
-            theta_rate,
-            psi_rate**2 * sine * cosine - ratio * psi_rate * sine * omega,
-            psi_rate,
-            (-2 * psi_rate * theta_rate * cosine + ratio * theta_rate * omega) / sine,
-            0.0,
-        ]
-
-    theta, theta_rate, psi_rate = 0.6, 3.0, 20.0
-    start = np.zeros(disc_motion.STATES)
-    start[disc_motion.HEIGHT] = 100.0
-    start[disc_motion.AXES] = [0.0, -np.sin(theta), np.cos(theta)]
-    across = np.cross(start[disc_motion.AXES], [1.0, 0.0, 0.0])
-    start[disc_motion.TURNINGS] = theta_rate * np.eye(3)[0] + psi_rate * np.sin(theta) * across
-    start[disc_motion.SPIN] = spin
-    motion = np.array([0.2, 10.0, inertia, spin_inertia, spin, 0.0, 0.003, 12.6, 0.001, 0.013])
-    contact = np.array([1e4, 50.0, 0.35, 0.01, 0.3, 80.0, 0.01, 0.005])
-    track, midway = np.empty((401, disc_motion.STATES)), np.empty((400, 3))
-    scale = np.ones(disc_motion.STATES)
-    disc_motion.advance(
-        start, 5e-4, 1e-4, 1e-10, scale, motion, contact, rim_nodes(64), track, midway
-    )
-    found = euler_angles(track[:, disc_motion.AXES], track[:, disc_motion.TURNINGS])
-    times = 5e-4 * np.arange(401)
-    expected = solve_ivp(
-        euler, (0.0, 0.2), [theta, theta_rate, 0.0, psi_rate, spin],
-        t_eval=times, rtol=1e-11, atol=1e-12, method="DOP853",
-    ).y  # fmt: skip
-    for values, reference in zip(found, expected[[0, 2, 1, 3]], strict=True):
-        np.testing.assert_allclose(values, reference, rtol=1e-6, atol=1e-7)
-
-
 def test_three_angle_disc_loses_spin_to_friction() -> None:
     two = simulate_brush(run=2, duration=0.3)
     three = simulate_brush(run=2, duration=0.3, disc="three-angle")
+    assert {"phi", "phi_rate", "omega_z"} <= set(three.data_vars)
     assert float(three.omega_z[0]) == pytest.approx(100 * np.pi)
     held = 100 * np.pi - three.omega_z[-1]
     friction_moment = 0.3536 * 10.0 * 0.010
@@ -256,15 +190,7 @@ def test_three_angle_disc_loses_spin_to_friction() -> None:
     np.testing.assert_allclose(three.F_y[2000:], two.F_y[2000:], atol=0.1)
 
 
-def test_angles_and_rates_belong_together(default_run) -> None:
-    settled = slice(400, -1)  # central differences are too coarse for the start
-    for name in ("theta", "psi", "tool_z"):
-        slope = default_run[name].differentiate("time").isel(time=settled)
-        rate = default_run[f"{name}_rate"].isel(time=settled)
-        assert float(abs(slope - rate).max()) < 1e-3 * float(abs(rate).max())
-
-
-def test_little_damping_rattles_and_the_run_says_so() -> None:
+def test_little_damping_rattles_and_a_disc_that_tips_over_is_an_error():
     """Contact damping decides: at 1 s/m and 1e10 N/m the passes cannot agree."""
     loose = BrushParameters(contact_damping=1.0)
     with pytest.warns(RobustPolishWarning, match="contact_damping"):
@@ -272,9 +198,6 @@ def test_little_damping_rattles_and_the_run_says_so() -> None:
     assert signals.attrs["converged"] == 0
     assert float(signals.F_z.max()) > 100.0
     assert bool((signals.contact_force >= 0.0).all())
-
-
-def test_a_disc_that_tips_over_is_an_error() -> None:
     sticky = BrushParameters(friction=3.0, spin=0.0, surface=Surface(0.1, 0.0), height=0.04)
     with pytest.raises(SolverError, match="tipped over"):
         simulate_brush(run=2, parameters=replace(sticky, feed=0.3, rotation_rate=0.0))

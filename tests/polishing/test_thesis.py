@@ -39,9 +39,6 @@ def test_the_table_says_that_the_loads_differ():
     comparison = thesis_comparison(4, ["second_scaled"], duration=0.02)
     assert "not the same load" in str(comparison)
     assert list(comparison.table["row"].to_numpy()) == ["without control", "second_scaled"]
-
-
-def test_bad_arguments_are_named():
     with pytest.raises(InvalidInputError, match="run: got 2"):
         thesis_comparison(2)
     with pytest.raises(InvalidInputError, match="controllers: got 'ours'"):
@@ -51,6 +48,7 @@ def test_bad_arguments_are_named():
 # The thesis's plant with displacements measured: every structure is certified and helps.
 
 
+@pytest.mark.slow
 def test_three_axes_have_the_norm_of_all_twelve_states():
     plant = rp.air_bearing(actuation="force", measured="displacement")
     # Up to its tolerance a design gives norm away for a smaller gain, so that is made small here.
@@ -65,6 +63,7 @@ def test_three_axes_have_the_norm_of_all_twelve_states():
     assert whole.certificate.achieved == pytest.approx(parts.certificate.achieved, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_displacement_actuation_cannot_hold_a_steady_force_along_the_spindle():
     """In doubles c_Z is nothing, so that the spring k_A alone carries a steady force."""
     plant = rp.air_bearing(actuation="displacement", measured="displacement")

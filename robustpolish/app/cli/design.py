@@ -11,29 +11,10 @@ import control
 import numpy as np
 
 import robustpolish
-from robustpolish.app.cli.options import (
-    READINGS,
-    brush_options,
-    choice,
-    claimed_places,
-    machine_options,
-    options,
-    place_options,
-    result_options,
-    save_picture,
-    stages,
-    to_json,
-)
+from robustpolish.app import documents
+from robustpolish.app.cli import options as cli
 from robustpolish.app.design_task import METHODS, machine_plant
-from robustpolish.app.documents import (
-    brush_design_report,
-    brush_design_summary,
-    brush_design_text,
-    machine_design_report,
-    save_brush_design,
-    save_machine_design,
-)
-from robustpolish.app.html import render_html
+from robustpolish.app.html import Report, render_html
 from robustpolish.app.machine_design import design_machine, read_design_task
 from robustpolish.base.budget import progress_bar
 from robustpolish.base.checks import described, invalid, positive
@@ -51,8 +32,6 @@ from robustpolish.synthesis.design import Design
 
 # A command that hands over to another one where a machine is named.
 
-_NAMES = ("--model", "--plant")
-
 
 def command_with_any_machine(other: click.Command) -> type[click.Command]:
     """Return the class of a command of the polishing robot with a sibling for any machine.
@@ -68,25 +47,26 @@ def command_with_any_machine(other: click.Command) -> type[click.Command]:
         To be passed to ``click.command(cls=...)``.
     """
 
+    def names(command: click.Command) -> set[str]:
+        return {name for known in command.params for name in known.opts}
+
     class Either(click.Command):
         def make_context(
-            self,
-            info_name: str | None,
-            args: list[str],
-            parent: click.Context | None = None,
-            **extra: Any,
+            self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any
         ) -> click.Context:
-            named = any(arg.partition("=")[0] in _NAMES for arg in args)
+            named = any(arg.partition("=")[0] in ("--model", "--plant") for arg in args)
             try:
                 if named:
                     return other.make_context(info_name, args, parent, **extra)
                 return super().make_context(info_name, args, parent, **extra)
             except click.NoSuchOption as error:
-                if not named and error.option_name in _options(other):
-                    raise _explained(error, "It needs --model or --plant.") from None
-                if named and error.option_name in _options(self):
-                    raise _explained(error, "It is one of the polishing robot.") from None
-                raise
+                if error.option_name not in names(self if named else other):
+                    raise
+                why = (
+                    "It is one of the polishing robot." if named else "It needs --model or --plant."
+                )
+                message = f"{error.message} {why}"
+                raise click.NoSuchOption(error.option_name, message, ctx=error.ctx) from None
 
         def invoke(self, ctx: click.Context) -> Any:
             return other.invoke(ctx) if ctx.command is other else super().invoke(ctx)
@@ -100,25 +80,17 @@ def command_with_any_machine(other: click.Command) -> type[click.Command]:
     return Either
 
 
-def _options(command: click.Command) -> set[str]:
-    return {name for option in command.params for name in option.opts}
-
-
-def _explained(error: click.NoSuchOption, why: str) -> click.NoSuchOption:
-    return click.NoSuchOption(error.option_name, f"{error.message} {why}", ctx=error.ctx)
-
-
 # The options that name a machine and its signals.
 
-given_machine_options = options(
-    click.option("--model", type=click.Path(), help="Mechanical model, a TOML file."),
-    click.option("--plant", type=click.Path(), help="Or a plant that was saved (.json)."),
+given_machine_options = cli.options(
+    cli.option("--model", "Mechanical model, a TOML file.", click.Path()),
+    cli.option("--plant", "Or a plant that was saved (.json).", click.Path()),
 )
 """Which machine: --model or --plant."""
 
-channel_options = options(
-    click.option("--performance", multiple=True, metavar="NAME", help="What is kept small."),
-    click.option("--disturbance", multiple=True, metavar="NAME", help="What disturbs."),
+channel_options = cli.options(
+    cli.repeatable("--performance", "NAME", "What is kept small."),
+    cli.repeatable("--disturbance", "NAME", "What disturbs."),
 )
 """From where to where: --disturbance and --performance, each repeatable."""
 
@@ -135,96 +107,77 @@ def named_machine(model: str | None, plant: str | None) -> MechanicalModel | Gen
 
 DEFAULT_OUT = "robustpolish-results"
 
-_controller_options = options(
-    click.option("--control", multiple=True, metavar="NAME", help="What acts; repeatable."),
-    click.option("--measure", multiple=True, metavar="NAME", help="What is measured; repeatable."),
+_PRICE = "Price of a unit of control in units of what is kept small."
+_NOISE = "Noise on measurements in their units, per unit of a disturbance."
+_controller_options = cli.options(
+    cli.repeatable("--control", "NAME", "What acts; repeatable."),
+    cli.repeatable("--measure", "NAME", "What is measured; repeatable."),
     channel_options,
     click.option("--full-state", is_flag=True, default=None, help="Measure all states."),
-    click.option("--norm", type=click.Choice(("hinf", "h2")), help="Minimised; hinf by default."),
-    click.option("--method", type=click.Choice(METHODS), help="auto by default."),
-    click.option("--order", type=int, help="States of the controller; as many as it takes."),
-    click.option(
-        "--control-weight",
-        multiple=True,
-        metavar="[NAME=]SIZE",
-        help="Price of a unit of control in units of what is kept small.",
-    ),
-    click.option(
-        "--noise",
-        multiple=True,
-        metavar="[NAME=]SIZE",
-        help="Noise on measurements in their units, per unit of a disturbance.",
-    ),
-    click.option("--sample-rate", type=float, help="Sample the controller so often, in Hz."),
-    click.option("--delay", type=float, help="Seconds from a sample until its control acts."),
-    click.option("--anti-aliasing", type=float, help="Corner of a Butterworth filter, in Hz."),
+    cli.option("--norm", "Minimised; hinf by default.", click.Choice(("hinf", "h2"))),
+    cli.option("--method", "auto by default.", click.Choice(METHODS)),
+    cli.option("--order", "States of the controller; as many as it takes.", int),
+    cli.repeatable("--control-weight", "[NAME=]SIZE", _PRICE),
+    cli.repeatable("--noise", "[NAME=]SIZE", _NOISE),
+    cli.option("--sample-rate", "Sample the controller so often, in Hz.", float),
+    cli.option("--delay", "Seconds from a sample until its control acts.", float),
+    cli.option("--anti-aliasing", "Corner of a Butterworth filter, in Hz.", float),
 )
+_TASK = {
+    "control": "controls", "measure": "measurements", "disturbance": "disturbances",
+    "noise": "measurement_noise", "sample_rate": "sample_rate_hz", "delay": "computation_delay",
+    "anti_aliasing": "anti_aliasing_hz",
+}  # fmt: skip
+"""Parameters of a task that options call by another name."""
+
+
+_SECTIONS = "TOML file with the sections [design] and [weights], instead of those of the model."
+
+
+def _write_report(page: Path, report: Report) -> None:
+    page.write_text(render_html(report, robustpolish.__version__), encoding="utf-8")
 
 
 @click.command("design")
 @given_machine_options
-@click.option(
-    "--weights",
-    type=click.Path(),
-    help="TOML file with the sections [design] and [weights], instead of those of the model.",
-)
+@cli.option("--weights", _SECTIONS, click.Path())
 @_controller_options
-@place_options("Folder for design, plant, table and figure.")
-@result_options
+@cli.place_options("Folder for design, plant, table and figure.")
+@cli.result_options
 def machine_design(
-    model: str | None,
-    plant: str | None,
-    weights: str | None,
-    out: str | None,
-    report: str | None,
-    force: bool,
-    **given: Any,
-) -> tuple[Any, ...]:
+    model: str | None, plant: str | None, weights: str | None, out: str | None,
+    report: str | None, force: bool, **given: Any,
+) -> tuple[Any, ...]:  # fmt: skip
     """Design a controller for a machine, certify it and tell what its loop is like.
 
     The machine is a mechanical model (TOML), effects linearised about the state of rest, or a
     plant (JSON). What its sections [design] and [weights] say counts unless an option says
     otherwise. `robustpolish margins` and `export` read the design.json of the folder.
     """
-    if report == "" and out is None:
-        out = DEFAULT_OUT
+    out = out or (DEFAULT_OUT if report == "" else None)
     machine = named_machine(model, plant)
     source = Path(model) if model is not None and weights is None else machine
     section = None if weights is None else Path(weights)
-    task = read_design_task(source, section, **_changes(given))
-    with claimed_places(out, report, force) as (folder, page):
+    for name, option_name in (("control_weight", "--control-weight"), ("noise", "--noise")):
+        given[name] = _sizes(option_name, given[name])
+    changes = {_TASK.get(name, name): value for name, value in given.items()}
+    changes = {name: value for name, value in changes.items() if value not in (None, ())}
+    task = read_design_task(source, section, **changes)
+    with cli.claimed_places(out, report, force) as (folder, page):
         for note in task.notes:
             click.echo(f"... {note}", err=True)
-        with stages("Designing") as tell:
+        with cli.stages("Designing") as tell:
             found = design_machine(task)
             content = found.to_dict()
-            to_json(content)  # nothing is written if anything fails
+            cli.to_json(content)  # nothing is written if anything fails
             if page is not None:
                 tell("writing the report")
-                html = render_html(machine_design_report(found), robustpolish.__version__)
-                page.write_text(html, encoding="utf-8")
+                _write_report(page, documents.machine_design_report(found))
             if folder is not None:
-                save_machine_design(found, folder)
+                documents.save_machine_design(found, folder)
     words = [click.wrap_text(text, 88) for text in (*found.notes, found.analysis.explain())]
     lines = repr(found).splitlines()[: -len(words)]
     return content, "\n".join([*lines, "", *words]), out, report
-
-
-def _changes(given: dict[str, Any]) -> dict[str, Any]:
-    """Return what was said on the command line, by the names of a task."""
-    names = {
-        "controls": given["control"],
-        "measurements": given["measure"],
-        "performance": given["performance"],
-        "disturbances": given["disturbance"],
-        "control_weight": _sizes("--control-weight", given["control_weight"]),
-        "measurement_noise": _sizes("--noise", given["noise"]),
-        "sample_rate_hz": given["sample_rate"],
-        "computation_delay": given["delay"],
-        "anti_aliasing_hz": given["anti_aliasing"],
-        **{name: given[name] for name in ("full_state", "norm", "method", "order")},
-    }
-    return {name: value for name, value in names.items() if value not in (None, ())}
 
 
 def _sizes(option: str, items: tuple[str, ...]) -> float | dict[str, float] | None:
@@ -247,7 +200,7 @@ def _sizes(option: str, items: tuple[str, ...]) -> float | dict[str, float] | No
 
 @click.command("modes")
 @given_machine_options
-@result_options
+@cli.result_options
 def machine_modes(model: str | None, plant: str | None, force: bool) -> tuple[Any, ...]:
     """Show natural frequencies, damping ratios and the state that carries each mode.
 
@@ -270,13 +223,9 @@ def shown_modes(system: control.StateSpace) -> tuple[dict[str, Any], str]:
 @click.command("norms")
 @given_machine_options
 @channel_options
-@result_options
+@cli.result_options
 def machine_norms(
-    model: str | None,
-    plant: str | None,
-    performance: tuple[str, ...],
-    disturbance: tuple[str, ...],
-    force: bool,
+    model: str | None, plant: str | None, performance: Any, disturbance: Any, force: bool
 ) -> tuple[Any, ...]:
     """Show the H-infinity and H2 norms from disturbances to performance outputs, uncontrolled.
 
@@ -286,29 +235,21 @@ def machine_norms(
     machine = named_machine(model, plant)
     pushed = machine.free if isinstance(machine, MechanicalModel) else ()
     given = machine_plant(machine, pushed, (), performance, disturbance)
-    units = {
-        ratio_unit(given.units.get(z, ""), given.units.get(w, ""))
-        for z in given.performance_names
-        for w in given.disturbance_names
-    }
+    w, z = given.disturbance_names, given.performance_names
+    pairs = {(given.units.get(end, ""), given.units.get(start, "")) for end in z for start in w}
+    units = {ratio_unit(*pair) for pair in pairs}
     content, text = shown_norms(given.open_loop, units.pop() if len(units) == 1 else "")
-    names = f"from {', '.join(given.disturbance_names)} to {', '.join(given.performance_names)}"
-    content |= {"disturbances": given.disturbance_names, "performance": given.performance_names}
-    return content, f"{names}\n{text}"
+    content |= {"disturbances": w, "performance": z}
+    return content, f"from {', '.join(w)} to {', '.join(z)}\n{text}"
 
 
 def shown_norms(system: control.StateSpace, unit: str) -> tuple[dict[str, Any], str]:
     """Return both norms of a system as plain values and as text."""
     hinf, h2 = hinf_norm(system), h2_norm(system)
     peak_hz = hinf.frequency / (2 * np.pi)
+    bounds = {name: getattr(hinf, name) for name in ("value", "lower", "upper")}
     content = {
-        "hinf": {
-            "value": hinf.value,
-            "lower": hinf.lower,
-            "upper": hinf.upper,
-            "frequency_hz": peak_hz,
-            "reason": hinf.reason,
-        },
+        "hinf": {**bounds, "frequency_hz": peak_hz, "reason": hinf.reason},
         "h2": {"value": h2.value, "reason": h2.reason},
         "unit": {"hinf": unit, "h2": f"{unit} s^-0.5" if unit else ""},
     }
@@ -325,111 +266,73 @@ def shown_norms(system: control.StateSpace, unit: str) -> tuple[dict[str, Any], 
 # `robustpolish design`, the main job.
 
 
+_IDEAL = (
+    "The thesis's state feedback of twelve states and six ideal forces, instead of what can be "
+    "built; so do the options of it below."
+)
+_ACTUATION = "Of the ideal, where the control enters: forces (10.41), the default, or (10.40)."
+_WEIGHT = (
+    "Of the ideal: price of a unit of control in metres; 1e-7 for forces and 1e-8 for velocities, "
+    "unless a gain bound is given."
+)
+_BOUND = "Of the ideal: largest singular value that the gain may have."
+
+
 @click.command(cls=command_with_any_machine(machine_design))
-@brush_options
-@click.option(
-    "--ideal",
-    is_flag=True,
-    help="The thesis's state feedback of twelve states and six ideal forces, instead of what can "
-    "be built; so do the options of it below.",
-)
-@click.option(
-    "--actuation",
-    type=click.Choice(("force", "displacement")),
-    help="Of the ideal, where the control enters: forces (10.41), the default, or (10.40).",
-)
-@click.option("--norm", type=click.Choice(("hinf", "h2")), help="Of the ideal; hinf by default.")
-@click.option("--method", type=click.Choice(("lmi", "riccati")), help="Of the ideal.")
-@click.option("--backend", type=click.Choice(("cvxpy", "picos")), help="Of the ideal.")
-@click.option(
-    "--control-weight",
-    type=float,
-    help="Of the ideal: price of a unit of control in metres; 1e-7 for forces and 1e-8 for "
-    "velocities, unless a gain bound is given.",
-)
-@click.option(
-    "--gain-bound", type=float, help="Of the ideal: largest singular value that the gain may have."
-)
-@machine_options
-@place_options("Folder for table, figure, code and signals.")
-@result_options
+@cli.brush_options
+@cli.option("--ideal", _IDEAL, is_flag=True)
+@cli.option("--actuation", _ACTUATION, click.Choice(("force", "displacement")))
+@cli.option("--norm", "Of the ideal; hinf by default.", click.Choice(("hinf", "h2")))
+@cli.option("--method", "Of the ideal.", click.Choice(("lmi", "riccati")))
+@cli.option("--backend", "Of the ideal.", click.Choice(("cvxpy", "picos")))
+@cli.option("--control-weight", _WEIGHT, float)
+@cli.option("--gain-bound", _BOUND, float)
+@cli.machine_options
+@cli.place_options("Folder for table, figure, code and signals.")
+@cli.result_options
 def design(
-    ideal: bool,
-    reading: str,
-    dissipation: float,
-    out: str | None,
-    report: str | None,
-    force: bool,
-    **options: Any,
-) -> tuple[Any, ...]:
+    ideal: bool, reading: str, dissipation: float, out: str | None, report: str | None,
+    force: bool, **given: Any,
+) -> tuple[Any, ...]:  # fmt: skip
     """Design a controller for the polishing robot, certify it and try it on the brush.
 
     By default one that can be built: two gap sensors, two actuators, a computer at 20 kHz. The
     same forces drive the machine with and without control; the table shows the largest deviations.
     """
-    if report == "" and out is None:
-        out = DEFAULT_OUT
-    with claimed_places(out, report, force) as (folder, page), stages("Designing") as tell:
-        job = design_against_brush(
-            realisation="ideal" if ideal else None,
-            parameters=READINGS[reading](),
-            dissipation=dissipation,
-            tell=tell,
-            **options,
-        )
-        summary = brush_design_summary(job)
+    out = out or (DEFAULT_OUT if report == "" else None)
+    with cli.claimed_places(out, report, force) as (folder, page), cli.stages("Designing") as tell:
+        machine = {"parameters": cli.READINGS[reading](), "dissipation": dissipation}
+        kind = "ideal" if ideal else None
+        job = design_against_brush(realisation=kind, tell=tell, **machine, **given)
+        summary = documents.brush_design_summary(job)
         if page is not None:
             tell("Writing the report ...")
-            html = render_html(brush_design_report(job), robustpolish.__version__)
-            page.write_text(html, encoding="utf-8")
+            _write_report(page, documents.brush_design_report(job))
         if folder is not None:
-            save_brush_design(job, folder)
-            (folder / "design.json").write_text(to_json(summary) + "\n", encoding="utf-8")
-    return summary, brush_design_text(job), out, report
+            documents.save_brush_design(job, folder)
+            (folder / "design.json").write_text(cli.to_json(summary) + "\n", encoding="utf-8")
+    return summary, documents.brush_design_text(job), out, report
 
 
 # `robustpolish margins`.
 
-_KINDS = ("nyquist", "bode", "nichols", "sigma", "step")
+
+_RATE, _DELAY = LoopRequirements.sample_rate_hz, LoopRequirements.delay_s
 
 
 @click.command()
-@click.option(
-    "--design",
-    "design_file",
-    required=True,
-    type=click.Path(dir_okay=False),
-    help="A design that was saved (JSON).",
-)
-@click.option("--plant", type=click.Path(dir_okay=False), help="Try it on this plant (JSON).")
-@click.option("--model", type=click.Path(dir_okay=False), help="Or on this machine (TOML).")
-@click.option(
-    "--sample-rate",
-    type=float,
-    default=LoopRequirements.sample_rate_hz,
-    show_default=True,
-    help="Sampling in Hz that can be bought.",
-)
-@click.option(
-    "--delay",
-    type=float,
-    default=LoopRequirements.delay_s,
-    show_default=True,
-    help="Seconds that measurement and drive take besides sampling.",
-)
-@choice("--kind", _KINDS, "What --plot shows.")
-@click.option("--plot", type=click.Path(dir_okay=False), help="Save a picture (.png, .svg, .pdf).")
-@result_options
+@cli.option("--design design_file", "A design that was saved (JSON).", cli.FILE, required=True)
+@cli.option("--plant", "Try it on this plant (JSON).", cli.FILE)
+@cli.option("--model", "Or on this machine (TOML).", cli.FILE)
+@cli.option("--sample-rate", "Sampling in Hz that can be bought.", float, _RATE)
+@cli.option("--delay", "Seconds that measurement and drive take besides sampling.", float, _DELAY)
+@cli.choice("--kind", ("nyquist", "bode", "nichols", "sigma", "step"), "What --plot shows.")
+@cli.option("--plot", "Save a picture (.png, .svg, .pdf).", cli.FILE)
+@cli.result_options
 def margins(
-    design_file: str,
-    plant: str | None,
-    model: str | None,
-    sample_rate: float,
-    delay: float,
-    kind: Any,
-    plot: str | None,
-    force: bool,
-) -> tuple[Any, ...]:
+    design_file: str, plant: str | None, model: str | None, sample_rate: float, delay: float,
+    kind: Any, plot: str | None, force: bool,
+) -> tuple[Any, ...]:  # fmt: skip
     """Show margins, bandwidths, noise, effort and sampling of a design, and what limits it.
 
     The controller is that of the design; the plant too, unless another one is given. The exit code
@@ -443,16 +346,13 @@ def margins(
     machine = _machine(design, plant, model)
     with progress_bar("Analysing the loop"):
         analysis = loop_analysis(machine, design.controller, requirements=asked)
-    content = {
-        **analysis.to_dict(),
-        "buildable": analysis.buildable,
-        "problems": list(analysis.problems),
-        "words": analysis.explain(),
-    }
-    to_json(content)  # nothing is written if anything fails
-    save_picture(plot, force, lambda: analysis.plot(kind=kind).figure)
+    words = analysis.explain()
+    content = {**analysis.to_dict(), "buildable": analysis.buildable}
+    content |= {"problems": list(analysis.problems), "words": words}
+    cli.to_json(content)  # nothing is written if anything fails
+    cli.save_picture(plot, force, lambda: analysis.plot(kind=kind).figure)
     lines = str(analysis).splitlines()
-    return content, "\n".join([*lines[:-1], "", click.wrap_text(analysis.explain(), 88)])
+    return content, "\n".join([*lines[:-1], "", click.wrap_text(words, 88)])
 
 
 def _machine(design: Design, plant: str | None, model: str | None) -> GeneralizedPlant:
@@ -461,7 +361,13 @@ def _machine(design: Design, plant: str | None, model: str | None) -> Generalize
     if plant is not None:
         given = GeneralizedPlant.load(plant)
     elif model is not None:
-        given = _as_wired(Path(model), wanted)
+        # With its actuators, sensors and delays.
+        machine = MechanicalModel.from_toml(Path(model))
+        known = {*machine.output_names, *machine.free, *(f"d{name}" for name in machine.free)}
+        names = [name.removeprefix("measured_") for name in wanted.measurement_names]
+        own = {"controls": wanted.control_names, "weights": {}, "full_state": False}
+        heard = names if known.issuperset(names) else ()
+        given = read_design_task(Path(model), measurements=heard, **own).plant
     else:
         return wanted
     found = [given] if given.delays else [given, given.with_full_state()]
@@ -471,41 +377,26 @@ def _machine(design: Design, plant: str | None, model: str | None) -> Generalize
     return next((candidate for candidate in found if candidate.ny == wanted.ny), given)
 
 
-def _as_wired(model: Path, wanted: GeneralizedPlant) -> GeneralizedPlant:
-    """Return a machine with its actuators, sensors and delays, measured as a design wants it."""
-    machine = MechanicalModel.from_toml(model)
-    known = {*machine.output_names, *machine.free, *(f"d{name}" for name in machine.free)}
-    names = [name.removeprefix("measured_") for name in wanted.measurement_names]
-    task = read_design_task(
-        model,
-        controls=wanted.control_names,
-        measurements=names if known.issuperset(names) else (),
-        weights={},
-        full_state=False,
-    )
-    return task.plant
-
-
 # `robustpolish modes`.
 
 
 @click.command(cls=command_with_any_machine(machine_modes))
-@machine_options
-@result_options
+@cli.machine_options
+@cli.result_options
 def modes(reading: str, dissipation: float, force: bool) -> tuple[Any, ...]:
     """Show natural frequencies, damping ratios and the state that carries each mode."""
-    return shown_modes(air_bearing(READINGS[reading](), dissipation).open_loop)
+    return shown_modes(air_bearing(cli.READINGS[reading](), dissipation).open_loop)
 
 
 # `robustpolish norms`.
 
 
 @click.command(cls=command_with_any_machine(machine_norms))
-@machine_options
-@result_options
+@cli.machine_options
+@cli.result_options
 def norms(reading: str, dissipation: float, force: bool) -> tuple[Any, ...]:
     """Show the H-infinity and H2 norms from the brush forces to the six displacements.
 
     Nothing is controlled; the norms are what a controller has to reduce.
     """
-    return shown_norms(air_bearing(READINGS[reading](), dissipation).open_loop, "m/N")
+    return shown_norms(air_bearing(cli.READINGS[reading](), dissipation).open_loop, "m/N")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from functools import partial
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import click
 
-from robustpolish.app.cli.options import choice, result_options
+from robustpolish.app.cli.options import choice, option, repeatable, result_options
 from robustpolish.base.atomic_writes import check_new_file
 from robustpolish.base.budget import progress_bar
 from robustpolish.base.checks import invalid
@@ -17,65 +17,33 @@ from robustpolish.implementation.export.files import target
 from robustpolish.implementation.realization import FORMS
 from robustpolish.synthesis.design import Design
 
-_KINDS = ("c", "mat", "json", "fmu")
+_KINDS = click.Choice(("c", "mat", "json", "fmu"))
+_OUT = "Existing folder for the files; here by default."
+_FOLDER = click.Path(file_okay=False, exists=True)
 
 
 @click.command()
-@click.option("--design", "file", required=True, type=click.Path(), help="A saved design (.json).")
-@click.option("--period", required=True, type=float, help="Seconds between samples.")
-@click.option(
-    "--delay", default=0.0, show_default=True, help="Seconds from a sample until it acts."
-)
+@option("--design file", "A saved design (.json).", click.Path(), required=True)
+@option("--period", "Seconds between samples.", float, required=True)
+@option("--delay", "Seconds from a sample until it acts.", default=0.0)
 @choice("--method", METHODS, "How the controller is imitated at the samples.")
-@click.option("--prewarp-hz", type=float, help="Where tustin is exact.")
-@click.option("--anti-aliasing", type=float, help="Corner of a Butterworth filter, in Hz.")
-@click.option("--order", type=int, help="Reduce the controller to so many states first.")
-@click.option("--tolerance", type=float, help="Or: to as few as cost this part of the norm, 0.05.")
-@click.option("--form", type=click.Choice(FORMS), help="Coordinates in which it is computed.")
-@click.option(
-    "--limit",
-    "limits",
-    multiple=True,
-    metavar="NAME=SIZE",
-    help="Limit of a control, or NAME=LOW:HIGH; once for each.",
-)
+@option("--prewarp-hz", "Where tustin is exact.", float)
+@option("--anti-aliasing", "Corner of a Butterworth filter, in Hz.", float)
+@option("--order", "Reduce the controller to so many states first.", int)
+@option("--tolerance", "Or: to as few as cost this part of the norm, 0.05.", float)
+@option("--form", "Coordinates in which it is computed.", click.Choice(FORMS))
+@repeatable("--limit limits", "NAME=SIZE", "Limit of a control, or NAME=LOW:HIGH; once for each.")
 @choice("--precision", ("double", "float"), "Of the C file.")
-@click.option("--name", default="controller", show_default=True, help="Of files and functions.")
-@click.option(
-    "--to",
-    "kinds",
-    multiple=True,
-    type=click.Choice(_KINDS),
-    default=("c",),
-    show_default=True,
-    help="What to write; once for each.",
-)
+@option("--name", "Of files and functions.", default="controller")
+@option("--to kinds", "What to write; once for each.", _KINDS, ("c",), multiple=True)
 @click.option("--test-vectors", default=0, help="Random samples to write beside the C file.")
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, exists=True),
-    default=".",
-    help="Existing folder for the files; here by default.",
-)
+@click.option("--out", type=_FOLDER, default=".", help=_OUT)
 @result_options
 def export(
-    file: str,
-    period: float,
-    delay: float,
-    method: str,
-    prewarp_hz: float | None,
-    anti_aliasing: float | None,
-    order: int | None,
-    tolerance: float | None,
-    form: str | None,
-    limits: tuple[str, ...],
-    precision: str,
-    name: str,
-    kinds: tuple[str, ...],
-    test_vectors: int,
-    out: str,
-    force: bool,
-) -> tuple[Any, ...]:
+    file: str, order: int | None, tolerance: float | None, form: str | None,
+    limits: tuple[str, ...], precision: str, name: str, kinds: tuple[str, ...], test_vectors: int,
+    out: str, force: bool, period: float, delay: float, method: str, **sampling: Any,
+) -> tuple[Any, ...]:  # fmt: skip
     """Turn a saved design into code: sampled, certified, and written for other programs.
 
     The loop is certified with sampler, hold, delay and filter before anything is written. The exit
@@ -85,28 +53,20 @@ def export(
         check_new_file(target(out, name, f".{kind}"), force)
     if test_vectors and "c" in kinds:
         check_new_file(Path(out) / f"{name}_vectors.csv", force)
-    design = Design.load(Path(file))
-    said = []
+    design, said = Design.load(Path(file)), []
     if order is not None or tolerance is not None:
         with progress_bar("Reducing the controller"):
             design = design.reduce(order=order, tolerance=tolerance)
         said.append(design.message)
     with progress_bar("Certifying the sampled loop"):
-        sampled = design.discretize(
-            period, delay, method, prewarp_hz=prewarp_hz, anti_aliasing=anti_aliasing
-        )
+        sampled = design.discretize(period, delay, method, **sampling)
     if form is not None:
         sampled = sampled.realization(form)
-    bounds = dict(_limit(text) for text in limits) or None
-    writers = {
-        "c": partial(sampled.export_c, precision=precision, test_vectors=test_vectors),
-        "mat": sampled.export_mat,
-        "json": sampled.export_json,
-        "fmu": sampled.export_fmu,
-    }
-    written = [
-        str(writers[kind](out, name, limits=bounds, force=force)) for kind in dict.fromkeys(kinds)
-    ]
+    how: dict[str, Any] = {"limits": dict(map(_limit, limits)) or None, "force": force}
+    written = []
+    for kind in dict.fromkeys(kinds):
+        own = {"precision": precision, "test_vectors": test_vectors} if kind == "c" else {}
+        written.append(str(getattr(sampled, f"export_{kind}")(out, name, **how, **own)))
     c = sampled.certificate
     content = {
         "files": written,
@@ -124,10 +84,8 @@ def export(
 def _limit(text: str) -> tuple[str, tuple[float, float]]:
     """Read NAME=SIZE or NAME=LOW:HIGH."""
     name, _, value = text.rpartition("=")
-    try:
+    with suppress(ValueError):
         numbers = [float(part) for part in value.split(":")]
-    except ValueError:
-        numbers = []
-    if not name or len(numbers) not in (1, 2):
-        raise invalid("limit", text, "NAME=SIZE or NAME=LOW:HIGH", "Such as F=10 or F=-1:2.")
-    return name, (-numbers[0], numbers[0]) if len(numbers) == 1 else (numbers[0], numbers[1])
+        if name and len(numbers) in (1, 2):
+            return name, (-numbers[0], numbers[0]) if len(numbers) == 1 else (*numbers,)
+    raise invalid("limit", text, "NAME=SIZE or NAME=LOW:HIGH", "Such as F=10 or F=-1:2.")

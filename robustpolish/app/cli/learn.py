@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -11,21 +11,7 @@ import click
 import xarray as xr
 
 import robustpolish
-from robustpolish.app.cli.options import (
-    Reading,
-    data_argument,
-    load_data,
-    load_records,
-    load_response,
-    measurement_options,
-    options,
-    pairs,
-    replaceable,
-    result_options,
-    save_picture,
-    stages,
-    to_json,
-)
+from robustpolish.app.cli import options as cli
 from robustpolish.app.documents import diagnosis_report
 from robustpolish.app.html import render_html
 from robustpolish.base.atomic_writes import new_file
@@ -46,25 +32,22 @@ from robustpolish.signals.frequency_response import holds_frequency_response
 # `robustpolish compare`.
 
 
+_model = cli.option("--model", "Mechanical model, a TOML file.", click.Path(), required=True)
+
+
 @click.command()
-@data_argument
-@click.option("--model", required=True, type=click.Path(), help="Mechanical model, a TOML file.")
-@click.option("--window", type=float, help="Start anew after so many SECONDS: short free runs.")
-@click.option("--horizon", type=float, help="Predict so many SECONDS ahead from the outputs.")
-@measurement_options
-@click.option("--residuals", is_flag=True, help="Show where the error is.")
-@click.option("--plot", type=click.Path(dir_okay=False), help="Save the pictures (.png, .svg).")
-@result_options
+@cli.data_argument
+@_model
+@cli.option("--window", "Start anew after so many SECONDS: short free runs.", float)
+@cli.option("--horizon", "Predict so many SECONDS ahead from the outputs.", float)
+@cli.measurement_options
+@cli.option("--residuals", "Show where the error is.", is_flag=True)
+@cli.option("--plot", "Save the pictures (.png, .svg).", cli.FILE)
+@cli.result_options
 def compare(
-    data: tuple[str, ...],
-    model: str,
-    window: float | None,
-    horizon: float | None,
-    reading: Reading,
-    residuals: bool,
-    plot: str | None,
-    force: bool,
-) -> tuple[Any, ...]:
+    data: tuple[str, ...], model: str, window: float | None, horizon: float | None,
+    reading: cli.Reading, residuals: bool, plot: str | None, force: bool,
+) -> tuple[Any, ...]:  # fmt: skip
     """Simulate a model on measured inputs and compare it with the measured outputs.
 
     DATA is a measurement (CSV, MAT, HDF5, NPZ, WAV; TDMS and UFF with the extra [io]) with the
@@ -76,10 +59,10 @@ def compare(
     loaded = MechanicalModel.from_toml(Path(model))
     if any(holds_frequency_response(path) for path in data):
         given = {"--window": window, "--horizon": horizon, "--residuals": residuals or None}
-        result = compare_model(loaded, load_response(data, reading, given))
+        result = compare_model(loaded, cli.load_response(data, reading, given))
         content, lines = result.to_dict(), [repr(result)]
     else:
-        records = load_records(data, loaded, reading)
+        records = cli.load_records(data, loaded, reading)
         result = compare_model(loaded, records, window=window, horizon=horizon)
         content = result.to_dict()
         lines = [repr(result), *(f"  {note}" for note in result.data.attrs["notes"])]
@@ -87,8 +70,8 @@ def compare(
             analysis = residual_analysis(result)
             content["residuals"] = analysis.to_dict()
             lines.append(analysis.explain())
-    to_json(content)  # nothing is written if anything fails
-    save_picture(plot, force, result.plot_panels)
+    cli.to_json(content)  # nothing is written if anything fails
+    cli.save_picture(plot, force, result.plot_panels)
     return content, "\n".join(lines)
 
 
@@ -99,24 +82,16 @@ _PAIRS = 2
 
 
 @click.command()
-@data_argument
-@click.option("--model", required=True, type=click.Path(), help="Mechanical model, a TOML file.")
-@click.option(
-    "--save",
-    type=click.Path(dir_okay=False),
-    help="Save the extended model (.toml), or the whole diagnosis (.json).",
-)
-@click.option("--report", type=click.Path(dir_okay=False), help="Save a report (.html).")
-@measurement_options
-@result_options
+@cli.data_argument
+@_model
+@cli.option("--save", "Save the extended model (.toml), or the whole diagnosis (.json).", cli.FILE)
+@cli.option("--report", "Save a report (.html).", cli.FILE)
+@cli.measurement_options
+@cli.result_options
 def diagnose(
-    data: tuple[str, ...],
-    model: str,
-    save: str | None,
-    report: str | None,
-    reading: Reading,
+    data: tuple[str, ...], model: str, save: str | None, report: str | None, reading: cli.Reading,
     force: bool,
-) -> tuple[Any, ...]:
+) -> tuple[Any, ...]:  # fmt: skip
     """Learn which physical effect a model lacks, and add it.
 
     DATA is a measurement (CSV, MAT, HDF5, NPZ, WAV; TDMS and UFF with the extra [io]) with the
@@ -127,20 +102,18 @@ def diagnose(
     loaded = MechanicalModel.from_toml(Path(model))
     for path in data:
         require_time_data(path)
-    records = load_records(data, loaded, reading)
+    records = cli.load_records(data, loaded, reading)
     with ExitStack() as places:
         # The places are claimed first: nothing is computed that could not be saved.
-        drafts = {
-            path: places.enter_context(
-                new_file(path, force or replaceable(path, *data, model), suffixes)
-            )
-            for path, suffixes in ((save, (".toml", ".json")), (report, (".html",)))
-            if path is not None
-        }
-        tell = places.enter_context(stages("Diagnosing"))
+        drafts = {}
+        for path, suffixes in ((save, (".toml", ".json")), (report, (".html",))):
+            if path is not None:
+                replace = force or cli.replaceable(path, *data, model)
+                drafts[path] = places.enter_context(new_file(path, replace, suffixes))
+        tell = places.enter_context(cli.stages("Diagnosing"))
         result = diagnose_model(loaded, records, progress=tell)
         content = result.to_dict()
-        to_json(content)  # nothing is written if anything fails
+        cli.to_json(content)  # nothing is written if anything fails
         if save is not None:
             if Path(save).suffix == ".json":
                 result.save(drafts[save], force=True)
@@ -148,9 +121,8 @@ def diagnose(
                 drafts[save].write_text(result.model.to_toml(), encoding="utf-8")
         if report is not None:
             runs, told = step_runs(result, records), _told_apart(result, records, tell)
-            page = render_html(
-                diagnosis_report(result, runs=runs, told=told), robustpolish.__version__
-            )
+            shown = diagnosis_report(result, runs=runs, told=told)
+            page = render_html(shown, robustpolish.__version__)
             drafts[report].write_text(page, encoding="utf-8")
     return content, result.explain()
 
@@ -177,17 +149,13 @@ def _told_apart(
 
 
 @click.command()
-@data_argument
-@click.option("--model", required=True, type=click.Path(), help="Mechanical model, a TOML file.")
-@click.option("--save", type=click.Path(dir_okay=False), help="Save the fitted model (.toml).")
-@measurement_options
-@result_options
+@cli.data_argument
+@_model
+@cli.option("--save", "Save the fitted model (.toml).", cli.FILE)
+@cli.measurement_options
+@cli.result_options
 def refit(
-    data: tuple[str, ...],
-    model: str,
-    save: str | None,
-    reading: Reading,
-    force: bool,
+    data: tuple[str, ...], model: str, save: str | None, reading: cli.Reading, force: bool
 ) -> tuple[Any, ...]:
     """Fit the numbers of a model, those of its effects included.
 
@@ -198,58 +166,37 @@ def refit(
     """
     loaded = MechanicalModel.from_toml(Path(model))
     if any(holds_frequency_response(path) for path in data):
-        given = load_response(data, reading, {})
+        given = cli.load_response(data, reading, {})
     else:
-        given = load_records(data, loaded, reading)
-    with ExitStack() as places:
-        # The place is claimed first: nothing is computed that could not be saved.
-        draft = None if save is None else places.enter_context(new_file(save, force, (".toml",)))
+        given = cli.load_records(data, loaded, reading)
+    # The place is claimed first: nothing is computed that could not be saved.
+    with new_file(save, force, (".toml",)) if save is not None else nullcontext() as draft:
         result = refit_model(loaded, given)
         content = result.to_dict()
-        to_json(content)  # nothing is written if anything fails
+        cli.to_json(content)  # nothing is written if anything fails
         if draft is not None:
             draft.write_text(result.model.to_toml(), encoding="utf-8")
     return content, repr(result)
 
 
-_conditions = options(
-    click.option(
-        "--noise",
-        "noises",
-        multiple=True,
-        metavar="OUTPUT=SIZE",
-        help="Standard deviation in SI units, as in x=2e-6; repeatable.",
-    ),
-    click.option(
-        "--limit",
-        "limits",
-        multiple=True,
-        metavar="SIGNAL=SIZE",
-        help="Largest value of an input or output in SI units, as in F=50; repeatable.",
-    ),
-)
+_NOISE = "Standard deviation in SI units, as in x=2e-6; repeatable."
+_LIMIT = "Largest value of an input or output in SI units, as in F=50; repeatable."
 
 
 @click.command("tell-apart")
 @click.argument("data", type=click.Path())
 @click.argument("machines", nargs=-1, required=True, type=click.Path())
-@click.option("--pair", default=1, show_default=True, help="Which of a diagnosis's pairs.")
-@_conditions
+@cli.option("--pair", "Which of a diagnosis's pairs.", default=1)
+@cli.repeatable("--noise noises", "OUTPUT=SIZE", _NOISE)
+@cli.repeatable("--limit limits", "SIGNAL=SIZE", _LIMIT)
 @click.option("--fit/--no-fit", default=True, help="Fit the machines to DATA first, or not.")
-@measurement_options
-@click.option("--plot", type=click.Path(dir_okay=False), help="Save the picture (.png, .svg).")
-@result_options
+@cli.measurement_options
+@cli.option("--plot", "Save the picture (.png, .svg).", cli.FILE)
+@cli.result_options
 def tell_apart(
-    data: str,
-    machines: tuple[str, ...],
-    pair: int,
-    noises: tuple[str, ...],
-    limits: tuple[str, ...],
-    fit: bool,
-    reading: Reading,
-    plot: str | None,
-    force: bool,
-) -> tuple[Any, ...]:
+    data: str, machines: tuple[str, ...], pair: int, noises: tuple[str, ...],
+    limits: tuple[str, ...], fit: bool, reading: cli.Reading, plot: str | None, force: bool,
+) -> tuple[Any, ...]:  # fmt: skip
     """Find the experiment that tells two machines apart which DATA does not.
 
     MACHINES is a diagnosis, as `robustpolish diagnose --save found.json` writes it, or two models
@@ -257,39 +204,29 @@ def tell_apart(
     amplitudes of DATA. The exit code is 0 whether one tells them apart or none does, and 2 for
     bad input.
     """
-    given = _machines(machines)
-    model = given.model if isinstance(given, Diagnosis) else given[0]
+    if len(machines) == 1 and Path(machines[0]).suffix == ".json":
+        given: Any = Diagnosis.load(machines[0])
+        model = given.model
+    elif len(machines) == 2:
+        given = tuple(MechanicalModel.from_toml(Path(path)) for path in machines)
+        model = given[0]
+    else:
+        shown = described(f"{len(machines)} files: {', '.join(machines)}")
+        want = "one diagnosis (.json), or two models (.toml)"
+        raise invalid("MACHINES", shown, want, "Add the other one.")
     require_time_data(data)
-    record = load_data(data, model, reading)
-    with stages("Trying experiments") as tell:
-        found = tell_machines_apart(
-            given,
-            record,
-            pair=pair - 1,
-            noise=_sizes("--noise", noises, "--noise x=2e-6"),
-            limits=_sizes("--limit", limits, "--limit F=50"),
-            fit=fit,
-            progress=tell,
-        )
+    record = cli.load_data(data, model, reading)
+    noise = _sizes("--noise", noises, "--noise x=2e-6")
+    with cli.stages("Trying experiments") as tell:
+        bounds = _sizes("--limit", limits, "--limit F=50")
+        how: dict[str, Any] = {"noise": noise, "limits": bounds, "fit": fit, "progress": tell}
+        found = tell_machines_apart(given, record, pair=pair - 1, **how)
     content = found.to_dict()
-    to_json(content)  # nothing is written if anything fails
-    save_picture(plot, force, found.plot_panels)
+    cli.to_json(content)  # nothing is written if anything fails
+    cli.save_picture(plot, force, found.plot_panels)
     return content, repr(found)
 
 
-def _machines(paths: tuple[str, ...]) -> Diagnosis | tuple[MechanicalModel, MechanicalModel]:
-    """Load a diagnosis, or two models."""
-    if len(paths) == 1 and Path(paths[0]).suffix == ".json":
-        return Diagnosis.load(paths[0])
-    if len(paths) != 2:
-        shown = described(f"{len(paths)} files: {', '.join(paths)}")
-        raise invalid(
-            "MACHINES", shown, "one diagnosis (.json), or two models (.toml)", "Add the other one."
-        )
-    first, second = (MechanicalModel.from_toml(Path(path)) for path in paths)
-    return first, second
-
-
 def _sizes(option: str, items: tuple[str, ...], example: str) -> dict[str, float]:
-    given = pairs(option, items, "NAME=SIZE", example)
+    given = cli.pairs(option, items, "NAME=SIZE", example)
     return {name: positive(option, value, "SI units") for name, value in given.items()}

@@ -44,16 +44,27 @@ def choice(name: str, values: Sequence[str], what: str | None = None) -> Callabl
     return click.option(name, type=kind, default=values[0], show_default=True, help=what)
 
 
+def option(
+    names: str, what: str, kind: Any = None, default: Any = None, **more: Any
+) -> Callable[[F], F]:
+    """Return an option by its names with a space between; a default is shown."""
+    if default is not None:
+        more |= {"default": default, "show_default": True}
+    return click.option(*names.split(), type=kind, help=what, **more)
+
+
+def repeatable(names: str, form: str, what: str) -> Callable[[F], F]:
+    """Return an option that may stand several times, each in a form such as OLD=NEW."""
+    return option(names, what, multiple=True, metavar=form)
+
+
+FILE = click.Path(dir_okay=False)
+
+_WELL_POSED = "Well-posed contact, or the thesis's listing with its defects."
 brush_options = options(
-    click.option(
-        "--run", type=click.IntRange(1, 4), default=1, show_default=True, help="Table 9.2."
-    ),
-    choice(
-        "--simulator",
-        ("physical", "listing"),
-        "Well-posed contact, or the thesis's listing with its defects.",
-    ),
-    click.option("--duration", default=5.0, show_default=True, help="Seconds."),
+    option("--run", "Table 9.2.", click.IntRange(1, 4), 1),
+    choice("--simulator", ("physical", "listing"), _WELL_POSED),
+    option("--duration", "Seconds.", default=5.0),
 )
 """What a run of the brush needs."""
 
@@ -101,16 +112,10 @@ def _inputs(given: Mapping[str, Any]) -> list[str]:
     return [path for one in found for path in ((one,) if isinstance(one, str) else one)]
 
 
+_TO_JSON = "Write the result as JSON to FILE, or to standard output."
 result_options = options(
-    click.option(
-        "--json",
-        "json_out",
-        is_flag=False,
-        flag_value="-",
-        metavar="[FILE]",
-        help="Write the result as JSON to FILE, or to standard output.",
-    ),
-    click.option("--force", is_flag=True, help="Replace existing results."),
+    option("--json json_out", _TO_JSON, is_flag=False, flag_value="-", metavar="[FILE]"),
+    option("--force", "Replace existing results.", is_flag=True),
     _printed,
 )
 """How a command gives its result, or an error."""
@@ -133,15 +138,10 @@ def save_picture(path: str | None, force: bool, draw: Callable[[], Any]) -> None
 
 def place_options(folder: str) -> Callable[[F], F]:
     """Add --out, a folder for what `folder` says, and --report."""
+    told = "Write an HTML report to FILE, or to report.html in the folder."
     return options(
-        click.option("--out", type=click.Path(file_okay=False), help=folder),
-        click.option(
-            "--report",
-            is_flag=False,
-            flag_value="",
-            metavar="[FILE]",
-            help="Write an HTML report to FILE, or to report.html in the folder.",
-        ),
+        option("--out", folder, click.Path(file_okay=False)),
+        option("--report", told, is_flag=False, flag_value="", metavar="[FILE]"),
     )
 
 
@@ -183,11 +183,14 @@ def stages(what: str) -> Iterator[Callable[[str], None]]:
     ...     tell("first coat")
     """
     with progress_bar(what, stages=True) as tell:
-        yield (lambda name: tell(name.removesuffix(" ..."))) if is_interactive() else _line
 
+        def told(name: str) -> None:
+            if is_interactive():
+                tell(name.removesuffix(" ..."))
+            else:
+                click.echo(name if name.endswith(" ...") else f"... {name}", err=True)
 
-def _line(name: str) -> None:
-    click.echo(name if name.endswith(" ...") else f"... {name}", err=True)
+        yield told
 
 
 def print_result(
@@ -204,12 +207,12 @@ def print_result(
 
 def to_json(content: Mapping[str, Any]) -> str:
     """Return strict JSON: arrays as lists, infinities as strings, NaN as null."""
-    return json.dumps(plain(content, nan=None), indent=2, allow_nan=False, default=_complex)
 
+    def parts(value: complex) -> dict[str, Any]:
+        """Return a complex number, the one kind of value that JSON does not know."""
+        return plain({"real": value.real, "imag": value.imag}, nan=None)
 
-def _complex(value: complex) -> dict[str, Any]:
-    """Return the parts of a complex number, the one kind of value that JSON does not know."""
-    return plain({"real": value.real, "imag": value.imag}, nan=None)
+    return json.dumps(plain(content, nan=None), indent=2, allow_nan=False, default=parts)
 
 
 # The options that choose the machine.
@@ -221,23 +224,13 @@ READINGS = {
 }
 
 
+_READING = (
+    "Reading of the thesis: the published numbers, table 9.1 as printed, or the physically right "
+    "inertia."
+)
 machine_options = options(
-    click.option(
-        "--parameters",
-        "reading",
-        type=click.Choice(list(READINGS)),
-        default="published",
-        show_default=True,
-        help="Reading of the thesis: the published numbers, table 9.1 as printed, or the "
-        "physically right inertia.",
-    ),
-    click.option(
-        "--dissipation",
-        type=float,
-        default=0.001,
-        show_default=True,
-        help="Share of the energy lost per cycle, n in (8.23).",
-    ),
+    option("--parameters reading", _READING, click.Choice(list(READINGS)), "published"),
+    option("--dissipation", "Share of the energy lost per cycle, n in (8.23).", float, 0.001),
 )
 """Which machine: --parameters and --dissipation."""
 
@@ -286,28 +279,20 @@ def measurement_options(command: F) -> F:
     return _options(gathered)  # type: ignore[return-value]
 
 
+_PART = "Part to read, in seconds, of each file."
 _options = options(
-    click.option("--table", help="Matrix or group of a file that holds several."),
-    click.option("--time", metavar="NAME", help="Column that holds the time."),
-    click.option("--sampling-rate", type=float, help="In Hz, for files without time."),
-    click.option(
-        "--between",
-        type=(float, float),
-        metavar="START END",
-        help="Part to read, in seconds, of each file.",
-    ),
-    click.option("--max-bytes", type=float, help="Read files up to this size; 1e9 by default."),
-    click.option(
-        "--rename",
-        "renames",
-        multiple=True,
-        metavar="OLD=NEW",
-        help="Call a column as the model does; repeatable.",
-    ),
-    click.option(
-        "--unit", "units", multiple=True, metavar="COLUMN=UNIT", help="As in x=mm; repeatable."
-    ),
+    option("--table", "Matrix or group of a file that holds several."),
+    option("--time", "Column that holds the time.", metavar="NAME"),
+    option("--sampling-rate", "In Hz, for files without time.", float),
+    option("--between", _PART, (float, float), metavar="START END"),
+    option("--max-bytes", "Read files up to this size; 1e9 by default.", float),
+    repeatable("--rename renames", "OLD=NEW", "Call a column as the model does; repeatable."),
+    repeatable("--unit units", "COLUMN=UNIT", "As in x=mm; repeatable."),
 )
+
+
+_OVER_TIME = ("table", "time", "sampling_rate", "between")
+"""Options that mean something for records over time only."""
 
 
 def load_data(path: str, model: MechanicalModel, reading: Reading) -> xr.Dataset:
@@ -316,12 +301,8 @@ def load_data(path: str, model: MechanicalModel, reading: Reading) -> xr.Dataset
         path,
         columns=[*model.input_names, *model.output_names],
         units=pairs("--unit", reading.units, "COLUMN=UNIT", "--unit x=mm"),
-        time=reading.time,
         rename=_renames(reading),
-        between=reading.between,
-        sampling_rate=reading.sampling_rate,
-        table=reading.table,
-        max_bytes=reading.max_bytes,
+        **{name: getattr(reading, name) for name in (*_OVER_TIME, "max_bytes")},
     )
 
 
@@ -351,13 +332,7 @@ def load_response(paths: Sequence[str], reading: Reading, given: Mapping[str, An
         shown = described(f"{len(paths)} files, one of them with frequency responses")
         remedy = "Compare frequency responses one file at a time."
         raise invalid("DATA", shown, "records over time, or one file with responses", remedy)
-    path = paths[0]
-    over_time = {
-        "--table": reading.table,
-        "--time": reading.time,
-        "--sampling-rate": reading.sampling_rate,
-        "--between": reading.between,
-    }
+    over_time = {"--" + name.replace("_", "-"): getattr(reading, name) for name in _OVER_TIME}
     for option, value in {**given, **over_time}.items():
         if value is not None:
             shown = described(f"{value} for frequency responses")
@@ -369,18 +344,19 @@ def load_response(paths: Sequence[str], reading: Reading, given: Mapping[str, An
         "/".join(before.get(end, end) for end in pair.split("/", 1)): unit
         for pair, unit in units.items()
     }
-    response = read_frequency_response(path, units=in_file, max_bytes=reading.max_bytes)
-    outputs, inputs = ([str(name) for name in response[end].values] for end in ("output", "input"))
+    response = read_frequency_response(paths[0], units=in_file, max_bytes=reading.max_bytes)
+    ends = {end: [str(name) for name in response[end].values] for end in ("output", "input")}
+    outputs, inputs = ends.values()
     for old in renames:
         if (old in outputs) == (old in inputs):
             listed = f"an output ({', '.join(outputs)}) or an input ({', '.join(inputs)}), not both"
             remedy = "Check the file, or read it in Python with outputs= and inputs=."
             raise invalid("--rename", old, listed, remedy)
-    return read_frequency_response(
-        response,
-        outputs={old: new for old, new in renames.items() if old in outputs},
-        inputs={old: new for old, new in renames.items() if old in inputs},
-    )
+    new: dict[str, Any] = {
+        f"{end}s": {old: new for old, new in renames.items() if old in names}
+        for end, names in ends.items()
+    }
+    return read_frequency_response(response, **new)
 
 
 def _renames(reading: Reading) -> dict[str, str]:

@@ -44,8 +44,8 @@ def norms() -> None:
     for signals in (1, 3):
         system = control.StateSpace(A, np.ones((8, signals)), np.ones((signals, 8)), 0)
         for given in (system, control.c2d(system, 0.1)):
-            rp.hinf_norm(given)
-            rp.hinf_norm(given, exact=False)  # as searches look at loops
+            for exact in (True, False):  # searches look at loops inexactly
+                rp.hinf_norm(given, exact=exact)
             rp.h2_norm(given)
             rp.linear.prescale(given)
     responses(A, np.ones((8, 1)), np.ones((1, 8)), np.ones((1, 1)), np.ones(1))  # large loops

@@ -12,7 +12,6 @@ from __future__ import annotations
 import csv
 import io
 import logging
-import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -21,6 +20,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
+from scipy.interpolate import NdBSpline
 from scipy.sparse.linalg import splu
 
 from robustpolish.base.arrays import AnyArray as Array
@@ -28,7 +28,7 @@ from robustpolish.base.checks import closest_name_remedy, described, invalid, on
 from robustpolish.base.input_files import FileSpec, content, text
 from robustpolish.base.jit import njit
 from robustpolish.machines.effects.formula_language import FUNCTIONS, PostfixProgram, read_formula
-from robustpolish.polishing.surfaces.spline import FEWEST, coefficients, expansions, pack, weights
+from robustpolish.polishing.surfaces.spline import FEWEST, coefficients
 from robustpolish.polishing.surfaces.surface import Floats
 
 # Formulas: read, never executed, and sampled until a spline keeps to them.
@@ -47,7 +47,13 @@ def sampled(
 ) -> tuple[Floats, Floats, Floats, float]:
     """Return places along x and y, heights, and how far a spline through them is off [m]."""
     formula = _read(text, parameters)
-    sides = _interval("x", x), _interval("y", y)
+    sides = []
+    for name, ends in (("x", x), ("y", y)):
+        if len(ends) != 2 or not np.all(np.isfinite(ends)):
+            expected = "where it begins and where it ends [m]"
+            raise invalid(name, ends, expected, "Give two numbers.")
+        positive(f"{name}[1] - {name}[0]", ends[1] - ends[0], "m")
+        sides.append((float(ends[0]), float(ends[1])))
     longest = max(high - low for low, high in sides)
     count = _CELLS[0]
     while True:
@@ -55,10 +61,16 @@ def sampled(
         cells = [max(8, 2 * round(0.5 * count * (high - low) / longest)) for low, high in sides]
         # Twice as fine as the spline: what lies between its places judges it.
         along, across = (
-            np.linspace(low, high, 2 * n + 1) for (low, high), n in zip(sides, cells, strict=True)
+            np.linspace(*ends, 2 * n + 1) for ends, n in zip(sides, cells, strict=True)
         )
-        heights = _heights(formula, along, across, parameters)
-        error = _between(heights)
+        values = {"x": along[:, None], "y": across[None, :], **parameters}
+        heights = np.broadcast_to(formula.value(values), (along.size, across.size)).astype(float)
+        wrong = np.argwhere(~np.isfinite(heights))
+        if wrong.size:
+            where = f"x = {along[wrong[0, 0]]:g} m, y = {across[wrong[0, 1]]:g} m"
+            shown = described(f"{formula.text!r} without a value at {where}")
+            raise invalid("text", shown, "a finite height everywhere", "Take another area.")
+        error = max(_between(heights[:, ::2]), _between(heights[::2].T))
         if error <= _CLOSE:
             return along[::2], across[::2], heights[::2, ::2], error
         if count >= _CELLS[1]:
@@ -92,34 +104,11 @@ def _read(text: str, parameters: Mapping[str, float]) -> PostfixProgram:
     return read_formula(f"f = {expression}", [n for n in ("x", "y", *parameters) if n in written])
 
 
-def _interval(name: str, ends: tuple[float, float]) -> tuple[float, float]:
-    if len(ends) != 2 or not np.all(np.isfinite(ends)):
-        raise invalid(name, ends, "where it begins and where it ends [m]", "Give two numbers.")
-    positive(f"{name}[1] - {name}[0]", ends[1] - ends[0], "m")
-    return float(ends[0]), float(ends[1])
-
-
-def _heights(
-    formula: PostfixProgram, x: Floats, y: Floats, parameters: Mapping[str, float]
-) -> Floats:
-    values = {"x": x[:, None], "y": y[None, :], **parameters}
-    heights = np.broadcast_to(formula.value(values), (x.size, y.size)).astype(float)
-    wrong = np.argwhere(~np.isfinite(heights))
-    if wrong.size:
-        i, j = wrong[0]
-        shown = described(f"{formula.text!r} without a value at x = {x[i]:g} m, y = {y[j]:g} m")
-        raise invalid("text", shown, "a finite height everywhere", "Take another area.")
-    return heights
-
-
-def _between(heights: Floats) -> float:
-    """Largest error of the spline through every second height at those between."""
-    worst = 0.0
-    for values in (heights[:, ::2], heights[::2].T):
-        found = coefficients(values[::2])
-        middle = (found[:-3] + 23 * found[1:-2] + 23 * found[2:-1] + found[3:]) / 48
-        worst = max(worst, float(np.max(np.abs(middle - values[1::2]))))
-    return worst
+def _between(values: Floats) -> float:
+    """Largest error of the spline through every second row at those between."""
+    found = coefficients(values[::2])
+    middle = (found[:-3] + 23 * found[1:-2] + 23 * found[2:-1] + found[3:]) / 48
+    return float(np.max(np.abs(middle - values[1::2])))
 
 
 # Maps of heights: checks and CSV files.
@@ -138,24 +127,26 @@ def scale_of(unit: str) -> float:
     return _METRES[one_of("unit", unit, _METRES)]
 
 
-def check_size(argument: str, places: Floats) -> None:
-    """Refuse what is no mould's size: smaller than an atom, larger or further away than a town."""
-    largest, wide = float(np.max(np.abs(places))), float(np.max(np.ptp(places, axis=0)))
-    if not (largest < _TOWN and wide > _ATOM):
-        shown = described(f"places up to {largest:.3g} m, over {wide:.3g} m")
-        want = f"a size in metres from {_ATOM:g} to {_TOWN:g}"
-        raise invalid(argument, shown, want, "Check the unit.")
-
-
 def checked(heights: ArrayLike, x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats, Floats]:
     """Return places along x and y and the heights, or say what is wrong with them."""
-    along, across = _places("x", x), _places("y", y)
+    places = []
+    for name, values in (("x", x), ("y", y)):
+        given = np.array(values, dtype=float)
+        if given.ndim != 1 or given.size < FEWEST or not np.all(np.isfinite(given)):
+            shown = described(f"shape {given.shape}")
+            raise invalid(name, shown, f"at least {FEWEST} finite numbers in a row", "Give more.")
+        steps = np.diff(given)
+        if not steps.min() > 0 or np.ptp(steps) > _EVEN * steps.mean():
+            shown = described(f"steps from {steps.min():g} to {steps.max():g}")
+            remedy = "Resample the map on an even grid."
+            raise invalid(name, shown, "rising, equally spaced places", remedy)
+        places.append(np.linspace(given[0], given[-1], given.size))
+    along, across = places
     found = np.array(heights, dtype=float)
     if found.shape != (along.size, across.size):
-        raise invalid(
-            "heights", described(f"shape {found.shape}"), f"shape {(along.size, across.size)}",
-            "One row per place of x, one column per place of y.",
-        )  # fmt: skip
+        shown, wanted = described(f"shape {found.shape}"), f"shape {(along.size, across.size)}"
+        remedy = "One row per place of x, one column per place of y."
+        raise invalid("heights", shown, wanted, remedy)
     missing = np.argwhere(~np.isfinite(found))
     if missing.size:
         i, j = missing[0]
@@ -163,20 +154,6 @@ def checked(heights: ArrayLike, x: ArrayLike, y: ArrayLike) -> tuple[Floats, Flo
         remedy = "Fill the holes, or cut the map down to where it was measured."
         raise invalid("heights", shown, "finite heights everywhere", remedy)
     return along, across, found
-
-
-def _places(name: str, values: ArrayLike) -> Floats:
-    places = np.array(values, dtype=float)
-    if places.ndim != 1 or places.size < FEWEST or not np.all(np.isfinite(places)):
-        shown = described(f"shape {places.shape}")
-        raise invalid(name, shown, f"at least {FEWEST} finite numbers in a row", "Give more.")
-    steps = np.diff(places)
-    if not steps.min() > 0 or np.ptp(steps) > _EVEN * steps.mean():
-        shown = described(f"steps from {steps.min():g} to {steps.max():g}")
-        raise invalid(
-            name, shown, "rising, equally spaced places", "Resample the map on an even grid."
-        )
-    return np.linspace(places[0], places[-1], places.size)
 
 
 def csv_rows(
@@ -202,23 +179,21 @@ def read_csv(
         raise invalid("path", shown, "rows of the same length", "Check the file.")
     if spacing is None:
         rows[0][0] = ""  # the corner, which may have a name
+
+    def number(text: str, row: int, column: int) -> float:
+        try:
+            return float(text if text.strip() else "nan")
+        except ValueError:
+            shown = described(f"{text!r} in row {row}, column {column} of {path.name}")
+            raise invalid("path", shown, "a number", "Correct the file.") from None
+
     table = np.array(
-        [[_number(path, text, i, j) for j, text in enumerate(row)] for i, row in enumerate(rows)]
+        [[number(text, i, j) for j, text in enumerate(row, 1)] for i, row in enumerate(rows, 1)]
     )
     if spacing is None:
         return table[1:, 1:], table[1:, 0], table[0, 1:]
     step = positive("spacing", spacing)
     return table, step * np.arange(table.shape[0]), step * np.arange(table.shape[1])
-
-
-def _number(path: Path, text: str, row: int, column: int) -> float:
-    if text.strip().lower() in ("", "nan"):
-        return math.nan
-    try:
-        return float(text)
-    except ValueError:
-        shown = described(f"{text!r} in row {row + 1}, column {column + 1} of {path.name}")
-        raise invalid("path", shown, "a number", "Correct the file.") from None
 
 
 # Meshes: one connected sheet without holes, steep faces or folds.
@@ -243,18 +218,15 @@ def read_mesh(path: str | Path, scale: float, wanted: FileSpec = FILE) -> Any:
         vertices, faces = np.array(loaded.vertices, dtype=float), np.array(loaded.faces)
     except Exception as error:  # the reader raises whatever its formats do
         shown = described(f"{path} ({error or type(error).__name__})")
-        raise invalid(
-            "path", shown, "a mesh that can be read, such as an STL file", "Check it."
-        ) from None
+        wanted_file = "a mesh that can be read, such as an STL file"
+        raise invalid("path", shown, wanted_file, "Check it.") from None
     if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
         raise _refused("no triangles in space", "a mesh of triangles", "Check the file.")
     if faces.size and not (faces.min() >= 0 and faces.max() < len(vertices)):
         raise _refused("faces between corners that are not there", "a mesh", "Export it anew.")
     if not np.all(np.isfinite(vertices)):
-        count = int(np.sum(~np.isfinite(vertices).all(axis=1)))
-        raise _refused(
-            f"{count} corners that are no numbers", "finite coordinates", "Export it anew."
-        )
+        what = f"{int(np.sum(~np.isfinite(vertices).all(axis=1)))} corners that are no numbers"
+        raise _refused(what, "finite coordinates", "Export it anew.")
     return checked_mesh(scale * vertices, faces)
 
 
@@ -265,7 +237,11 @@ def checked_mesh(vertices: Floats, faces: Array) -> Any:
     size = float(np.max(np.ptp(vertices, axis=0))) if len(vertices) else 0.0
     if len(faces) < 2 or not size > 0:
         raise _refused(f"{len(faces)} faces", "a mesh of triangles", "Check the file.")
-    check_size("path", vertices)
+    largest = float(np.max(np.abs(vertices)))
+    if not (largest < _TOWN and size > _ATOM):
+        shown = described(f"places up to {largest:.3g} m, over {size:.3g} m")
+        want = f"a size in metres from {_ATOM:g} to {_TOWN:g}"
+        raise invalid("path", shown, want, "Check the unit.")
     # An STL file repeats every corner for every face that has it.
     _, kept, joined = np.unique(
         np.rint(vertices / (1e-7 * size)), axis=0, return_index=True, return_inverse=True
@@ -280,7 +256,7 @@ def checked_mesh(vertices: Floats, faces: Array) -> Any:
         raise _refused("faces without area only", "a mesh of triangles", "Check the file.")
     upward = normal[:, 2] / area
     if np.sum(normal[:, 2]) < 0:  # drawn from below
-        faces, upward, normal = faces[:, ::-1], -upward, -normal
+        faces, upward = faces[:, ::-1], -upward
     steep = np.flatnonzero(upward < _STEEPEST)
     if steep.size:
         x, y = 1e3 * vertices[faces[steep[0]], :2].mean(axis=0)
@@ -305,18 +281,14 @@ def _check_edges(mesh: Any) -> None:
         raise _refused(what, "a sheet", "Repair the mesh first.")
     rim = mesh.edges[times[mesh.edges_unique_inverse] == 1]
     label = connected_component_labels(rim, node_count=len(mesh.vertices))[rim[:, 0]]
-    loops = [rim[label == k] for k in np.unique(label)]
-    enclosed = [_enclosed(*(mesh.vertices[loop[:, k], :2] for k in (0, 1))) for loop in loops]
-    holes = [k for k in range(len(loops)) if k != int(np.argmax(enclosed))]
+    loops = [mesh.vertices[rim[label == k], :2] for k in np.unique(label)]  # edges, ends, x and y
+    # The outer one has the largest area to its left.
+    outer = int(np.argmax([np.sum(np.linalg.det(loop)) for loop in loops]))
+    holes = [loop for k, loop in enumerate(loops) if k != outer]
     if holes:
-        x, y = 1e3 * mesh.vertices[loops[holes[0]][:, 0], :2].mean(axis=0)
+        x, y = 1e3 * holes[0][:, 0].mean(axis=0)
         what = f"{len(holes)} holes, one near x = {x:.4g} mm, y = {y:.4g} mm"
         raise _refused(what, "a surface without holes", "Close them, or cut the mould smaller.")
-
-
-def _enclosed(start: Floats, end: Floats) -> float:
-    """Area to the left of a closed loop of edges [m^2]."""
-    return 0.5 * float(np.sum(start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0]))
 
 
 def _refused(what: str, wanted: str, remedy: str) -> Exception:
@@ -339,9 +311,8 @@ def covered(sheet: Any, spacing: float | None) -> tuple[Floats, Floats, Floats]:
     if longest / step > _MOST_GIVEN:
         shown = described(f"{longest / step:.0f} cells along a side")
         raise invalid("spacing", shown, f"at most {_MOST_GIVEN}", "Give a larger spacing.")
-    x, y = (
-        np.linspace(a, b, max(8, round((b - a) / step)) + 1) for a, b in zip(low, high, strict=True)
-    )
+    ends = zip(low, high, strict=True)
+    x, y = (np.linspace(a, b, max(8, round((b - a) / step)) + 1) for a, b in ends)
     heights, times = np.full((x.size, y.size), np.nan), np.zeros((x.size, y.size), dtype=np.int64)
     _draw(corners, x, y, heights, times)
     if times.max() > 1:
@@ -387,9 +358,16 @@ def fitted(sheet: Any, x: Floats, y: Floats, faces: Floats) -> tuple[Floats, flo
     """
     rows, columns = x.size + 2, y.size + 2
     vertices = np.array(sheet.vertices)
-    at_vertices = _design(vertices[:, :2], x, y)
+    knots = tuple(axis[0] + (axis[1] - axis[0]) * np.arange(-3, axis.size + 3) for axis in (x, y))
+
+    def matrix(places: Floats) -> Any:
+        """From coefficients to heights at places, shape (n, unknowns)."""
+        found: Any = NdBSpline.design_matrix(np.ascontiguousarray(places), knots, 3)
+        found.resize(len(places), rows * columns)  # its columns end at the last one in use
+        return found
+
     i, j = np.nonzero(np.isfinite(faces))
-    at_faces = _design(np.stack([x[i], y[j]], axis=1), x, y)
+    at_vertices, at_faces = matrix(vertices[:, :2]), matrix(np.stack([x[i], y[j]], axis=1))
     one, other = sparse.eye_array(rows), sparse.eye_array(columns)
     parts = [
         (sparse.kron(_difference(rows, 2), other), 1.0),
@@ -402,35 +380,11 @@ def fitted(sheet: Any, x: Floats, y: Floats, faces: Floats) -> tuple[Floats, flo
     middle = float(np.mean(vertices[:, 2]))
     known = at_vertices.T @ (vertices[:, 2] - middle)
     known = known + _FACES * (at_faces.T @ (faces[i, j] - middle))
-    solver = splu(
-        sparse.csc_array(system),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )
-    found = solver.solve(known).reshape(rows, columns) + middle
-    here = vertices.T
-    error = expansions(here[0].copy(), here[1].copy(), pack(x, y, found))[0] - here[2]
-    return found, float(np.max(np.abs(error)))
-
-
-def _design(places: Floats, x: Floats, y: Floats) -> sparse.csr_array:
-    """Return the matrix from coefficients to heights at places, shape (n, unknowns)."""
-    i, a = _weights(places[:, 0], x)
-    j, b = _weights(places[:, 1], y)
-    columns = (i[:, :, None] * (y.size + 2) + j[:, None, :]).reshape(len(places), 16)
-    values = (a[:, :, None] * b[:, None, :]).reshape(len(places), 16)
-    starts = np.arange(0, 16 * len(places) + 1, 16)
-    shape = (len(places), (x.size + 2) * (y.size + 2))
-    return sparse.csr_array((values.ravel(), columns.ravel(), starts), shape)
-
-
-def _weights(places: Floats, axis: Floats) -> tuple[Array, Floats]:
-    """Return numbers and weights of the four coefficients at each place."""
-    u = (places - axis[0]) / (axis[1] - axis[0])
-    number = np.clip(u.astype(int), 0, axis.size - 2)
-    found = np.stack(weights(u - number), axis=1)
-    return number[:, None] + np.arange(4), found
+    symmetric: dict[str, Any] = {"diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+    solver = splu(sparse.csc_array(system), permc_spec="MMD_AT_PLUS_A", **symmetric)
+    found = solver.solve(known) + middle
+    error = at_vertices @ found - vertices[:, 2]
+    return found.reshape(rows, columns), float(np.max(np.abs(error)))
 
 
 def _difference(count: int, order: int) -> sparse.csr_array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -69,14 +69,7 @@ _SCALING = {
 }
 
 PUBLISHED_CONTROLLERS: Mapping[str, str] = MappingProxyType(
-    {
-        "first_h2": "C.1",
-        "first_h2_scaled": "C.2",
-        "first": "C.3",
-        "first_scaled": "C.4",
-        "second": "C.5",
-        "second_scaled": "C.6",
-    }
+    {name: f"C.{number}" for number, name in enumerate(_BLOCKS, 1)}
 )
 """Names of the controllers and their numbers in appendix C."""
 
@@ -128,7 +121,6 @@ UNEQUAL_LOAD = (
     "forces depend on the solver's steps"
 )
 _WORKAROUND: Mapping[int, Workaround] = {1: "divide", 4: "impulse"}
-_SIGNALS = ("x", "y", "z")
 
 
 def thesis_comparison(
@@ -180,41 +172,26 @@ def thesis_comparison(
     p = AirBearingParameters.as_published()
     total = np.kron(np.eye(3), [[1.0, 0.0, 1.0, 0.0]])
     plant = air_bearing(p)
-    without = listing_response(
-        _as_listed(plant.A, p), plant.B1, total, brush, bearing_mass=p.m_z, tolerance=tolerance
+    # c_A in the brush's equations in x and y, as lines 144 and 148 of D.2 have it.
+    listed, c_A = plant.A.copy(), p.damping(0.001).c_A
+    for row, bearing in ((3, 1), (7, 5)):
+        listed[row, bearing], listed[row, row] = c_A / p.m_t, -c_A / p.m_t
+    open_loop = listing_response(
+        listed, plant.B1, total, brush, bearing_mass=p.m_z, tolerance=tolerance
     )
-    responses = {"without control": without}
+    responses = {"without control": open_loop}
     for name in controllers:
         actuation = "displacement" if name.startswith("first") else "force"
         plant = air_bearing(p, actuation=actuation, load="printed")
         loop = plant.A + plant.B2 @ published_gain(name)
         responses[name] = listing_response(loop, plant.B1, total, brush, tolerance=tolerance)
-    return tabulate(
-        {name: _labelled(response) for name, response in responses.items()},
-        _SIGNALS,
-        (),
-        UNEQUAL_LOAD,
-        largest={name: response["largest"].to_numpy() for name, response in responses.items()},
-    )
-
-
-def _as_listed(A: NDArray[np.float64], p: AirBearingParameters) -> NDArray[np.float64]:
-    """Put c_A into the brush's equations in x and y, as lines 144 and 148 of D.2 do."""
-    c_A = p.damping(0.001).c_A
-    listed = A.copy()
-    for row, bearing in ((3, 1), (7, 5)):
-        listed[row, bearing] = c_A / p.m_t
-        listed[row, row] = -c_A / p.m_t
-    return listed
-
-
-def _labelled(response: xr.Dataset) -> xr.Dataset:
-    """Turn the outputs into signals x, y and z."""
-    values = response["response"].to_numpy()
-    return xr.Dataset(
-        {name: ("time", values[:, i], {"units": "m"}) for i, name in enumerate(_SIGNALS)},
-        coords={"time": response["time"]},
-    )
+    signals = {}
+    for name, found in responses.items():
+        columns = zip("xyz", found["response"].values.T, strict=True)
+        variables = {axis: ("time", values, {"units": "m"}) for axis, values in columns}
+        signals[name] = xr.Dataset(variables, {"time": found["time"]})
+    largest = {name: found["largest"].to_numpy() for name, found in responses.items()}
+    return tabulate(signals, ("x", "y", "z"), (), UNEQUAL_LOAD, largest=largest)
 
 
 # Largest deviations printed in chapter 11.
@@ -225,28 +202,24 @@ def _labelled(response: xr.Dataset) -> xr.Dataset:
 
 Deviations = Mapping[str, tuple[float, float, float]]
 
-PUBLISHED_DEVIATIONS: Mapping[int, Deviations] = MappingProxyType(
-    {
-        1: MappingProxyType(
-            {
-                "without control": (7.8095e-4, 0.0177, 1.9855e-4),
-                "first": (0.0, 7.5486e-4, 7.1232e-6),
-                "first_scaled": (0.0, 4.5467e-4, 8.0705e-6),
-                "second": (0.0, 7.4643e-5, 2.4510e-5),
-                "second_scaled": (0.0, 6.8915e-4, 9.7659e-6),
-            }
-        ),
-        4: MappingProxyType(
-            {
-                "without control": (0.0011, 0.0094, 1.5049e-4),
-                "first": (0.0, 7.9841e-4, 1.2877e-5),
-                "first_scaled": (0.0, 4.9490e-4, 1.2861e-5),
-                "second": (0.0, 8.2640e-5, 4.6829e-5),
-                "second_scaled": (0.0, 8.0809e-4, 1.9925e-5),
-            }
-        ),
-    }
-)
+
+def _deviations(without: tuple[float, ...], *controlled: tuple[float, float]) -> Deviations:
+    """Return the rows of a table: with a controller nothing moves in x."""
+    names = ("without control", "first", "first_scaled", "second", "second_scaled")
+    rows: Any = (without, *((0.0, *row) for row in controlled))
+    return MappingProxyType(dict(zip(names, rows, strict=True)))
+
+
+PUBLISHED_DEVIATIONS: Mapping[int, Deviations] = MappingProxyType({
+    1: _deviations(
+        (7.8095e-4, 0.0177, 1.9855e-4), (7.5486e-4, 7.1232e-6), (4.5467e-4, 8.0705e-6),
+        (7.4643e-5, 2.4510e-5), (6.8915e-4, 9.7659e-6),
+    ),
+    4: _deviations(
+        (0.0011, 0.0094, 1.5049e-4), (7.9841e-4, 1.2877e-5), (4.9490e-4, 1.2861e-5),
+        (8.2640e-5, 4.6829e-5), (8.0809e-4, 1.9925e-5),
+    ),
+})  # fmt: skip
 """Largest deviation [m] in x, y and z by run and row, as printed."""
 
 
@@ -300,24 +273,14 @@ def thesis_structures(
     full = air_bearing(actuation=actuation)
     measured = air_bearing(actuation=actuation, measured="displacement")
     printed = "second_scaled" if actuation == "force" else "first_scaled"
+    priced = {"control_weight": price, "time_limit": time_limit}
+    noisy = {**priced, "measurement_noise": measurement_noise}
     return {
         f"static state feedback, {PUBLISHED_CONTROLLERS[printed]}": given_controller(
             full.with_full_state(), published_gain(printed)
         ),
         "static state feedback, ours": state_feedback(full, control_weight=price),
-        "dynamic output feedback": output_feedback(
-            measured,
-            control_weight=price,
-            measurement_noise=measurement_noise,
-            time_limit=time_limit,
-        ),
-        "static output feedback": static_output_feedback(
-            measured, control_weight=price, time_limit=time_limit
-        ),
-        "observer-based": observer_feedback(
-            measured,
-            control_weight=price,
-            measurement_noise=measurement_noise,
-            time_limit=time_limit,
-        ),
+        "dynamic output feedback": output_feedback(measured, **noisy),
+        "static output feedback": static_output_feedback(measured, **priced),
+        "observer-based": observer_feedback(measured, **noisy),
     }

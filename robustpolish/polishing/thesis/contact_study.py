@@ -16,12 +16,12 @@ from scipy.integrate import cumulative_trapezoid, solve_ivp
 
 from robustpolish.base.arrays import Matrix, Vector
 from robustpolish.base.budget import progress_bar
-from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
+from robustpolish.base.checks import described, invalid, one_of, positive
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.plots.charts import plot_bars
 from robustpolish.plots.time import plot_time_series
 from robustpolish.polishing.parameters import BrushParameters
-from robustpolish.polishing.quantities import check_quantities
+from robustpolish.polishing.quantities import check_quantities, or_default
 from robustpolish.polishing.simulate import simulate_brush
 from robustpolish.polishing.surfaces.surface import Surface
 from robustpolish.polishing.thesis.listing import ListingDefects, listing_forces
@@ -521,29 +521,16 @@ def land(
     if not isinstance(samples, int) or samples < 2:
         raise invalid("samples", samples, "an integer of at least 2", "Ask for more.")
     time = np.linspace(0.0, duration, samples)
-    if isinstance(law, EventImpulse):
-        impulse = _events(law, mass, speed, press, time)
-    else:
-        impulse = _integrated(law, mass, speed, press, time)
+    followed: Any = _events if isinstance(law, EventImpulse) else _integrated
+    impulse = followed(law, mass, speed, press, time)
     velocity = speed + (press * time - impulse) / mass
     force = np.concatenate([[0.0], np.diff(impulse) / np.diff(time)])
-    return xr.Dataset(
-        {
-            "impulse": ("time", impulse, {"units": "N s"}),
-            "force": ("time", force, {"units": "N"}),
-            "velocity": ("time", velocity, {"units": "m/s"}),
-        },
-        {"time": ("time", time, {"units": "s"})},
-    )
+    signals = {"impulse": (impulse, "N s"), "force": (force, "N"), "velocity": (velocity, "m/s")}
+    variables = {name: ("time", y, {"units": unit}) for name, (y, unit) in signals.items()}
+    return xr.Dataset(variables, {"time": ("time", time, {"units": "s"})})
 
 
-def _integrated(
-    law: LinearSpring | HuntCrossley | ListingImpulse,
-    mass: float,
-    speed: float,
-    press: float,
-    time: Vector,
-) -> Vector:
+def _integrated(law: Any, mass: float, speed: float, press: float, time: Vector) -> Vector:
     """Impulse of a law of depth and rate: contacts integrated, flights in closed form."""
 
     def slope(_: float, state: Vector) -> list[float]:
@@ -593,7 +580,7 @@ def _events(law: EventImpulse, mass: float, speed: float, press: float, time: Ve
 
 # Comparison of one landing under every contact law.
 
-_FIGURES = ("peak", "restitution", "window_impulse", "impulse")
+_FIGURES = {"peak": "N", "restitution": "1", "window_impulse": "N s", "impulse": "N s"}
 _WINDOW = 0.01  # seconds over which impulses are compared, as of the brush
 
 
@@ -642,12 +629,9 @@ class ContactComparison(Displayed):
         return plot_time_series({name: run[signal] for name, run in self.runs.items()}, ax=ax)
 
     def _card(self) -> Card:
-        rows = tuple(
-            (str(name), *(float(self.table[key].sel(law=name)) for key in _FIGURES))
-            for name in self.table["law"].values
-        )
+        rows = zip(*(self.table[key].values.tolist() for key in ("law", *_FIGURES)), strict=True)
         head = ("law", "peak [N]", "restitution", "most in 10 ms [N s]", "impulse [N s]")
-        return Card("Contact laws side by side", (Table("", head, rows),), ())
+        return Card("Contact laws side by side", (Table("", head, tuple(rows)),), ())
 
 
 def compare_contact_laws(
@@ -689,7 +673,7 @@ def compare_contact_laws(
     True
     """
     p = BrushParameters() if parameters is None else parameters
-    mass, k = rim_mass(p), p.contact_stiffness
+    mass, k, press = rim_mass(p), p.contact_stiffness, p.polishing_force
     laws: dict[str, ContactLaw] = {
         "spring": LinearSpring(k),
         "Hunt-Crossley": HuntCrossley(k, p.contact_damping),
@@ -698,23 +682,17 @@ def compare_contact_laws(
         "impulse as listed": ListingImpulse(k, mass),
         "impulse as listed, whole mass": ListingImpulse(k, p.mass),
     }
-    runs = {name: land(law, mass, speed, p.polishing_force, duration) for name, law in laws.items()}
     closely = 8.0 * quarter_period(p.mass, k)  # a peak needs finer samples than a landing
-    figures = np.array(
-        [
-            [
-                float(land(law, mass, speed, p.polishing_force, closely).force.max()),
-                law.restitution(speed),
-                most_impulse(run.impulse.to_numpy(), float(run.time[1])),
-                float(run.impulse[-1]),
-            ]
-            for law, run in zip(laws.values(), runs.values(), strict=True)
-        ]
-    ).T
-    units = ("N", "1", "N s", "N s")
-    columns = zip(_FIGURES, figures, units, strict=True)
-    variables = {key: ("law", row, {"units": unit}) for key, row, unit in columns}
-    return ContactComparison(xr.Dataset(variables, {"law": list(laws)}), runs)
+    runs, rows = {}, []
+    for name, law in laws.items():
+        runs[name] = land(law, mass, speed, press, duration)
+        impulse, interval = runs[name].impulse.to_numpy(), float(runs[name].time[1])
+        peak = float(land(law, mass, speed, press, closely).force.max())
+        most = most_impulse(impulse, interval)
+        rows.append((peak, law.restitution(speed), most, float(impulse[-1])))
+    columns = zip(_FIGURES.items(), np.array(rows).T, strict=True)
+    table = {key: ("law", values, {"units": unit}) for (key, unit), values in columns}
+    return ContactComparison(xr.Dataset(table, {"law": list(laws)}), runs)
 
 
 def most_impulse(impulse: Vector, interval: float) -> float:
@@ -856,11 +834,8 @@ def resultant_forces(
     >>> doubtful.pulls, round(doubtful.ahead), round(doubtful.behind)
     (True, -162, 171)
     """
-    p = BrushParameters() if parameters is None else parameters
-    remedy = "Build them with BrushParameters(...)."
-    instance_of("parameters", p, BrushParameters, "BrushParameters", remedy)
-    angles = {"ahead": ahead, "behind": behind, "side": side, "roll": roll}
-    for name, value in angles.items():
+    p = or_default("parameters", parameters, BrushParameters)
+    for name, value in {"ahead": ahead, "behind": behind, "side": side, "roll": roll}.items():
         if not abs(value) < 1.5:
             raise invalid(name, value, "an angle below 1.5 rad", "Give it in rad.")
     if not positive("share", share, zero=True) <= 1.0:
@@ -873,32 +848,23 @@ def resultant_forces(
     if tilting:
         at_side = p.polishing_force * _ratio(sin(roll), sin(delta), "side")
         pressed = p.polishing_force * cos(roll) - abs(at_side) * cos(delta)
-    behind_force = pressed * _ratio(sin(beta), sin(alpha + beta), "ahead")
-    ahead_force = pressed / cos(beta) - cos(alpha) / cos(beta) * behind_force
-    pulls = ahead_force < 0.0 or behind_force < 0.0
+    at_c2 = pressed * _ratio(sin(beta), sin(alpha + beta), "ahead")
+    at_c1 = pressed / cos(beta) - cos(alpha) / cos(beta) * at_c2
+    pulls = at_c1 < 0.0 or at_c2 < 0.0
     if pulls and unilateral:
-        only_behind = ahead_force < 0.0
-        ahead_force = 0.0 if only_behind else pressed / cos(beta)
-        behind_force = pressed / cos(alpha) if only_behind else 0.0
+        only_c2 = at_c1 < 0.0
+        at_c1 = 0.0 if only_c2 else pressed / cos(beta)
+        at_c2 = pressed / cos(alpha) if only_c2 else 0.0
     lean = atan(p.height / (2.0 * p.radius))
-    moment = ahead_force * cos(beta + lean) - behind_force * cos(alpha + lean)
-    up = abs(ahead_force) * cos(beta) + abs(behind_force) * cos(alpha)
+    moment_x = (at_c1 * cos(beta + lean) - at_c2 * cos(alpha + lean)) * p.rim_distance
+    moment_y = -at_side * cos(delta + lean) * p.rim_distance
+    F_x, F_y = at_side * sin(delta), at_c1 * sin(beta) + at_c2 * sin(alpha)
+    F_z = abs(at_c1) * cos(beta) + abs(at_c2) * cos(alpha) + abs(at_side) * cos(delta)
+    forward = at_c2 * sin(alpha) - at_c1 * sin(beta)
     return ResultantForces(
-        ahead=ahead_force,
-        behind=behind_force,
-        side=at_side,
-        alpha=alpha,
-        beta=beta,
-        delta=delta,
-        tilting=tilting,
-        pulls=pulls,
-        moment_x=moment * p.rim_distance,
-        moment_y=-at_side * cos(delta + lean) * p.rim_distance,
-        F_x=at_side * sin(delta),
-        F_y=ahead_force * sin(beta) + behind_force * sin(alpha),
-        F_z=up + abs(at_side) * cos(delta),
-        forward=behind_force * sin(alpha) - ahead_force * sin(beta),
-    )
+        at_c1, at_c2, at_side, alpha, beta, delta, tilting, pulls, moment_x, moment_y,
+        F_x, F_y, F_z, forward,
+    )  # fmt: skip
 
 
 def _ratio(upper: float, lower: float, name: str) -> float:
@@ -918,6 +884,9 @@ _OF_MOTION = ("tilt_cosine", "inertia_radius", "impact_mass", "pulling_surface",
 """Mistakes of D.1 that change the brush's own motion and its forces."""
 
 _SPACING = 1e-5  # seconds between stored states, for which the thesis's tables come out
+
+
+_SUSPECTS = ("code", "duration", "friction", "geometry", "contact law")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -952,13 +921,11 @@ class ForceStudy(Displayed):
         dict of str to float
             Largest over smallest peak among the rows of a suspect and the base row.
         """
-        suspects = self.table["suspect"].values
-        base = float(self.table["peak"][0])
-        answer = {}
-        for name in dict.fromkeys(suspects[1:]):
-            peaks = [base, *self.table["peak"].values[suspects == name]]
-            answer[str(name)] = float(max(peaks) / min(peaks))
-        return answer
+        peaks = self.table["peak"].values
+        found: dict[str, list[float]] = {}
+        for name, peak in zip(self.table["suspect"].values[1:], peaks[1:], strict=True):
+            found.setdefault(str(name), [peaks[0]]).append(peak)
+        return {name: float(max(sizes) / min(sizes)) for name, sizes in found.items()}
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the factors of the suspects as bars.
@@ -979,8 +946,9 @@ class ForceStudy(Displayed):
         'log'
         """
         found = self.answer()
+        suspects = {"suspect": list(found)}
         bars = xr.DataArray(
-            list(found.values()), {"suspect": list(found)}, ("suspect",), name="factor of the peak"
+            list(found.values()), suspects, name="factor of the peak", dims="suspect"
         )
         return plot_bars(bars.assign_attrs(units="1"), ax=ax)
 
@@ -997,7 +965,7 @@ def force_study(
     run: int = 1,
     duration: float = 0.1,
     *,
-    suspects: tuple[str, ...] = ("code", "duration", "friction", "geometry", "contact law"),
+    suspects: tuple[str, ...] = _SUSPECTS,
 ) -> ForceStudy:
     """Change one thing at a time in the listing's brush and compare the forces.
 
@@ -1034,70 +1002,63 @@ def force_study(
     ['as listed', 't_m 10 times as long', 't_m 100 times as long']
     """
     positive("duration", duration, "s")
-    known = ("code", "duration", "friction", "geometry", "contact law")
     for name in suspects:
-        one_of("suspects", name, known)
-    found: list[tuple[str, str, float, float]] = []
+        one_of("suspects", name, _SUSPECTS)
+    base = BrushParameters.as_published(run)
+    press = base.polishing_force
+    rows = []
     with progress_bar("Changing one thing at a time"):
-        for suspect, row, forces, press in _rows(run, duration, suspects):
+        for suspect, row, forces in _rows(base, run, duration, suspects):
             spacing = duration / (len(forces) - 1)
             impulse = cumulative_trapezoid(forces, dx=spacing, axis=0, initial=0.0)
             most = most_impulse(np.asarray(impulse), spacing) / (press * min(0.01, duration))
-            peak = float(np.max(np.linalg.norm(forces, axis=1)))
-            found.append((row, suspect, peak, most))
-    rows, suspect_names, peaks, impulses = zip(*found, strict=True)
-    table = xr.Dataset(
-        {
-            "suspect": ("row", list(suspect_names)),
-            "peak": ("row", np.array(peaks), {"units": "N"}),
-            "factor": ("row", np.array(peaks) / peaks[0], {"units": "1"}),
-            "impulse": ("row", np.array(impulses), {"units": "1"}),
-        },
-        {"row": list(rows)},
-    )
-    return ForceStudy(table, run)
+            rows.append((row, suspect, float(np.max(np.linalg.norm(forces, axis=1))), most))
+    names, found, peaks, impulses = zip(*rows, strict=True)
+    columns = {
+        "suspect": ("row", list(found)),
+        "peak": ("row", np.array(peaks), {"units": "N"}),
+        "factor": ("row", np.array(peaks) / peaks[0], {"units": "1"}),
+        "impulse": ("row", np.array(impulses), {"units": "1"}),
+    }
+    return ForceStudy(xr.Dataset(columns, {"row": list(names)}), run)
 
 
 def _rows(
-    run: int, duration: float, suspects: tuple[str, ...]
-) -> Iterator[tuple[str, str, Matrix, float]]:
-    """Yield suspect, row, forces beyond the polishing force (n, 3) and the latter [N]."""
-    base = BrushParameters.as_published(run)
-    press = base.polishing_force
+    base: BrushParameters, run: int, duration: float, suspects: tuple[str, ...]
+) -> Iterator[tuple[str, str, Matrix]]:
+    """Yield suspect, row, and forces beyond the polishing force, shape (n, 3)."""
 
-    def listed(brush: BrushParameters = base, **options: Any) -> Matrix:
-        return _beyond(simulate_brush("listing", None, duration, parameters=brush, **options))
+    def beyond(signals: xr.Dataset) -> Matrix:
+        return np.column_stack([signals["F_x"], signals["F_y"], signals["F_z"] - signals["F_p"]])
 
-    yield "base", "as listed", listed(), press
+    def listed(defects: ListingDefects | None = None, **changes: Any) -> Matrix:
+        brush = replace(base, **changes)
+        return beyond(simulate_brush("listing", None, duration, parameters=brush, defects=defects))
+
+    yield "base", "as listed", listed()
     if "code" in suspects:
-        yield "code", "as D.2 applies it", _as_applied(base, duration), press
+        yield "code", "as D.2 applies it", _as_applied(base, duration)
         every = ListingDefects().names()
         for name in _OF_MOTION:
-            defects = ListingDefects.none(but=tuple(other for other in every if other != name))
-            yield "code", f"{name} mended", listed(defects=defects), press
-        yield "code", "all mended", listed(defects=ListingDefects.none()), press
+            others = tuple(other for other in every if other != name)
+            yield "code", f"{name} mended", listed(ListingDefects.none(but=others))
+        yield "code", "all mended", listed(ListingDefects.none())
     if "duration" in suspects:
         for times in (10, 100):
-            softer = replace(base, contact_stiffness=base.contact_stiffness / times**2)
-            yield "duration", f"t_m {times} times as long", listed(softer), press
+            stiffness = base.contact_stiffness / times**2
+            yield "duration", f"t_m {times} times as long", listed(contact_stiffness=stiffness)
     if "friction" in suspects:
         for mu in (0.1, 0.2, 0.5, 0.707):
-            yield "friction", f"mu = {mu:g}", listed(replace(base, friction=mu)), press
+            yield "friction", f"mu = {mu:g}", listed(friction=mu)
     if "geometry" in suspects:
         for across in (2.5, 1.0):
             surface = Surface(base.trough.along, across)
             row = f"trough of {1e3 * surface.trough_radius:.3g} mm"
-            yield "geometry", row, listed(replace(base, surface=surface)), press
+            yield "geometry", row, listed(surface=surface)
     if "contact law" in suspects:
         for start in ("pressed", "landing"):
             signals = simulate_brush("physical", run, duration, start=start)
-            yield "contact law", f"physical, {start}", _beyond(signals), press
-
-
-def _beyond(signals: xr.Dataset) -> Matrix:
-    """Return the forces of the contact, less the polishing force."""
-    up = signals["F_z"] - signals["F_p"]
-    return np.column_stack([signals["F_x"], signals["F_y"], up])
+            yield "contact law", f"physical, {start}", beyond(signals)
 
 
 def _as_applied(parameters: BrushParameters, duration: float) -> Matrix:

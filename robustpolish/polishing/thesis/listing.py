@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
+from collections import namedtuple
 from dataclasses import astuple, dataclass, fields
 from math import atan, atan2, cos, hypot, pi, sin, sqrt
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from robustpolish.base.arrays import Array
 from robustpolish.base.checks import described, invalid, matrix, one_of, positive
 from robustpolish.base.jit import njit
 from robustpolish.errors import SolverError
+from robustpolish.polishing import dataset
 from robustpolish.polishing.contact import NODES, STAGES, inside_step, stage_state, step_error
-from robustpolish.polishing.dataset import (
-    angle_variables,
-    force_variables,
-    labelled,
-    parameter_attributes,
-    parameters_from_attributes,
-    path_variables,
-    quantity,
-    time_coordinate,
-    tool_velocity,
-)
 from robustpolish.polishing.parameters import BrushParameters
 
 # Defects of appendix D, one switch each.
@@ -110,95 +102,50 @@ class ListingDefects:
         """Return the names of the mistakes that are made."""
         return tuple(item.name for item in fields(self) if getattr(self, item.name))
 
-    def as_flags(self) -> NDArray[np.bool_]:
-        """Return the switches in the order of the fields, for compiled code."""
-        return np.array(astuple(self), dtype=np.bool_)
-
 
 # Equations of listings D.1 to D.3: right-hand side and forces.
 #
 # Variable names follow the listings where that helps to compare line by line.
 
-# Places in the vector of switches: the order of the fields of ListingDefects.
-(
-    INTERPOLATION_WEIGHT,
-    BEARING_GATE,
-    GRAVITY_TERMS,
-    POLISHING_FORCE_DROPPED,
-    TILT_COSINE,
-    INERTIA_RADIUS,
-    IMPACT_MASS,
-    PULLING_SURFACE,
-    FEED_FRICTION,
-) = range(9)
-
-# Places in the vector of constants.
-(
-    RADIUS,
-    RIM_DISTANCE,
-    HALF_HEIGHT,
-    CIRCLE,
-    RATE,
-    FEED,
-    SPIN,
-    IMPACT_WEIGHT,  # mass that hits
-    MASS,
-    TILT_INERTIA,
-    SPIN_INERTIA,
-    FRICTION,
-    STIFFNESS,
-    IMPACT_DURATION,
-    FORCE_P,
-    BEND_X,
-    BEND_Y,
-) = range(17)
+Flags = namedtuple("Flags", [item.name for item in fields(ListingDefects)])
+Constants = namedtuple(
+    "Constants",
+    "radius rim_distance half_height circle rate feed spin hitting mass tilt_inertia spin_inertia"
+    " friction stiffness duration force_p bend_x bend_y",
+)
 
 LAYER = 0.001  # depth [m] of the liquid layer in which C1 and C2 move freely (D.1, line 86)
 UPRIGHT = 0.5 * pi  # psi_0
 
-# On a plane without friction the pushes of C1 and C2 are 0/0, as in the listings, and no error.
-# Said here, for Numba takes it from the first caller else: the order of calls would decide.
 
-
-def listing_constants(parameters: BrushParameters, defects: ListingDefects) -> NDArray[np.float64]:
-    """Return the constants of the listings, in SI units."""
-    r = parameters.rim_distance
-    inertia_radius = r if defects.inertia_radius else parameters.radius
-    tilt = parameters.mass * (3.0 * inertia_radius**2 + parameters.height**2) / 12.0
-    hitting = parameters.mass if defects.impact_mass else tilt / r**2
-    return np.array(
-        [
-            parameters.radius,
-            r,
-            0.5 * parameters.height,
-            parameters.rotation_radius,
-            parameters.rotation_rate,
-            parameters.feed,
-            parameters.spin,
-            hitting,
-            parameters.mass,
-            tilt,
-            0.5 * parameters.mass * inertia_radius**2,
-            parameters.friction,
-            parameters.contact_stiffness,
-            parameters.impact_duration,
-            parameters.polishing_force,
-            *parameters.trough.curvatures,
-        ]
-    )
+def listing_constants(parameters: BrushParameters, defects: ListingDefects) -> tuple[Any, Any]:
+    """Return constants in SI units and the switches, by name, as compiled code reads them."""
+    p, r = parameters, parameters.rim_distance
+    inertia_radius = r if defects.inertia_radius else p.radius
+    tilt = p.mass * (3.0 * inertia_radius**2 + p.height**2) / 12.0
+    hitting = p.mass if defects.impact_mass else tilt / r**2
+    spin_inertia = 0.5 * p.mass * inertia_radius**2
+    constants = Constants(
+        p.radius, r, 0.5 * p.height, p.rotation_radius, p.rotation_rate, p.feed, p.spin, hitting,
+        p.mass, tilt, spin_inertia, p.friction, p.contact_stiffness, p.impact_duration,
+        p.polishing_force, *p.trough.curvatures,
+    )  # fmt: skip
+    return constants, Flags(*map(bool, astuple(defects)))
 
 
 @njit(cache=True)
 def _height(x, y, c):  # pragma: no cover - compiled
-    return 0.5 * (c[BEND_X] * x * x + c[BEND_Y] * y * y)
+    return 0.5 * (c.bend_x * x * x + c.bend_y * y * y)
 
 
 @njit(cache=True)
 def _elevation(nx, ny, x, y, c):  # pragma: no cover - compiled
     """Angle of elevation along the unit vector n (9.4, 9.5)."""
-    return atan(nx * c[BEND_X] * x + ny * c[BEND_Y] * y)
+    return atan(nx * c.bend_x * x + ny * c.bend_y * y)
 
 
+# On a plane without friction the pushes of C1 and C2 are 0/0, as in the listings, and no error.
+# Said here, for Numba takes it from the first caller else: the order of calls would decide.
 @njit(cache=True, error_model="numpy")
 def impact(t, theta, theta_rate, psi, psi_rate, c, flags):  # pragma: no cover - compiled
     """Contacts of the brush: D.1 lines 51 to 118, D.2 lines 64 to 126.
@@ -209,15 +156,15 @@ def impact(t, theta, theta_rate, psi, psi_rate, c, flags):  # pragma: no cover -
         theta_0, alpha, beta [rad]; F_psi and F_theta [N] as D.2 has them, the latter as if its
         gate were open; whether C1 and C2, C3, and C4 touch.
     """
-    omega, r_rot, rd, r = c[RATE], c[CIRCLE], c[RADIUS], c[RIM_DISTANCE]
+    omega, r_rot, rd, r = c.rate, c.circle, c.radius, c.rim_distance
     cosine, sine = cos(omega * t), sin(omega * t)
-    centre = c[FEED] * t + rd + r_rot
+    centre = c.feed * t + rd + r_rot
     x, y = r_rot * cosine + centre, r_rot * sine
-    vx, vy = c[FEED] - omega * r_rot * sine, omega * r_rot * cosine
+    vx, vy = c.feed - omega * r_rot * sine, omega * r_rot * cosine
     speed = hypot(vx, vy)
     nx, ny = vx / speed, vy / speed
     theta0 = _elevation(nx, ny, r + r_rot, 0.0, c)
-    reach = rd * (abs(cos(theta) - theta0) if flags[TILT_COSINE] else cos(theta - theta0))
+    reach = rd * (abs(cos(theta) - theta0) if flags.tilt_cosine else cos(theta - theta0))
     x1, y1, x2, y2 = x + reach * nx, y + reach * ny, x - reach * nx, y - reach * ny
     side = rd * abs(cos(psi - UPRIGHT))
     x3, y3 = (r_rot - side) * cosine + centre, (r_rot - side) * sine
@@ -225,15 +172,15 @@ def impact(t, theta, theta_rate, psi, psi_rate, c, flags):  # pragma: no cover -
     xi1, xi2 = _elevation(nx, ny, x1, y1, c), _elevation(nx, ny, x2, y2, c)
     middle = 0.5 * (_height(x1, y1, c) + _height(x2, y2, c))
     dh3, dh4 = middle - _height(x3, y3, c), middle - _height(x4, y4, c)
-    mu = c[FRICTION]
-    if not flags[FEED_FRICTION]:
-        mu *= speed / hypot(speed, c[SPIN] * rd)
+    mu = c.friction
+    if not flags.feed_friction:
+        mu *= speed / hypot(speed, c.spin * rd)
     sigma = atan(mu)
     alpha, beta = abs(xi2) - sigma, abs(xi1) + sigma
     lift = r * sin(psi - UPRIGHT)
     v0, v1 = psi_rate * r, theta_rate * r
-    impulse = c[IMPACT_WEIGHT] * v0 / c[IMPACT_DURATION]
-    near = sqrt(c[MASS] / c[STIFFNESS]) * abs(v0)
+    impulse = c.hitting * v0 / c.duration
+    near = sqrt(c.mass / c.stiffness) * abs(v0)
     force_psi = 0.0
     if dh3 > 0.0:
         touch3 = dh3 - abs(lift) <= near and psi > UPRIGHT
@@ -252,7 +199,7 @@ def impact(t, theta, theta_rate, psi, psi_rate, c, flags):  # pragma: no cover -
         if touch4:
             force_psi = -impulse
     touch1 = abs(theta - theta0 - xi1) > atan(LAYER / r)
-    force_theta = -c[IMPACT_WEIGHT] * v1 / c[IMPACT_DURATION] if touch1 else 0.0
+    force_theta = -c.hitting * v1 / c.duration if touch1 else 0.0
     return theta0, alpha, beta, force_psi, force_theta, touch1, touch3, touch4
 
 
@@ -263,8 +210,8 @@ def brush_slope(t, w, c, flags, result):  # pragma: no cover - compiled
     theta0, alpha, beta, _, _, touch1, touch3, touch4 = impact(
         t, theta, theta_rate, psi, psi_rate, c, flags
     )
-    r, rd = c[RIM_DISTANCE], c[RADIUS]
-    weight, inertia, duration = c[IMPACT_WEIGHT], c[TILT_INERTIA], c[IMPACT_DURATION]
+    r, rd = c.rim_distance, c.radius
+    weight, inertia, duration = c.hitting, c.tilt_inertia, c.duration
     v0, v1 = psi_rate * r, theta_rate * r
     moment_i, moment_j = 0.0, 0.0
     # The impulse is that of the velocity before; the velocity is overwritten all the same.
@@ -274,193 +221,26 @@ def brush_slope(t, w, c, flags, result):  # pragma: no cover - compiled
     if touch1 and theta_rate != 0.0:
         moment_i = -weight * v1 * r / duration
         theta_rate = -weight * theta_rate * r * rd / (inertia * abs(cos(theta - theta0)))
-    lean = UPRIGHT - atan2(rd, c[HALF_HEIGHT])
-    force2 = c[FORCE_P] * sin(beta) / sin(alpha + beta)
-    force1 = c[FORCE_P] / cos(beta) * (1.0 - cos(alpha) * sin(beta) / sin(alpha + beta))
-    if not flags[PULLING_SURFACE]:
+    lean = UPRIGHT - atan2(rd, c.half_height)
+    force2 = c.force_p * sin(beta) / sin(alpha + beta)
+    force1 = c.force_p / cos(beta) * (1.0 - cos(alpha) * sin(beta) / sin(alpha + beta))
+    if not flags.pulling_surface:
         force1, force2 = max(0.0, force1), max(0.0, force2)
     moment_i += (force1 * cos(beta + lean) - force2 * cos(alpha + lean)) * r
-    gyro = c[SPIN_INERTIA] * c[SPIN] / inertia
+    gyro = c.spin_inertia * c.spin / inertia
     result[0] = theta_rate
     result[1] = moment_i / inertia - gyro * psi_rate
     result[2] = psi_rate
     result[3] = moment_j / inertia + gyro * theta_rate
 
 
-# Step control of MATLAB's ode45.
+# Forces of the contact on the machine, and step control of MATLAB's ode45.
 #
 # Facts from L. F. Shampine and M. W. Reichelt, "The MATLAB ODE suite", SIAM J. Sci. Comput. 18
 # (1997): the error of a step is the largest of its components, each divided by the larger of the
 # state's size before and after, and of absolute over relative tolerance.
 
 ABSOLUTE = 1e-6  # MATLAB's default, in the units of the state
-
-
-@njit(cache=True)
-def first_step(slope, state, longest, relative):  # pragma: no cover - compiled
-    """Return the length of the first step."""
-    threshold = ABSOLUTE / relative
-    rate = 0.0
-    for i in range(state.size):
-        rate = max(rate, abs(slope[i]) / max(abs(state[i]), threshold))
-    rate /= 0.8 * relative**0.2
-    return longest if longest * rate <= 1.0 else 1.0 / rate
-
-
-@njit(cache=True)
-def relative_error(slopes, step, start, end, relative, scale):  # pragma: no cover - compiled
-    """Return the error of a step, to be compared with the relative tolerance."""
-    threshold = ABSOLUTE / relative
-    for i in range(start.size):
-        scale[i] = max(abs(start[i]), abs(end[i]), threshold)
-    return step_error(slopes, step, scale)
-
-
-@njit(cache=True)
-def rejected_step(step, error, relative, again):  # pragma: no cover - compiled
-    """Return the step after a refusal; `again` if the step before it was refused too."""
-    if again or not np.isfinite(error):
-        return 0.5 * step
-    return step * max(0.1, 0.8 * (relative / error) ** 0.2)
-
-
-@njit(cache=True)
-def accepted_step(step, error, relative):  # pragma: no cover - compiled
-    """Return the step after one that passed at the first attempt."""
-    return step / max(0.2, 1.25 * (error / relative) ** 0.2)
-
-
-@njit(cache=True)
-def smallest_step(time):  # pragma: no cover - compiled
-    """Return the step below which rounding of the time takes over."""
-    return 16.0 * np.spacing(time)
-
-
-# Integration of listing D.1, and the forces at the stored states.
-
-STATES = 4  # theta, theta', psi, psi'
-
-
-def listing_motion(
-    parameters: BrushParameters,
-    defects: ListingDefects,
-    time: NDArray[np.float64],
-    relative: float,
-) -> tuple[NDArray[np.float64], tuple[int, int, int]]:
-    """Integrate D.1 and store its states at equally spaced times from zero.
-
-    Returns
-    -------
-    states : ndarray, shape (n, 4)
-        theta, theta', psi, psi' [rad, rad/s].
-    counts : tuple of int
-        Steps taken, steps refused, and times that contact began between two steps.
-
-    Raises
-    ------
-    InvalidInputError
-        If the tool does not move: the listings place the contacts along its velocity.
-    SolverError
-        If the steps become too small to go on.
-    """
-    constants = listing_constants(parameters, defects)
-    velocity = tool_velocity(0.0, parameters)
-    speed = float(np.hypot(*velocity))
-    if speed == 0.0:
-        expected = "a feed or a circling, whose direction places C1 to C4"
-        remedy = "Raise feed, or rotation_radius and rotation_rate."
-        raise invalid("parameters", described("a tool at rest"), expected, remedy)
-    slope = velocity[0] * parameters.trough.curvatures[0] / speed
-    place = parameters.rim_distance + parameters.rotation_radius
-    start = np.array([atan(slope * place), 0.0, UPRIGHT, 0.0])
-    store = np.empty((time.size, STATES))
-    interval = float(time[1] - time[0])
-    done, *counts = _integrate_motion(
-        start, interval, relative, constants, defects.as_flags(), store
-    )
-    if done < float(time[-2]):
-        raise SolverError(
-            f"The listing's equations could not be followed beyond {done:.4g} s at a relative "
-            f"tolerance of {relative:g}. Raise the tolerance; the impact law is not well posed."
-        )
-    return store, (counts[0], counts[1], counts[2])
-
-
-@njit(cache=True, error_model="numpy")
-def _integrate_motion(
-    state, interval, relative, constants, flags, store
-):  # pragma: no cover - compiled
-    """Run ode45 from time zero over all stored times; time reached and counts."""
-    slopes = np.zeros((STAGES, STATES))
-    stage, scale = np.zeros(STATES), np.zeros(STATES)
-    end = (store.shape[0] - 1) * interval
-    longest = 0.1 * end
-    brush_slope(0.0, state, constants, flags, slopes[0])
-    step = first_step(slopes[0], state, min(longest, interval), relative)
-    time, following = 0.0, 1
-    accepted, refused, impacts = 0, 0, 0
-    touching = False
-    store[0] = state
-    while time < end:
-        step = min(longest, max(smallest_step(time), step))
-        last = 1.1 * step >= end - time
-        step = end - time if last else step
-        attempts = 0
-        while True:
-            for s in range(1, STAGES):
-                stage_state(slopes, s, state, step, stage)
-                brush_slope(time + NODES[s] * step, stage, constants, flags, slopes[s])
-            error = relative_error(slopes, step, state, stage, relative, scale)
-            if error <= relative:
-                break
-            if step <= smallest_step(time):
-                return time, accepted, refused, impacts
-            refused += 1
-            attempts += 1
-            last = False
-            step = rejected_step(step, error, relative, attempts > 1)
-            step = max(smallest_step(time), step)
-        accepted += 1
-        reached = end if last else time + step
-        while following < store.shape[0] and following * interval <= reached:
-            fraction = (following * interval - time) / step
-            inside_step(slopes, state, step, fraction, 0, store[following])
-            following += 1
-        time = reached
-        state[:] = stage
-        slopes[0] = slopes[STAGES - 1]
-        if attempts == 0:
-            step = accepted_step(step, error, relative)
-        contact = impact(time, state[0], state[1], state[2], state[3], constants, flags)
-        now = contact[5] or contact[6] or contact[7]
-        if now and not touching:
-            impacts += 1
-        touching = now
-    store[store.shape[0] - 1] = state
-    return time, accepted, refused, impacts
-
-
-def listing_forces(
-    parameters: BrushParameters,
-    defects: ListingDefects,
-    time: NDArray[np.float64],
-    states: NDArray[np.float64],
-    divisor: float,
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Evaluate the forces of D.2 at stored states, with the gates of the bearing open.
-
-    Returns
-    -------
-    forces : ndarray, shape (n, 3)
-        F_x, F_y, F_z [N]; the share of the impacts is divided by `divisor`.
-    touching : ndarray of bool, shape (n, 4)
-        C1, C2, C3, C4; the listings have one condition for C1 and C2.
-    """
-    forces = np.empty((time.size, 3))
-    touching = np.empty((time.size, 4), dtype=np.bool_)
-    constants = listing_constants(parameters, defects)
-    _forces_along(time, states, constants, defects.as_flags(), divisor, forces, touching)
-    return forces, touching
 
 
 @njit(cache=True)
@@ -475,6 +255,156 @@ def forces_of_contact(contact, force_p, divisor):  # pragma: no cover - compiled
     )
 
 
+_GRAVITY = 9.81
+_BEARING_VELOCITY, _BEARING_HEIGHT, _BRUSH_HEIGHT = 1, 8, 10  # w(2), w(9), w(11) of D.2
+
+
+@njit(cache=True)
+def _slope(t, x, machine, c, flags, room, result):  # pragma: no cover - compiled
+    """Right-hand side of D.2 (if `mass` is positive) or D.3; of D.1 without a machine."""
+    A, B1, stored, spacing, divisor, mass = machine
+    if A.size == 0:
+        brush_slope(t, x, c, flags, result)
+        return
+    w, force = room[0], room[1]
+    i = int(t / spacing)
+    while spacing * i > t:
+        i -= 1
+    while spacing * (i + 1) <= t:  # on a stored time the later interval wins
+        i += 1
+    i = min(i, stored.shape[0] - 2)
+    later = (t - spacing * i) / spacing
+    meant = 1.0 if flags.interpolation_weight else spacing
+    earlier = (meant - t + spacing * i) / spacing
+    for j in range(4):
+        w[j] = later * stored[i + 1, j] + earlier * stored[i, j]
+    contact = impact(t, w[0], w[1], w[2], w[3], c, flags)
+    force_p = c.force_p
+    force[0], force[1], force[2] = forces_of_contact(contact, force_p, divisor)
+    if flags.bearing_gate and x[_BEARING_VELOCITY] == 0.0:
+        force[2] -= abs(contact[4]) * np.cos(contact[2]) / divisor
+        force[1] = 0.0
+    if mass > 0.0 and x[_BRUSH_HEIGHT] > 0.0:
+        if flags.gravity_terms:
+            force_p += mass * _GRAVITY * x[_BEARING_HEIGHT]
+            force[2] -= c.mass * _GRAVITY * x[_BRUSH_HEIGHT]
+        if flags.polishing_force_dropped:
+            force[2] -= force_p
+    force[3] = force_p
+    for row in range(x.size):
+        total = 0.0
+        for column in range(x.size):
+            total += A[row, column] * x[column]
+        for column in range(4):
+            total += B1[row, column] * force[column]
+        result[row] = total
+
+
+_REFINE = 4  # ode45 shows four values per step; the largest deviation is read from them
+
+
+@njit(cache=True)
+def _outputs(C, x, result, largest):  # pragma: no cover - compiled
+    for row in range(result.size):
+        total = 0.0
+        for column in range(x.size):
+            total += C[row, column] * x[column]
+        result[row] = total
+        largest[row] = max(largest[row], abs(total))
+
+
+@njit(cache=True, error_model="numpy")
+def _ode45(
+    state, samples, first, relative, machine, constants, flags, C, shown, largest
+):  # pragma: no cover - compiled
+    """Run ode45 from time zero over all samples: the machine, or without one the brush.
+
+    Parameters
+    ----------
+    state : ndarray, shape (n,)
+        At time zero; overwritten.
+    samples : ndarray, shape (count,)
+        Rising from zero [s]; C times the state is shown there.
+    first : float
+        Longest first step [s].
+    relative : float
+        Relative tolerance.
+    machine : tuple
+        Of `_slope`; with an A of no size it is the brush that moves.
+    constants, flags : tuple
+        Of `listing_constants`.
+    C, shown, largest : ndarray, shape (p, n), (count, p) and (p,)
+        Outputs; their values, filled from the second row on; and their largest magnitudes.
+
+    Returns
+    -------
+    tuple
+        Time reached, steps taken, steps refused, and times that contact began between two steps.
+    """
+    brush, order = machine[0].size == 0, state.size
+    slopes, stage, scale = np.zeros((STAGES, order)), np.zeros(order), np.zeros(order)
+    inside, output, room = np.zeros(order), np.zeros(largest.size), np.zeros((2, 4))
+    threshold = ABSOLUTE / relative
+    end = samples[-1]
+    longest = 0.1 * end
+    time, following = 0.0, 1
+    accepted, refused, impacts = 0, 0, 0
+    touching = False
+    _slope(0.0, state, machine, constants, flags, room, slopes[0])
+    rate = 0.0
+    for i in range(order):
+        rate = max(rate, abs(slopes[0, i]) / max(abs(state[i]), threshold))
+    rate /= 0.8 * relative**0.2
+    step = min(longest, first)
+    step = step if step * rate <= 1.0 else 1.0 / rate
+    while time < end:
+        smallest = 16.0 * np.spacing(time)  # below it rounding of the time takes over
+        step = min(longest, max(smallest, step))
+        last = 1.1 * step >= end - time
+        step = end - time if last else step
+        attempts = 0
+        while True:
+            for s in range(1, STAGES):
+                stage_state(slopes, s, state, step, stage)
+                at = time + NODES[s] * step
+                _slope(at, stage, machine, constants, flags, room, slopes[s])
+            for i in range(order):
+                scale[i] = max(abs(state[i]), abs(stage[i]), threshold)
+            error = step_error(slopes, step, scale)
+            if error <= relative:
+                break
+            if step <= smallest:
+                return time, accepted, refused, impacts
+            refused += 1
+            attempts += 1
+            last = False
+            if attempts > 1 or not np.isfinite(error):
+                step *= 0.5
+            else:
+                step *= max(0.1, 0.8 * (relative / error) ** 0.2)
+            step = max(smallest, step)
+        accepted += 1
+        reached = end if last else time + step
+        while following < samples.size and samples[following] <= reached:
+            inside_step(slopes, state, step, (samples[following] - time) / step, 0, inside)
+            _outputs(C, inside, shown[following], largest)
+            following += 1
+        for part in range(1, 1 if brush else _REFINE + 1):
+            inside_step(slopes, state, step, part / _REFINE, 0, inside)
+            _outputs(C, inside, output, largest)
+        time = reached
+        state[:] = stage
+        slopes[0] = slopes[STAGES - 1]
+        if attempts == 0:
+            step /= max(0.2, 1.25 * (error / relative) ** 0.2)
+        if brush:
+            contact = impact(time, state[0], state[1], state[2], state[3], constants, flags)
+            now = contact[5] or contact[6] or contact[7]
+            impacts += now and not touching
+            touching = now
+    return time, accepted, refused, impacts
+
+
 @njit(cache=True)
 def _forces_along(
     times, states, constants, flags, divisor, forces, touching
@@ -482,50 +412,95 @@ def _forces_along(
     for i in range(times.size):
         w = states[i]
         contact = impact(times[i], w[0], w[1], w[2], w[3], constants, flags)
-        forces[i] = forces_of_contact(contact, constants[FORCE_P], divisor)
+        forces[i] = forces_of_contact(contact, constants.force_p, divisor)
         touching[i, 0] = touching[i, 1] = contact[5]
         touching[i, 2], touching[i, 3] = contact[6], contact[7]
 
 
-# Labelled dataset of a run.
+def listing_forces(
+    parameters: BrushParameters, defects: ListingDefects, time: Array, states: Array, divisor: float
+) -> tuple[Array, Array]:
+    """Evaluate the forces of D.2 at stored states, with the gates of the bearing open.
+
+    Returns
+    -------
+    forces : ndarray, shape (n, 3)
+        F_x, F_y, F_z [N]; the share of the impacts is divided by `divisor`.
+    touching : ndarray of bool, shape (n, 4)
+        C1, C2, C3, C4; the listings have one condition for C1 and C2.
+    """
+    forces, touching = np.empty((time.size, 3)), np.empty((time.size, 4), dtype=np.bool_)
+    _forces_along(time, states, *listing_constants(parameters, defects), divisor, forces, touching)
+    return forces, touching
+
+
+# Runs of the brush and of a linear system under its forces.
 
 Workaround = Literal["none", "divide", "impulse"]
+_NO_MACHINE = (np.empty((0, 0)), np.empty((0, 4)), np.empty((0, 4)), 1.0, 1.0, 0.0)
 
 
 def run_listing(
     parameters: BrushParameters,
-    time: NDArray[np.float64],
+    time: Array,
     *,
     defects: ListingDefects,
     workaround: Workaround,
     relative: float,
 ) -> xr.Dataset:
-    """Integrate listing D.1, evaluate the forces of D.2, and label both."""
-    states, counts = listing_motion(parameters, defects, time, relative)
+    """Integrate listing D.1, evaluate the forces of D.2, and label both.
+
+    Raises
+    ------
+    InvalidInputError
+        If the tool does not move: the listings place the contacts along its velocity.
+    SolverError
+        If the steps become too small to go on.
+    """
+    constants, flags = listing_constants(parameters, defects)
+    velocity = dataset.tool_velocity(0.0, parameters)
+    speed = float(np.hypot(*velocity))
+    if speed == 0.0:
+        expected = "a feed or a circling, whose direction places C1 to C4"
+        remedy = "Raise feed, or rotation_radius and rotation_rate."
+        raise invalid("parameters", described("a tool at rest"), expected, remedy)
+    slope = velocity[0] * constants.bend_x / speed
+    place = constants.rim_distance + constants.circle
+    state = np.array([atan(slope * place), 0.0, UPRIGHT, 0.0])  # theta, theta', psi, psi'
+    interval = float(time[1] - time[0])
+    states = np.empty((time.size, 4))
+    states[0] = state
+    done, *counts = _ode45(
+        state, np.arange(time.size) * interval, interval, relative, _NO_MACHINE, constants, flags,
+        np.eye(4), states, np.zeros(4),
+    )  # fmt: skip
+    if done < float(time[-2]):
+        raise SolverError(
+            f"The listing's equations could not be followed beyond {done:.4g} s at a relative "
+            f"tolerance of {relative:g}. Raise the tolerance; the impact law is not well posed."
+        )
+    states[-1] = state
     theta, theta_rate, psi, psi_rate = states.T
     divisor = force_divisor(parameters, workaround)
     impacts, touching = listing_forces(parameters, defects, time, states, divisor)
-    forces = {name: impacts[:, i] for i, name in enumerate(("F_x", "F_y", "F_z"))}
-    forces["F_p"] = np.full(time.size, parameters.polishing_force)
+    pressing = np.full(time.size, parameters.polishing_force)
     names = ("tilt towards the feed", "roll about the feed")
     variables = {
-        **angle_variables((theta, psi, theta_rate, psi_rate), names, level=UPRIGHT),
-        **force_variables(forces),
-        "contact": quantity(touching, "1", "whether the point touches", ("time", "point")),
-        **path_variables(time, parameters),
+        **dataset.angle_variables((theta, psi, theta_rate, psi_rate), names, level=UPRIGHT),
+        **dataset.force_variables(*impacts.T, pressing),
+        "contact": dataset.quantity(touching, "1", "whether the point touches", ("time", "point")),
+        **dataset.path_variables(time, parameters),
     }
     attributes = {
         "simulator": "listing",
         "disc": "two-angle",
-        **parameter_attributes(parameters),
+        **dataset.parameter_attributes(parameters),
         "workaround": workaround,
         "defects": " ".join(defects.names()),
         "relative_tolerance": relative,
-        "steps": counts[0],
-        "refused_steps": counts[1],
-        "impacts": counts[2],
+        **dict(zip(("steps", "refused_steps", "impacts"), counts, strict=True)),
     }
-    return labelled(time, variables, attributes)
+    return dataset.labelled(time, variables, attributes)
 
 
 def force_divisor(parameters: BrushParameters, workaround: str) -> float:
@@ -533,13 +508,6 @@ def force_divisor(parameters: BrushParameters, workaround: str) -> float:
     if workaround == "divide":
         return 10000.0
     return 1.0 / parameters.impact_duration if workaround == "impulse" else 1.0
-
-
-# Response of a linear system to the listing's forces (D.2 and D.3).
-
-_GRAVITY = 9.81
-_REFINE = 4  # ode45 shows four values per step; the largest deviation is read from them
-_BEARING_VELOCITY, _BEARING_HEIGHT, _BRUSH_HEIGHT = 1, 8, 10  # w(2), w(9), w(11) of D.2
 
 
 def listing_response(
@@ -616,19 +584,17 @@ def listing_response(
         expected = "a dataset of the listing simulator"
         raise invalid("brush", shown, expected, 'Make it with simulate_brush("listing", ...).')
     mass = 0.0 if bearing_mass is None else positive("bearing_mass", bearing_mass, "kg")
-    parameters = parameters_from_attributes(brush.attrs)
+    parameters = dataset.parameters_from_attributes(brush.attrs)
     defects = ListingDefects.none(but=tuple(brush.attrs["defects"].split()))
-    stored = np.stack(
-        [brush[name].values for name in ("theta", "theta_rate", "psi", "psi_rate")], axis=1
-    )
-    spacing = float(brush.time[1] - brush.time[0])
-    duration = float(brush.time[-1])
+    names = ("theta", "theta_rate", "psi", "psi_rate")
+    stored = np.stack([brush[name].values for name in names], axis=1)
+    spacing, duration = float(brush.time[1] - brush.time[0]), float(brush.time[-1])
     samples = np.linspace(0.0, duration, max(1, round(duration * rate)) + 1)
-    response, largest = np.empty((samples.size, len(C))), np.zeros(len(C))
-    done = _integrate(
-        A, B1, C, relative, samples,
-        stored, spacing, listing_constants(parameters, defects), defects.as_flags(),
-        force_divisor(parameters, brush.attrs["workaround"]), mass, response, largest,
+    response, largest = np.zeros((samples.size, len(C))), np.zeros(len(C))
+    divisor = force_divisor(parameters, brush.attrs["workaround"])
+    done, *_ = _ode45(
+        np.zeros(12), samples, np.inf, relative, (A, B1, stored, spacing, divisor, mass),
+        *listing_constants(parameters, defects), C, response, largest,
     )  # fmt: skip
     if done < duration:
         raise SolverError(
@@ -637,108 +603,9 @@ def listing_response(
     outputs = ("time", "output")
     return xr.Dataset(
         {
-            "response": quantity(response, "unit of C x", "outputs", outputs),
-            "largest": quantity(largest, "unit of C x", "largest magnitude", "output"),
+            "response": dataset.quantity(response, "unit of C x", "outputs", outputs),
+            "largest": dataset.quantity(largest, "unit of C x", "largest magnitude", "output"),
         },
-        {"time": time_coordinate(samples)},
+        {"time": ("time", samples, {"units": "s"})},
         {"tolerance": relative, "workaround": brush.attrs["workaround"]},
     )
-
-
-@njit(cache=True)
-def _slope(
-    t, x, A, B1, stored, spacing, constants, flags, divisor, mass, room, result
-):  # pragma: no cover - compiled
-    """Right-hand side of D.2 (if `mass` is positive) or D.3."""
-    w, force = room[0], room[1]
-    i = int(t / spacing)
-    while spacing * i > t:
-        i -= 1
-    while spacing * (i + 1) <= t:  # on a stored time the later interval wins
-        i += 1
-    i = min(i, stored.shape[0] - 2)
-    later = (t - spacing * i) / spacing
-    meant = 1.0 if flags[INTERPOLATION_WEIGHT] else spacing
-    earlier = (meant - t + spacing * i) / spacing
-    for j in range(4):
-        w[j] = later * stored[i + 1, j] + earlier * stored[i, j]
-    contact = impact(t, w[0], w[1], w[2], w[3], constants, flags)
-    force_p = constants[FORCE_P]
-    force[0], force[1], force[2] = forces_of_contact(contact, force_p, divisor)
-    if flags[BEARING_GATE] and x[_BEARING_VELOCITY] == 0.0:
-        force[2] -= abs(contact[4]) * np.cos(contact[2]) / divisor
-        force[1] = 0.0
-    if mass > 0.0 and x[_BRUSH_HEIGHT] > 0.0:
-        if flags[GRAVITY_TERMS]:
-            force_p += mass * _GRAVITY * x[_BEARING_HEIGHT]
-            force[2] -= constants[MASS] * _GRAVITY * x[_BRUSH_HEIGHT]
-        if flags[POLISHING_FORCE_DROPPED]:
-            force[2] -= force_p
-    force[3] = force_p
-    for row in range(x.size):
-        total = 0.0
-        for column in range(x.size):
-            total += A[row, column] * x[column]
-        for column in range(4):
-            total += B1[row, column] * force[column]
-        result[row] = total
-
-
-@njit(cache=True)
-def _outputs(C, x, result, largest):  # pragma: no cover - compiled
-    for row in range(result.size):
-        total = 0.0
-        for column in range(x.size):
-            total += C[row, column] * x[column]
-        result[row] = total
-        largest[row] = max(largest[row], abs(total))
-
-
-@njit(cache=True, error_model="numpy")
-def _integrate(
-    A, B1, C, relative, samples, stored, spacing, constants, flags, divisor, mass, response, largest
-):  # pragma: no cover - compiled
-    """Run ode45 from rest over all samples; time reached."""
-    order = A.shape[0]
-    slopes = np.zeros((STAGES, order))
-    state, stage, scale = np.zeros(order), np.zeros(order), np.zeros(order)
-    inside, output, room = np.zeros(order), np.zeros(C.shape[0]), np.zeros((2, 4))
-    end = samples[-1]
-    longest = 0.1 * end
-    forcing = (stored, spacing, constants, flags, divisor, mass, room)
-    _slope(0.0, state, A, B1, *forcing, slopes[0])
-    step = first_step(slopes[0], state, longest, relative)
-    time, following = 0.0, 1
-    response[0] = 0.0
-    while time < end:
-        step = min(longest, max(smallest_step(time), step))
-        last = 1.1 * step >= end - time
-        step = end - time if last else step
-        attempts = 0
-        while True:
-            for s in range(1, STAGES):
-                stage_state(slopes, s, state, step, stage)
-                _slope(time + NODES[s] * step, stage, A, B1, *forcing, slopes[s])
-            error = relative_error(slopes, step, state, stage, relative, scale)
-            if error <= relative:
-                break
-            if step <= smallest_step(time):
-                return time
-            attempts += 1
-            last = False
-            step = rejected_step(step, error, relative, attempts > 1)
-            step = max(smallest_step(time), step)
-        reached = end if last else time + step
-        while following < samples.size and samples[following] <= reached:
-            inside_step(slopes, state, step, (samples[following] - time) / step, 0, inside)
-            _outputs(C, inside, response[following], largest)
-            following += 1
-        for part in range(1, _REFINE + 1):
-            inside_step(slopes, state, step, part / _REFINE, 0, inside)
-            _outputs(C, inside, output, largest)
-        time = reached
-        state[:] = stage
-        slopes[0] = slopes[STAGES - 1]
-        if attempts == 0:
-            step = accepted_step(step, error, relative)
-    return time
