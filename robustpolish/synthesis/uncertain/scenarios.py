@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from robustpolish.base.arrays import AnyVector, Vector
 from robustpolish.base.budget import Budget, step_cost
-from robustpolish.errors import InfeasibleError, InvalidInputError, SolverError
+from robustpolish.errors import InvalidInputError
 from robustpolish.implementation.reduction import Reducer
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.elements import RealElement
@@ -27,7 +27,6 @@ from robustpolish.robust.questions import (
     system_at_witness,
     worst_case_gain,
 )
-from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant, whole_plant
 from robustpolish.synthesis.structured.search import (
@@ -38,6 +37,7 @@ from robustpolish.synthesis.structured.search import (
 )
 from robustpolish.synthesis.structured.structures import StaticStructure, scaled_matrix
 from robustpolish.synthesis.uncertain.scaled_gain import ModalGain, controller_from_matrix
+from robustpolish.synthesis.uncertain.search import AGREES, SHORTENED, design_one
 
 # Samples of an uncertain plant: at given values, at the corners, and farther out.
 
@@ -140,21 +140,12 @@ _MACHINES = 24
 _PROOFS = 8
 # A machine joins the set if its norm is above that of the set by this share.
 _WORSE = 1e-3
-# A proof so far above the set, relative, ends the search: intervals need 0.2 % alone.
-_AGREES = 0.005
 # Share of the work that is left for descents from several starts.
 _SEVERAL = 0.4
-# A controller is shortened as long as its level rises by less than this share, as in D-K.
-_SHORTENED = 0.02
 # A worst gain so far above what no controller beats, relative, cannot be improved.
 _NEAR = 0.01
 # Machines of the set whose own smallest gain is asked for, the worst ones first.
 _ASKED = 2
-# The share of its usual work that a nominal search for fixed order gets.
-_EFFORT = 0.1
-# The safety net of a search for a single machine, in seconds, and what it gets when that of the
-# whole search is nearly reached: no search ends at once.
-_SECONDS, _LEAST = 300.0, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,20 +269,14 @@ class ScenarioSearch:
             return None
         # Then once more from other starts, on all machines that were worst for the first ones.
         others = part.proposals(self.budget.share(0.5), np.random.default_rng(1))
-        again = self._searched(part, others, _AGAIN, best.worst.lower * (1 - _AGREES))
+        again = self._searched(part, others, _AGAIN, best.worst.lower * (1 - AGREES))
         other = again and self._proven(again)
         return min(best, other or best, key=lambda one: one.upper)
 
     def from_nominal(self, order: int | None) -> RobustCandidate | None:
         """Return the best controller of a search from the design for the nominal machine."""
-        effort = 1.0 if order is None else _EFFORT
-        try:
-            design = output_feedback(
-                self.samples.nominal, order=order, effort=effort, time_limit=self._seconds
-            )
-        except (InfeasibleError, SolverError):
-            return None
-        return self.from_controller(design.controller, order)
+        design = design_one(self.samples.nominal, order, self.budget)
+        return design and self.from_controller(design.controller, order)
 
     def from_controller(
         self, controller: control.StateSpace, order: int | None
@@ -305,7 +290,7 @@ class ScenarioSearch:
         if part is None or found is None:
             return None
         bound = self._lower_bound(found)
-        if found.gain > bound * (1 + _AGREES):
+        if found.gain > bound * (1 + AGREES):
             found = self._settled(part, found.theta) or found
             bound = max(bound, self._lower_bound(found))
         if order is None:
@@ -314,11 +299,6 @@ class ScenarioSearch:
         if proven is not None:
             proven.lower_bound = bound
         return proven
-
-    @property
-    def _seconds(self) -> float:
-        """What a search of a single machine gets of the safety net."""
-        return min(max(self.budget.seconds_left, _LEAST), _SECONDS)
 
     @cached_property
     def _corners(self) -> list[tuple[Values, PlantMatrices]]:
@@ -431,7 +411,7 @@ class ScenarioSearch:
             self._record_step("proof", found, worst.upper)
             if worst.proven and (best is None or worst.upper < best.upper):
                 best = RobustCandidate(controller, system, self.gamma, worst=worst)
-            enough = worst.upper <= found.gain * (1 + _AGREES)
+            enough = worst.upper <= found.gain * (1 + AGREES)
             if enough or self.budget.over or not self._add_witness(worst, found):
                 break
             again = self._settled(found.part, found.theta)
@@ -463,10 +443,10 @@ class ScenarioSearch:
             machines = [m for _, m in self._known]
             first = min(points, key=lambda p: max(self._compared(part, p, machines)))
             short = self._settled(part, first, thorough=False)
-            enough = found.level * (1 + _SHORTENED)
+            enough = found.level * (1 + SHORTENED)
             if short is None or short.level > 2 * enough:
                 continue
-            goal = found.level / found.gain * bound * (1 + _AGREES)
+            goal = found.level / found.gain * bound * (1 + AGREES)
             short = self._settled(part, short.theta, goal=goal)
             if short is not None and short.level <= enough:
                 return short
@@ -479,10 +459,7 @@ class ScenarioSearch:
         for place in worst:
             if place not in self._bounds:
                 plant = self.samples.at(self._known[place][0])
-                try:
-                    design = plant and output_feedback(plant, time_limit=self._seconds)
-                except (InfeasibleError, SolverError):
-                    design = None
+                design = plant and design_one(plant, None, self.budget)
                 self._bounds[place] = (design and design.lower_bound) or 0.0
         return max(self._bounds[place] for place in worst)
 

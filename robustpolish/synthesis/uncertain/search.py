@@ -21,8 +21,10 @@ from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.implementation.reduction import Reducer
 from robustpolish.linear.arithmetic.realisation import state_scales
 from robustpolish.plants.blocks import matrices_of, named_system
+from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.robust.loop_model import DeltaStructure
 from robustpolish.synthesis.certificate import NormTarget
+from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.engine import Settings, Task
 from robustpolish.synthesis.nonsmooth.descent import bfgs
 from robustpolish.synthesis.nonsmooth.parametrisations import Parametrisation
@@ -465,11 +467,26 @@ _ROOM = 0.003
 AGREES = 0.005
 # How often a proof may add frequencies.
 PROOFS = 4
-# The share of its usual work that a search for fixed order gets, and its safety net in seconds.
-_EFFORT = 0.1
-_SECONDS = 300.0
-# A controller is shortened as long as its level rises by less than this share.
-_SHORTENED = 0.02
+SHORTENED = 0.02
+"""A controller is shortened as long as its level rises by less than this share."""
+
+# The share of its usual work that a search for fixed order of one machine gets, the safety net of
+# one machine in seconds, and what it gets when that of the whole search is nearly reached: no
+# search ends at once.
+_EFFORT, _SECONDS, _LEAST_SECONDS = 0.1, 300.0, 0.01
+
+
+def design_one(plant: GeneralizedPlant, order: int | None, budget: Budget) -> Design | None:
+    """Design a controller for one machine, of at most some order; None if none is found."""
+    try:
+        return output_feedback(
+            plant,
+            order=order,
+            effort=1.0 if order is None else _EFFORT,
+            time_limit=min(max(budget.seconds_left, _LEAST_SECONDS), _SECONDS),
+        )
+    except (InfeasibleError, SolverError):
+        return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -576,7 +593,7 @@ class ScalingSearch:
             return None
         known, _ = self._levels(full)
         orders = [self.order] if self.order is not None else range(1, len(full.A) + 1)
-        enough = known.peak * (1 + _SHORTENED)
+        enough = known.peak * (1 + SHORTENED)
         weights = self.scalings.of_bounds(known.found)
         for order in orders:
             tried = [
@@ -584,7 +601,9 @@ class ScalingSearch:
                 for i, K in enumerate(self._reduced(full, order))
             ]
             if not tried and self.order is not None and self.best is None:
-                tried = self._of_order(order)
+                design = design_one(self.problem.scaled, order, self.budget)
+                found = design and Controller(*matrices_of(design.controller))
+                tried = [] if found is None else [(np.inf, 0, found)]
             if not tried:
                 continue
             level, _, K = min(tried)
@@ -606,16 +625,6 @@ class ScalingSearch:
             found = Controller(*matrices_of(candidate.controller))
             if self.problem.loop(found) is not None:
                 yield found
-
-    def _of_order(self, order: int) -> list[tuple[float, int, Controller]]:
-        """Return a controller of few states by the search for fixed order, if it finds one."""
-        share = min(max(self.budget.seconds_left, 1.0), _SECONDS)
-        try:
-            plant = self.problem.scaled
-            design = output_feedback(plant, order=order, effort=_EFFORT, time_limit=share)
-        except (InfeasibleError, SolverError):
-            return []
-        return [(np.inf, 0, Controller(*matrices_of(design.controller)))]
 
     def _lowered(
         self, found: AnalysedController, powers: tuple[float, ...], steps: int, sets: int
