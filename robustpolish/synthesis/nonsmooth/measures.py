@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ class GainMeasure:
     left: Matrix
     right: Matrix
     # An evaluation takes next to nothing.
-    work: ClassVar[float] = 0.1
+    work: float = 0.1
 
     def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[ActivePiece]:
         """Return one piece for each singular value near the largest."""
@@ -52,7 +52,7 @@ class GainMeasure:
 class FrobeniusMeasure:
     """Root of the sum of squares of K."""
 
-    work: ClassVar[float] = 0.1
+    work: float = 0.1
 
     def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[ActivePiece]:
         """Return the one piece."""

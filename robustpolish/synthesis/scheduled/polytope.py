@@ -128,7 +128,8 @@ class PolytopeSpecification:
     def mean(self, matrices: Sequence[Matrix]) -> Matrix:
         """Return the mean of the Lyapunov matrices at the vertices."""
         count = len(self.family.shares)
-        return sum(self.at(i, matrices) for i in range(count)) / count
+        total: Any = sum(self.at(i, matrices) for i in range(count))
+        return total / count
 
 
 def weighted_sum(weights: Matrix, matrices: Sequence[Any]) -> Any:

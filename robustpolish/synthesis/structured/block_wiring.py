@@ -48,7 +48,7 @@ class WiredStage(NamedTuple):
     numbers: NDArray[np.int_]
     held: Vector
     sizes: Vector
-    entries: tuple[NDArray[np.int_], NDArray[np.int_]]
+    entries: tuple[NDArray[np.int_], ...]
 
     def values(self, numbers: Vector) -> Vector:
         """Return the values of its slots, in the units of the search."""

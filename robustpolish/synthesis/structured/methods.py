@@ -256,7 +256,6 @@ def design_fixed_order(
             short = None
     bound = 0.0 if full is None else full.lower_bound or 0.0
     enough = bound * (1 + tolerance)
-    design = short
     if short is None or short.certificate.achieved > enough:
         start = None
         if short is not None:
@@ -268,15 +267,16 @@ def design_fixed_order(
             # The limit counts the states of all parts.
             decoupled = (whole_plant(whole.without_delays()),)
         structure = StaticStructure(norm, order, initial=start)
+        options = replace(options, target=enough)
         try:
-            options = replace(options, target=enough)
-            design = design_structured(plant, whole, decoupled, structure, options)
+            found = design_structured(plant, whole, decoupled, structure, options)
         except SolverError:
             if short is None:
                 raise
-        if short is not None and short.certificate.achieved < design.certificate.achieved:
-            design = short
-    return _with_gap(design, full, order, bound, enough)
+            found = short
+        if short is None or found.certificate.achieved <= short.certificate.achieved:
+            short = found
+    return _with_gap(short, full, order, bound, enough)
 
 
 def _with_gap(

@@ -441,7 +441,8 @@ class ScenarioSearch:
                 continue
             # From the point whose worst loop of the set is best.
             machines = [m for _, m in self._known]
-            first = min(points, key=lambda p: max(self._compared(part, p, machines)))
+            levels = [max(self._compared(part, point, machines)) for point in points]
+            first = points[levels.index(min(levels))]
             short = self._settled(part, first, thorough=False)
             enough = found.level * (1 + SHORTENED)
             if short is None or short.level > 2 * enough:

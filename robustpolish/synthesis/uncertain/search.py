@@ -427,12 +427,13 @@ class MuDescent:
         room = self.damping * np.abs(poles) + _FENCE * self._slowest
         inside = np.maximum(0.0, 1 + poles.real / room)
         near = np.flatnonzero(inside > 0)
+        nothing = 0.0, np.zeros(loop.K.shape)
+        if not near.size:
+            return nothing
         try:
             rows = np.linalg.solve(vectors.T, np.eye(len(poles))[:, near]).T
         except np.linalg.LinAlgError:
-            near = near[:0]
-        if not near.size:
-            return 0.0, np.zeros(loop.K.shape)
+            return nothing
         # The room grows with the pole's size, which changes too.
         sizes = np.maximum(np.abs(poles[near]), 1e-300)
         turned = self.damping * poles[near].real * np.conj(poles[near]) / sizes / room[near]
