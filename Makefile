@@ -8,7 +8,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help package test-oldest audit demo test test-full test-long doctest lint structure docs linkcheck notebooks lab figure validation browser bench compleib hidden-effects fuzz clean clean-cache
+.PHONY: help package test-oldest audit demo test test-full test-long times doctest lint structure docs linkcheck notebooks lab figure validation browser bench compleib hidden-effects fuzz clean clean-cache
 
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | expand -t 18
@@ -24,7 +24,7 @@ $(READY): pyproject.toml
 demo: $(READY) ## Run the main job; table, figure and HTML report go to demo-results/
 	$(BIN)/robustpolish design --out demo-results --report --force
 
-PYTEST := $(BIN)/python -m pytest -q -n 2
+PYTEST := $(BIN)/python -m pytest -q -n 2 --dist loadfile
 
 test: $(READY) ## Run the quick tests (five minutes on two cores)
 	$(PYTEST) -m "not slow and not long" --durations 40
@@ -34,6 +34,9 @@ test-full: $(READY) ## Run the slower tests that `make test` leaves out
 
 test-long: $(READY) ## Run the tests that take minutes each
 	$(PYTEST) -m long --timeout 3600
+
+times: $(READY) ## Measure on an idle machine which tests are slow: tests/slow.txt
+	$(PYTEST) -m "not long" --measure-times
 
 doctest: $(READY) ## Run the examples in docstrings
 	$(PYTEST) --doctest-modules robustpolish

@@ -8,7 +8,19 @@ import robustpolish as rp
 from robustpolish.polishing import buildable as limits_of_hardware
 from robustpolish.polishing.buildable import BuildableBrushDesign
 
+from .times import Marks, Measure
+
 SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+
+def pytest_addoption(parser):
+    parser.addoption("--measure-times", action="store_true", help="write tests/slow.txt")
+
+
+def pytest_configure(config):
+    config.pluginmanager.register(Marks())
+    if config.getoption("--measure-times"):
+        config.pluginmanager.register(Measure())
 
 
 @pytest.fixture(scope="session")

@@ -192,8 +192,6 @@ def diagnose(
     model: MechanicalModel,
     data: Any,
     progress: Callable[[str], None] | None = None,
-    *,
-    _policy: Policy = POLICY,
 ) -> Diagnosis:
     """Learn which physical effect a model lacks, and add it.
 
@@ -253,9 +251,9 @@ def diagnose(
     """
     require_time_data(data)
     if progress is not None:
-        return _diagnose(model, data, progress, _policy)
+        return _diagnose(model, data, progress, POLICY)
     with progress_bar("Diagnosing") as tell:
-        return _diagnose(model, data, tell, _policy)
+        return _diagnose(model, data, tell, POLICY)
 
 
 def _diagnose(

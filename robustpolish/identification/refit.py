@@ -32,7 +32,7 @@ from robustpolish.identification.fit.prepared import PreparedRecord, prepare, re
 from robustpolish.identification.fit.result import Refit, refit_of
 from robustpolish.identification.free_runs import free_run_error, free_runs, record_errors
 from robustpolish.identification.frequency.fit import refit_frequency_response
-from robustpolish.identification.policy import POLICY, Policy
+from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import output_sizes, record_of, require_length
 from robustpolish.identification.sanity import implausible_changes, sanity_warnings
 from robustpolish.identification.structure.screening import null_score, screen
@@ -354,8 +354,6 @@ def refit(
     model: MechanicalModel,
     data: Any,
     progress: Callable[[], None] | None = None,
-    *,
-    _policy: Policy = POLICY,
 ) -> Refit:
     """Fit the parameters of a model, those of its effects included.
 
@@ -412,12 +410,12 @@ def refit(
             found = refit_frequency_response(model, data, progress)
         moved = implausible_changes(model.parameters, found.model.parameters)
         return replace(found, notes=tuple(moved))
-    fewer = reduce_record(model, require_length(model, record_of(model, data)), _policy)
-    model, prepared = fewer.model, prepare(fewer.model, fewer.record, _policy)
+    fewer = reduce_record(model, require_length(model, record_of(model, data)), POLICY)
+    model, prepared = fewer.model, prepare(fewer.model, fewer.record, POLICY)
     started = _with_start_values(model, prepared)
     spans = prepared.spans(prepared.everything)
     with progress_bar("Refitting"):
-        last = _policy.follows(prepared.record.Y.size)
+        last = POLICY.follows(prepared.record.Y.size)
         fits = homotopy(
             started, prepared, prepared.everything, model, spans, progress=progress, last=last
         )

@@ -97,14 +97,15 @@ def test_a_drift_is_learned_where_no_effect_explains_it():
 
 
 @pytest.mark.slow
-def test_a_search_that_comes_to_its_limit_of_work_ends_with_what_it_has_and_says_so():
+def test_a_search_that_comes_to_its_limit_of_work_ends_with_what_it_has_and_says_so(monkeypatch):
     """The second effect needs more work; with it nothing is said of a limit."""
     effects = [("quadratic_damping", PLACE, [30.0]), ("cubic_stiffness", PLACE, [4e6])]
     case = Case("two", one(), effects, drive=8.0, samples=1500, seed=1)
     model, data = model_of(case), records(case)[0][0]
-    little = replace(POLICY, work=2e5)
-    ended, again = (rp.diagnose(model, data, _policy=little) for _ in range(2))
     whole = rp.diagnose(model, data)
+    little = replace(POLICY, work=2e5)
+    monkeypatch.setattr("robustpolish.identification.diagnose.POLICY", little)
+    ended, again = (rp.diagnose(model, data) for _ in range(2))
     assert len(ended.effects) == 1
     assert [reason for reason in ended.reasons if "limit of work" in reason]
     assert ended.to_dict() == again.to_dict()
