@@ -12,8 +12,8 @@ from robustpolish.synthesis.lmi.mixed import (
     mixed_start,
     reconstructed,
 )
-from robustpolish.synthesis.nonsmooth import Loop, augmented
 from robustpolish.synthesis.nonsmooth.measures import HinfMeasure
+from robustpolish.synthesis.problem.matrices import PlantMatrices, augmented
 from robustpolish.synthesis.problem.preflight import with_control_penalty, with_measurement_noise
 from robustpolish.synthesis.problem.scaling import decoupled_parts, scale_plant
 
@@ -22,7 +22,7 @@ def norm_of(plant, K):
     """Return the norm that a controller achieves, infinite where it does not stabilise."""
     if K is None:
         return np.inf
-    pieces = HinfMeasure(augmented(Loop.of(plant), plant.nx)).pieces(K, 0.0, ())
+    pieces = HinfMeasure(augmented(PlantMatrices.of(plant), plant.nx)).pieces(K, 0.0, ())
     return pieces[0].value if pieces else np.inf
 
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from scipy import sparse
@@ -35,14 +35,12 @@ class BfgsResult:
     Attributes
     ----------
     point, value : ndarray, float
-    iterations : int
     reason : str
         "stationary", "stalled", "target", "iterations", "work" or "time".
     """
 
     point: AnyVector
     value: float
-    iterations: int
     reason: str
 
 
@@ -82,65 +80,60 @@ def bfgs(
         budget.spend(work)
         return function(point)
 
+    def line_search(
+        direction: AnyVector, slope: float
+    ) -> tuple[AnyVector, float, AnyVector] | None:
+        """Bisect for a step that descends and lets the slope rise; the best descent if none."""
+        low, high, t = 0.0, np.inf, 1.0
+        best: tuple[AnyVector, float, AnyVector] | None = None
+        for _ in range(40):
+            x_new = x + t * direction
+            f_new, g_new = counted(x_new)
+            if not f_new <= f + 1e-4 * t * slope:
+                high = t
+            else:
+                best = (x_new, f_new, g_new)
+                if g_new @ direction >= 0.5 * slope:
+                    return best
+                low = t
+            t = 0.5 * (low + high) if np.isfinite(high) else 2 * low
+            if budget.over:
+                break
+        return best if best is not None and best[1] < f else None
+
     x = np.array(start, dtype=float)
     f, g = counted(x)
     H = np.eye(len(x)) / max(1.0, float(np.linalg.norm(g)))
-    past = [f]
-    fresh = True
-    for count in range(1, iterations + 1):
+    past, fresh, reason = [f], True, "iterations"
+    for _ in range(iterations):
         if f < target:
-            return BfgsResult(x, f, count, "target")
+            reason = "target"
+            break
         if budget.over:
-            return BfgsResult(x, f, count, stop_reason(budget))
+            reason = stop_reason(budget)
+            break
         direction = -H @ g
         slope = float(g @ direction)
         downhill = np.isfinite(slope) and slope < 0
-        step = _weak_wolfe(counted, x, f, g, direction, slope, budget) if downhill else None
+        step = line_search(direction, slope) if downhill else None
         if step is None:
             if fresh:
-                return BfgsResult(x, f, count, "stalled" if downhill else "stationary")
+                reason = "stalled" if downhill else "stationary"
+                break
             H, fresh = np.eye(len(x)) / max(1.0, float(np.linalg.norm(g))), True
             continue
-        x_new, f_new, g_new = step
-        H = _update(H, x_new - x, g_new - g, fresh)
-        x, f, g, fresh = x_new, f_new, g_new, False
+        H = _update(H, step[0] - x, step[2] - g, fresh)
+        (x, f, g), fresh = step, False
         past.append(f)
         if len(past) > 20 and past[-21] - f < tolerance:
-            return BfgsResult(x, f, count, "stalled")
-    return BfgsResult(x, f, iterations, "iterations")
+            reason = "stalled"
+            break
+    return BfgsResult(x, f, reason)
 
 
 def stop_reason(budget: Budget) -> str:
     """Return what ended a search whose budget is over: "work" or "time"."""
     return "work" if budget.exhausted else "time"
-
-
-def _weak_wolfe(
-    function: Function,
-    x: AnyVector,
-    f: float,
-    g: AnyVector,
-    direction: AnyVector,
-    slope: float,
-    budget: Budget,
-) -> tuple[AnyVector, float, AnyVector] | None:
-    """Bisect for a step that descends and lets the slope rise; the best descent if none."""
-    low, high, t = 0.0, np.inf, 1.0
-    best: tuple[AnyVector, float, AnyVector] | None = None
-    for _ in range(40):
-        x_new = x + t * direction
-        f_new, g_new = function(x_new)
-        if not f_new <= f + 1e-4 * t * slope:
-            high = t
-        else:
-            best = (x_new, f_new, g_new)
-            if g_new @ direction >= 0.5 * slope:
-                return best
-            low = t
-        t = 0.5 * (low + high) if np.isfinite(high) else 2 * low
-        if budget.over:
-            break
-    return best if best is not None and best[1] < f else None
 
 
 def _update(H: Array, s: AnyVector, y: AnyVector, first: bool) -> Array:
@@ -267,13 +260,13 @@ class Requirement:
         found = self.measure.pieces(K, width, frequencies)
         if self.bound is None:
             return found
-        return [_bounded(piece, self.bound) for piece in found]
-
-
-def _bounded(piece: ActivePiece, bound: float) -> ActivePiece:
-    ratio = piece.value / bound
-    value, slope = (ratio - 1, 1.0) if ratio <= 1 else (float(np.log(ratio)), 1 / ratio)
-    return ActivePiece(value, piece.gradient * (slope / bound), piece.frequency)
+        scaled = []
+        for piece in found:
+            ratio = piece.value / self.bound
+            value, slope = (ratio - 1, 1.0) if ratio <= 1 else (float(np.log(ratio)), 1 / ratio)
+            gradient = piece.gradient * (slope / self.bound)
+            scaled.append(ActivePiece(value, gradient, piece.frequency))
+        return scaled
 
 
 def _logarithm(piece: ActivePiece) -> ActivePiece:
@@ -310,6 +303,10 @@ class Model:
     def violation(self) -> float:
         """How far the worst requirement is missed; 0 if none is."""
         return float(max(0.0, self.excess.max(initial=0.0)))
+
+    def merit(self, weight: float) -> float:
+        """Return the objective with a price on the violation."""
+        return self.objective + weight * self.violation
 
 
 @dataclass(frozen=True, eq=False)
@@ -436,16 +433,15 @@ def minimax(
     x = np.array(start, dtype=float)
     model = evaluated(x)
     if model is None:
-        return BfgsResult(x, np.inf, 0, "stalled")
+        return BfgsResult(x, np.inf, "stalled")
     if len(x) > _MOST_NUMBERS:
         iterations = 0
     H = np.eye(len(x)) * 1e-3 * max(1e-6, float(np.abs(model.slopes).max()))
     radius = 0.3 * max(1.0, float(np.abs(x).max(initial=0.0)))
     extra: list[float] = []
     kept = (x, model.objective if model.violation == 0 else np.inf)
-    reason, steps = "iterations", 0
-    while steps < iterations:
-        steps += 1
+    reason = "iterations"
+    for _ in range(iterations):
         if budget.over:
             reason = stop_reason(budget)
             break
@@ -474,16 +470,20 @@ def minimax(
             radius = 0.25 * float(np.abs(step.d).max())
         else:
             y = _lagrangian_change(model, trial, step)
-            gain = _merit(model, weight) - _merit(trial, weight)
+            gain = model.merit(weight) - trial.merit(weight)
             H = _damped(H, step.d, y)
-            radius = _next_radius(radius, step, gain)
+            size = float(np.abs(step.d).max())
+            if gain < 0.25 * step.promise:
+                radius = 0.3 * size
+            elif gain > 0.6 * step.promise and size > 0.9 * radius:
+                radius *= 2.5
             if gain > 0.05 * step.promise:
                 x, extra = trial_point, []
                 model = evaluated(x) or trial
                 if model.violation == 0 and model.objective < kept[1]:
                     kept = (x, model.objective)
                 continue
-            extra = [*extra, *_frequencies(trial)][-12:]
+            extra = [*extra, *[w for w in trial.frequencies if w is not None][:3]][-12:]
             model = evaluated(x, extra) or model
         if radius < 1e-10 * max(1.0, float(np.abs(x).max())):
             reason = "stalled"
@@ -491,37 +491,19 @@ def minimax(
     value = model.objective if model.violation <= 1e-9 else np.inf
     if kept[1] <= value:
         x, value = kept
-    return BfgsResult(x, value, steps, reason)
+    return BfgsResult(x, value, reason)
 
 
 # Beyond this many free numbers one quadratic programme takes longer than many steps of BFGS.
 _MOST_NUMBERS = 800
 
 
-@dataclass(frozen=True, eq=False)
-class _Step:
+class _Step(NamedTuple):
     d: AnyVector
     promise: float
     weights: AnyVector
     excess_weights: AnyVector
     inside: bool
-
-
-def _merit(model: Model, weight: float) -> float:
-    return model.objective + weight * model.violation
-
-
-def _frequencies(model: Model) -> list[float]:
-    return [w for w in model.frequencies if w is not None][:3]
-
-
-def _next_radius(radius: float, step: _Step, gain: float) -> float:
-    size = float(np.abs(step.d).max())
-    if gain < 0.25 * step.promise:
-        return 0.3 * size
-    if gain > 0.6 * step.promise and size > 0.9 * radius:
-        return 2.5 * radius
-    return radius
 
 
 def _quadratic_step(
@@ -542,28 +524,10 @@ def _quadratic_step(
     rows[:m, :n], rows[:m, n] = model.slopes, -1
     rows[m : m + p, :n], rows[m : m + p + 1, n + 1] = model.excess_slopes, -1
     rows[m + p + 1 :, :n] = np.vstack([np.eye(n), -np.eye(n)])
-    right = np.concatenate(
-        [model.objective - model.values, -model.excess, [0.0], high, -low],
-    )
+    right = np.concatenate([model.objective - model.values, -model.excess, [0.0], high, -low])
     P = np.zeros((n + 2, n + 2))
     P[:n, :n] = np.triu(H)
     q = np.concatenate([np.zeros(n), [1.0, weight]])
-    solution = _solve(P, q, rows, right, seconds)
-    if solution is None:
-        return None
-    d, duals = np.clip(solution[0][:n], low, high), np.maximum(solution[1], 0.0)
-    predicted = float((model.values + model.slopes @ d).max())
-    missed = float(max(0.0, (model.excess + model.excess_slopes @ d).max(initial=0.0)))
-    curve = 0.5 * float(d @ H @ d)
-    promise = _merit(model, weight) - (predicted + weight * missed + curve)
-    # Bounds of theta may stay active at a minimum; only the trust region may not.
-    inside = bool(np.abs(d).max(initial=0.0) < 0.99 * radius)
-    return _Step(d, promise, duals[:m], duals[m : m + p], inside)
-
-
-def _solve(
-    P: Matrix, q: AnyVector, rows: Matrix, right: AnyVector, seconds: float
-) -> tuple[AnyVector, AnyVector] | None:
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_iter = 60
@@ -571,8 +535,16 @@ def _solve(
     cones = [clarabel.NonnegativeConeT(len(right))]
     matrices = sparse.csc_matrix(P), sparse.csc_matrix(rows)
     solution = clarabel.DefaultSolver(matrices[0], q, matrices[1], right, cones, settings).solve()
-    d, duals = np.array(solution.x), np.array(solution.z)
-    return (d, duals) if np.isfinite(d).all() and np.isfinite(duals).all() else None
+    found, duals = np.array(solution.x), np.array(solution.z)
+    if not (np.isfinite(found).all() and np.isfinite(duals).all()):
+        return None
+    d, duals = np.clip(found[:n], low, high), np.maximum(duals, 0.0)
+    predicted = float((model.values + model.slopes @ d).max())
+    missed = float(max(0.0, (model.excess + model.excess_slopes @ d).max(initial=0.0)))
+    promise = model.merit(weight) - (predicted + weight * missed + 0.5 * float(d @ H @ d))
+    # Bounds of theta may stay active at a minimum; only the trust region may not.
+    inside = bool(np.abs(d).max(initial=0.0) < 0.99 * radius)
+    return _Step(d, promise, duals[:m], duals[m : m + p], inside)
 
 
 def _lagrangian_change(old: Model, new: Model, step: _Step) -> AnyVector:
@@ -581,11 +553,10 @@ def _lagrangian_change(old: Model, new: Model, step: _Step) -> AnyVector:
     for i in np.flatnonzero(step.weights > 1e-6):
         j = _matching_piece(old, new, int(i))
         change += step.weights[i] * (new.slopes[j] - old.slopes[i])
-    if len(new.excess):
-        for i in np.flatnonzero(step.excess_weights > 1e-6):
-            apart = np.linalg.norm(new.excess_slopes - old.excess_slopes[i], axis=1)
-            j = int(np.argmin(apart))
-            change += step.excess_weights[i] * (new.excess_slopes[j] - old.excess_slopes[i])
+    for i in np.flatnonzero(step.excess_weights > 1e-6) if len(new.excess) else ():
+        apart = np.linalg.norm(new.excess_slopes - old.excess_slopes[i], axis=1)
+        j = int(np.argmin(apart))
+        change += step.excess_weights[i] * (new.excess_slopes[j] - old.excess_slopes[i])
     return change
 
 

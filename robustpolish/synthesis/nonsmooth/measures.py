@@ -32,11 +32,8 @@ class GainMeasure:
 
     left: Matrix
     right: Matrix
-
-    @property
-    def work(self) -> float:
-        """Work of one evaluation: next to nothing."""
-        return 0.1
+    # An evaluation takes next to nothing.
+    work: float = 0.1
 
     def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[ActivePiece]:
         """Return one piece for each singular value near the largest."""
@@ -55,10 +52,7 @@ class GainMeasure:
 class FrobeniusMeasure:
     """Root of the sum of squares of K."""
 
-    @property
-    def work(self) -> float:
-        """Work of one evaluation: next to nothing."""
-        return 0.1
+    work: float = 0.1
 
     def pieces(self, K: Matrix, width: float, frequencies: Sequence[float]) -> list[ActivePiece]:
         """Return the one piece."""
@@ -90,35 +84,28 @@ class H2Measure:
         closed = close_static_loop(self.loop, K)
         if closed is None or not closed.stable:
             return []
+        loop, discrete = self.loop, self.loop.discrete
         A, B, C, D = closed.A, closed.B, closed.C, closed.D
-        if not self.loop.discrete and self._has_feedthrough(K, D):
+        # D counts as far as it is more than what rounding leaves of its terms.
+        terms = np.abs(loop.D11) + np.abs(loop.D12) @ np.abs(K) @ np.abs(loop.D21)
+        if not discrete and (np.abs(D) > 1e-12 * terms).any():
             return []
-        solve = solve_discrete_lyapunov if self.loop.discrete else solve_continuous_lyapunov
-        sign = 1.0 if self.loop.discrete else -1.0
+        solve = solve_discrete_lyapunov if discrete else solve_continuous_lyapunov
+        sign = 1.0 if discrete else -1.0
         try:
             P = np.asarray(solve(A, sign * B @ B.T))
             Q = np.asarray(solve(A.T, sign * C.T @ C))
         except np.linalg.LinAlgError:
             return []
-        square = float(np.trace(C @ P @ C.T))
-        if self.loop.discrete:
-            square += float(np.sum(D**2))
+        square = float(np.trace(C @ P @ C.T)) + (float(np.sum(D**2)) if discrete else 0.0)
         if not np.isfinite(square) or square < 0:
             return []
         norm = np.sqrt(square)
-        loop = self.loop
-        forward = A if loop.discrete else np.eye(len(A))
+        forward, direct = (A, loop.D12.T @ D) if discrete else (np.eye(len(A)), 0.0)
         on_state = (loop.B2.T @ Q @ forward + loop.D12.T @ C) @ P @ loop.C2.T
-        direct = loop.D12.T @ D if loop.discrete else 0.0
         on_noise = (loop.B2.T @ Q @ B + direct) @ loop.D21.T
         slope = (on_state + on_noise) / norm if norm > 0 else np.zeros_like(K)
         return [ActivePiece(norm, closed.back(slope))]
-
-    def _has_feedthrough(self, K: Matrix, D: Matrix) -> bool:
-        """Whether D is more than what rounding leaves of its terms."""
-        loop = self.loop
-        terms = np.abs(loop.D11) + np.abs(loop.D12) @ np.abs(K) @ np.abs(loop.D21)
-        return bool((np.abs(D) > 1e-12 * terms).any())
 
 
 # Singular values of one closed loop over frequency, quickly, and where they cross a level.
@@ -552,7 +539,15 @@ class StabilityMeasure(RegionMeasure):
     @classmethod
     def of(cls, loop: PlantMatrices, scale: float = 1.0) -> StabilityMeasure:
         """Measure how far the poles are inside the stable region."""
-        return cls(loop, _radius if loop.discrete else _abscissa, scale)
+
+        def abscissa(pole: complex) -> tuple[float, complex]:
+            return pole.real, 1.0 + 0j
+
+        def radius(pole: complex) -> tuple[float, complex]:
+            size = abs(pole)
+            return size - 1, pole / size if size > 0 else 1.0 + 0j
+
+        return cls(loop, radius if loop.discrete else abscissa, scale)
 
 
 @dataclass(frozen=True, eq=False)
@@ -572,12 +567,3 @@ class MaxMeasure:
         if not all(found):
             return []
         return sorted((p for pieces in found for p in pieces), key=lambda piece: -piece.value)
-
-
-def _abscissa(pole: complex) -> tuple[float, complex]:
-    return pole.real, 1.0 + 0j
-
-
-def _radius(pole: complex) -> tuple[float, complex]:
-    size = abs(pole)
-    return size - 1, pole / size if size > 0 else 1.0 + 0j

@@ -157,13 +157,17 @@ class ObserverGain:
 
     def split(self, theta: Vector) -> tuple[Matrix, Matrix]:
         """Return F and L."""
-        return theta[: self.B.size].reshape(self.B.T.shape), theta[self.B.size :].reshape(
-            self.C.T.shape
-        )
+        F, L = np.split(theta, [self.B.size])
+        return F.reshape(self.B.T.shape), L.reshape(self.C.T.shape)
 
     def join(self, F: Matrix, L: Matrix) -> Vector:
         """Return theta."""
         return np.concatenate([F.ravel(), L.ravel()])
+
+    def coordinates(self, K: Matrix) -> Vector:
+        """Return the theta of a K of this form."""
+        nx = len(self.A)
+        return self.join(K[nx:, :nx], K[:nx, nx:])
 
     def gain(self, theta: Vector) -> Matrix:
         """Return K(theta)."""

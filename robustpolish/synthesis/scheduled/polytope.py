@@ -27,11 +27,23 @@ from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.preflight import with_control_penalty
 from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
 
+WORK = 100_000.0
+"""Steps that one design for a polytope may take."""
+ACCURACY = 1e-9
+"""Of the solver, in scaled units, in which entries of the plant are about one."""
+
+# Each number doubles the vertices, and programs grow with them: 6 give 64.
+_MOST_NUMBERS = 6
+# Corners of rates that programs hold themselves: those of two slow numbers.
+_CORNERS = 4
+# Entries below this beside the others are what rounding leaves of a zero.
+_ROUNDING = 1e-12
+_NAMES = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
+
 # Parameter-dependent Lyapunov matrices: one for all vertices, one for each, or affine in numbers.
 
 
-@dataclass(frozen=True, eq=False)
-class LyapunovFamily:
+class LyapunovFamily(NamedTuple):
     """P at vertex i is the sum of ``shares[i, k] P_k``; its derivatives are sums over ``drifts``.
 
     Attributes
@@ -71,120 +83,7 @@ class LyapunovFamily:
         slow = [i for i, rate in enumerate(rates) if math.isfinite(rate)]
         shares = np.hstack([np.ones((len(positions), 1)), positions[:, slow]])
         corners = itertools.product(*[sorted({-rates[i], rates[i]}) for i in slow])
-        drifts = np.array([[0.0, *corner] for corner in corners])
-        return cls(shares, drifts)
-
-    @property
-    def size(self) -> int:
-        """How many matrices there are."""
-        return self.shares.shape[1]
-
-    @property
-    def is_common(self) -> bool:
-        """Whether there is but one."""
-        return self.size == 1
-
-
-def weighted_sum(weights: Matrix, matrices: Sequence[Any]) -> Any:
-    """Return the sum of ``weights[k] * matrices[k]``, of any kind that adds and multiplies."""
-    terms = [matrix * float(w) for w, matrix in zip(weights, matrices, strict=True) if w]
-    if not terms:
-        return matrices[0] * 0.0
-    result = terms[0]
-    for term in terms[1:]:
-        result = result + term
-    return result
-
-
-# Matrix inequalities of a polytope of loops, with a slack in place of products of unknowns.
-#
-# Along the dual loop x' = A' x + C' w, z = B' x + D' w the rate of x' P x has to stay below
-# ``gamma^2 |w|^2 - |z|^2``. With the equation of motion written as
-# ``[-I, A', C'] (x', x, w) = 0`` any slack X of three rows of blocks may multiply it (Finsler):
-#
-#     Q(P) + X [-I, A', C'] + [-I, A', C']' X'  - gamma^2 on w + (0, B, D) (0, B, D)'  <  0,
-#
-# which no longer holds any product of P with A or C. So P may differ from vertex to vertex if X
-# does not, and the inequality at the vertices is that of all points between (de Oliveira,
-# Bernussou and Geromel, Systems & Control Letters 37, 1999; in continuous time Shaked, IEEE TAC
-# 46, 2001). With X = (a V', b V', 0) and L = F V it is linear in V and L: a gain F for all
-# vertices.
-
-Blocks = list[list[Any]]
-
-
-class Slack(NamedTuple):
-    """The three blocks of X: on the derivative of the state (or its next value), on it, on w."""
-
-    X1: Any
-    X2: Any
-    X3: Any
-
-
-def tied_weights(discrete: bool) -> tuple[float, float]:
-    """Return a and b with which X = (a P, b P, 0) is the inequality without slack."""
-    return (1.0, 0.0) if discrete else (0.0, 1.0)
-
-
-def with_slack(X: Slack, A: Any, C: Any) -> Blocks:
-    """Return X [-I, A', C'], where either X or A and C hold unknowns."""
-    return [[-Affine.of(row), Affine.of(row @ A.T), Affine.of(row @ C.T)] for row in X]
-
-
-def with_gain(V: Affine, AV: Affine, CV: Affine, a: float, b: float) -> Blocks:
-    """Return X [-I, A', C'] for X = (a V', b V', 0), from the loop's A V and C V."""
-    rows = [[-V.T * f, AV.T * f, CV.T * f] for f in (a, b)]
-    nz, n = CV.shape
-    return [*rows, [Affine.of(np.zeros((nz, k))) for k in (n, n, nz)]]
-
-
-def dissipation(
-    P: Affine,
-    rate: Affine | None,
-    terms: Terms,
-    square: Affine | None,
-    specification: PolytopeSpecification,
-) -> Affine:
-    """Return the matrix that has to be negative definite at a vertex.
-
-    Parameters
-    ----------
-    P, rate : Affine
-        The Lyapunov matrix and its derivative; None is none.
-    terms : Terms
-    square : Affine or None
-        The square of gamma; None for the H2 norm, for which w is left out.
-    question : PolytopeSpecification
-
-    Returns
-    -------
-    Affine
-        Where X is made of P its first row is nought in continuous time, and left out.
-    """
-    S, B, D, discrete = terms.S, terms.B, terms.D, specification.discrete
-    none = P * 0.0
-    Q = ((P, none), (-P,)) if discrete else ((none, P), (none if rate is None else -rate,))
-    first: list[Any] = [Q[0][0] + S[0][0] + S[0][0].T, Q[0][1] + S[0][1] + S[1][0].T]
-    second: list[Any] = [Q[1][0] + S[1][1] + S[1][1].T]
-    last: list[Any] = [-np.eye(B.shape[1])]
-    if square is None:
-        rows = [[*first, None], [*second, B], last]
-    else:
-        level = S[2][2] + S[2][2].T - square.times(np.eye(len(D)))
-        rows = [
-            [*first, S[0][2] + S[2][0].T, None],
-            [*second, S[1][2] + S[2][1].T, B],
-            [level, D],
-            last,
-        ]
-    return symmetric_block(rows[1:] if specification.tied and not discrete else rows)
-
-
-def energy(Z: Affine, CV: Any, V: Any, P: Affine, D: Any) -> Affine:
-    """Return the matrix that has to be positive for Z >= C P C' + D D', with V a slack."""
-    n = P.shape[0]
-    between = V + V.T - P if V is not None else P
-    return symmetric_block([[Z, CV, D], [between, np.zeros((n, D.shape[1]))], [np.eye(D.shape[1])]])
+        return cls(shares, np.array([[0.0, *corner] for corner in corners]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,170 +104,179 @@ class PolytopeSpecification:
     @property
     def tied(self) -> bool:
         """Whether the slack is made of the one Lyapunov matrix that there is."""
-        return self.family.is_common
+        return self.family.shares.shape[1] == 1
+
+    @property
+    def tied_weights(self) -> tuple[float, float]:
+        """The a and b with which X = (a P, b P, 0) is the inequality without slack."""
+        return (1.0, 0.0) if self.discrete else (0.0, 1.0)
 
     def seen(self, C: Any) -> Any:
         """Return the part of C that the first inequality needs: for the H2 norm none."""
         return C if self.norm == "hinf" else np.zeros((0, C.shape[1]))
 
+    def at(self, vertex: int, matrices: Sequence[Any]) -> Any:
+        """Return the Lyapunov matrix at a vertex."""
+        return weighted_sum(self.family.shares[vertex], matrices)
 
-@dataclass(frozen=True, eq=False)
-class Terms:
-    """The unknown loop at a vertex: X [-I, A', C'], C times a slack, that slack, and B and D."""
+    def rates(self, matrices: Sequence[Any]) -> list[Any]:
+        """Return the extreme derivatives of the Lyapunov matrix; None for one that is zero."""
+        drifts = self.family.drifts
+        return [weighted_sum(drift, matrices) if drift.any() else None for drift in drifts]
 
-    S: Blocks
-    CV: Any
-    V: Any
-    B: Matrix
-    D: Matrix
+    def mean(self, matrices: Sequence[Matrix]) -> Matrix:
+        """Return the mean of the Lyapunov matrices at the vertices."""
+        count = len(self.family.shares)
+        total: Any = sum(self.at(i, matrices) for i in range(count))
+        return total / count
 
 
-def impose(
-    program: SemidefiniteProgram,
-    specification: PolytopeSpecification,
-    vertex: int,
-    matrices: Sequence[Affine],
-    terms: Terms,
-    square: Affine,
-    margin: Affine | None = None,
-    rates: Sequence[Affine | None] | None = None,
-) -> Affine | None:
-    """Require a bound on the norm at a vertex; return the unknown Z of the H2 norm.
+def weighted_sum(weights: Matrix, matrices: Sequence[Any]) -> Any:
+    """Return the sum of ``weights[k] * matrices[k]``, of any kind that adds and multiplies."""
+    terms = [matrix * float(w) for w, matrix in zip(weights, matrices, strict=True) if w]
+    return functools.reduce(lambda a, b: a + b, terms) if terms else matrices[0] * 0.0
+
+
+# Matrix inequalities of a polytope of loops, with a slack in place of products of unknowns.
+#
+# Along the dual loop x' = A' x + C' w, z = B' x + D' w the rate of x' P x has to stay below
+# ``gamma^2 |w|^2 - |z|^2``. With the equation of motion written as
+# ``[-I, A', C'] (x', x, w) = 0`` any slack X of three rows of blocks may multiply it (Finsler):
+#
+#     Q(P) + X [-I, A', C'] + [-I, A', C']' X'  - gamma^2 on w + (0, B, D) (0, B, D)'  <  0,
+#
+# which no longer holds any product of P with A or C. So P may differ from vertex to vertex if X
+# does not, and the inequality at the vertices is that of all points between (de Oliveira,
+# Bernussou and Geromel, Systems & Control Letters 37, 1999; in continuous time Shaked, IEEE TAC
+# 46, 2001). With X = (a V', b V', 0) and L = F V it is linear in V and L: a gain F for all
+# vertices.
+
+Blocks = list[list[Any]]
+
+
+Slack = tuple[Any, ...]
+"""The three blocks of X: on the derivative of the state (or its next value), on it, on w."""
+
+
+def with_slack(X: Slack, A: Any, C: Any) -> Blocks:
+    """Return X [-I, A', C'], where either X or A and C hold unknowns."""
+    return [[-Affine.of(row), Affine.of(row @ A.T), Affine.of(row @ C.T)] for row in X]
+
+
+def with_gain(V: Affine, AV: Affine, CV: Affine, a: float, b: float) -> Blocks:
+    """Return X [-I, A', C'] for X = (a V', b V', 0), from the loop's A V and C V."""
+    rows = [[-V.T * f, AV.T * f, CV.T * f] for f in (a, b)]
+    nz, n = CV.shape
+    return [*rows, [Affine.of(np.zeros((nz, k))) for k in (n, n, nz)]]
+
+
+class PolytopeProgram(SemidefiniteProgram):
+    """A program with the Lyapunov matrices of a polytope of loops among its unknowns.
+
+    Of up to two slow numbers the derivatives of the Lyapunov matrix are those at the corners of the
+    rates. Corners of more make a program of 4-fold size for each: there one unknown N_j above
+    r_j P_j and -r_j P_j for each number stands for them, -sum N_j. That asks for a little more;
+    what is proven afterwards is proven at the corners themselves.
 
     Parameters
     ----------
-    program : SemidefiniteProgram
-    question : PolytopeSpecification
-    vertex : int
-    matrices : sequence of Affine
-        The unknown Lyapunov matrices of the family.
-    terms : Terms
-    square : Affine
-        Of the bound.
-    margin : Affine, optional
-        By how much every inequality is to be strict, a scalar.
-    rates : sequence of Affine or None, optional
-        Derivatives of the Lyapunov matrix as of :func:`extreme_rates`; all by default.
-    """
-    hinf, family = specification.norm == "hinf", specification.family
-    margin = Affine.of(0.0) if margin is None else margin
-
-    def strictly(M: Affine) -> None:
-        program.positive(M - margin.times(np.eye(M.shape[0])))
-
-    P = weighted_sum(family.shares[vertex], matrices)
-    strictly(P)
-    level = square if hinf else None
-    for rate in _each_rate(family, matrices) if rates is None else rates:
-        strictly(-dissipation(P, rate, terms, level, specification))
-    if hinf:
-        return None
-    Z = program.symmetric(terms.CV.shape[0])
-    strictly(energy(Z, terms.CV, terms.V, P, terms.D))
-    program.nonnegative(square - Z.trace)
-    return Z
-
-
-def extreme_rates(
-    program: SemidefiniteProgram, family: LyapunovFamily, matrices: Sequence[Affine]
-) -> list[Affine | None]:
-    """Return derivatives of the Lyapunov matrix that stand for all of them.
-
-    Of up to two slow numbers they are those at the corners of the rates. Corners of more make a
-    program of 4-fold size for each: there one unknown N_j above r_j P_j and -r_j P_j for each
-    number stands for them, -sum N_j. That asks for a little more; what is proven afterwards is
-    proven at the corners themselves.
-    """
-    if len(family.drifts) <= _CORNERS:
-        return _each_rate(family, matrices)
-    total = matrices[0] * 0.0
-    for rate, matrix in zip(np.abs(family.drifts).max(axis=0), matrices, strict=True):
-        if rate > 0:
-            N = program.symmetric(matrix.shape[0])
-            program.positive(N - matrix * float(rate))
-            program.positive(N + matrix * float(rate))
-            total = total - N
-    return [total]
-
-
-# Corners of rates that programs hold themselves: those of two slow numbers.
-_CORNERS = 4
-
-
-def _each_rate(family: LyapunovFamily, matrices: Sequence[Affine]) -> list[Affine | None]:
-    return [weighted_sum(drift, matrices) if drift.any() else None for drift in family.drifts]
-
-
-def mean(matrices: Sequence[Any]) -> Any:
-    """Return the mean of some matrices."""
-    return sum(matrices) / len(matrices)
-
-
-# The thresholds of designs for polytopes, each with its reason.
-
-
-@dataclass(frozen=True)
-class PolytopePolicy:
-    """When a search for a polytope steps and stops.
-
-    All numbers are relative or in scaled units, in which entries of the plant are about one.
-
-    Attributes
-    ----------
-    most_numbers : int
-        Each number doubles the vertices, and programs grow with them: 6 give 64.
-    tilts : tuple of float
-        Weights of the slack on the derivative of the state that are tried. Small ones come back to
-        a common Lyapunov matrix, large ones leave the matrices freer; which is best depends on how
-        fast the loop is in the plant's unit of time.
-    rounds : int
-        Programs solved again in the coordinates of the last answer.
-    turns : int
-        How often gain and slack are minimised in turn; each lowers the bound or leaves it.
-    turn_rooms : tuple of float
-        How far inside the inequalities the slack is taken between two turns. One far inside lets
-        the gain move far, one near the edge moves it where that did not help.
-    gain_of_turn : float
-        A turn that lowers the bound by less is the last with its room.
-    back_offs : tuple of float
-        How far the gain may move from the smallest bound to get smaller, one after the other until
-        a proof succeeds: it often grows without limit towards the optimum.
-    broken : float
-        A bound exceeded by more is broken: the smallest gains lie at the edge of inequalities whose
-        numbers span twenty decades, and on some processors rounding carries them over it by 1e-3.
-    room : float
-        The same where an answer only serves for coordinates.
-    slacks : tuple of float
-        How far above the smallest bound proofs are tried: near it no strict inequality is left.
-    shrinkings : int
-        Halvings of the polytope's size when it is told for which part of it there is a gain.
-    tolerance : float
-        Of the solver.
-    work : float
-        Steps that one design may take.
+    specification : PolytopeSpecification
+    n : int
+        States of the loops.
     """
 
-    most_numbers: int = 6
-    tilts: tuple[float, ...] = (0.03, 0.1, 0.3, 1.0, 3.0)
-    rounds: int = 2
-    turns: int = 25
-    turn_rooms: tuple[float, ...] = (0.1, 0.01, 0.001)
-    gain_of_turn: float = 1e-3
-    back_offs: tuple[float, ...] = (0.01, 0.03, 0.1)
-    broken: float = 1e-6
-    room: float = 0.3
-    slacks: tuple[float, ...] = (3e-4, 3e-3, 3e-2)
-    shrinkings: int = 5
-    tolerance: float = 1e-9
-    work: float = 100_000.0
+    def __init__(self, specification: PolytopeSpecification, n: int) -> None:
+        super().__init__()
+        self.specification, family = specification, specification.family
+        self.matrices = [self.symmetric(n) for _ in range(family.shares.shape[1])]
+        self.rates: list[Affine | None] = specification.rates(self.matrices)
+        if len(family.drifts) > _CORNERS:
+            total = self.matrices[0] * 0.0
+            largest = np.abs(family.drifts).max(axis=0)
+            for rate, matrix in zip(largest, self.matrices, strict=True):
+                if rate > 0:
+                    N = self.symmetric(n)
+                    self.positive(N - matrix * float(rate))
+                    self.positive(N + matrix * float(rate))
+                    total = total - N
+            self.rates = [total]
+
+    def impose(
+        self,
+        vertex: int,
+        S: Blocks,
+        CV: Any,
+        V: Any,
+        inputs: tuple[Matrix, Matrix],
+        square: Affine,
+        margin: Affine | None = None,
+    ) -> Affine | None:
+        """Require a bound on the norm at a vertex; return the unknown Z of the H2 norm.
+
+        Parameters
+        ----------
+        vertex : int
+        S : list of lists of Affine
+            X [-I, A', C'] of the loop there.
+        CV, V : Affine or ndarray
+            C times a slack of the H2 norm, and that slack; without one P is in its place.
+        inputs : tuple of ndarray
+            B and D of the loop.
+        square : Affine
+            Of the bound.
+        margin : Affine, optional
+            By how much every inequality is to be strict, a scalar.
+        """
+        hinf = self.specification.norm == "hinf"
+        margin = Affine.of(0.0) if margin is None else margin
+
+        def strictly(M: Affine) -> None:
+            self.positive(M - margin.times(np.eye(M.shape[0])))
+
+        P = self.specification.at(vertex, self.matrices)
+        strictly(P)
+        for rate in self.rates:
+            strictly(-self._dissipation(P, rate, S, inputs, square if hinf else None))
+        if hinf:
+            return None
+        # The energy: Z >= C P C' + D D'.
+        D = inputs[1]
+        Z = self.symmetric(CV.shape[0])
+        between = P if V is None else V + V.T - P
+        none = np.zeros((P.shape[0], D.shape[1]))
+        strictly(symmetric_block([[Z, CV, D], [between, none], [np.eye(D.shape[1])]]))
+        self.nonnegative(square - Z.trace)
+        return Z
+
+    def _dissipation(
+        self,
+        P: Affine,
+        rate: Affine | None,
+        S: Blocks,
+        inputs: tuple[Matrix, Matrix],
+        square: Affine | None,
+    ) -> Affine:
+        """Return the matrix that has to be negative definite; for the H2 norm w is left out."""
+        (B, D), discrete, none = inputs, self.specification.discrete, P * 0.0
+        Q = ((P, none), (-P,)) if discrete else ((none, P), (none if rate is None else -rate,))
+        first: list[Any] = [Q[0][0] + S[0][0] + S[0][0].T, Q[0][1] + S[0][1] + S[1][0].T]
+        second: list[Any] = [Q[1][0] + S[1][1] + S[1][1].T]
+        rows = [[*first, None], [*second, B]]
+        if square is not None:
+            level = S[2][2] + S[2][2].T - square.times(np.eye(len(D)))
+            rows = [
+                [*first, S[0][2] + S[2][0].T, None],
+                [*second, S[1][2] + S[2][1].T, B],
+                [level, D],
+            ]
+        rows.append([-np.eye(B.shape[1])])
+        # Where X is made of P its first row is nought in continuous time, and left out.
+        return symmetric_block(rows[1:] if self.specification.tied and not discrete else rows)
 
 
-POLICY = PolytopePolicy()
-
-
-# Entries below this beside the others are what rounding leaves of a zero.
-_ROUNDING = 1e-12
-_NAMES = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
+def vertex_names(points: Sequence[Mapping[str, float]]) -> list[str]:
+    """Return the numbers at the vertices as text; empty where plants were given."""
+    return [", ".join(f"{k} = {v:.6g}" for k, v in point.items()) for point in points]
 
 
 @dataclass(frozen=True, eq=False)
@@ -394,8 +302,7 @@ class Polytope:
     @property
     def names(self) -> tuple[str, ...]:
         """What messages call the vertices."""
-        told = [", ".join(f"{k} = {v:.6g}" for k, v in point.items()) for point in self.points]
-        return tuple(text or f"plants[{i}]" for i, text in enumerate(told))
+        return tuple(n or f"plants[{i}]" for i, n in enumerate(vertex_names(self.points)))
 
     @property
     def is_convex_hull(self) -> bool:
@@ -498,10 +405,8 @@ def polytope(
     """
     if isinstance(given, UncertainSystem):
         if controls is None:
-            raise invalid(
-                "controls", controls, "names or number of the inputs that are controls",
-                'Write controls=["F"].',
-            )  # fmt: skip
+            expected = "names or number of the inputs that are controls"
+            raise invalid("controls", controls, expected, 'Write controls=["F"].')
         return _of_system(given, controls, measurements, control_weight)
     for argument, value in (("controls", controls), ("measurements", measurements)):
         if value is not None:
@@ -538,13 +443,12 @@ def _of_system(
 ) -> Polytope:
     for element in system.elements.values():
         if not isinstance(element, RealElement):
-            raise invalid(
-                "plant", described(f"{element.name}, {element}"), "real numbers only",
-                "Use robust_output_feedback for dynamics and complex numbers.",
-            )  # fmt: skip
+            remedy = "Use robust_output_feedback for dynamics and complex numbers."
+            shown = described(f"{element.name}, {element}")
+            raise invalid("plant", shown, "real numbers only", remedy)
     count = len(system.elements)
-    if not 1 <= count <= POLICY.most_numbers:
-        want = f"1 to {POLICY.most_numbers}, which have {2**POLICY.most_numbers} vertices at most"
+    if not 1 <= count <= _MOST_NUMBERS:
+        want = f"1 to {_MOST_NUMBERS}, which have {2**_MOST_NUMBERS} vertices at most"
         raise invalid("plant", described(f"{count} uncertain numbers"), want, "Fix some with .at.")
     inputs = _last("controls", controls, system.input_labels, "inputs")
     outputs = _last("measurements", measurements or 0, system.output_labels, "outputs")
@@ -612,18 +516,15 @@ def require_equal(whole: Polytope, names: Sequence[str]) -> Polytope:
         size = max(float(np.abs(getattr(p, name)).max(initial=0.0)) for p in whole.plants)
         for p in whole.plants:
             if np.abs(getattr(p, name) - matrix).max(initial=0.0) > _ROUNDING * size:
-                inputs = name in ("B2", "D12")
-                raise invalid(
-                    "plant",
-                    described(f"numbers that {name} depends on"),
-                    f"the same {name} at all corners",
+                remedy = (
                     "Put a fast lag before the controls: plant * "
                     "rp.uncertain.append(np.eye(nw), lag)."
-                    if inputs
-                    else "Put a fast lag behind the measurements: rp.uncertain.append(np.eye(nz), "
-                    "lag) * "
-                    "plant.",
+                    if name in ("B2", "D12")
+                    else "Put a fast lag behind the measurements: "
+                    "rp.uncertain.append(np.eye(nz), lag) * plant."
                 )
+                shown = described(f"numbers that {name} depends on")
+                raise invalid("plant", shown, f"the same {name} at all corners", remedy)
     return replace(whole, plants=tuple(p.replace(**equal) for p in whole.plants))
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 import flint
 import numpy as np
@@ -15,23 +16,21 @@ from robustpolish.linear.arithmetic.balls import Ball
 from robustpolish.linear.proofs.bounded_real import BallSystem
 from robustpolish.linear.proofs.definite import is_definite
 from robustpolish.plants.uncertain.system import UncertainSystem
-from robustpolish.synthesis.lmi.program import Affine, ProgramSolver, SemidefiniteProgram
+from robustpolish.synthesis.lmi.program import Affine, ProgramSolver
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
 from robustpolish.synthesis.scheduled.polytope import (
-    POLICY,
+    PolytopeProgram,
     PolytopeSpecification,
     Slack,
-    Terms,
-    extreme_rates,
-    impose,
-    mean,
-    tied_weights,
-    weighted_sum,
     with_slack,
 )
 
 BITS = 240
 """Precision of the balls in which loops are connected and proofs are checked."""
+
+
+# How far above the smallest bound proofs are tried: near it no strict inequality is left.
+_SLACKS = (3e-4, 3e-3, 3e-2)
 
 
 def _turned(loop: BallSystem, T: Matrix, unit: float) -> BallSystem:
@@ -41,31 +40,21 @@ def _turned(loop: BallSystem, T: Matrix, unit: float) -> BallSystem:
     return BallSystem(A, B * (1 / root), C * (1 / root), D * (1 / flint.arb(unit)))
 
 
-@dataclass(frozen=True, eq=False)
-class PolytopeProof:
-    """Matrices that prove stability and a bound on the norm for a whole polytope.
+class ProgramResult(NamedTuple):
+    """What a program gave, in doubles that are not verified.
 
     Attributes
     ----------
-    bound : float
-        Of the norm, in the units of the loops.
-    P : tuple of ndarray
-        The Lyapunov matrices of the family, in the states of `transformation`.
-    X : tuple of ndarray
-        The slack on the derivative, the state and w; empty where it is made of P.
-    transformation : ndarray
-        T of x = T x_new.
+    square : float
+        Of the bound.
+    P : list of ndarray
+        The Lyapunov matrices of the family.
+    X : Slack or None
+        None where it is made of P.
+    V : ndarray or None
+        The slack of the H2 norm.
+    Z : list of ndarray
     """
-
-    bound: float
-    P: tuple[Matrix, ...]
-    X: tuple[Matrix, ...]
-    transformation: Matrix
-
-
-@dataclass(frozen=True, eq=False)
-class ProgramResult:
-    """What a program gave: doubles, not verified."""
 
     square: float
     P: list[Matrix]
@@ -79,14 +68,14 @@ def prove(
     specification: PolytopeSpecification,
     solver: ProgramSolver,
     guess: float,
-) -> PolytopeProof | None:
-    """Prove that all mixtures of loops are stable, and find the smallest bound that is proven.
+) -> float | None:
+    """Prove that all mixtures of loops are stable, and return the smallest bound that is proven.
 
     Parameters
     ----------
     loops : sequence of BallSystem
         At the vertices, in scaled units.
-    question : PolytopeSpecification
+    specification : PolytopeSpecification
         Of what changes with time the H-infinity norm is the largest ratio of energies of z and w.
     solver : ProgramSolver
     guess : float
@@ -94,42 +83,34 @@ def prove(
 
     Returns
     -------
-    PolytopeProof or None
+    float or None
         None if there is none, or none was found.
     """
-    unit = _power_of_four(guess)
+    # A power of four has a root that is a power of two, and rounds nothing.
+    unit = float(4.0 ** round(math.log(guess, 4))) if 0 < guess < math.inf else 1.0
     T = np.eye(loops[0].A.nrows())
-    # Where all loops have the same C no slack is needed beside it.
-    first: ProgramResult | None = None
-    same = all(loop.C == loops[0].C for loop in loops)
+    least, same = math.inf, all(loop.C == loops[0].C for loop in loops)
     with balls.precision(BITS):
         for _ in range(2):
             inside = [_turned(loop, T, unit) for loop in loops]
             first = lyapunov_analysis([x.doubles for x in inside], specification, solver, same)
             if first is None:
                 return None
-            better = _square_root(
-                mean([weighted_sum(row, first.P) for row in specification.family.shares])
-            )
+            least = first.square
+            better = _square_root(specification.mean(first.P))
             if better is None:
                 break
             T = T @ better
         inside = [_turned(loop, T, unit) for loop in loops]
-        least = math.inf if first is None else first.square
-        for slack in POLICY.slacks:
+        doubles = [x.doubles for x in inside]
+        for slack in _SLACKS:
             if solver.budget.over:
                 return None
-            doubles = [x.doubles for x in inside]
             limit = least * (1 + slack) ** 2
             found = lyapunov_analysis(doubles, specification, solver, same, limit)
-            if found is None:
-                continue
-            gamma = math.sqrt(limit)
-            bound = _checked(inside, specification, found, gamma)
+            bound = found and _checked(inside, specification, found, math.sqrt(limit))
             if bound is not None:
-                X = () if found.X is None else tuple(found.X)
-                up = math.nextafter(bound * unit, math.inf)
-                return PolytopeProof(up, tuple(found.P), X, T)
+                return math.nextafter(bound * unit, math.inf)
     return None
 
 
@@ -142,38 +123,39 @@ def lyapunov_analysis(
 ) -> ProgramResult | None:
     """Return matrices for the smallest norm; with a limit on its square, the most strict ones.
 
-    `same` says whether all loops have the same C.
+    `same` says whether all loops have the same C, beside which no slack is needed.
     """
     n, nz = len(loops[0][0]), len(loops[0][3])
-    program = SemidefiniteProgram()
-    matrices = [program.symmetric(n) for _ in range(specification.family.size)]
-    hinf = specification.norm == "hinf"
-    X = None
-    if not specification.tied:
-        X = Slack(*(program.matrix(rows, n) for rows in (n, n, nz if hinf else 0)))
-    V = None if same or specification.tied or hinf else program.matrix(n, n)
+    program = PolytopeProgram(specification, n)
+    hinf, tied = specification.norm == "hinf", specification.tied
+    rows = (n, n, nz if hinf else 0)
+    X = None if tied else tuple(program.matrix(count, n) for count in rows)
+    V = None if same or tied or hinf else program.matrix(n, n)
     square = program.scalar() if limit is None else Affine.of(limit)
     margin = None if limit is None else program.scalar()
-    rates = extreme_rates(program, specification.family, matrices)
     energies = []
-    a, b = tied_weights(specification.discrete)
+    a, b = specification.tied_weights
     for i, (A, B, C, D) in enumerate(loops):
-        P = weighted_sum(specification.family.shares[i], matrices)
+        P = specification.at(i, program.matrices)
         seen = specification.seen(C)
-        slack = X or Slack(P * a, P * b, Affine.of(np.zeros((len(seen), n))))
-        terms = Terms(with_slack(slack, A, seen), C @ (P if V is None else V), V, B, D)
-        energies.append(impose(program, specification, i, matrices, terms, square, margin, rates))
+        S = with_slack(X or (P * a, P * b, Affine.of(np.zeros((len(seen), n)))), A, seen)
+        CV = C @ (P if V is None else V)
+        energies.append(program.impose(i, S, CV, V, (B, D), square, margin))
     program.minimise(square if margin is None else -margin)
     solution = solver.solve(program)
     if solution.x is None:
         return None
-    values = [solution.value(M) for M in matrices]
+
+    def symmetric(unknowns: Iterable[Affine | None]) -> list[Matrix]:
+        values = [solution.value(M) for M in unknowns if M is not None]
+        return [(M + M.T) / 2 for M in values]
+
     return ProgramResult(
         solution.value(square).item(),
-        [(M + M.T) / 2 for M in values],
-        None if X is None else Slack(*(solution.value(M) for M in X)),
+        symmetric(program.matrices),
+        None if X is None else tuple(solution.value(M) for M in X),
         None if V is None else solution.value(V),
-        [(M + M.T) / 2 for M in (solution.value(Z) for Z in energies if Z is not None)],
+        symmetric(energies),
     )
 
 
@@ -184,16 +166,17 @@ def _checked(
     gamma: float,
 ) -> float | None:
     """Return the bound that the matrices prove in ball arithmetic; None if they prove none."""
-    hinf, family = specification.norm == "hinf", specification.family
+    hinf = specification.norm == "hinf"
     matrices = [balls.ball(M) for M in found.P]
     largest = flint.arb(0)
     for i, loop in enumerate(loops):
-        P = weighted_sum(family.shares[i], matrices)
+        P = specification.at(i, matrices)
         if not is_definite(P):
             return None
-        for drift in family.drifts:
-            rate = weighted_sum(drift, matrices) if drift.any() else P * 0
-            M = _dissipation(P, rate, found.X, loop, gamma if hinf else None, specification)
+        for rate in specification.rates(matrices):
+            level = gamma if hinf else None
+            rate = P * 0 if rate is None else rate
+            M = _dissipation(P, rate, found.X, loop, level, specification)
             if not is_definite(-M):
                 return None
         if not hinf:
@@ -215,14 +198,14 @@ def _dissipation(
     gamma: float | None,
     specification: PolytopeSpecification,
 ) -> Ball:
-    """Return the matrix of :func:`inequalities.dissipation` in balls."""
+    """Return the matrix that has to be negative definite."""
     n, nw = P.nrows(), loop.B.ncols()
     # For the H2 norm nothing is seen, which leaves w and its rows out.
     C = loop.C if gamma is not None else balls.zeros(0, n)
     D = loop.D if gamma is not None else balls.zeros(0, nw)
     nz = C.nrows()
     if slack is None:
-        a, b = tied_weights(specification.discrete)
+        a, b = specification.tied_weights
         X = balls.block([[P * a], [P * b], [balls.zeros(nz, n)]])
     else:
         X = balls.block([[balls.ball(M)] for M in slack])
@@ -240,7 +223,7 @@ def _dissipation(
 
 
 def _energy(Z: Ball, loop: BallSystem, V: Matrix | None, P: Ball) -> Ball:
-    """Return the matrix of :func:`inequalities.energy` in balls."""
+    """Return the matrix that has to be positive for Z >= C P C' + D D'."""
     slack = P if V is None else balls.ball(V)
     CV = loop.C * slack
     between = P if V is None else slack + slack.transpose() - P
@@ -252,12 +235,6 @@ def _energy(Z: Ball, loop: BallSystem, V: Matrix | None, P: Ball) -> Ball:
             [loop.D.transpose(), none.transpose(), balls.identity(loop.D.ncols())],
         ]
     )
-
-
-def _power_of_four(size: float) -> float:
-    if not 0 < size < math.inf:
-        return 1.0
-    return float(4.0 ** round(math.log(size, 4)))
 
 
 def _square_root(P: Matrix) -> Matrix | None:

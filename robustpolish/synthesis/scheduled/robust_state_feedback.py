@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -23,34 +23,27 @@ from robustpolish.base.budget import (
 from robustpolish.base.checks import described, invalid, one_of, positive
 from robustpolish.base.results import Card, Displayed, Table, quantities
 from robustpolish.errors import InfeasibleError, SolverError
+from robustpolish.linear.proofs.bounded_real import BallSystem
 from robustpolish.plants.blocks import SignalChoice
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.plots.charts import plot_bars
 from robustpolish.robust.questions import WorstCaseGain, round_up, worst_case_gain
 from robustpolish.synthesis.certificate import Certificate, Norm, certify
-from robustpolish.synthesis.lmi.program import (
-    Affine,
-    ProgramSolver,
-    SemidefiniteProgram,
-    symmetric_block,
-)
+from robustpolish.synthesis.lmi.program import Affine, ProgramSolver, symmetric_block
 from robustpolish.synthesis.problem.matrices import PlantMatrices, state_gain_norm
 from robustpolish.synthesis.problem.preflight import check_solvability
 from robustpolish.synthesis.scheduled.polytope import (
-    POLICY,
+    ACCURACY,
+    WORK,
     LyapunovFamily,
     Polytope,
+    PolytopeProgram,
     PolytopeSpecification,
-    Terms,
-    extreme_rates,
-    impose,
-    mean,
     polytope,
     scaled_vertices,
     shrunk_matrices,
-    tied_weights,
-    weighted_sum,
+    vertex_names,
     with_gain,
     with_slack,
 )
@@ -147,22 +140,17 @@ class RobustStateFeedback(Displayed):
 
     @property
     def _names(self) -> tuple[str, ...]:
-        told = [", ".join(f"{k} = {v:.6g}" for k, v in point.items()) for point in self.points]
-        return tuple(text or str(i) for i, text in enumerate(told))
+        return tuple(name or str(i) for i, name in enumerate(vertex_names(self.points)))
 
     def _card(self) -> Card:
         name = "H-infinity" if self.norm == "hinf" else "H2"
-        rows = (
+        bounds = quantities(
             (f"{name} norm proven to be at most", self.bound),
             ("largest at a vertex", max(self.vertex_norms)),
             ("holds for numbers that change with time", self.time_varying),
         )
-        told = Table(
-            "",
-            ("vertex", "norm"),
-            tuple(zip(self._names, self.vertex_norms, strict=True)),
-        )
-        tables = (quantities(*rows), told)
+        norms = tuple(zip(self._names, self.vertex_norms, strict=True))
+        tables = (bounds, Table("", ("vertex", "norm"), norms))
         return Card(f"Robust state feedback: {self.status}", tables, (self.message,))
 
 
@@ -172,273 +160,252 @@ class RobustStateFeedback(Displayed):
 # then improved in turns: with the gain held the slack is free, with the slack held the gain is, and
 # each program contains the last answer.
 
+# Weights of the slack on the derivative of the state. Small ones come back to a common Lyapunov
+# matrix, large ones leave the matrices freer; which is best depends on how fast the loop is in the
+# plant's unit of time.
+_TILTS = (0.03, 0.1, 0.3, 1.0, 3.0)
+# Programs solved again in the coordinates of the last answer.
+_ROUNDS = 2
+# How often gain and slack are minimised in turn; each lowers the bound or leaves it.
+_TURNS = 25
+# How far inside the inequalities the slack is taken between two turns. One far inside lets the gain
+# move far, one near the edge moves it where that did not help; a turn that lowers the bound by less
+# than the worthwhile share is the last with its room.
+_TURN_ROOMS = (0.1, 0.01, 0.001)
+_WORTHWHILE = 1e-3
+# The same where an answer only serves for coordinates.
+_ROOM = 0.3
+# A bound exceeded by more is broken: the smallest gains lie at the edge of inequalities whose
+# numbers span twenty decades, and on some processors rounding carries them over it by 1e-3.
+_BROKEN = 1e-6
+# Halvings of the polytope's size when it is told for which part of it there is a gain.
+_SHRINKINGS = 5
+BACK_OFFS = (0.01, 0.03, 0.1)
+"""How far the gain may move from the smallest bound to get smaller, one after the other until a
+proof succeeds: it often grows without limit towards the optimum."""
 
-@dataclass(frozen=True, eq=False)
-class GainProblem:
-    """What is asked for, in scaled units.
 
-    Attributes
-    ----------
-    plants : tuple of PlantMatrices
-        At the vertices.
-    question : PolytopeSpecification
-    scheduled : bool
-        A gain for each vertex, mixed as the plants are, instead of one for all.
-    """
-
-    plants: tuple[PlantMatrices, ...]
-    specification: PolytopeSpecification
-    scheduled: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class VertexGains:
-    """Gains, one for each vertex, and the bound that a program claims for them.
-
-    Attributes
-    ----------
-    gains : tuple of ndarray
-    claimed : float
-    easy : Coordinates
-        In which the next program is easy.
-    """
+class VertexGains(NamedTuple):
+    """Gains, one for each vertex, the bound that a program claims, and easy coordinates."""
 
     gains: tuple[Matrix, ...]
     claimed: float
     easy: Coordinates
 
 
-def candidates(problem: GainProblem, solver: ProgramSolver) -> Iterator[VertexGains]:
-    """Yield gains of a small bound, then smaller gains with larger bounds.
+@dataclass(frozen=True, eq=False)
+class GainSearch:
+    """The search for gains at the vertices, in scaled units.
 
-    Near the smallest bound gains often grow without limit, until a proof fails.
-
-    Parameters
+    Attributes
     ----------
-    problem : GainProblem
+    plants : tuple of PlantMatrices
+        At the vertices.
+    specification : PolytopeSpecification
     solver : ProgramSolver
+    scheduled : bool
+        A gain for each vertex, mixed as the plants are, instead of one for all.
     """
-    best, tilt = _best_tilt(problem, solver)
-    if best is None:
-        return
-    for _ in range(POLICY.rounds):
-        again = _program(problem, best.easy, tilt, solver)
-        if again is None or again.claimed >= best.claimed:
-            break
-        again = _interior_solution(problem, again, best.easy, tilt, solver)
-        if again is None:
-            break
-        best = again
-    one_of_many = not (problem.scheduled or problem.specification.tied)
-    for back_off in POLICY.back_offs:
-        limit = best.claimed * (1 + back_off)
-        smaller = _program(problem, best.easy, tilt, solver, limit)
-        for _ in range(POLICY.rounds):
-            again = smaller and _program(problem, smaller.easy, tilt, solver, limit, True)
-            if again is None or not _is_kept(problem, again):
+
+    plants: tuple[PlantMatrices, ...]
+    specification: PolytopeSpecification
+    solver: ProgramSolver
+    scheduled: bool = False
+
+    def candidates(self) -> Iterator[VertexGains]:
+        """Yield gains of a small bound, then smaller gains with larger bounds.
+
+        Near the smallest bound gains often grow without limit, until a proof fails.
+        """
+        best, tilt = self._best_tilt()
+        if best is None:
+            return
+        for _ in range(_ROUNDS):
+            again = self._program(best.easy, tilt)
+            if again is None or again.claimed >= best.claimed:
                 break
-            smaller = again
-        if smaller is not None:
-            yield _alternate(problem, smaller, back_off, solver) if one_of_many else smaller
-
-
-def _is_kept(problem: GainProblem, found: VertexGains) -> bool:
-    """Tell whether the loops of the vertices keep the bound, which rounding may break."""
-    norms = (
-        state_gain_norm(p, F, problem.specification.norm)
-        for p, F in zip(problem.plants, found.gains, strict=True)
-    )
-    return max(norms) <= found.claimed * (1 + POLICY.broken)
-
-
-def _best_tilt(problem: GainProblem, solver: ProgramSolver) -> tuple[VertexGains | None, float]:
-    """Return the best first answer, and the weight of the slack on the derivative for it."""
-    start = Coordinates.plain(problem.plants[0], 1.0)
-    family = LyapunovFamily.common(len(problem.plants))
-    common = replace(problem, specification=replace(problem.specification, family=family))
-    plain = _program(common, start, 0.0, solver)
-    plain = plain and _interior_solution(common, plain, start, 0.0, solver)
-    if problem.specification.tied:
-        return plain, 0.0
-    if plain is not None:
-        start = plain.easy
-    best, chosen = None, POLICY.tilts[0]
-    # In discrete time the inequality has one form that is best where there is but one vertex.
-    for tilt in (0.0,) if problem.specification.discrete else POLICY.tilts:
-        solved = _program(problem, start, tilt, solver)
-        if solved is not None and (best is None or solved.claimed < best.claimed):
-            best, chosen = solved, tilt
-    return best and _interior_solution(problem, best, start, chosen, solver), chosen
-
-
-def _interior_solution(
-    problem: GainProblem, solved: VertexGains, c: Coordinates, tilt: float, solver: ProgramSolver
-) -> VertexGains:
-    """Return an answer with coordinates of one that is well inside its inequalities."""
-    inside = _program(problem, c, tilt, solver, solved.claimed * (1 + POLICY.room))
-    if inside is None:
-        return solved
-    return replace(solved, easy=replace(inside.easy, unit=solved.claimed))
-
-
-def _program(
-    problem: GainProblem,
-    c: Coordinates,
-    tilt: float,
-    solver: ProgramSolver,
-    limit: float | None = None,
-    gains_themselves: bool = False,
-) -> VertexGains | None:
-    """Minimise the bound; or, with a limit on it, the gains, by their effort or themselves."""
-    if solver.budget.over:
-        return None  # to put a program together that is not solved takes longer than a limit allows
-    program = SemidefiniteProgram()
-    plants = [c.apply(p) for p in problem.plants]
-    n, nu = plants[0].nx, plants[0].nu
-    specification = problem.specification
-    matrices = [program.symmetric(n) for _ in range(specification.family.size)]
-    rates = extreme_rates(program, specification.family, matrices)
-    tied = specification.tied
-    V = matrices[0] if tied else program.matrix(n, n)
-    count = len(plants) if problem.scheduled else 1
-    gains = [program.matrix(nu, n) for _ in range(count)]
-    a, b = tied_weights(specification.discrete)
-    weights = (a, b) if specification.discrete or tied else (tilt, 1.0)
-    square = program.scalar() if limit is None else Affine.of((limit / c.unit) ** 2)
-    for i, p in enumerate(plants):
-        L = gains[i % count]
-        AV, CV = p.A @ V + p.B2 @ L, p.C1 @ V + p.D12 @ L
-        seen = CV if specification.norm == "hinf" else Affine.of(np.zeros((0, n)))
-        terms = Terms(with_gain(V, AV, seen, *weights), CV, V, p.B1, p.D11)
-        impose(program, specification, i, matrices, terms, square, rates=rates)
-    if limit is None:
-        program.minimise(square)
-    elif gains_themselves:
-        size, right = program.scalar(), np.linalg.inv(c.T).astype(float)
-        for L in gains:
-            gain_inequality(program, V, L, size, c.V, right)
-        program.minimise(size)
-    else:
-        program.minimise(_effort(program, gains, V))
-    solution = solver.solve(program)
-    if solution.x is None:
-        return None
-    claimed = c.unit * math.sqrt(max(solution.value(square).item(), 0.0))
-    v, P = solution.value(V), [solution.value(M) for M in matrices]
-    try:
-        found = tuple(c.gain(v.T, solution.value(L)) for L in gains)
-        middle = mean([weighted_sum(row, P) for row in specification.family.shares])
-        sizes = np.sqrt(mean([solution.value(L) ** 2 for L in gains]))
-        following = c.next(plants[0], middle, sizes, even_out=False)
-    except np.linalg.LinAlgError:
-        return None
-    if not (math.isfinite(claimed) and claimed > 0 and all(np.isfinite(F).all() for F in found)):
-        return None
-    each = tuple(found[i % count] for i in range(len(plants)))
-    return VertexGains(each, claimed, replace(following, unit=claimed))
-
-
-def _effort(program: SemidefiniteProgram, gains: list[Affine], V: Affine) -> Affine:
-    """Return what is to be small: F V F' of each gain, summed."""
-    total = Affine.of(0.0)
-    for L in gains:
-        W = program.symmetric(L.shape[0])
-        program.positive(symmetric_block([[W, L], [(V + V.T) / 2]]))
-        total = total + W.trace
-    return total
-
-
-def _alternate(
-    problem: GainProblem, start: VertexGains, back_off: float, solver: ProgramSolver
-) -> VertexGains:
-    """Improve one gain for all: with the gain held the slack is free, and the other way round."""
-    c, best = start.easy, start
-    plants = [c.apply(p) for p in problem.plants]
-    # In these coordinates u = V F T x.
-    F = np.linalg.solve(c.V, best.gains[0] @ c.T)
-    rooms = list(POLICY.turn_rooms)
-    held = _solve_for_slack(problem, plants, F, rooms[0], solver)
-    for _ in range(POLICY.turns):
-        if held is None or not rooms:
-            break
-        moved = _solve_for_gain(problem, plants, held, solver, None)
-        again = (
-            None if moved is None else _solve_for_slack(problem, plants, moved, rooms[0], solver)
-        )
-        enough = (1 - POLICY.gain_of_turn) ** 2
-        slow = again is None or again.square > enough * held.square
-        if moved is not None and again is not None and again.square < held.square:
-            F, held = moved, again
-        if slow:
-            rooms = rooms[1:]
-            nearer = _solve_for_slack(problem, plants, F, rooms[0], solver) if rooms else None
-            held = nearer or held
-    if held is not None:
-        level = math.sqrt(held.square) * c.unit
-        if level < best.claimed:
-            limit = held.square * (1 + back_off) ** 2
-            smaller = _solve_for_gain(problem, plants, held, solver, limit)
+            best = self._interior(again, best.easy, tilt)
+        one_of_many = not (self.scheduled or self.specification.tied)
+        for back_off in BACK_OFFS:
+            limit = best.claimed * (1 + back_off)
+            smaller = self._program(best.easy, tilt, limit)
+            for _ in range(_ROUNDS):
+                again = smaller and self._program(smaller.easy, tilt, limit, True)
+                if again is None:
+                    break
+                # Rounding may carry the loop at a vertex over the bound.
+                pairs = zip(self.plants, again.gains, strict=True)
+                norms = [state_gain_norm(p, F, self.specification.norm) for p, F in pairs]
+                if max(norms) > again.claimed * (1 + _BROKEN):
+                    break
+                smaller = again
             if smaller is not None:
-                F, level = smaller, level * (1 + back_off)
-            gain: Matrix = c.V @ F @ np.linalg.inv(c.T)
-            return VertexGains((gain,) * len(plants), level, c)
-    return best
+                yield self._alternate(smaller, back_off) if one_of_many else smaller
+
+    def loops(self, found: VertexGains) -> list[BallSystem]:
+        """Return the loops at the vertices, without rounding."""
+        return [state_loop(p, F) for p, F in zip(self.plants, found.gains, strict=True)]
+
+    def bound(self, found: VertexGains) -> float | None:
+        """Return the bound that is proven for gains; None if none is."""
+        return prove(self.loops(found), self.specification, self.solver, found.claimed)
+
+    def feasible_share(self) -> float:
+        """Return for which part of a polytope, shrunk towards its middle, there is a proven gain.
+
+        Beyond the last one programs claim huge gains.
+        """
+        low, high = 0.0, 1.0
+        for _ in range(_SHRINKINGS):
+            share = (low + high) / 2
+            part = replace(self, plants=shrunk_matrices(self.plants, share))
+            found = next(part.candidates(), None)
+            good = found is not None and part.bound(found) is not None
+            low, high = (share, high) if good else (low, share)
+        return low
+
+    def _best_tilt(self) -> tuple[VertexGains | None, float]:
+        """Return the best first answer, and the weight of the slack on the derivative for it."""
+        start = Coordinates.plain(self.plants[0], 1.0)
+        family = LyapunovFamily.common(len(self.plants))
+        common = replace(self, specification=replace(self.specification, family=family))
+        plain = common._program(start, 0.0)
+        plain = plain and common._interior(plain, start, 0.0)
+        if self.specification.tied:
+            return plain, 0.0
+        if plain is not None:
+            start = plain.easy
+        # In discrete time the inequality has one form that is best where there is but one vertex.
+        tilts = (0.0,) if self.specification.discrete else _TILTS
+        solved = [(found, tilt) for tilt in tilts if (found := self._program(start, tilt))]
+        if not solved:
+            return None, _TILTS[0]
+        best, tilt = min(solved, key=lambda pair: pair[0].claimed)
+        return self._interior(best, start, tilt), tilt
+
+    def _interior(self, solved: VertexGains, c: Coordinates, tilt: float) -> VertexGains:
+        """Return an answer with coordinates of one that is well inside its inequalities."""
+        inside = self._program(c, tilt, solved.claimed * (1 + _ROOM))
+        if inside is None:
+            return solved
+        return solved._replace(easy=replace(inside.easy, unit=solved.claimed))
+
+    def _program(
+        self, c: Coordinates, tilt: float, limit: float | None = None, themselves: bool = False
+    ) -> VertexGains | None:
+        """Minimise the bound; or, with a limit on it, the gains, by their effort or themselves."""
+        if self.solver.budget.over:
+            return None  # a program that is not solved takes longer to make than a limit allows
+        specification, plants = self.specification, [c.apply(p) for p in self.plants]
+        n, nu, count = plants[0].nx, plants[0].nu, len(plants) if self.scheduled else 1
+        program = PolytopeProgram(specification, n)
+        free = not (specification.tied or specification.discrete)
+        weights = (tilt, 1.0) if free else specification.tied_weights
+        V = program.matrices[0] if specification.tied else program.matrix(n, n)
+        gains = [program.matrix(nu, n) for _ in range(count)]
+        square = program.scalar() if limit is None else Affine.of((limit / c.unit) ** 2)
+        for i, p in enumerate(plants):
+            L = gains[i % count]
+            AV, CV = p.A @ V + p.B2 @ L, p.C1 @ V + p.D12 @ L
+            S = with_gain(V, AV, Affine.of(specification.seen(CV)), *weights)
+            program.impose(i, S, CV, V, (p.B1, p.D11), square)
+        if limit is None:
+            program.minimise(square)
+        elif themselves:
+            size, right = program.scalar(), np.linalg.inv(c.T).astype(float)
+            for L in gains:
+                gain_inequality(program, V, L, size, c.V, right)
+            program.minimise(size)
+        else:
+            # The effort is F V F' of each gain, summed.
+            effort = Affine.of(0.0)
+            for L in gains:
+                W = program.symmetric(nu)
+                program.positive(symmetric_block([[W, L], [(V + V.T) / 2]]))
+                effort = effort + W.trace
+            program.minimise(effort)
+        solution = self.solver.solve(program)
+        if solution.x is None:
+            return None
+        claimed = c.unit * math.sqrt(max(solution.value(square).item(), 0.0))
+        v, P = solution.value(V), [solution.value(M) for M in program.matrices]
+        try:
+            found = [c.gain(v.T, solution.value(L)) for L in gains]
+            sizes = np.sqrt(sum(solution.value(L) ** 2 for L in gains) / count)
+            easy = c.next(plants[0], specification.mean(P), sizes, even_out=False)
+        except np.linalg.LinAlgError:
+            return None
+        if not (0 < claimed < math.inf and all(np.isfinite(F).all() for F in found)):
+            return None
+        each = tuple(found[i % count] for i in range(len(plants)))
+        return VertexGains(each, claimed, replace(easy, unit=claimed))
+
+    def _alternate(self, start: VertexGains, back_off: float) -> VertexGains:
+        """Improve one gain for all: with the gain held the slack is free, and the other way."""
+        c = start.easy
+        plants = [c.apply(p) for p in self.plants]
+        # In these coordinates u = V F T x.
+        F = np.linalg.solve(c.V, start.gains[0] @ c.T)
+        rooms = list(_TURN_ROOMS)
+        held = self._slack(plants, F, rooms[0])
+        for _ in range(_TURNS):
+            if held is None or not rooms:
+                break
+            moved = self._gain(plants, held)
+            again = None if moved is None else self._slack(plants, moved, rooms[0])
+            slow = again is None or again.square > (1 - _WORTHWHILE) ** 2 * held.square
+            if moved is not None and again is not None and again.square < held.square:
+                F, held = moved, again
+            if slow:
+                rooms = rooms[1:]
+                held = (self._slack(plants, F, rooms[0]) if rooms else None) or held
+        if held is None:
+            return start
+        level = math.sqrt(held.square) * c.unit
+        if level >= start.claimed:
+            return start
+        smaller = self._gain(plants, held, held.square * (1 + back_off) ** 2)
+        if smaller is not None:
+            F, level = smaller, level * (1 + back_off)
+        gain: Matrix = c.V @ F @ np.linalg.inv(c.T)
+        return VertexGains((gain,) * len(plants), level, c)
+
+    def _slack(self, plants: list[PlantMatrices], F: Matrix, room: float) -> ProgramResult | None:
+        """Return a slack well inside the inequalities for a gain, and the least gamma^2."""
+        loops = [(p.A + p.B2 @ F, p.B1, p.C1 + p.D12 @ F, p.D11) for p in plants]
+        same = all(np.array_equal(loop[2], loops[0][2]) for loop in loops)
+        least = lyapunov_analysis(loops, self.specification, self.solver, same)
+        if least is None or not least.square > 0:
+            return None
+        limit = least.square * (1 + room) ** 2
+        inside = lyapunov_analysis(loops, self.specification, self.solver, same, limit)
+        return inside and inside._replace(square=least.square)
+
+    def _gain(
+        self, plants: list[PlantMatrices], held: ProgramResult, limit: float | None = None
+    ) -> Matrix | None:
+        """Return the gain of the smallest bound with the slack held; with a limit, the smallest."""
+        specification, n, nu = self.specification, plants[0].nx, plants[0].nu
+        program = PolytopeProgram(specification, n)
+        F = program.matrix(nu, n)
+        square = program.scalar() if limit is None else Affine.of(limit)
+        assert held.X is not None
+        for i, p in enumerate(plants):
+            A, C = p.A + p.B2 @ F, p.C1 + p.D12 @ F
+            seen = Affine.of(specification.seen(C))
+            V = specification.at(i, held.P) if held.V is None else held.V
+            program.impose(i, with_slack(held.X, A, seen), C @ V, V, (p.B1, p.D11), square)
+        if limit is None:
+            program.minimise(square)
+        else:
+            size, eyes = program.scalar(), (np.eye(nu), np.eye(n))
+            program.positive(symmetric_block([[size.times(eyes[0]), F], [size.times(eyes[1])]]))
+            program.minimise(size)
+        solution = self.solver.solve(program)
+        return None if solution.x is None else solution.value(F)
 
 
-def _solve_for_slack(
-    problem: GainProblem,
-    plants: list[PlantMatrices],
-    F: Matrix,
-    room: float,
-    solver: ProgramSolver,
-) -> ProgramResult | None:
-    """Return a slack well inside the inequalities for a gain, with the least square of the norm."""
-    loops = [(p.A + p.B2 @ F, p.B1, p.C1 + p.D12 @ F, p.D11) for p in plants]
-    same = all(np.array_equal(loop[2], loops[0][2]) for loop in loops)
-    least = lyapunov_analysis(loops, problem.specification, solver, same)
-    if least is None or not least.square > 0:
-        return None
-    limit = least.square * (1 + room) ** 2
-    inside = lyapunov_analysis(loops, problem.specification, solver, same, limit)
-    return None if inside is None else replace(inside, square=least.square)
-
-
-def _solve_for_gain(
-    problem: GainProblem,
-    plants: list[PlantMatrices],
-    held: ProgramResult,
-    solver: ProgramSolver,
-    limit: float | None,
-) -> Matrix | None:
-    """Return the gain of the smallest bound with the slack held; with a limit, the smallest."""
-    specification = problem.specification
-    program = SemidefiniteProgram()
-    n, nu = plants[0].nx, plants[0].nu
-    matrices = [program.symmetric(n) for _ in range(specification.family.size)]
-    rates = extreme_rates(program, specification.family, matrices)
-    F = program.matrix(nu, n)
-    square = program.scalar() if limit is None else Affine.of(limit)
-    assert held.X is not None
-    for i, p in enumerate(plants):
-        A, C = p.A + p.B2 @ F, p.C1 + p.D12 @ F
-        seen = C if specification.norm == "hinf" else Affine.of(np.zeros((0, n)))
-        V = held.V if held.V is not None else weighted_sum(specification.family.shares[i], held.P)
-        terms = Terms(with_slack(held.X, A, seen), C @ V, V, p.B1, p.D11)
-        impose(program, specification, i, matrices, terms, square, rates=rates)
-    if limit is None:
-        program.minimise(square)
-    else:
-        size, eyes = program.scalar(), (np.eye(nu), np.eye(n))
-        program.positive(symmetric_block([[size.times(eyes[0]), F], [size.times(eyes[1])]]))
-        program.minimise(size)
-    solution = solver.solve(program)
-    return None if solution.x is None else solution.value(F)
-
-
-# Feasibility: vertices that no gain stabilises, and the part of a polytope that has a gain.
-
-
-def refused_vertices(whole: Polytope) -> None:
+def refuse_uncontrollable_vertices(whole: Polytope) -> None:
     """Refuse a polytope with a vertex that no controller stabilises.
 
     Raises
@@ -455,31 +422,6 @@ def refused_vertices(whole: Polytope) -> None:
                 "add an actuator or sensor that reaches it, or exclude this vertex.",
                 [mode.eigenvalue for mode in modes],
             )
-
-
-def feasible_share(problem: GainProblem, solver: ProgramSolver) -> float:
-    """Return for which part of a polytope, shrunk towards its middle, there is a proven gain.
-
-    Parameters
-    ----------
-    problem : GainProblem
-    solver : ProgramSolver
-    """
-    low, high = 0.0, 1.0
-    for _ in range(POLICY.shrinkings):
-        share = (low + high) / 2
-        part = replace(problem, plants=shrunk_matrices(problem.plants, share))
-        low, high = (share, high) if _has_gain(part, solver) else (low, share)
-    return low
-
-
-def _has_gain(problem: GainProblem, solver: ProgramSolver) -> bool:
-    """Say whether there is a gain that is proven: beyond the last one programs claim huge gains."""
-    found = next(candidates(problem, solver), None)
-    if found is None:
-        return False
-    loops = [state_loop(p, F) for p, F in zip(problem.plants, found.gains, strict=True)]
-    return prove(loops, problem.specification, solver, found.claimed) is not None
 
 
 @single_threaded_blas
@@ -567,32 +509,37 @@ def robust_state_feedback(
     one_of("lyapunov", lyapunov, ("vertices", "common"))
     positive("time_limit", time_limit)
     whole = polytope(plant, controls, None, control_weight).with_full_state()
-    _check_norm(whole, norm)
-    refused_vertices(whole)
-    budget = Budget(POLICY.work, time_limit)
-    programs = ProgramSolver(backend, solver, budget, POLICY.tolerance)
-    count = len(whole.plants)
-    makes = LyapunovFamily.common if lyapunov == "common" else LyapunovFamily.per_vertex
+    for name, vertex in zip(whole.names, whole.plants, strict=True):
+        if norm == "h2" and not vertex.is_discrete and vertex.D11.any():
+            raise invalid(
+                "plant",
+                described(f"D11 that is not zero at {name}"),
+                "no direct path from w to z, through which the H2 norm is infinite",
+                'Use norm="hinf", or filter z.',
+            )
+    refuse_uncontrollable_vertices(whole)
+    budget = Budget(WORK, time_limit)
+    programs = ProgramSolver(backend, solver, budget, ACCURACY)
+    make = LyapunovFamily.common if lyapunov == "common" else LyapunovFamily.per_vertex
     with progress_bar("Designing for all vertices"), enforce_deadline(budget):
         scaled, vertices = scaled_vertices(whole)
-        problem = GainProblem(
-            vertices, PolytopeSpecification(makes(count), norm, vertices[0].discrete)
-        )
-        for found in candidates(problem, programs):
-            F = found.gains[0]
-            loops = [state_loop(p, F) for p in vertices]
-            proof = prove(loops, problem.specification, programs, found.claimed)
+        family = make(len(vertices))
+        specification = PolytopeSpecification(family, norm, vertices[0].discrete)
+        search = GainSearch(vertices, specification, programs)
+        for found in search.candidates():
+            proven = search.bound(found)
             # Units are powers of two, but for the root of that of time in an H2 norm.
-            bound = math.inf if proof is None else round_up(scaled.norm(proof.bound, norm))
-            design = _verified_design(whole, norm, lyapunov, scaled.state_gain(F), bound, budget)
+            bound = math.inf if proven is None else round_up(scaled.norm(proven, norm))
+            F = scaled.state_gain(found.gains[0])
+            design = _verified_design(whole, norm, lyapunov, F, bound, budget.late)
             if design is not None:
                 return design
-        share = feasible_share(problem, programs)
+        share = search.feasible_share()
     raise SolverError(_failure(lyapunov, share, budget.late))
 
 
 def _verified_design(
-    whole: Polytope, norm: Norm, lyapunov: Lyapunov, F: Any, bound: float, budget: Budget
+    whole: Polytope, norm: Norm, lyapunov: Lyapunov, F: Matrix, bound: float, late: bool
 ) -> RobustStateFeedback | None:
     """Return the design of a gain with all that is proven of it; None if that is too little."""
     certificates = tuple(certify(p, F, norm) for p in whole.plants)
@@ -602,7 +549,12 @@ def _verified_design(
     loop = None
     if whole.system is not None:
         loop = uncertain_loop(whole.system, whole.plants[0].nz, F)
-        worst = _worst_case_if_time(loop, bound) if norm == "hinf" else None
+        try:
+            worst = worst_case_gain(loop) if norm == "hinf" else None
+        except DeadlineError:
+            # A bound that is proven already does without.
+            if not math.isfinite(bound):
+                raise
     varying = lyapunov == "common" and whole.is_convex_hull and math.isfinite(bound)
     if not whole.is_convex_hull:
         bound = math.inf
@@ -610,9 +562,9 @@ def _verified_design(
         bound = min(bound, worst.upper)
     if whole.is_convex_hull and not math.isfinite(bound):
         return None
-    status: Status = "proven" if math.isfinite(bound) else "vertices only"
-    if status == "proven" and budget.late:
-        status = "time_limit"
+    status: Status = "vertices only"
+    if math.isfinite(bound):
+        status = "time_limit" if late else "proven"
     return RobustStateFeedback(
         gain=F,
         norm=norm,
@@ -661,26 +613,3 @@ def _failure(lyapunov: Lyapunov, share: float, late: bool) -> str:
     )
     other = 'Try lyapunov="vertices"' if lyapunov == "common" else "Make the ranges smaller"
     return text + f"{other}, or measure the numbers and use scheduled_feedback."
-
-
-def _worst_case_if_time(loop: UncertainSystem, bound: float) -> WorstCaseGain | None:
-    """Return the worst-case gain; None if there was no time for it and the bound is proven."""
-    try:
-        return worst_case_gain(loop)
-    except DeadlineError:
-        if not math.isfinite(bound):
-            raise
-        return None
-
-
-def _check_norm(whole: Polytope, norm: Norm) -> None:
-    if norm == "hinf" or whole.plants[0].is_discrete:
-        return
-    for name, plant in zip(whole.names, whole.plants, strict=True):
-        if plant.D11.any():
-            raise invalid(
-                "plant",
-                described(f"D11 that is not zero at {name}"),
-                "no direct path from w to z, through which the H2 norm is infinite",
-                'Use norm="hinf", or filter z.',
-            )

@@ -42,7 +42,8 @@ from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
 from robustpolish.synthesis.problem.preflight import with_measurement_noise
 from robustpolish.synthesis.problem.scaling import ScaledPlant
 from robustpolish.synthesis.scheduled.polytope import (
-    POLICY,
+    ACCURACY,
+    WORK,
     LyapunovFamily,
     Polytope,
     PolytopeSpecification,
@@ -50,11 +51,11 @@ from robustpolish.synthesis.scheduled.polytope import (
     require_equal,
     scaled_vertices,
 )
-from robustpolish.synthesis.scheduled.proof import BallSystem, output_loop, prove, state_loop
+from robustpolish.synthesis.scheduled.proof import output_loop, prove
 from robustpolish.synthesis.scheduled.robust_state_feedback import (
-    GainProblem,
-    candidates,
-    refused_vertices,
+    BACK_OFFS,
+    GainSearch,
+    refuse_uncontrollable_vertices,
 )
 
 # `ScheduledDesign`: a controller that follows measured numbers, and what is proven of it.
@@ -186,13 +187,9 @@ class ScheduledDesign(Displayed):
         instance_of("disturbance", disturbance, xr.Dataset, "an xarray.Dataset", "Name its signals")
         known_keys((), {str(n): 0 for n in disturbance.data_vars}, plant.disturbance_names)
         time = np.asarray(disturbance["time"], dtype=float)
+        zero = np.zeros(time.size)
         inputs = np.stack(
-            [
-                np.asarray(disturbance[name], dtype=float)
-                if name in disturbance
-                else np.zeros(time.size)
-                for name in plant.disturbance_names
-            ],
+            [np.asarray(disturbance.get(n, zero), dtype=float) for n in plant.disturbance_names],
             axis=1,
         )
         names = tuple(self.points[0])
@@ -207,14 +204,11 @@ class ScheduledDesign(Displayed):
         shares = np.array(known)[places.ravel()]
         loops: list[Any] = [matrices_of(loop) for loop in self._loops()]
         outputs = varying_response(loops, shares, uniform_step(time), inputs).outputs
-        units = plant.units
-        return xr.Dataset(
-            {
-                name: ("time", outputs[:, i], {"units": units.get(name, "")})
-                for i, name in enumerate(plant.performance_names)
-            },
-            coords={"time": disturbance["time"]},
-        )
+        signals = {
+            name: ("time", outputs[:, i], {"units": plant.units.get(name, "")})
+            for i, name in enumerate(plant.performance_names)
+        }
+        return xr.Dataset(signals, coords={"time": disturbance["time"]})
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the largest gain of the loop over frequency at each corner, and the bound.
@@ -275,12 +269,13 @@ class ScheduledDesign(Displayed):
 # the controls and the measurements see constant matrices everything is affine: the mixture of the
 # controllers belongs to the mixture of the plants (Apkarian, Gahinet and Becker 1995).
 
+# How much larger the variables may become where I - XY is pushed away from singularity.
 _ROOM = 1.5
 
 
 def scheduled_controllers(
     plants: Sequence[PlantMatrices], solver: ProgramSolver
-) -> Iterator[tuple[tuple[Controller, ...], float]]:
+) -> Iterator[tuple[list[Controller], float]]:
     """Yield a controller for each vertex and the bound claimed for them, small bounds first.
 
     Parameters
@@ -289,39 +284,31 @@ def scheduled_controllers(
         Scaled, continuous, without D22, with the same B2, C2, D12 and D21.
     solver : ProgramSolver
     """
-    first = _solved(plants, solver, None, None)
+    first = _solved(plants, solver)
     if first is None:
         return
-    for back_off in POLICY.back_offs:
+    for back_off in BACK_OFFS:
         limit = first[1] * (1 + back_off) ** 2
-        small = _solved(plants, solver, limit, None)
+        small = _solved(plants, solver, limit)
         if small is None:
             continue
-        size = max(float(np.linalg.norm(M, 2)) for v in small[0] for M in _parts(v))
-        # Then I - XY is pushed away from singularity, with a little more size.
-        apart = _solved(plants, solver, limit, _ROOM * size)
-        for found in (apart, small):
-            made = () if found is None else _reconstructed(plants, found[0])
-            if made:
-                yield made, float(np.sqrt(limit))
-
-
-def _parts(v: LmiValues) -> tuple[np.ndarray, ...]:
-    return v.X, v.Y, np.block([[v.A, v.B], [v.C, v.D]])
-
-
-def _reconstructed(
-    plants: Sequence[PlantMatrices], found: Sequence[LmiValues]
-) -> tuple[Controller, ...]:
-    made = [reconstruct(p, v) for p, v in zip(plants, found, strict=True)]
-    return tuple(K for K in made if K is not None) if all(K is not None for K in made) else ()
+        parts = [
+            M for v in small[0] for M in (v.X, v.Y, np.block([[v.A, v.B], [v.C, v.D]]))
+        ]  # fmt: skip
+        size = max(float(np.linalg.norm(M, 2)) for M in parts)
+        for found in (_solved(plants, solver, limit, _ROOM * size), small):
+            if found is not None:
+                made = [reconstruct(p, v) for p, v in zip(plants, found[0], strict=True)]
+                controllers = [K for K in made if K is not None]
+                if len(controllers) == len(plants):
+                    yield controllers, math.sqrt(limit)
 
 
 def _solved(
     plants: Sequence[PlantMatrices],
     solver: ProgramSolver,
-    limit: float | None,
-    largest: float | None,
+    limit: float | None = None,
+    largest: float | None = None,
 ) -> tuple[list[LmiValues], float] | None:
     """Minimise the square of the bound; with a limit the size, with that the distance of XY."""
     program = SemidefiniteProgram()
@@ -332,44 +319,34 @@ def _solved(
         unknowns.append(LmiVariables(first.X, first.Y, *own))
     square = program.scalar() if limit is None else Affine.of(limit)
     for p, v in zip(plants, unknowns, strict=True):
-        program.positive(-_bounded_real(p, v, square))
-    if largest is None:
-        coupling(program, first)
-        program.minimise(square)
-        if limit is not None:
-            program.minimise(_largest_size(program, unknowns))
-    else:
-        beta = program.scalar()
-        coupling(program, first, beta)
-        program.nonnegative(largest - _largest_size(program, unknowns))
-        program.minimise(-beta)
-    solution = solver.solve(program)
-    if solution.x is None:
-        return None
-    return [v.at(solution) for v in unknowns], float(solution.value(square).item())
-
-
-def _largest_size(program: SemidefiniteProgram, unknowns: Sequence[LmiVariables]) -> Affine:
-    largest = program.scalar()
-    for v in unknowns:
-        program.nonnegative(largest - variable_bound(program, v))
-    return largest
-
-
-def _bounded_real(p: PlantMatrices, v: LmiVariables, square: Affine) -> Affine:
-    """Return the matrix that has to be negative, with the square of gamma on w."""
-    loop = loop_terms(p, v)
-    return symmetric_block(
-        [
+        # The bounded-real inequality, with the square of gamma on w.
+        loop = loop_terms(p, v)
+        rows = [
             [*loop.drift[0], loop.source[0], loop.output[0].T],
             [*loop.drift[1], loop.source[1], loop.output[1].T],
             [-square.times(np.eye(p.nw)), loop.direct.T],
             [-np.eye(p.nz)],
         ]
-    )
+        program.positive(-symmetric_block(rows))
 
+    def size() -> Affine:
+        top = program.scalar()
+        for v in unknowns:
+            program.nonnegative(top - variable_bound(program, v))
+        return top
 
-ScheduledCandidate = tuple[list[BallSystem], tuple[control.StateSpace, ...], float]
+    if largest is None:
+        coupling(program, first)
+        program.minimise(square if limit is None else size())
+    else:
+        beta = program.scalar()
+        coupling(program, first, beta)
+        program.nonnegative(largest - size())
+        program.minimise(-beta)
+    solution = solver.solve(program)
+    if solution.x is None:
+        return None
+    return [v.at(solution) for v in unknowns], float(solution.value(square).item())
 
 
 @single_threaded_blas
@@ -467,70 +444,62 @@ def scheduled_feedback(
         remedy = "Name measurements=, or leave it out."
         raise invalid("measurement_noise", measurement_noise, "none for state feedback", remedy)
     limits = _rates(whole, rates)
-    refused_vertices(whole)
-    budget = Budget(POLICY.work, time_limit)
-    programs = ProgramSolver(backend, solver, budget, POLICY.tolerance)
+    refuse_uncontrollable_vertices(whole)
+    budget = Budget(WORK, time_limit)
+    programs = ProgramSolver(backend, solver, budget, ACCURACY)
     with progress_bar("Designing for all corners"):
         scaled, vertices = scaled_vertices(whole)
         moving = [whole.speed(name) * rate * scaled.time for name, rate in limits.items()]
         family = LyapunovFamily.affine(whole.positions, moving)
         specification = PolytopeSpecification(family, "hinf", vertices[0].discrete)
-        problem = GainProblem(vertices, specification, scheduled=True)
-        ways = (
-            _gains(problem, scaled, programs)
-            if measurements is None
-            else _dynamic(problem, scaled, programs)
+        search = GainSearch(vertices, specification, programs, scheduled=True)
+        # State feedback is proven for its own candidates, output feedback for controllers.
+        if measurements is None:
+            ways = ((search.loops(one), one.gains, one.claimed) for one in search.candidates())
+        else:
+            ways = (
+                ([output_loop(p, K) for p, K in zip(vertices, made, strict=True)], made, claimed)
+                for made, claimed in scheduled_controllers(vertices, programs)
+            )
+        proven = (
+            (controllers, prove(loops, specification, programs, claimed))
+            for loops, controllers, claimed in ways
         )
-        found = _first_proven(ways, specification, programs)
-    if found is None:
-        raise SolverError(_failure(budget.late))
-    controllers, bound = found
-    jump = all(map(math.isinf, limits.values()))
+        found, bound = next((pair for pair in proven if pair[1] is not None), (None, None))
+    if found is None or bound is None:
+        text = "No controller was found and proven for the whole box. "
+        if budget.late:
+            raise SolverError(
+                f"{text}The time limit was reached. Raise time_limit, or leave numbers out of "
+                "rates= (the bound then holds for jumps of them, which is proven much faster)."
+            )
+        raise SolverError(
+            f"{text}Make the ranges smaller, tell rates= of numbers that move slowly, or give the "
+            "problem a price (control_weight) and a noise (measurement_noise)."
+        )
+    message = "The bound is proven for numbers that move within their ranges"
+    message += ", however fast." if all(map(math.isinf, limits.values())) else " and rates."
+    if budget.late:
+        message += " The time limit was reached: a better one may exist."
     return ScheduledDesign(
-        controllers=controllers,
+        controllers=tuple(_named(scaled, K) for K in found),
         points=whole.points,
         bound=scaled.norm(bound),
         rates=limits,
         status="time_limit" if budget.late else "proven",
-        message="The bound is proven for numbers that move within their ranges"
-        + (", however fast." if jump else " and rates.")
-        + (" The time limit was reached: a better one may exist." if budget.late else ""),
+        message=message,
         vertices=whole,
     )
 
 
-def _first_proven(
-    ways: Iterator[ScheduledCandidate], specification: PolytopeSpecification, solver: ProgramSolver
-) -> tuple[tuple[control.StateSpace, ...], float] | None:
-    """Return the first controllers that are proven, with their bound."""
-    for loops, controllers, claimed in ways:
-        proof = prove(loops, specification, solver, claimed)
-        if proof is not None:
-            return controllers, proof.bound
-    return None
-
-
-def _gains(
-    problem: GainProblem, scaled: ScaledPlant, solver: ProgramSolver
-) -> Iterator[ScheduledCandidate]:
-    plant = scaled.original
-    for found in candidates(problem, solver):
-        loops = [state_loop(p, F) for p, F in zip(problem.plants, found.gains, strict=True)]
-        gains = (plant.static_controller(scaled.state_gain(F)) for F in found.gains)
-        yield loops, tuple(gains), found.claimed
-
-
-def _dynamic(
-    problem: GainProblem, scaled: ScaledPlant, solver: ProgramSolver
-) -> Iterator[ScheduledCandidate]:
-    for made, claimed in scheduled_controllers(problem.plants, solver):
-        loops = [output_loop(p, K) for p, K in zip(problem.plants, made, strict=True)]
-        yield loops, tuple(_named(scaled, K) for K in made), claimed
-
-
 def _named(scaled: ScaledPlant, K: Any) -> control.StateSpace:
-    """Return a controller in the plant's units; the factors are powers of two and round nothing."""
+    """Return a gain of the state or a controller of y in the plant's units.
+
+    The factors are powers of two and round nothing.
+    """
     plant = scaled.original
+    if not isinstance(K, Controller):
+        return plant.static_controller(scaled.state_gain(K))
     own = scaled.controller(control.StateSpace(*K, remove_useless_states=False))
     states = [f"controller_{i + 1}" for i in range(own.nstates)]
     names = (plant.measurement_names, plant.control_names, states)
@@ -571,16 +540,3 @@ def _rates(whole: Polytope, given: Mapping[str, float] | None) -> dict[str, floa
         raise invalid("rates", given, "no rates in discrete time", remedy)
     checked = {name: positive(("rates", name), rate, zero=True) for name, rate in given.items()}
     return {name: checked.get(name, math.inf) for name in names}
-
-
-def _failure(late: bool) -> str:
-    text = "No controller was found and proven for the whole box. "
-    if late:
-        return text + (
-            "The time limit was reached. Raise time_limit, or leave numbers out of rates= (the "
-            "bound then holds for jumps of them, which is proven much faster)."
-        )
-    return text + (
-        "Make the ranges smaller, tell rates= of numbers that move slowly, or give the problem a "
-        "price (control_weight) and a noise (measurement_noise)."
-    )

@@ -1,4 +1,4 @@
-"""What tuned blocks have become: numbers by name, with units and limits."""
+"""Parts of tunable blocks: numbers with units and limits, links in series, and tuned results."""
 
 from __future__ import annotations
 
@@ -6,20 +6,21 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.arrays import AnyVector as Vector
 from robustpolish.base.checks import described, invalid
 from robustpolish.base.results import Card, Displayed, Table
+from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.wired import single_filter
 from robustpolish.synthesis.problem.matrices import Controller, balanced
 
 # From a coordinate without a unit, in which a search moves, to a number in its unit.
 
+Search = Literal["linear", "positive", "integral"]
 # Decades from 1 at which the search for a positive number ends, in units that suit the loop:
 # nothing in it depends on what is so small or large.
 _FAR = 6.0
@@ -28,6 +29,8 @@ _FAR = 6.0
 LEAST = 1e-4
 # Within this factor of the smallest, in natural logarithms, an integral gain counts as not wanted.
 _IDLE = math.log(10.0)
+# Exponents beyond it leave doubles.
+_STEEP = 700.0
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,7 @@ class ParameterTransform:
     size: float
     low: float
     high: float
-    search: Literal["linear", "positive", "integral"] = "linear"
+    search: Search = "linear"
 
     @property
     def least(self) -> float:
@@ -62,22 +65,18 @@ class ParameterTransform:
 
     def value(self, theta: float) -> float:
         """Return the number at a coordinate, inside its limits in spite of rounding."""
-        if self.search == "positive":
-            value = self.size * math.exp(min(theta, 700.0))
-        elif self.search == "integral":
-            # Folded at 0, where the number jumps.
-            below = theta < 0 or self.high <= 0
-            value = (-1 if below else 1) * self.least * math.exp(min(abs(theta), 700.0))
-        else:
-            value = self.size * theta
+        value = self.size * theta if self.search == "linear" else self.slope(theta)
+        # An integral gain is folded at 0, where the number jumps.
+        if self.search == "integral" and (theta < 0 or self.high <= 0):
+            value = -value
         return min(max(value, self.low), self.high)
 
     def slope(self, theta: float) -> float:
         """Return the derivative of the number over its coordinate."""
         if self.search == "positive":
-            return self.size * math.exp(min(theta, 700.0))
+            return self.size * math.exp(min(theta, _STEEP))
         if self.search == "integral":
-            return self.least * math.exp(min(abs(theta), 700.0))
+            return self.least * math.exp(min(abs(theta), _STEEP))
         return self.size
 
     def theta(self, value: float) -> float:
@@ -85,8 +84,7 @@ class ParameterTransform:
         if self.search == "positive":
             return math.log(value / self.size) if value > 0 else -math.inf
         if self.search == "integral":
-            far = math.log(max(abs(value) / self.least, 1.0)) if math.isfinite(value) else math.inf
-            return math.copysign(far, value)
+            return math.copysign(math.log(max(abs(value) / self.least, 1.0)), value)
         return value / self.size
 
     def bounds(self, start: float) -> tuple[float, float]:
@@ -197,11 +195,16 @@ def tunable(
     return Tunable(name, value, low, high, free)
 
 
-def _number(argument: str, value: Any, infinite: bool) -> float:
+def _as_number(value: Any) -> float:
+    """Return a finite or infinite number; NaN for what is none."""
     try:
-        number = math.nan if isinstance(value, bool) else float(value)
+        return math.nan if isinstance(value, bool) else float(value)
     except (TypeError, ValueError):
-        number = math.nan
+        return math.nan
+
+
+def _number(argument: str, value: Any, infinite: bool) -> float:
+    number = _as_number(value)
     if math.isnan(number) or (math.isinf(number) and not infinite):
         want = "a number" if infinite else "a finite number"
         raise invalid(argument, value, want, "Pass a number.")
@@ -237,6 +240,11 @@ class ParameterSlot:
         are searched over a scale that is logarithmic but for the smallest.
     hertz : bool
         Whether its unit is written Hz instead of 1/s.
+
+    Raises
+    ------
+    InvalidInputError
+        If what was given is no number, or none of its values is possible.
     """
 
     name: str
@@ -247,8 +255,42 @@ class ParameterSlot:
     low: float = -math.inf
     high: float = math.inf
     default: float = 0.0
-    search: Literal["linear", "positive", "integral"] = "linear"
+    search: Search = "linear"
     hertz: bool = False
+
+    def __post_init__(self) -> None:
+        given: Any = self.given
+        if given is None:
+            return
+        if not isinstance(given, Tunable):
+            value = _as_number(given)
+            if not math.isfinite(value) or not self._admits(value):
+                remedy = (
+                    "A number holds it; rp.tunable.tunable(name, value, low, high) tunes it, None "
+                    "too."
+                )
+                raise invalid(self.name, given, self._range, remedy)
+            object.__setattr__(self, "given", value)
+            return
+        none_above = given.high <= 0 and self.search == "positive"
+        if given.high < self.low or given.low > self.high or none_above:
+            shown = described(f"{given.name} between {given.low:g} and {given.high:g}")
+            raise invalid(self.name, shown, self._range, "Change its limits.")
+        if given.value is not None and not self._admits(given.value):
+            shown = described(f"{given.name} starting at {given.value:g}")
+            raise invalid(self.name, shown, self._range, "Change its value.")
+
+    def _admits(self, value: float) -> bool:
+        return self.low <= value <= self.high and (self.search != "positive" or value > 0)
+
+    @property
+    def _range(self) -> str:
+        """What may be given, in words."""
+        if math.isinf(self.low):
+            return "a number"
+        top = "" if math.isinf(self.high) else f", at most {self.high:g}"
+        above = self.low == 0 and self.search == "positive"
+        return f"a number {'above' if above else 'of at least'} {self.low:g}{top}"
 
     @property
     def held(self) -> float | None:
@@ -278,50 +320,6 @@ class ParameterSlot:
         return above / below * time**self.time
 
 
-def checked_slot(slot: ParameterSlot) -> ParameterSlot:
-    """Return a slot whose number, if one is given, makes sense there.
-
-    Raises
-    ------
-    InvalidInputError
-        If it is no number, or none of its values is possible.
-    """
-    given: Any = slot.given
-    positive = slot.search == "positive"
-    want = _range_in_words(slot)
-    if given is None:
-        return slot
-    if isinstance(given, Tunable):
-        if given.high < slot.low or given.low > slot.high or (positive and given.high <= 0):
-            shown = described(f"{given.name} between {given.low:g} and {given.high:g}")
-            raise invalid(slot.name, shown, want, "Change its limits.")
-        value = given.value
-        if value is not None and not _is_admissible(slot, value):
-            shown = described(f"{given.name} starting at {value:g}")
-            raise invalid(slot.name, shown, want, "Change its value.")
-        return slot
-    try:
-        value = math.nan if isinstance(given, bool) else float(given)
-    except (TypeError, ValueError):
-        value = math.nan
-    if not math.isfinite(value) or not _is_admissible(slot, value):
-        remedy = "A number holds it; rp.tunable.tunable(name, value, low, high) tunes it, None too."
-        raise invalid(slot.name, given, want, remedy)
-    return ParameterSlot(**{**vars(slot), "given": value})
-
-
-def _is_admissible(slot: ParameterSlot, value: float) -> bool:
-    return slot.low <= value <= slot.high and (slot.search != "positive" or value > 0)
-
-
-def _range_in_words(slot: ParameterSlot) -> str:
-    if math.isinf(slot.low):
-        return "a number"
-    top = "" if math.isinf(slot.high) else f", at most {slot.high:g}"
-    above = slot.low == 0 and slot.search == "positive"
-    return f"a number {'above' if above else 'of at least'} {slot.low:g}{top}"
-
-
 # One link of a block: a small system whose matrices depend on numbers, with their derivatives.
 
 
@@ -331,41 +329,32 @@ class Stage(ABC):
 
     Attributes
     ----------
+    kind : str
+    formula : str
+        Its transfer function in words.
+    states : tuple of str
+        Names of x; one that is called "integral" integrates e.
+    slots : tuple of ParameterSlot
+        Its numbers.
     name : str or None
         Given by the user; otherwise the kind and the signals name it.
-    slots : tuple of Slot
-        Its numbers.
     inputs, outputs : int
         Sizes of e and v.
+    has_gain : bool
+        Whether its numbers hold a gain from one unit to another; filters keep the unit.
+    resizable : bool
+        Whether it takes as many signals as the plant has, and means the same in discrete time.
     """
 
-    kind: ClassVar[str]
-    # Whether its numbers hold a gain from one unit to another; filters keep the unit.
-    carries: ClassVar[bool] = True
-    # Whether it takes as many signals as the plant has.
-    resizable: ClassVar[bool] = False
-    # Whether it means the same in discrete time.
-    discrete: ClassVar[bool] = False
-
-    name: str | None = None
+    kind: str
+    formula: str
+    states: tuple[str, ...] = ()
     slots: tuple[ParameterSlot, ...] = ()
+    name: str | None = None
     inputs: int = 1
     outputs: int = 1
-
-    @property
-    @abstractmethod
-    def states(self) -> tuple[str, ...]:
-        """Names of x."""
-
-    @property
-    def integrators(self) -> tuple[str, ...]:
-        """Names of those states that integrate e."""
-        return ()
-
-    @property
-    @abstractmethod
-    def formula(self) -> str:
-        """Its transfer function in words."""
+    has_gain: bool = True
+    resizable: bool = False
 
     @abstractmethod
     def matrix(self, values: Vector) -> Matrix:
@@ -390,13 +379,6 @@ class Stage(ABC):
         """Return the stage in another unit of time; numbers of slots are converted elsewhere."""
         return self
 
-    def named(self, name: str) -> Self:
-        """Return the stage with a name."""
-        return replace(self, name=name)
-
-
-# A system that is given and not tuned, as a link of a block.
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GivenFilter(Stage):
@@ -404,16 +386,10 @@ class GivenFilter(Stage):
 
     Attributes
     ----------
-    A, B, C, D : ndarray
+    matrices : Controller
     """
 
-    kind: ClassVar[str] = "given"
-    carries: ClassVar[bool] = False
-
-    A: Matrix
-    B: Matrix
-    C: Matrix
-    D: Matrix
+    matrices: Controller
 
     @classmethod
     def of(cls, system: Any) -> GivenFilter:
@@ -424,23 +400,19 @@ class GivenFilter(Stage):
         InvalidInputError
             If it is no continuous system of one input and one output.
         """
-        given = single_filter("blocks", system, 0)
-        A, B, C, D = (np.array(getattr(given, name), dtype=float) for name in "ABCD")
-        return cls(A=A, B=B.reshape(-1, 1), C=C.reshape(1, -1), D=D.reshape(1, 1))
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        """Names of x."""
-        return tuple(f"x{i + 1}" for i in range(len(self.A)))
-
-    @property
-    def formula(self) -> str:
-        """Its transfer function in words."""
-        return f"a given filter of order {len(self.A)}" if len(self.A) else f"{self.D[0, 0]:g}"
+        A, B, C, D = matrices_of(single_filter("blocks", system, 0))
+        return cls(
+            kind="given",
+            formula=f"a given filter of order {len(A)}" if len(A) else f"{D[0, 0]:g}",
+            states=tuple(f"x{i + 1}" for i in range(len(A))),
+            has_gain=False,
+            matrices=Controller(A, B, C, D),
+        )
 
     def matrix(self, values: Vector) -> Matrix:
         """Return [[A, B], [C, D]]."""
-        return np.block([[self.A, self.B], [self.C, self.D]])
+        A, B, C, D = self.matrices
+        return np.block([[A, B], [C, D]])
 
     def back(self, values: Vector, gradient: Matrix) -> Vector:
         """Return nothing: there are no numbers."""
@@ -448,8 +420,8 @@ class GivenFilter(Stage):
 
     def in_unit_of_time(self, unit: float) -> Self:
         """Return the filter in another unit of time, with states of order one."""
-        A, B, C, D = balanced(Controller(self.A * unit, self.B * unit, self.C, self.D))
-        return replace(self, A=A, B=B, C=C, D=D)
+        A, B, C, D = self.matrices
+        return replace(self, matrices=balanced(Controller(A * unit, B * unit, C, D)))
 
 
 # A block from measurements to controls: links in series.
@@ -569,29 +541,6 @@ def _listed(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"[{', '.join(names)}]"
 
 
-# A link whose numbers are the free entries of its matrix.
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class MaskedStage(Stage):
-    """A stage with one number for each free entry of [[A, B], [C, D]], row by row."""
-
-    @property
-    @abstractmethod
-    def mask(self) -> NDArray[np.bool_]:
-        """Free entries of [[A, B], [C, D]]; the others are zero."""
-
-    def matrix(self, values: Vector) -> Matrix:
-        """Return [[A, B], [C, D]]."""
-        M = np.zeros(self.mask.shape)
-        M[self.mask] = values
-        return M
-
-    def back(self, values: Vector, gradient: Matrix) -> Vector:
-        """Return the free entries of the gradient."""
-        return gradient[self.mask]
-
-
 @dataclass(frozen=True)
 class TunedNumber:
     """A number of a block after the search.
@@ -679,10 +628,7 @@ class TunedBlock:
     numbers: tuple[TunedNumber, ...]
 
     def __getitem__(self, name: str) -> float:
-        for number in self.numbers:
-            if number.name == name:
-                return number.value
-        raise KeyError(name)
+        return {number.name: number.value for number in self.numbers}[name]
 
     def __str__(self) -> str:
         numbers = ", ".join(str(number) for number in self.numbers)
@@ -704,10 +650,7 @@ class TunedBlocks(Mapping[str, TunedBlock], Displayed):
     laws: tuple[str, ...]
 
     def __getitem__(self, name: str) -> TunedBlock:
-        for block in self.blocks:
-            if block.name == name:
-                return block
-        raise KeyError(name)
+        return {block.name: block for block in self.blocks}[name]
 
     def __iter__(self) -> Iterator[str]:
         return (block.name for block in self.blocks)
@@ -722,21 +665,18 @@ class TunedBlocks(Mapping[str, TunedBlock], Displayed):
 
     def content(self) -> dict[str, Any]:
         """Return what is written to a file."""
-        return {
-            "laws": list(self.laws),
-            "blocks": [
-                {
-                    "name": block.name,
-                    "formula": block.formula,
-                    # Infinities have no place in JSON: a limit that is none is left out.
-                    "numbers": [
-                        {k: v for k, v in vars(number).items() if v not in (math.inf, -math.inf)}
-                        for number in block.numbers
-                    ],
-                }
-                for block in self.blocks
-            ],
-        }
+        # Infinities have no place in JSON: a limit that is none is left out.
+        blocks = [
+            {
+                **vars(block),
+                "numbers": [
+                    {k: v for k, v in vars(number).items() if v not in (math.inf, -math.inf)}
+                    for number in block.numbers
+                ],
+            }
+            for block in self.blocks
+        ]
+        return {"laws": list(self.laws), "blocks": blocks}
 
     @classmethod
     def of_content(cls, content: Any) -> TunedBlocks:
@@ -748,14 +688,10 @@ class TunedBlocks(Mapping[str, TunedBlock], Displayed):
             If it is not what that writes.
         """
         limits = {"low": -math.inf, "high": math.inf}
-        blocks = [
-            TunedBlock(
-                str(block["name"]),
-                str(block["formula"]),
-                tuple(TunedNumber(**{**limits, **number}) for number in block["numbers"]),
-            )
-            for block in content["blocks"]
-        ]
+        blocks = []
+        for block in content["blocks"]:
+            numbers = tuple(TunedNumber(**{**limits, **number}) for number in block["numbers"])
+            blocks.append(TunedBlock(str(block["name"]), str(block["formula"]), numbers))
         return cls(tuple(blocks), tuple(map(str, content["laws"])))
 
     def tables(self) -> tuple[Table, ...]:

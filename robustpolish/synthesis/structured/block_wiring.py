@@ -1,12 +1,12 @@
-"""Blocks whose numbers are tuned: what they consist of, and the controller that they make."""
+"""Tunable blocks on a plant: the signals they join, their shared numbers, and the controller."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +28,7 @@ from robustpolish.synthesis.structured.block_parts import (
 # K = [[Ak, Bk], [Ck, Dk]] as a function of the numbers of blocks, with its adjoint.
 
 
-@dataclass(frozen=True, eq=False)
-class WiredStage:
+class WiredStage(NamedTuple):
     """A stage at its place among all of them.
 
     Attributes
@@ -41,23 +40,19 @@ class WiredStage:
         Values of the held slots, in the units of the search; 0 elsewhere.
     sizes : ndarray
         Units of the slots.
-    rows, columns : ndarray of int
-        Where its matrix stands in that of all stages.
+    entries : tuple of ndarray of int
+        Rows and columns of its matrix in that of all stages.
     """
 
     stage: Stage
     numbers: NDArray[np.int_]
     held: Vector
     sizes: Vector
-    rows: NDArray[np.int_]
-    columns: NDArray[np.int_]
+    entries: tuple[NDArray[np.int_], ...]
 
     def values(self, numbers: Vector) -> Vector:
         """Return the values of its slots, in the units of the search."""
-        if not len(self.numbers):
-            return self.held
-        free = self.numbers >= 0
-        return np.where(free, numbers[self.numbers] / self.sizes, self.held)
+        return np.where(self.numbers >= 0, numbers[self.numbers] / self.sizes, self.held)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +64,7 @@ class BlockGain:
 
     Attributes
     ----------
-    coordinates : sequence of Coordinate
+    coordinates : sequence of ParameterTransform
         Of the free numbers.
     stages : sequence of WiredStage
     enter, wires, leave : ndarray
@@ -94,82 +89,65 @@ class BlockGain:
 
     def gain(self, theta: Vector) -> Matrix:
         """Return K(theta)."""
-        M = self._block_diagonal(self.numbers(theta))
-        return self.leave @ (M @ self._feedback_inverse(M)) @ self.enter
+        M, inverse = self._open_and_closed(self.numbers(theta))
+        return self.leave @ (M @ inverse) @ self.enter
 
     def back(self, theta: Vector, gradient: Matrix) -> Vector:
         """Turn a gradient over K into one over theta."""
         numbers = self.numbers(theta)
-        M = self._block_diagonal(numbers)
-        around = self._feedback_inverse(M)
+        M, inverse = self._open_and_closed(numbers)
         # dT = (I - M wires)^-1 dM (I - wires M)^-1, and (I - M wires)^-1 = I + T wires.
         on_t = self.leave.T @ gradient @ self.enter.T
-        on_m = (on_t + (M @ around @ self.wires).T @ on_t) @ around.T
+        on_m = (on_t + (M @ inverse @ self.wires).T @ on_t) @ inverse.T
         found = np.zeros(self.size)
         for wired in self.stages:
-            own = on_m[wired.rows[:, None], wired.columns]
-            slopes = wired.stage.back(wired.values(numbers), own)
-            for number, slope, size in zip(wired.numbers, slopes, wired.sizes, strict=True):
-                if number >= 0:
-                    found[number] += slope / size
+            slopes = wired.stage.back(wired.values(numbers), on_m[wired.entries])
+            free = wired.numbers >= 0
+            # One number may stand in several slots of a stage.
+            np.add.at(found, wired.numbers[free], (slopes / wired.sizes)[free])
         return found * [c.slope(t) for c, t in zip(self.coordinates, theta, strict=True)]
 
-    def _block_diagonal(self, numbers: Vector) -> Matrix:
+    def _open_and_closed(self, numbers: Vector) -> tuple[Matrix, Matrix]:
+        """Return M and (I - wires M)^-1."""
         M = np.zeros(self.wires.T.shape)
         for wired in self.stages:
-            M[wired.rows[:, None], wired.columns] = wired.stage.matrix(wired.values(numbers))
-        return M
-
-    def _feedback_inverse(self, M: Matrix) -> Matrix:
-        """Return (I - wires M)^-1."""
+            M[wired.entries] = wired.stage.matrix(wired.values(numbers))
         one = np.eye(len(self.wires))
-        return np.linalg.inv(one - self.wires @ M) if self.wires.any() else one
+        return M, np.linalg.inv(one - self.wires @ M) if self.wires.any() else one
 
 
 # Blocks put on a plant: which signals they join, how all is called, which numbers are free.
 
-Units = TypeVar("Units")
 
-
-@dataclass(frozen=True, eq=False)
-class PlacedBlock:
-    """A block whose signals are known.
+@dataclass(frozen=True, eq=False, repr=False)
+class PlacedBlock(TunableBlock):
+    """A block whose signals are known, and whose stages are sized and named.
 
     Attributes
     ----------
-    measurements, controls : tuple of str
     read, driven : ndarray of int
-        Where they are among those of the plant.
-    sign : {1, -1}
-    stages : tuple of Stage
-        Sized and named.
-    law : str
+        Where its measurements and controls are among those of the plant.
     """
 
     measurements: tuple[str, ...]
     controls: tuple[str, ...]
     read: NDArray[np.int_]
     driven: NDArray[np.int_]
-    sign: int
-    stages: tuple[Stage, ...]
-    law: str
 
     @property
     def carrier(self) -> int:
         """The stage whose gain has units of u over y; the number of stages if there is none."""
         wide = [i for i, stage in enumerate(self.stages) if stage.resizable]
-        gains = [i for i, stage in enumerate(self.stages) if stage.carries]
+        gains = [i for i, stage in enumerate(self.stages) if stage.has_gain]
         return (wide or gains or [len(self.stages)])[0]
 
-    def around(self, stage: int, y: Units, u: Units) -> tuple[Units, Units]:
+    def around(self, stage: int, y: Any, u: Any) -> tuple[Any, Any]:
         """Return the units of what enters and what leaves a stage, of those of y and u."""
-        if stage == self.carrier:
-            return y, u
-        return (y, y) if stage < self.carrier else (u, u)
+        return (y if stage <= self.carrier else u, u if stage >= self.carrier else y)
 
 
 @dataclass(frozen=True)
-class FreeParameter:
+class PlacedParameter:
     """A number that is tuned, whoever shares it.
 
     Attributes
@@ -189,6 +167,30 @@ class FreeParameter:
     slot: ParameterSlot
     block: int
     stage: int
+
+    def limited(self, given: Tunable, slot: ParameterSlot) -> PlacedParameter:
+        """Return the number with the limits of a slot that takes it besides.
+
+        Raises
+        ------
+        InvalidInputError
+            If no value is left, or the slot was given another number of this name.
+        """
+        if self.slot is not slot and self.slot.given != given:
+            shown = described(f"{self.slot.given} and {given}")
+            remedy = "Make it once with rp.tunable.tunable, and pass the same object to all blocks."
+            raise invalid("blocks", shown, f"one meaning of {self.key}", remedy)
+        low, high = max(self.tunable.low, slot.low), min(self.tunable.high, slot.high)
+        if not low < high:
+            shown = described(f"{given.name} between {given.low:g} and {given.high:g}")
+            want = f"limits that a {slot.name} can keep"
+            raise invalid(slot.name, shown, want, "Change its limits.")
+        search = "positive" if slot.search == "positive" else self.slot.search
+        tunable, first = (
+            replace(self.tunable, low=low, high=high),
+            replace(self.slot, search=search),
+        )
+        return replace(self, tunable=tunable, slot=first)
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,7 +222,7 @@ class Placement:
                 yield i, j, stage
 
     @cached_property
-    def numbers(self) -> tuple[FreeParameter, ...]:
+    def numbers(self) -> tuple[PlacedParameter, ...]:
         """What is tuned, each number once.
 
         Raises
@@ -228,18 +230,13 @@ class Placement:
         InvalidInputError
             If a name has several meanings, or nothing is free.
         """
-        found: dict[str, FreeParameter] = {}
+        found: dict[str, PlacedParameter] = {}
         for i, j, stage in self.places:
-            for slot in stage.slots:
-                if slot.held is not None:
-                    continue
+            for slot in (slot for slot in stage.slots if slot.held is None):
                 key = self.key(stage, slot)
                 given = slot.given if isinstance(slot.given, Tunable) else Tunable(key)
-                if key in found:
-                    found[key] = _merge_shared(found[key], given, slot)
-                else:
-                    own = _intersect_limits(given, slot, given)
-                    found[key] = FreeParameter(key, own, slot, i, j)
+                known = found.get(key, PlacedParameter(key, given, slot, i, j))
+                found[key] = known.limited(given, slot)
         if not found:
             raise invalid(
                 "blocks",
@@ -252,9 +249,7 @@ class Placement:
     @staticmethod
     def key(stage: Stage, slot: ParameterSlot) -> str:
         """Return what a number is called among all of them."""
-        if isinstance(slot.given, Tunable):
-            return slot.given.name
-        return f"{stage.name}.{slot.name}"
+        return slot.given.name if isinstance(slot.given, Tunable) else f"{stage.name}.{slot.name}"
 
 
 def place_blocks(blocks: Any, plant: GeneralizedPlant) -> Placement:
@@ -284,27 +279,35 @@ def place_blocks(blocks: Any, plant: GeneralizedPlant) -> Placement:
     names: set[str] = set()
     for block in given:
         instance_of("blocks", block, TunableBlock, "a block, such as rp.tunable.pid('x')", remedy)
-        for stage in block.stages:
-            if stage.name in names:
+        for name in (stage.name for stage in block.stages if stage.name is not None):
+            if name in names:
                 want = "a name of its own for every block"
-                raise invalid("name", stage.name, want, "Only numbers are shared, by rp.tunable.")
-            if stage.name is not None:
-                names.add(stage.name)
-    placement = Placement(plant, tuple(_placed(block, plant, names) for block in given))
-    _refuse_without_effect(placement)
-    return placement
+                raise invalid("name", name, want, "Only numbers are shared, by rp.tunable.")
+            names.add(name)
+    placed = tuple(_placed(block, plant, names) for block in given)
+    seen = np.any(np.hstack([plant.C2, plant.D21, plant.D22]) != 0, axis=1)
+    moves = np.any(np.vstack([plant.B2, plant.D12, plant.D22]) != 0, axis=0)
+    for block in placed:
+        text = ""
+        if not seen[block.read].any():
+            text = f"a block that reads {', '.join(block.measurements)}, which is always zero"
+        elif not moves[block.driven].any():
+            text = f"a block that drives {', '.join(block.controls)}, which moves nothing"
+        if text:
+            raise invalid("blocks", described(text), "blocks with an effect", "Leave it out.")
+    return Placement(plant, placed)
 
 
 def _placed(block: TunableBlock, plant: GeneralizedPlant, names: set[str]) -> PlacedBlock:
     wide = len(block.stages) == 1 and block.stages[0].resizable
-    ours = plant.measurement_names, plant.control_names
-    read = _chosen("measurement", block.measurements, ours[0], wide)
-    driven = _chosen("control", block.controls, ours[1], wide)
-    if plant.is_discrete and not all(stage.discrete for stage in block.stages):
-        kind = next(stage.kind for stage in block.stages if not stage.discrete)
+    known = plant.measurement_names, plant.control_names
+    read = _chosen("measurement", block.measurements, known[0], wide)
+    driven = _chosen("control", block.controls, known[1], wide)
+    continuous = [stage.kind for stage in block.stages if not stage.resizable]
+    if plant.is_discrete and continuous:
         raise invalid(
             "plant",
-            described(f"a discrete plant, dt = {plant.dt}, for a block of kind {kind}"),
+            described(f"a discrete plant, dt = {plant.dt}, for a block of kind {continuous[0]}"),
             "a continuous plant",
             "Tune it for the continuous plant, then call design.discretize(period).",
         )
@@ -314,35 +317,27 @@ def _placed(block: TunableBlock, plant: GeneralizedPlant, names: set[str]) -> Pl
         outputs = len(driven) if stage.resizable or last else stage.outputs
         stage = stage.sized(count, outputs)
         if stage.name is None:
-            stage = stage.named(_default_name(stage.kind, read, driven, names))
+            stage = replace(stage, name=_default_name(stage.kind, read, driven, names))
             names.add(stage.name or "")
         count = outputs
         stages.append(stage)
-    return PlacedBlock(
-        read,
-        driven,
-        np.array([ours[0].index(name) for name in read]),
-        np.array([ours[1].index(name) for name in driven]),
-        block.sign,
-        tuple(stages),
-        block.law(read, driven),
-    )
+    rows = np.array([known[0].index(name) for name in read])
+    columns = np.array([known[1].index(name) for name in driven])
+    return PlacedBlock(read, driven, block.sign, tuple(stages), rows, columns)
 
 
 def _chosen(
     argument: str, given: tuple[str, ...] | None, known: Sequence[str], wide: bool
 ) -> tuple[str, ...]:
-    listed = ", ".join(known) or "none"
+    listed = f"one of {', '.join(known) or 'none'}"
     if given is None:
         if known and (wide or len(known) == 1):
             return tuple(known)
         shown = described(f"no name, with a plant that has {len(known)}")
-        raise invalid(
-            argument, shown, f"one of {listed}", "Say which: rp.tunable.pid('x', control='F')."
-        )
+        raise invalid(argument, shown, listed, "Say which: rp.tunable.pid('x', control='F').")
     for name in given:
         if name not in known:
-            raise invalid(argument, name, f"one of {listed}", f"See plant.{argument}_names.")
+            raise invalid(argument, name, listed, f"See plant.{argument}_names.")
     return given
 
 
@@ -356,48 +351,6 @@ def _default_name(kind: str, read: Sequence[str], driven: Sequence[str], names: 
     return free
 
 
-def _refuse_without_effect(placement: Placement) -> None:
-    P = placement.plant
-    seen = np.any(np.hstack([P.C2, P.D21, P.D22]) != 0, axis=1)
-    moves = np.any(np.vstack([P.B2, P.D12, P.D22]) != 0, axis=0)
-    for block in placement.blocks:
-        if not seen[block.read].any():
-            text = f"a block that reads {', '.join(block.measurements)}, which is always zero"
-        elif not moves[block.driven].any():
-            text = f"a block that drives {', '.join(block.controls)}, which moves nothing"
-        else:
-            continue
-        raise invalid("blocks", described(text), "blocks with an effect", "Leave it out.")
-
-
-def _intersect_limits(given: Tunable, slot: ParameterSlot, spoken: Tunable) -> Tunable:
-    """Return a tunable number with the limits that its slot has besides."""
-    low, high = max(given.low, slot.low), min(given.high, slot.high)
-    if not low < high:
-        shown = described(f"{spoken.name} between {spoken.low:g} and {spoken.high:g}")
-        want = f"limits that a {slot.name} can keep"
-        raise invalid(slot.name, shown, want, "Change its limits.")
-    return replace(given, low=low, high=high)
-
-
-def _merge_shared(known: FreeParameter, given: Tunable, slot: ParameterSlot) -> FreeParameter:
-    """Return a number that one more slot takes.
-
-    Raises
-    ------
-    InvalidInputError
-        If it was told otherwise there.
-    """
-    first = known.slot.given
-    if first != given:
-        shown = described(f"{first} and {given}")
-        remedy = "Make it once with rp.tunable.tunable, and pass the same object to all blocks."
-        raise invalid("blocks", shown, f"one meaning of {known.key}", remedy)
-    positive = "positive" if "positive" in (known.slot.search, slot.search) else known.slot.search
-    both = replace(known.slot, search=positive)
-    return replace(known, tunable=_intersect_limits(known.tunable, slot, given), slot=both)
-
-
 # Units that suit a loop: frequencies at which it may cross over, and gains that do it there.
 
 # A mode counts if its part of the response from u to y is not below this share of the largest:
@@ -407,66 +360,47 @@ _VISIBLE = 1e-9
 _BELOW, _ABOVE = 30.0, 10.0
 
 
-@dataclass(frozen=True, eq=False)
-class LoopUnits:
-    """What numbers of blocks are measured by.
-
-    Attributes
-    ----------
-    plant : PlantMatrices
-        Scaled, continuous.
-    frequency : float
-        In rad/s of the scaled plant; 0 for the middle of :attr:`band`.
-    """
-
-    plant: PlantMatrices
-    frequency: float = 0.0
-
-    @cached_property
-    def band(self) -> tuple[float, float]:
-        """The lowest and the highest frequency at which the loop may cross over."""
-        P = self.plant
-        if not P.nx:
-            return 1 / _BELOW, _ABOVE
-        found = np.linalg.eig(P.A)
+def crossover_band(plant: PlantMatrices) -> tuple[float, float]:
+    """Return the lowest and the highest frequency at which a loop may cross over, in rad/s."""
+    size = np.ones(1)
+    if plant.nx:
+        found = np.linalg.eig(plant.A)
         poles, right = np.asarray(found[0]), np.asarray(found[1])
         left = np.linalg.pinv(right)
-        part = np.linalg.norm(left @ P.B2, axis=1) * np.linalg.norm(P.C2 @ right, axis=0)
-        size = np.abs(poles)
-        kept = (part > _VISIBLE * part.max()) & (size > 1e-6 * size.max(initial=0.0))
-        if not kept.any():
-            return 1 / _BELOW, _ABOVE
-        return float(size[kept].min()) / _BELOW, float(size[kept].max()) * _ABOVE
+        part = np.linalg.norm(left @ plant.B2, axis=1) * np.linalg.norm(plant.C2 @ right, axis=0)
+        rates = np.abs(poles)
+        kept = (part > _VISIBLE * part.max()) & (rates > 1e-6 * rates.max(initial=0.0))
+        size = rates[kept] if kept.any() else size
+    return float(size.min()) / _BELOW, float(size.max()) * _ABOVE
 
-    @property
-    def middle(self) -> float:
-        """The frequency that sizes belong to."""
-        return self.frequency or float(np.sqrt(self.band[0] * self.band[1]))
 
-    @cached_property
-    def response(self) -> Matrix:
-        """The response from u to y there."""
-        P = self.plant
-        pencil = 1j * self.middle * np.eye(P.nx) - P.A
-        try:
-            return np.abs(P.C2 @ np.linalg.solve(pencil, P.B2) + P.D22)
-        except np.linalg.LinAlgError:
-            return np.ones((P.ny, P.nu))
+LoopSize = Callable[[PlacedBlock, int, ParameterSlot], float]
+"""The value of a slot of a stage of a block that matters in the loop, in scaled units."""
 
-    def size(self, block: PlacedBlock, stage: int, slot: ParameterSlot) -> float:
-        """Return the number that matters in the loop at that frequency, in scaled units."""
-        rate = self.middle ** (-slot.time)
+
+def crossover_size(plant: PlantMatrices, frequency: float) -> LoopSize:
+    """Return the numbers with which the loop of a scaled plant crosses over at a frequency."""
+    try:
+        pencil = 1j * frequency * np.eye(plant.nx) - plant.A
+        response = np.abs(plant.C2 @ np.linalg.solve(pencil, plant.B2) + plant.D22)
+    except np.linalg.LinAlgError:
+        response = np.ones((plant.ny, plant.nu))
+
+    def size(block: PlacedBlock, stage: int, slot: ParameterSlot) -> float:
+        rate = frequency ** (-slot.time)
         if slot.out is None or stage != block.carrier:
             return rate
-        gain = float(np.linalg.norm(self.response[block.read[:, None], block.driven]))
+        gain = float(np.linalg.norm(response[block.read[:, None], block.driven]))
         return rate / gain if gain > 0 else rate
+
+    return size
 
 
 # A placement in the units of a scaled plant: its numbers as coordinates, its stages wired.
 
 
 def block_parametrisation(
-    placement: Placement, scaled: ScaledPlant, loop: LoopUnits | None = None
+    placement: Placement, scaled: ScaledPlant, loop: LoopSize | None = None
 ) -> BlockGain:
     """Return K of the scaled plant as a function of the free numbers.
 
@@ -475,7 +409,7 @@ def block_parametrisation(
     placement : Placement
     scaled : ScaledPlant
         Of the placement's plant.
-    loop : LoopUnits, optional
+    loop : callable, optional
         What the numbers are measured by; the entries of K are of order one by default.
 
     Returns
@@ -483,7 +417,7 @@ def block_parametrisation(
     BlockGain
     """
     index = {number.key: i for i, number in enumerate(placement.numbers)}
-    coordinates = tuple(_parameter_transform(n, placement, scaled, loop) for n in placement.numbers)
+    coordinates = tuple(_transform(number, placement, scaled, loop) for number in placement.numbers)
     stages = [stage for _, _, stage in placement.places]
     order = sum(len(stage.states) for stage in stages)
     outs, ins = order + sum(s.outputs for s in stages), order + sum(s.inputs for s in stages)
@@ -492,13 +426,12 @@ def block_parametrisation(
     for M in (enter, leave):
         M[:order, :order] = np.eye(order)
     found: list[WiredStage] = []
-    state, row, column = 0, order, order
+    state, row, column, before = 0, order, order, np.zeros(0, int)
     for i, j, stage in placement.places:
-        block, n = placement.blocks[i], len(stage.states)
-        own = np.arange(state, state + n)
+        block = placement.blocks[i]
+        own = np.arange(state, state + len(stage.states))
         rows, columns = row + np.arange(stage.outputs), column + np.arange(stage.inputs)
-        into, out = _units(placement, scaled, i, j)
-        sizes = np.array([slot.size(into, out, scaled.time) for slot in stage.slots])
+        sizes = _sizes(stage.slots, placement, scaled, i, j)
         held = [0.0 if slot.held is None else slot.held for slot in stage.slots]
         numbers = [index[placement.key(stage, s)] if s.held is None else -1 for s in stage.slots]
         found.append(
@@ -507,42 +440,43 @@ def block_parametrisation(
                 np.array(numbers, dtype=int),
                 np.array(held) / sizes,
                 sizes,
-                np.concatenate([own, rows]),
-                np.concatenate([own, columns]),
+                np.ix_(np.concatenate([own, rows]), np.concatenate([own, columns])),
             )
         )
         if j == 0:
             enter[columns, order + block.read] = 1.0
         else:
-            wires[columns, found[-2].rows[-stage.inputs :]] = 1.0
+            wires[columns, before] = 1.0
         if j == len(block.stages) - 1:
             kept = block.carrier == len(block.stages)
             unit = scaled.measurement[block.read] / scaled.control[block.driven] if kept else 1.0
             leave[order + block.driven, rows] = block.sign * unit
-        state, row, column = state + n, row + stage.outputs, column + stage.inputs
+        state, row, column = state + len(own), row + stage.outputs, column + stage.inputs
+        before = rows
     return BlockGain(coordinates, tuple(found), enter, wires, leave)
 
 
-def _parameter_transform(
-    number: FreeParameter, placement: Placement, scaled: ScaledPlant, loop: LoopUnits | None
+def _transform(
+    number: PlacedParameter, placement: Placement, scaled: ScaledPlant, loop: LoopSize | None
 ) -> ParameterTransform:
-    into, out = _units(placement, scaled, number.block, number.stage)
-    size = number.slot.size(into, out, scaled.time)
+    slot, at = number.slot, (number.block, number.stage)
+    size = float(_sizes([slot], placement, scaled, *at)[0])
     if loop is not None:
-        size *= loop.size(placement.blocks[number.block], number.stage, number.slot)
+        size *= loop(placement.blocks[number.block], number.stage, slot)
     low, high = number.tunable.low, number.tunable.high
-    if low > 0 or number.slot.search == "positive":
+    if low > 0 or slot.search == "positive":
         return ParameterTransform(size, max(low, 0.0), high, "positive")
     # A narrow range is searched in its own size.
-    if number.slot.search == "linear" and math.isfinite(low) and math.isfinite(high):
+    if slot.search == "linear" and math.isfinite(low) and math.isfinite(high):
         size = min(size, high - low)
-    return ParameterTransform(size, low, high, number.slot.search)
+    return ParameterTransform(size, low, high, slot.search)
 
 
-def _units(
-    placement: Placement, scaled: ScaledPlant, block: int, stage: int
-) -> tuple[list[float], list[float]]:
-    """Return the units of what enters and leaves a stage."""
-    placed = placement.blocks[block]
-    y, u = scaled.measurement[placed.read], scaled.control[placed.driven]
-    return placed.around(stage, y.tolist(), u.tolist())
+def _sizes(
+    slots: Sequence[ParameterSlot], placement: Placement, scaled: ScaledPlant, i: int, j: int
+) -> Vector:
+    """Return the values of slots of a stage that are 1 in the units of the scaled plant."""
+    block = placement.blocks[i]
+    y, u = scaled.measurement[block.read], scaled.control[block.driven]
+    into, out = block.around(j, y.tolist(), u.tolist())
+    return np.array([slot.size(into, out, scaled.time) for slot in slots])

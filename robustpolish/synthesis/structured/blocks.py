@@ -1,10 +1,11 @@
-"""One kind of tunable block per file."""
+"""Kinds of tunable blocks: free matrices, lead and lag, low-pass and notch filters, and PID."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self
+from functools import partial
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,74 +15,93 @@ from robustpolish.base.arrays import AnyVector as Vector
 from robustpolish.base.checks import described, invalid, is_whole, one_of
 from robustpolish.synthesis.structured.block_parts import (
     Given,
-    MaskedStage,
     Names,
     ParameterSlot,
     Stage,
-    Tunable,
     TunableBlock,
     block_of,
-    checked_slot,
 )
 
-# A state-space controller of given order with all entries free.
+# A frequency in Hz, above 0.
+_frequency = partial(ParameterSlot, time=-1, low=0.0, search="positive", hertz=True)
+
+
+# Matrices whose entries are free: static gains, and state spaces of given order.
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FixedOrder(MaskedStage):
-    """x' = A x + B e, v = C x + D e with free A, B, C and perhaps D.
+class FreeEntries(Stage):
+    """x' = A x + B e, v = C x + D e with a number for each free entry.
 
     Attributes
     ----------
-    order : int
+    structure : ndarray of bool or None
+        Entries of D that may differ from zero; all by default.
+    gain : ndarray of object or None
+        Numbers or tunable numbers, one for each entry of D or one for all.
     feedthrough : bool
-        Whether D is free; otherwise zero.
+        False for D = 0.
     """
 
-    kind: ClassVar[str] = "fixed_order"
-    resizable: ClassVar[bool] = True
-    discrete: ClassVar[bool] = True
-
-    order: int = 1
+    structure: NDArray[np.bool_] | None = None
+    gain: Any = None
     feedthrough: bool = True
 
     @property
-    def states(self) -> tuple[str, ...]:
-        """Names of x."""
-        return tuple(f"x{i + 1}" for i in range(self.order))
-
-    @property
-    def formula(self) -> str:
-        """Its transfer function in words."""
-        return "(C (s I - A)^-1 B + D)" if self.feedthrough else "(C (s I - A)^-1 B)"
-
-    @property
     def mask(self) -> NDArray[np.bool_]:
-        """Free entries of [[A, B], [C, D]]."""
-        free = np.ones((self.order + self.outputs, self.order + self.inputs), bool)
-        free[self.order :, self.order :] = self.feedthrough
+        """Free entries of [[A, B], [C, D]]; the others are zero."""
+        k = len(self.states)
+        free = np.ones((k + self.outputs, k + self.inputs), bool)
+        free[k:, k:] = self.feedthrough if self.structure is None else self.structure
         return free
+
+    def matrix(self, values: Vector) -> Matrix:
+        """Return [[A, B], [C, D]]."""
+        M = np.zeros(self.mask.shape)
+        M[self.mask] = values
+        return M
+
+    def back(self, values: Vector, gradient: Matrix) -> Vector:
+        """Return the free entries of the gradient."""
+        return gradient[self.mask]
 
     def sized(self, inputs: int, outputs: int) -> Self:
         """Return the stage for so many signals, with a number for each entry."""
+        shape, want = (outputs, inputs), f"{(outputs, inputs)}: controls by measurements"
+        if self.structure is not None and self.structure.shape != shape:
+            shown = described(f"shape {self.structure.shape}")
+            remedy = "Mark the entries that may differ from zero."
+            raise invalid("structure", shown, want, remedy)
+        given: Any = np.full((1, 1), None) if self.gain is None else self.gain
+        if given.size == 1:
+            given = np.full(shape, given.item())
+        if given.shape != shape:
+            raise invalid("gain", described(f"shape {given.shape}"), want, "One per entry.")
         stage = replace(self, inputs=inputs, outputs=outputs)
-        k, slots = self.order, []
-        for i, j in np.argwhere(stage.mask):
-            above, left = i < k, j < k
-            letter = ("A" if left else "B") if above else ("C" if left else "D")
-            name = f"{letter}[{i - (0 if above else k)},{j - (0 if left else k)}]"
-            # A state has no unit of its own: B and C share that of the signals.
-            slots.append(
-                ParameterSlot(
-                    name,
-                    None,
-                    time=-1 if above else 0,
-                    out=None if above else int(i - k),
-                    into=None if left else int(j - k),
-                    default=-1.0 if letter == "A" and i == j else 0.0,
-                )
-            )
-        return replace(stage, slots=tuple(slots))
+        slots = tuple(stage._slot(int(i), int(j), given) for i, j in np.argwhere(stage.mask))
+        if all(slot.held == 0 for slot in slots):
+            shown = described("entries that are all zero")
+            raise invalid("gain", shown, "one that is tuned, or is not 0", "Free an entry.")
+        return replace(stage, slots=slots)
+
+    def _slot(self, i: int, j: int, given: Any) -> ParameterSlot:
+        """Return the slot of an entry of [[A, B], [C, D]]."""
+        k = len(self.states)
+        if not k:
+            name = "gain" if given.size == 1 else f"gain[{i},{j}]"
+            return ParameterSlot(name, given[i, j], out=i, into=j)
+        above, left = i < k, j < k
+        letter = "ABCD"[2 * (not above) + (not left)]
+        row, column = i - (0 if above else k), j - (0 if left else k)
+        # A state has no unit of its own: B and C share that of the signals.
+        return ParameterSlot(
+            f"{letter}[{row},{column}]",
+            None,
+            time=-1 if above else 0,
+            out=None if above else row,
+            into=None if left else column,
+            default=-1.0 if letter == "A" and i == j else 0.0,
+        )
 
 
 def fixed_order(
@@ -128,28 +148,80 @@ def fixed_order(
         raise invalid("order", order, "a whole number of at least 1", "Use static_gain for none.")
     if not isinstance(feedthrough, bool):
         raise invalid("feedthrough", feedthrough, "True or False", "False is strictly proper.")
-    stage = FixedOrder(name=name, order=int(order), feedthrough=feedthrough)
+    stage = FreeEntries(
+        kind="fixed_order",
+        formula="(C (s I - A)^-1 B + D)" if feedthrough else "(C (s I - A)^-1 B)",
+        states=tuple(f"x{i + 1}" for i in range(order)),
+        name=name,
+        resizable=True,
+        feedthrough=feedthrough,
+    )
+    return block_of(stage, measurements, controls, sign)
+
+
+def static_gain(
+    measurements: Names = None,
+    controls: Names = None,
+    *,
+    gain: Given | ArrayLike = None,
+    structure: ArrayLike | None = None,
+    sign: int = 1,
+    name: str | None = None,
+) -> TunableBlock:
+    """Return a matrix of gains to be tuned, u = sign gain y.
+
+    Parameters
+    ----------
+    measurements, controls : str or sequence of str, optional
+        What it reads and drives; all of the plant by default.
+    gain : Tunable, float or array_like of these, shape (controls, measurements), optional
+        A plain number is held; :func:`robustpolish.tunable` gives start and limits; None is tuned
+        freely. In units of u over y. One tunable number for all entries is a shared one.
+    structure : array_like of bool, shape (controls, measurements), optional
+        True where the gain may differ from zero.
+    sign : {1, -1}, optional
+        -1 for the usual notation of negative feedback; see :func:`robustpolish.tunable.pid`.
+    name : str, optional
+        By default ``gain_`` and the measurement.
+
+    Returns
+    -------
+    TunableBlock
+        For :func:`robustpolish.structured_output_feedback`.
+
+    Raises
+    ------
+    InvalidInputError
+        If a number does not make sense, or all entries are zero.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> rp.tunable.static_gain(
+    ...     ["x", "v"], "F", gain=[[None, rp.tunable.tunable("d", 1.0, low=0.0)]], sign=-1
+    ... )
+    block: F = -gain [x, v]
+    """
+    mask = None
+    if structure is not None:
+        mask = np.atleast_2d(np.asarray(structure))
+        known = mask.dtype == bool or (mask.dtype.kind in "iuf" and np.isin(mask, (0, 1)).all())
+        if not known or mask.ndim != 2 or not mask.any():
+            shown = described(f"entries {mask.dtype}, {int(mask.astype(bool).sum())} of them true")
+            raise invalid("structure", shown, "booleans, some of them true", "Mark free entries.")
+        mask = mask.astype(bool)
+    entries = None if gain is None else np.atleast_2d(np.array(gain, dtype=object))
+    stage = FreeEntries(
+        kind="gain", formula="gain", name=name, resizable=True, structure=mask, gain=entries
+    )
     return block_of(stage, measurements, controls, sign)
 
 
 # A lead or lag of first order.
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
 class LeadLag(Stage):
-    """gain (1 + s/z)/(1 + s/p) with z and p given in Hz."""
-
-    kind: ClassVar[str] = "lead_lag"
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        """The filtered input."""
-        return ("filtered",)
-
-    @property
-    def formula(self) -> str:
-        """Its transfer function in words."""
-        return "gain (1 + s/(2 pi zero_hz))/(1 + s/(2 pi pole_hz))"
+    """gain (1 + s/z)/(1 + s/p) with z and p given in Hz; its state is the filtered input."""
 
     def matrix(self, values: Vector) -> Matrix:
         """Return [[A, B], [C, D]]: x' = p (e - x), v = gain (r e + (1 - r) x) with r = p/z."""
@@ -221,38 +293,21 @@ def lead_lag(
     """
     slots = (
         ParameterSlot("gain", gain, out=0, into=0),
-        ParameterSlot(
-            "zero_hz", zero_hz, time=-1, low=0.0, default=0.1, search="positive", hertz=True
-        ),
-        ParameterSlot(
-            "pole_hz", pole_hz, time=-1, low=0.0, default=0.5, search="positive", hertz=True
-        ),
+        _frequency("zero_hz", zero_hz, default=0.1),
+        _frequency("pole_hz", pole_hz, default=0.5),
     )
-    stage = LeadLag(name=name, slots=tuple(checked_slot(slot) for slot in slots))
-    if stage.slots[0].held == 0:
+    if slots[0].held == 0:
         raise invalid("gain", described("a gain held at 0"), "another one", "Leave it out.")
+    formula = "gain (1 + s/(2 pi zero_hz))/(1 + s/(2 pi pole_hz))"
+    stage = LeadLag(kind="lead_lag", formula=formula, states=("filtered",), slots=slots, name=name)
     return block_of(stage, measurement, control, sign)
 
 
 # A low-pass filter of first or second order.
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
 class LowPass(Stage):
-    """w/(s + w), or w^2/(s^2 + 2 damping w s + w^2)."""
-
-    kind: ClassVar[str] = "low_pass"
-    carries: ClassVar[bool] = False
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        """The output, and in the second order its rate."""
-        return ("filtered", "rate")[: len(self.slots)]
-
-    @property
-    def formula(self) -> str:
-        """Its transfer function in words."""
-        return "low_pass(s)"
+    """w/(s + w), or w^2/(s^2 + 2 damping w s + w^2); its states are the output and its rate."""
 
     def matrix(self, values: Vector) -> Matrix:
         """Return [[A, B], [C, D]]."""
@@ -326,40 +381,25 @@ def low_pass(
         shown = described("a damping of a filter of first order")
         raise invalid("damping", shown, "none", "Choose order=2, or leave it out.")
     slots = (
-        ParameterSlot(
-            "frequency_hz",
-            frequency_hz,
-            time=-1,
-            low=0.0,
-            default=0.5,
-            search="positive",
-            hertz=True,
-        ),
+        _frequency("frequency_hz", frequency_hz, default=0.5),
         ParameterSlot("damping", damping, low=0.05, high=10.0, default=0.7, search="positive"),
-    )[:order]
-    stage = LowPass(name=name, slots=tuple(checked_slot(slot) for slot in slots))
+    )
+    stage = LowPass(
+        kind="low_pass",
+        formula="low_pass(s)",
+        states=("filtered", "rate")[:order],
+        slots=slots[:order],
+        name=name,
+        has_gain=False,
+    )
     return block_of(stage, measurement, control, sign)
 
 
 # A notch filter.
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
 class Notch(Stage):
     """(s^2 + depth width w s + w^2)/(s^2 + width w s + w^2)."""
-
-    kind: ClassVar[str] = "notch"
-    carries: ClassVar[bool] = False
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        """The integral of the band around the frequency, and that band."""
-        return ("band_integral", "band")
-
-    @property
-    def formula(self) -> str:
-        """Its transfer function in words."""
-        return "notch(s)"
 
     def matrix(self, values: Vector) -> Matrix:
         """Return [[A, B], [C, D]]: the input less a share of a band-pass of it."""
@@ -430,68 +470,40 @@ def notch(
     block: u = notch(s) x
     """
     slots = (
-        ParameterSlot(
-            "frequency_hz",
-            frequency_hz,
-            time=-1,
-            low=0.0,
-            default=0.5 / math.pi,
-            search="positive",
-            hertz=True,
-        ),
+        _frequency("frequency_hz", frequency_hz, default=0.5 / math.pi),
         ParameterSlot("depth", depth, low=0.0, high=1.0, default=0.3),
         ParameterSlot("width", width, low=0.0, high=10.0, default=1.0, search="positive"),
     )
-    stage = Notch(name=name, slots=tuple(checked_slot(slot) for slot in slots))
+    # The integral of the band around the frequency, and that band.
+    states = ("band_integral", "band")
+    stage = Notch(
+        kind="notch", formula="notch(s)", states=states, slots=slots, name=name, has_gain=False
+    )
     return block_of(stage, measurement, control, sign)
 
 
 # PID and its parts, with a filtered derivative.
 
-KINDS = ("P", "I", "D", "PI", "PD", "ID", "PID")
+# Which term needs a number, and the numbers of a PID.
+_TERMS = {"Kp": "P", "Ki": "I", "Kd": "D", "Tf": "D"}
+_WORDS = {"P": "Kp", "I": "Ki/s", "D": "Kd s/(Tf s + 1)"}
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
 class Pid(Stage):
     """Kp + Ki/s + Kd s/(Tf s + 1), or some of these terms.
 
-    Attributes
-    ----------
-    terms : str
-        Which: letters of "PID".
+    Its states are the integral of the input, and the filtered input.
     """
-
-    kind: ClassVar[str] = "pid"
-
-    terms: str = "PID"
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        """The integral of the input, and the filtered input."""
-        return self.integrators + (("filtered",) if "D" in self.terms else ())
-
-    @property
-    def integrators(self) -> tuple[str, ...]:
-        """The integral of the input."""
-        return ("integral",) if "I" in self.terms else ()
-
-    @property
-    def formula(self) -> str:
-        """Its transfer function in words."""
-        words = {"P": "Kp", "I": "Ki/s", "D": "Kd s/(Tf s + 1)"}
-        text = " + ".join(words[term] for term in self.terms)
-        return f"({text})" if len(self.terms) > 1 else text
 
     def matrix(self, values: Vector) -> Matrix:
         """Return [[A, B], [C, D]]: x1' = e, Tf x2' = e - x2, v = Kp e + Ki x1 + Kd x2'."""
-        number = dict(zip((slot.name for slot in self.slots), values, strict=True))
-        n = len(self.states)
+        number, n = self._numbers(values), len(self.states)
         M = np.zeros((n + 1, n + 1))
         M[n, n] = number.get("Kp", 0.0)
-        if "I" in self.terms:
+        if "Ki" in number:
             M[0, n] = 1.0
             M[n, 0] = number["Ki"]
-        if "D" in self.terms:
+        if "Kd" in number:
             Kd, Tf = number["Kd"], number["Tf"]
             M[n - 1, n - 1], M[n - 1, n] = -1 / Tf, 1 / Tf
             M[n, n - 1] = -Kd / Tf
@@ -500,15 +512,17 @@ class Pid(Stage):
 
     def back(self, values: Vector, gradient: Matrix) -> Vector:
         """Turn a gradient over [[A, B], [C, D]] into one over the numbers."""
-        G, n = gradient, len(self.states)
+        G, number, n = gradient, self._numbers(values), len(self.states)
         slopes = {"Kp": G[n, n], "Ki": G[n, 0]}
-        if "D" in self.terms:
-            number = dict(zip((slot.name for slot in self.slots), values, strict=True))
+        if "Kd" in number:
             Kd, Tf = number["Kd"], number["Tf"]
             slopes["Kd"] = (G[n, n] - G[n, n - 1]) / Tf
             into = G[n - 1, n] - G[n - 1, n - 1] + Kd * (G[n, n] - G[n, n - 1])
             slopes["Tf"] = -into / Tf**2
-        return np.array([slopes[slot.name] for slot in self.slots])
+        return np.array([slopes[name] for name in number])
+
+    def _numbers(self, values: Vector) -> dict[str, float]:
+        return dict(zip((slot.name for slot in self.slots), values, strict=True))
 
 
 def pid(
@@ -570,151 +584,28 @@ def pid(
     ... )
     block: F = -(Kp + Ki/s) x
     """
-    terms = one_of("kind", kind.upper() if isinstance(kind, str) else kind, KINDS)
-    given = {"Kp": Kp, "Ki": Ki, "Kd": Kd, "Tf": Tf}
-    wanted = [n for n in given if {"Kp": "P", "Ki": "I", "Kd": "D", "Tf": "D"}[n] in terms]
-    for number, value in given.items():
-        if value is not None and number not in wanted:
+    kinds = ("P", "I", "D", "PI", "PD", "ID", "PID")
+    terms = one_of("kind", kind.upper() if isinstance(kind, str) else kind, kinds)
+    for number, value in {"Kp": Kp, "Ki": Ki, "Kd": Kd, "Tf": Tf}.items():
+        if value is not None and _TERMS[number] not in terms:
             shown = described(f"a number for a controller of kind {terms}")
             raise invalid(number, shown, "none", "Leave it out, or choose another kind.")
-    slots = {
-        "Kp": ParameterSlot("Kp", Kp, out=0, into=0),
-        "Ki": ParameterSlot("Ki", Ki, time=-1, out=0, into=0, search="integral"),
-        "Kd": ParameterSlot("Kd", Kd, time=1, out=0, into=0),
-        "Tf": ParameterSlot("Tf", Tf, time=1, low=0.0, default=0.1, search="positive"),
-    }
-    stage = Pid(name=name, slots=tuple(checked_slot(slots[n]) for n in wanted), terms=terms)
-    if all(slot.held == 0 for slot in stage.slots if slot.out is not None):
+    slots = (
+        ParameterSlot("Kp", Kp, out=0, into=0),
+        ParameterSlot("Ki", Ki, time=-1, out=0, into=0, search="integral"),
+        ParameterSlot("Kd", Kd, time=1, out=0, into=0),
+        ParameterSlot("Tf", Tf, time=1, low=0.0, default=0.1, search="positive"),
+    )
+    slots = tuple(slot for slot in slots if _TERMS[slot.name] in terms)
+    if all(slot.held == 0 for slot in slots if slot.out is not None):
         shown = described("gains that are all held at 0")
         raise invalid("Kp", shown, "a gain that is tuned, or is not 0", "Leave one out.")
+    formula = " + ".join(_WORDS[term] for term in terms)
+    stage = Pid(
+        kind="pid",
+        formula=f"({formula})" if len(terms) > 1 else formula,
+        states=("integral",) * ("I" in terms) + ("filtered",) * ("D" in terms),
+        slots=slots,
+        name=name,
+    )
     return block_of(stage, measurement, control, sign)
-
-
-# A matrix of gains, some of which may be zero.
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class StaticGain(MaskedStage):
-    """u = gain y, with zeros where the structure has them.
-
-    Attributes
-    ----------
-    structure : ndarray of bool or None
-        Entries that may differ from zero; all by default.
-    gain : ndarray of object or None
-        Numbers or tunable numbers, one for each entry or one for all.
-    """
-
-    kind: ClassVar[str] = "gain"
-    resizable: ClassVar[bool] = True
-    discrete: ClassVar[bool] = True
-
-    structure: NDArray[np.bool_] | None = None
-    gain: Any = None
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        """None."""
-        return ()
-
-    @property
-    def formula(self) -> str:
-        """Its transfer function in words."""
-        return "gain"
-
-    @property
-    def mask(self) -> NDArray[np.bool_]:
-        """Entries that may differ from zero."""
-        free = np.ones((self.outputs, self.inputs), bool)
-        return free if self.structure is None else self.structure
-
-    def sized(self, inputs: int, outputs: int) -> Self:
-        """Return the stage for so many signals, with a number for each entry."""
-        shape = (outputs, inputs)
-        mask = replace(self, inputs=inputs, outputs=outputs).mask
-        if mask.shape != shape:
-            raise invalid(
-                "structure",
-                described(f"shape {mask.shape}"),
-                f"{shape}: controls by measurements",
-                "Mark the entries that may differ from zero.",
-            )
-        given: Any = np.full(shape, None) if self.gain is None else self.gain
-        if given.size == 1:
-            given = np.full(shape, given.item())
-        if given.shape != shape:
-            shown = described(f"shape {given.shape}")
-            raise invalid("gain", shown, f"{shape}: controls by measurements", "One per entry.")
-        single = shape == (1, 1)
-        slots = tuple(
-            checked_slot(
-                ParameterSlot(
-                    "gain" if single else f"gain[{i},{j}]", given[i, j], out=int(i), into=int(j)
-                )
-            )
-            for i, j in np.argwhere(mask)
-        )
-        if all(slot.held == 0 for slot in slots):
-            shown = described("entries that are all zero")
-            raise invalid("gain", shown, "one that is tuned, or is not 0", "Free an entry.")
-        return replace(self, structure=mask, slots=slots, inputs=inputs, outputs=outputs)
-
-
-def static_gain(
-    measurements: Names = None,
-    controls: Names = None,
-    *,
-    gain: Given | ArrayLike = None,
-    structure: ArrayLike | None = None,
-    sign: int = 1,
-    name: str | None = None,
-) -> TunableBlock:
-    """Return a matrix of gains to be tuned, u = sign gain y.
-
-    Parameters
-    ----------
-    measurements, controls : str or sequence of str, optional
-        What it reads and drives; all of the plant by default.
-    gain : Tunable, float or array_like of these, shape (controls, measurements), optional
-        A plain number is held; :func:`robustpolish.tunable` gives start and limits; None is tuned
-        freely. In units of u over y. One tunable number for all entries is a shared one.
-    structure : array_like of bool, shape (controls, measurements), optional
-        True where the gain may differ from zero.
-    sign : {1, -1}, optional
-        -1 for the usual notation of negative feedback; see :func:`robustpolish.tunable.pid`.
-    name : str, optional
-        By default ``gain_`` and the measurement.
-
-    Returns
-    -------
-    TunableBlock
-        For :func:`robustpolish.structured_output_feedback`.
-
-    Raises
-    ------
-    InvalidInputError
-        If a number does not make sense, or all entries are zero.
-
-    Examples
-    --------
-    >>> import robustpolish as rp
-    >>> rp.tunable.static_gain(
-    ...     ["x", "v"], "F", gain=[[None, rp.tunable.tunable("d", 1.0, low=0.0)]], sign=-1
-    ... )
-    block: F = -gain [x, v]
-    """
-    mask = None
-    if structure is not None:
-        mask = np.atleast_2d(np.asarray(structure))
-        known = mask.dtype == bool or (mask.dtype.kind in "iuf" and np.isin(mask, (0, 1)).all())
-        if not known or mask.ndim != 2 or not mask.any():
-            shown = described(f"entries {mask.dtype}, {int(mask.astype(bool).sum())} of them true")
-            raise invalid("structure", shown, "booleans, some of them true", "Mark free entries.")
-        mask = mask.astype(bool)
-    entries = None
-    if isinstance(gain, Tunable):
-        entries = np.full((1, 1), gain, dtype=object)
-    elif gain is not None:
-        entries = np.atleast_2d(np.array(gain, dtype=object))
-    stage = StaticGain(name=name, structure=mask, gain=entries)
-    return block_of(stage, measurements, controls, sign)

@@ -18,7 +18,7 @@ from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.certificate import certify
+from robustpolish.synthesis.certificate import Norm, certify
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.driver import solve_each_once
 from robustpolish.synthesis.problem.pole_regions import Place
@@ -32,19 +32,18 @@ from robustpolish.synthesis.problem.scaling import PlantPart, decoupled_parts, w
 from robustpolish.synthesis.structured.block_parts import TunableBlock, TunedBlocks
 from robustpolish.synthesis.structured.block_structure import BlockStructure
 from robustpolish.synthesis.structured.block_wiring import Placement, place_blocks
-from robustpolish.synthesis.structured.observer import ObserverStructure
-from robustpolish.synthesis.structured.order_starts import padded
 from robustpolish.synthesis.structured.search import (
-    POLICY,
     TIME_LIMIT,
+    WORK,
     ControllerStructure,
-    Norm,
     PartDesign,
     design_part,
 )
+from robustpolish.synthesis.structured.starts import padded
 from robustpolish.synthesis.structured.structures import (
     GROUND,
     Mechanics,
+    ObserverStructure,
     PassiveStructure,
     StaticStructure,
 )
@@ -79,9 +78,8 @@ class StructuredOptions:
     ) -> StructuredOptions:
         """Check the arguments that all methods share, and start the clock of the safety net."""
         one_of("norm", norm, ("hinf", "h2"))
-        budget = Budget.with_certificate_reserve(
-            effort * POLICY.work, positive("time_limit", time_limit, "s")
-        )
+        seconds = positive("time_limit", time_limit, "s")
+        budget = Budget.with_certificate_reserve(effort * WORK, seconds)
         return cls(budget, seed, positive("target", target, zero=True))
 
 
@@ -95,8 +93,7 @@ def design_structured(
     whole: GeneralizedPlant,
     parts: Sequence[PlantPart],
     structure: ControllerStructure,
-    norm: Norm,
-    orders: StructuredOptions,
+    options: StructuredOptions,
 ) -> Design:
     """Design a controller of a structure, part by part, and certify it for the whole plant.
 
@@ -109,8 +106,7 @@ def design_structured(
     parts : sequence of PlantPart
         The parts of `whole` that the structure does not join.
     structure : ControllerStructure
-    norm : {"hinf", "h2"}
-    orders : StructuredOptions
+    options : StructuredOptions
 
     Raises
     ------
@@ -123,30 +119,34 @@ def design_structured(
     for part, problem in zip(parts, problems, strict=True):
         if problem is None:
             refuse_unstable(part.plant)
-    with progress_bar("Searching a controller"), enforce_deadline(orders.budget):
+    budget, norm = options.budget, structure.norm
+    with progress_bar("Searching a controller"), enforce_deadline(budget):
         done = solve_each_once(
             [(p.key, p.objective.work, p) for p in problems if p is not None],
-            orders.budget,
-            lambda problem, budget: design_part(problem, budget, orders.seed, orders.target),
+            budget,
+            lambda problem, own: design_part(problem, own, options.seed, options.target),
         )
-        designs = [None if problem is None else done[problem.key] for problem in problems]
-    late = orders.budget.late
+    designs = [None if problem is None else done[problem.key] for problem in problems]
+    late = budget.late
     controller, details = structure.join(whole, parts, designs)
     found = [design for design in designs if design is not None]
-    with enforce_deadline(orders.budget):
+    with enforce_deadline(budget):
         certificate = certify(whole, controller, norm)
     if not certificate.valid:
         raise SolverError(
             "The controller that was found could not be certified: "
-            + "; ".join(certificate.reasons)
-            + ". "
-            + _BOUND_THE_GAIN
+            f"{'; '.join(certificate.reasons)}. {_BOUND_THE_GAIN}"
         )
     status, message = _verdict(found, certificate.achieved, late)
     measured: Any = certificate.achieved
     if plant is not whole:  # without the price and noise that were asked for
         loop = plant.closed_loop(controller)
         measured = hinf_norm(loop) if norm == "hinf" else h2_norm(loop)
+    numbers = {
+        "plain_norm": float(measured),
+        "descents": sum(len(d.history) for d in found),
+        "part_norms": tuple(d.norm for d in found),
+    }
     return Design(
         plant=whole,
         controller=controller,
@@ -157,16 +157,9 @@ def design_structured(
         certificate=certificate,
         method=structure.method,
         backend="scipy",
-        elapsed=orders.budget.elapsed,
+        elapsed=budget.elapsed,
         history=tuple({"part": i, **entry} for i, d in enumerate(found) for entry in d.history),
-        details=MappingProxyType(
-            {
-                "plain_norm": float(measured),
-                "descents": sum(d.descents for d in found),
-                "part_norms": tuple(d.norm for d in found),
-                **details,
-            }
-        ),
+        details=MappingProxyType({**numbers, **details}),
         lower_bound=0.0 if certificate.achieved == 0 else None,
     )
 
@@ -174,21 +167,25 @@ def design_structured(
 def _verdict(designs: Sequence[PartDesign], achieved: float, late: bool) -> tuple[Status, str]:
     if achieved == 0:
         return "optimal", "The disturbances do not reach the performance outputs at all."
-    falls = "The norm keeps falling as the gain grows; the search was stopped at a large gain. "
-    growing = any(d.at_ceiling for d in designs)
+    falls = ""
+    if any(d.at_ceiling for d in designs):
+        falls = (
+            "The norm keeps falling as the gain grows; the search was stopped at a large gain. "
+            + _BOUND_THE_GAIN
+        )
     if late:
         return "time_limit", (
             "The best certified controller when time ran out. Raise time_limit, or pass this "
-            "controller as initial. " + (falls + _BOUND_THE_GAIN if growing else "")
+            f"controller as initial. {falls}"
         ).rstrip()
-    if growing:
-        return "infimum_not_attained", falls + _BOUND_THE_GAIN
-    worst = min(designs, key=lambda d: d.agreeing / max(1, d.descents), default=None)
-    if worst is None:
+    if falls:
+        return "infimum_not_attained", falls
+    if not designs:
         return "suboptimal", "Nothing to control: the loop is the open loop."
+    worst = min(designs, key=lambda d: d.agreeing / len(d.history))
     spent = " The work of one search was spent." if any(d.reason == "work" for d in designs) else ""
     return "suboptimal", (
-        f"A local minimum; {worst.agreeing} of {worst.descents} descents ended there.{spent} "
+        f"A local minimum; {worst.agreeing} of {len(worst.history)} descents ended there.{spent} "
         "Another seed may find a lower one, or this controller passed as initial."
     )
 
@@ -228,7 +225,7 @@ def design_fixed_order(
     full: Design | None,
     norm: Norm,
     tolerance: float,
-    orders: StructuredOptions,
+    options: StructuredOptions,
 ) -> Design:
     """Design a controller of at most `order` states.
 
@@ -245,78 +242,63 @@ def design_fixed_order(
     norm : {"hinf", "h2"}
     tolerance : float
         A norm within it of the lower bound is good enough.
-    orders : StructuredOptions
+    options : StructuredOptions
 
     Returns
     -------
     Design
     """
-    short = None if full is None else _reduced_design(full, order)
-    enough = _bound(full) * (1 + tolerance)
-    if full is not None and short is not None and short.certificate.achieved <= enough:
-        return _gap_message(short, full, order, tolerance)
-    start = None if short is None else _start(short, order)
-    parts = decoupled_parts(whole)
-    if order and len(parts) > 1:
-        parts = (whole_plant(whole.without_delays()),)  # the limit counts the states of all parts
-    asked = StaticStructure(norm, order, initial=start)
-    try:
-        design = design_structured(plant, whole, parts, asked, norm, replace(orders, target=enough))
-    except SolverError:
-        if short is None:
-            raise
-        design = short
-    if short is not None and short.certificate.achieved < design.certificate.achieved:
-        design = short
-    return _gap_message(design, full, order, tolerance)
+    short = full
+    if full is not None and full.controller.nstates > order:
+        try:
+            short = full.reduce(order=order)
+        except (InfeasibleError, SolverError):
+            short = None
+    bound = 0.0 if full is None else full.lower_bound or 0.0
+    enough = bound * (1 + tolerance)
+    if short is None or short.certificate.achieved > enough:
+        start = None
+        if short is not None:
+            M, k = padded(short.controller, order), order
+            parts = M[:k, :k], M[:k, k:], M[k:, :k], M[k:, k:]
+            start = control.StateSpace(*parts, plant.dt, remove_useless_states=False)
+        decoupled = decoupled_parts(whole)
+        if order and len(decoupled) > 1:
+            # The limit counts the states of all parts.
+            decoupled = (whole_plant(whole.without_delays()),)
+        structure = StaticStructure(norm, order, initial=start)
+        options = replace(options, target=enough)
+        try:
+            found = design_structured(plant, whole, decoupled, structure, options)
+        except SolverError:
+            if short is None:
+                raise
+            found = short
+        if short is None or found.certificate.achieved <= short.certificate.achieved:
+            short = found
+    return _with_gap(short, full, order, bound, enough)
 
 
-def _reduced_design(full: Design, order: int) -> Design | None:
-    """Return the full-order design, reduced if it has to be; None if no reduction is stable."""
-    if full.controller.nstates <= order:
-        return full
-    try:
-        return full.reduce(order=order)
-    except (InfeasibleError, SolverError):
-        return None
-
-
-def _start(design: Design, order: int) -> control.StateSpace:
-    M = padded(design.controller, order)
-    return control.StateSpace(
-        M[:order, :order],
-        M[:order, order:],
-        M[order:, :order],
-        M[order:, order:],
-        design.controller.dt,
-        remove_useless_states=False,
-    )
-
-
-def _bound(full: Design | None) -> float:
-    return 0.0 if full is None or full.lower_bound is None else full.lower_bound
-
-
-def _gap_message(design: Design, full: Design | None, order: int, tolerance: float) -> Design:
+def _with_gap(
+    design: Design, full: Design | None, order: int, bound: float, enough: float
+) -> Design:
     """Say how far a design is from what any number of states reaches."""
-    achieved, bound = design.certificate.achieved, _bound(full)
     if full is None:
         return design
-    states = design.controller.nstates
+    achieved, states = design.certificate.achieved, design.controller.nstates
     if full is design:
         more = f"It has {states} of the {order} states asked for at most."
         return replace(design, message=f"{design.message} {more}")
-    count = f"{states} state{'' if states == 1 else 's'}"
     if bound > 0:
         above = f"{achieved / bound:.4g} times {bound:.6g}, below which no controller comes"
     else:
         above = f"{achieved / full.certificate.achieved:.4g} times that of full order"
-    more = f"With {count} the norm is {achieved:.6g}, {above}."
-    good = bound > 0 and achieved <= bound * (1 + tolerance)
+    count = f"{states} state{'' if states == 1 else 's'}"
+    good = 0 < achieved <= enough and design.status != "time_limit"
     return replace(
         design,
-        status="optimal" if good and design.status != "time_limit" else design.status,
-        message=f"{more} {design.message}",
+        status="optimal" if good else design.status,
+        message=f"With {count} the norm is {achieved:.6g}, {above}. {design.message}",
         lower_bound=bound if bound > 0 else design.lower_bound,
     )
 
@@ -402,10 +384,10 @@ def observer_feedback(
     >>> design.details["observer_gain"].round(3)  # 1 + sqrt(2), the Kalman gain
     array([[2.414]])
     """
-    orders = StructuredOptions.checked(norm, time_limit, seed, target)
+    options = StructuredOptions.checked(norm, time_limit, seed, target)
     whole = with_measurement_noise(with_control_penalty(plant, control_weight), measurement_noise)
     structure = ObserverStructure(norm, checked_bound(gain_bound))
-    return design_structured(plant, whole, decoupled_parts(whole), structure, norm, orders)
+    return design_structured(plant, whole, decoupled_parts(whole), structure, options)
 
 
 # Springs and dampers instead of a controller: what a force actuation means physically.
@@ -483,7 +465,7 @@ def passive_feedback(
     ...     print(element)
     damper between x and ground: ... N s/m
     """
-    orders = StructuredOptions.checked(norm, time_limit, seed)
+    options = StructuredOptions.checked(norm, time_limit, seed)
     if plant.is_discrete:
         raise invalid(
             "plant",
@@ -497,21 +479,21 @@ def passive_feedback(
     wanted += [("damper", _place("dampers", p, mechanics)) for p in dampers]
     if not wanted or len(set(wanted)) != len(wanted):
         raise invalid("springs", wanted, "different places, at least one", "Name them once each.")
-    bounds = {
-        "spring": ("stiffness_bound", stiffness_bound),
-        "damper": ("damping_bound", damping_bound),
-    }
-    limits = [_limit(*bounds[kind], place) for kind, place in wanted]
+    limits = [
+        _limit("stiffness_bound", stiffness_bound, place)
+        if kind == "spring"
+        else _limit("damping_bound", damping_bound, place)
+        for kind, place in wanted
+    ]
     structure = PassiveStructure(norm, mechanics, wanted, np.array(limits))
     parts = decoupled_parts(whole, structure.joined)
-    return design_structured(whole, whole, parts, structure, norm, orders)
+    return design_structured(whole, whole, parts, structure, options)
 
 
 def _place(argument: str, place: Place, mechanics: Mechanics) -> Place:
     known = [n for n in mechanics.plant.states if n in mechanics.force]
     pair: list[str] = [place] if isinstance(place, str) else list(place)
-    good = len(pair) == 2 and pair[0] != pair[1] and all(n in (*known, GROUND) for n in pair)
-    if not good:
+    if len(set(pair)) != 2 or len(pair) != 2 or not {*pair} <= {*known, GROUND}:
         raise invalid(
             argument,
             place,
@@ -617,7 +599,7 @@ def static_output_feedback(
     >>> design.gain.round(3), round(design.certificate.achieved, 3)
     (array([[-3.]]), 0.5)
     """
-    orders = StructuredOptions.checked(norm, time_limit, seed, target)
+    options = StructuredOptions.checked(norm, time_limit, seed, target)
     order = checked_order(order)
     mask = None if structure is None else checked_structure(structure, order, plant.nu, plant.ny)
     start = _initial(initial, order, plant)
@@ -626,7 +608,7 @@ def static_output_feedback(
     joined = order > 0 and (mask is not None or start is not None)
     parts = (whole_plant(whole),) if joined else decoupled_parts(whole, mask)
     asked = StaticStructure(norm, order, mask, checked_bound(gain_bound), start)
-    return design_structured(plant, whole, parts, asked, norm, orders)
+    return design_structured(plant, whole, parts, asked, options)
 
 
 def checked_structure(structure: ArrayLike, order: int, nu: int, ny: int) -> NDArray[np.bool_]:
@@ -645,21 +627,16 @@ def checked_structure(structure: ArrayLike, order: int, nu: int, ny: int) -> NDA
     return mask.astype(bool)
 
 
-def _initial(
-    initial: control.StateSpace | ArrayLike | None, order: int, plant: GeneralizedPlant
-) -> control.StateSpace | None:
+def _initial(initial: Any, order: int, plant: GeneralizedPlant) -> control.StateSpace | None:
     if initial is None:
         return None
     if not isinstance(initial, control.StateSpace):
         initial = control.StateSpace([], [], [], np.asarray(initial, dtype=float), plant.dt)
-    shape = (initial.noutputs, initial.ninputs, initial.nstates)
-    if shape != (plant.nu, plant.ny, order):
-        raise invalid(
-            "initial",
-            described(f"{shape[0]} outputs, {shape[1]} inputs and {shape[2]} states"),
-            f"{plant.nu} outputs, {plant.ny} inputs and {order} states",
-            "Match the plant and order.",
-        )
+    text = "{} outputs, {} inputs and {} states".format
+    wanted = text(plant.nu, plant.ny, order)
+    given = text(initial.noutputs, initial.ninputs, initial.nstates)
+    if given != wanted:
+        raise invalid("initial", described(given), wanted, "Match the plant and order.")
     return initial
 
 
@@ -763,7 +740,7 @@ def structured_output_feedback(
     """
     remedy = "Make one with rp.GeneralizedPlant or rp.mixed_sensitivity."
     instance_of("plant", plant, GeneralizedPlant, "a GeneralizedPlant", remedy)
-    orders = StructuredOptions.checked(norm, time_limit, seed, target)
+    options = StructuredOptions.checked(norm, time_limit, seed, target)
     bound = checked_bound(gain_bound)
     whole = with_measurement_noise(with_control_penalty(plant, control_weight), measurement_noise)
     if not (whole.nw and whole.nz):
@@ -775,14 +752,14 @@ def structured_output_feedback(
         )
     placement = place_blocks(blocks, whole)
     asked = BlockStructure(norm, placement, bound, _initial_structure(initial, placement))
-    if bound is not None and any(stage.integrators for _, _, stage in placement.places):
+    if bound is not None and any("integral" in stage.states for _, _, stage in placement.places):
         raise invalid(
             "gain_bound",
             described(f"{bound:g} for blocks with integrators"),
             "no bound where the gain has none",
             "Weigh u instead (control_weight, or effort= of mixed_sensitivity).",
         )
-    design = design_structured(plant, whole, (whole_plant(whole),), asked, norm, orders)
+    design = design_structured(plant, whole, (whole_plant(whole),), asked, options)
     idle = ", ".join(design.details["idle_integrals"])
     if not idle:
         return design

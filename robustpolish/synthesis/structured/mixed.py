@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Literal
+from typing import Any, Literal
 
 from numpy.typing import ArrayLike
 
@@ -32,56 +32,52 @@ from robustpolish.synthesis.structured.methods import (
 from robustpolish.synthesis.structured.search import TIME_LIMIT
 from robustpolish.synthesis.structured.structures import MixedStructure
 
-# One design under several specifications, static or dynamic, from its checked arguments.
-
 
 def _design_mixed(
     plant: GeneralizedPlant,
-    static: bool,
+    whole: GeneralizedPlant,
     minimise: Norm,
-    channels: Mapping[str, Channel | None],
-    bounds: Mapping[str, float | None],
+    given: Mapping[Norm, tuple[Channel | None, float | None]],
     pole_region: PoleRegion | Sequence[PoleRegion] | None,
     gain_bound: float | None,
-    whole: GeneralizedPlant,
     solver: tuple[str, str | None],
-    limits: tuple[float, int],
+    options: tuple[float, int],
+    static: bool = False,
 ) -> Design:
     """Check the specifications, search part by part and certify every one of them.
 
-    `static` asks for u = F y instead of a controller of full order; `whole` is the plant with
-    prices and noise, `solver` backend and solver, `limits` seconds and seed.
+    `whole` is the plant with prices and noise, `given` has the channel and the bound of each norm,
+    `options` are seconds and seed; `static` asks for u = F y instead of a controller of full order.
     """
     one_of("minimise", minimise, ("hinf", "h2"))
     one_of("backend", solver[0], BACKENDS)
-    orders = StructuredOptions.checked(minimise, *limits)
-    if bounds[minimise] is not None:
+    checked = StructuredOptions.checked(minimise, *options)
+    other: Norm = "h2" if minimise == "hinf" else "hinf"
+    (own_channel, own_bound), (other_channel, bound) = given[minimise], given[other]
+    if own_bound is not None:
         raise invalid(
             f"{minimise}_bound",
-            bounds[minimise],
+            own_bound,
             "no bound for the norm that is minimised",
             "Minimise the other norm, or leave the bound out.",
         )
-    other: Norm = "h2" if minimise == "hinf" else "hinf"
-    bound = bounds[other]
     if bound is not None:
         bound = positive(f"{other}_bound", bound)
     gain_bound = checked_bound(gain_bound)
     regions = checked_regions("pole_region", pole_region)
-    goal = _channel(plant, whole, channels[minimise], f"{minimise}_channel")
-    side = None if bound is None else _channel(plant, whole, channels[other], f"{other}_channel")
+    goal = _channel(plant, whole, own_channel, f"{minimise}_channel")
+    side = None if bound is None else _channel(plant, whole, other_channel, f"{other}_channel")
 
     # A bound on the H2 norm joins the parts: it is their root mean square that counts.
     parts = (whole_plant(whole),) if side is not None else decoupled_parts(whole)
-    structure = MixedStructure(minimise, goal, static, side, bound, regions, gain_bound, *solver)
-    design = design_structured(goal, goal, parts, structure, minimise, orders)
-    controller = design.controller
+    structure = MixedStructure(minimise, goal, static, side, bound, regions, gain_bound, solver)
+    design = design_structured(goal, goal, parts, structure, checked)
     certificates = {minimise: design.certificate}
     broken = []
     if side is not None and bound is not None:
-        certificates[other] = certify(side, controller, other)
-        if not certificates[other].valid or certificates[other].achieved > bound * (1 + 1e-6):
-            broken.append(f"the {other} norm is {certificates[other].achieved:g}, not {bound:g}")
+        proof = certificates[other] = certify(side, design.controller, other)
+        if not proof.valid or proof.achieved > bound * (1 + 1e-6):
+            broken.append(f"the {other} norm is {proof.achieved:g}, not {bound:g}")
     broken += violated_regions(regions, design.certificate.poles)
     if broken:
         raise SolverError(
@@ -91,10 +87,10 @@ def _design_mixed(
     details = {
         **design.details,
         "certificates": MappingProxyType(certificates),
-        "whole_loop": whole.closed_loop(controller),
+        "whole_loop": whole.closed_loop(design.controller),
         "pole_regions": regions,
     }
-    return replace(design, details=MappingProxyType(details), elapsed=orders.budget.elapsed)
+    return replace(design, details=MappingProxyType(details), elapsed=checked.budget.elapsed)
 
 
 def _channel(
@@ -199,13 +195,10 @@ def mixed_output_feedback(
     >>> bool(design.certificate.poles.real.max() < -2)
     True
     """
-    channels, bounds = (
-        {"hinf": hinf_channel, "h2": h2_channel},
-        {"hinf": hinf_bound, "h2": h2_bound},
-    )
+    given: Any = {"hinf": (hinf_channel, hinf_bound), "h2": (h2_channel, h2_bound)}
     whole = with_measurement_noise(with_control_penalty(plant, control_weight), measurement_noise)
-    given = minimise, channels, bounds, pole_region, gain_bound, whole
-    return _design_mixed(plant, False, *given, (backend, solver), (time_limit, seed))
+    settings = pole_region, gain_bound, (backend, solver), (time_limit, seed)
+    return _design_mixed(plant, whole, minimise, given, *settings)
 
 
 @single_threaded_blas
@@ -292,11 +285,8 @@ def mixed_state_feedback(
     >>> bool(design.certificate.poles.real.max() < -2)
     True
     """
-    channels, bounds = (
-        {"hinf": hinf_channel, "h2": h2_channel},
-        {"hinf": hinf_bound, "h2": h2_bound},
-    )
+    given: Any = {"hinf": (hinf_channel, hinf_bound), "h2": (h2_channel, h2_bound)}
     plant = plant.with_full_state()
     whole = with_control_penalty(plant, control_weight)
-    given = minimise, channels, bounds, pole_region, gain_bound, whole
-    return _design_mixed(plant, True, *given, (backend, solver), (time_limit, seed))
+    settings = pole_region, gain_bound, (backend, solver), (time_limit, seed)
+    return _design_mixed(plant, whole, minimise, given, *settings, static=True)

@@ -1,120 +1,91 @@
-"""Where descents start: proposals that several structures share."""
+"""Where descents start: proposals of free numbers, as generators that every structure shares.
+
+Each takes the budget and the random numbers last; the arguments before these are bound by
+:func:`functools.partial`.
+"""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
+import control
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.arrays import AnyVector as Vector
-from robustpolish.base.budget import Budget
+from robustpolish.base.budget import Budget, step_cost
+from robustpolish.implementation.reduction import Reducer
+from robustpolish.plants.blocks import matrices_of
+from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.synthesis.certificate import Norm
+from robustpolish.synthesis.lmi.mixed import Specification, mixed_start, mixed_state_start
 from robustpolish.synthesis.lmi.program import ProgramSolver, stabilising_gain
-from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.structured.search import POLICY
+from robustpolish.synthesis.nonsmooth.measures import StabilityMeasure
+from robustpolish.synthesis.nonsmooth.parametrisations import ObserverGain
+from robustpolish.synthesis.problem.matrices import PlantMatrices, regularise
+from robustpolish.synthesis.problem.matrices import augmented as with_integrators
+from robustpolish.synthesis.problem.pole_regions import PoleRegion
+from robustpolish.synthesis.riccati.gamma import central_controller, normalise, search_gamma
+from robustpolish.synthesis.structured.observer import observer_form
+from robustpolish.synthesis.structured.search import (
+    CEILINGS,
+    MultistartSearch,
+    PartProblem,
+    SearchEffort,
+    norm_measure,
+)
+
+Coordinates = Callable[[Matrix], Vector]
+"""From K = [[Ak, Bk], [Ck, Dk]] to the free numbers."""
+Random = np.random.Generator
+Mask = NDArray[np.bool_]
+
+# Share of the work that is left for the proposals of one kind.
+_SHARE = 0.3
+# Riccati designs that are descended from, the best first.
+_PROPOSALS = 6
+# Regularisations of the scaled plant for Riccati designs: nobody knows which one is near the best.
+_EPSILONS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
+# The search for a controller of lower order is only a start.
+_LOWER_ORDER = SearchEffort(descents=12, fewest=5, patience=6)
+# With more states a semidefinite program takes longer than the descents that it would start: at 24
+# one of up to fifteen takes seconds.
+STABILISING_STATES = 24
 
 
-@dataclass(frozen=True, eq=False)
-class KnownStarts:
-    """Points that need no search: the user's, or those at rest."""
-
-    points: Sequence[Vector]
-
-    def propose(
-        self, earlier: Sequence[Vector], budget: Budget, rng: np.random.Generator
-    ) -> Iterator[Vector]:
-        """Propose them in their order."""
-        yield from self.points
+def known(points: Sequence[Vector], budget: Budget, rng: Random) -> Iterator[Vector]:
+    """Propose points that need no search: the user's, or those at rest."""
+    yield from points
 
 
-@dataclass(frozen=True, eq=False)
-class DrawnStarts:
-    """Random changes of what was proposed before, without an end.
-
-    Attributes
-    ----------
-    low, high : float
-        Decimal logarithms of the smallest and the largest change.
-    relative : bool
-        Whether a free number changes in proportion to itself.
-    base : ndarray or None
-        The only point to change; else any of the earlier ones.
-    """
-
-    low: float
-    high: float
-    relative: bool = True
-    base: Vector | None = None
-
-    def propose(
-        self, earlier: Sequence[Vector], budget: Budget, rng: np.random.Generator
-    ) -> Iterator[Vector]:
-        """Propose changes of a size drawn anew each time."""
-        bases = list(earlier) if self.base is None else [self.base]
-        while True:
-            point = bases[int(rng.integers(len(bases)))]
-            size = 10 ** rng.uniform(self.low, self.high)
-            unit = np.abs(point) + 0.1 if self.relative else 1.0
-            yield point + size * unit * rng.normal(size=point.size)
-
-
-@dataclass(frozen=True, eq=False)
-class StabilisingStart:
-    """A gain that stabilises, by cone complementarity, where descent alone may find none.
-
-    Attributes
-    ----------
-    loop : PlantMatrices
-        Scaled.
-    mask : ndarray of bool
-        Free entries of K.
-    coordinates : callable
-        From K to the free numbers.
-    """
-
-    loop: PlantMatrices
-    mask: NDArray[np.bool_]
-    coordinates: Callable[[Matrix], Vector]
-
-    def propose(
-        self, earlier: Sequence[Vector], budget: Budget, rng: np.random.Generator
-    ) -> Iterator[Vector]:
-        """Propose the one gain, unless the programs are too large."""
-        if self.loop.nx > POLICY.stabilising_states:
-            return
-        solver = ProgramSolver("cvxpy", None, budget.share(POLICY.start_share), accuracy=1e-7)
-        # Decay rate asked of a stabilising gain, relative to the plant's size.
-        # Most semidefinite programs on the way to a stabilising gain.
-        gain = stabilising_gain(self.loop, self.mask, solver, 1e-3, 15)
-        if gain is not None:
-            yield self.coordinates(gain)
-
-
-@dataclass(frozen=True, eq=False)
-class RegulatorStart:
-    """The gain of the pattern that is nearest to a linear-quadratic state feedback."""
-
-    loop: PlantMatrices
-    mask: NDArray[np.bool_]
-    coordinates: Callable[[Matrix], Vector]
-
-    def propose(
-        self, earlier: Sequence[Vector], budget: Budget, rng: np.random.Generator
-    ) -> Iterator[Vector]:
-        """Propose the one gain, if the Riccati equation has a solution."""
-        loop = self.loop
-        weights = np.eye(loop.nx), np.eye(loop.nu), np.zeros((loop.nx, loop.nu))
-        F = regulator(loop.A, loop.B2, *weights, loop.discrete)
-        if F is not None:
-            yield self.coordinates(np.where(self.mask, F @ np.linalg.pinv(loop.C2), 0.0))
+def stabilising(
+    loop: PlantMatrices, mask: Mask, coordinates: Coordinates, budget: Budget, rng: Random
+) -> Iterator[Vector]:
+    """Propose a gain that stabilises, by cone complementarity, where descents may find none."""
+    if loop.nx > STABILISING_STATES:
+        return
+    solver = ProgramSolver("cvxpy", None, budget.share(_SHARE), accuracy=1e-7)
+    # A decay rate of 1e-3 of the plant's size, and 15 semidefinite programs at most.
+    gain = stabilising_gain(loop, mask, solver, 1e-3, 15)
+    if gain is not None:
+        yield coordinates(gain)
 
 
 def regulator(
+    loop: PlantMatrices, mask: Mask, coordinates: Coordinates, budget: Budget, rng: Random
+) -> Iterator[Vector]:
+    """Propose the gain of the pattern that is nearest to a linear-quadratic state feedback."""
+    weights = np.eye(loop.nx), np.eye(loop.nu), np.zeros((loop.nx, loop.nu))
+    F = quadratic_gain(loop.A, loop.B2, *weights, loop.discrete)
+    if F is not None:
+        yield coordinates(np.where(mask, F @ np.linalg.pinv(loop.C2), 0.0))
+
+
+def quadratic_gain(
     A: Matrix, B: Matrix, Q: Matrix, R: Matrix, S: Matrix, discrete: bool
 ) -> Matrix | None:
     """Return the F of u = F x that minimises the sum of x'Qx + u'Ru + 2 x'Su; None if none does."""
@@ -131,3 +102,203 @@ def regulator(
     except (np.linalg.LinAlgError, ValueError):
         return None
     return F if np.isfinite(F).all() else None
+
+
+def inequality(
+    specifications: Sequence[Specification],
+    regions: Sequence[PoleRegion],
+    order: int,
+    solver: tuple[str, str | None],
+    coordinates: Coordinates,
+    budget: Budget,
+    rng: Random,
+) -> Iterator[Vector]:
+    """Propose the controller of inequalities that share one Lyapunov matrix, if there is one."""
+    own = budget.share(_SHARE)
+    # How far the norm backs off from the optimum before the controller is made small; a dynamic
+    # controller needs more room for its change of variables.
+    if order:
+        program = ProgramSolver(*solver, own, accuracy=1e-8)
+        K = mixed_start(specifications, regions, program, 1.05)
+    else:
+        K = mixed_state_start(specifications, regions, ProgramSolver(*solver, own), 1.01)
+    if K is not None:
+        yield coordinates(K)
+
+
+# Riccati designs in observer form.
+
+
+def riccati(
+    plant: PlantMatrices, norm: Norm, coordinates: Coordinates, budget: Budget, rng: Random
+) -> Iterator[Vector]:
+    """Propose the best central H-infinity and LQG designs as observers; F = L = 0 if none is."""
+    form = ObserverGain(plant.A, plant.B2, plant.C2, plant.D22)
+    own = budget.share(_SHARE)
+    found: list[Vector] = []
+    if norm == "hinf" and not plant.discrete:
+        found.extend(_central_designs(plant, form, own))
+    plain = plant.without_d22()
+    for epsilon in _EPSILONS:
+        if found and own.over:
+            break
+        own.spend(2 * step_cost(2 * plant.nx))
+        # LQG design for the regularised plant: F and L minimise an H2 norm each.
+        P = regularise(plain, epsilon)
+        F = _h2_gain(P.A, P.B2, P.C1, P.D12, plant.discrete)
+        L = _h2_gain(P.A.T, P.C2.T, P.B1.T, P.D21.T, plant.discrete)
+        if F is not None and L is not None:
+            found.append(form.join(F, -L.T))
+    objective = norm_measure(with_integrators(plant, plant.nx), norm)
+
+    def achieved(point: Vector) -> float:
+        K = form.gain(point)
+        # Designs with larger entries than this share of the first ceiling are no starts.
+        if np.abs(K).max(initial=0.0) > 0.3 * CEILINGS[0] or budget.over:
+            return np.inf
+        budget.spend(objective.work)
+        pieces = objective.pieces(K, 0.0, ())
+        return pieces[0].value if pieces else np.inf
+
+    best = sorted(found, key=achieved)[:_PROPOSALS]
+    for point in best or [np.zeros(form.size)]:
+        yield coordinates(form.gain(point))
+
+
+def _h2_gain(A: Matrix, B: Matrix, C: Matrix, D: Matrix, discrete: bool) -> Matrix | None:
+    """Return the F that minimises the H2 norm of C + D F over A + B F."""
+    return quadratic_gain(A, B, C.T @ C, D.T @ D, C.T @ D, discrete)
+
+
+def _central_designs(plant: PlantMatrices, form: ObserverGain, budget: Budget) -> Iterator[Vector]:
+    """Yield central H-infinity controllers of regularised plants in observer form."""
+    gamma, riccati = 1.0, 2 * step_cost(2 * plant.nx)
+    for epsilon in _EPSILONS:
+        if budget.over:
+            return
+        normal = normalise(regularise(plant.without_d22(), epsilon))
+        bracket = search_gamma(normal.halves, gamma, 1e-3, budget)
+        if bracket is None:
+            continue
+        gamma = bracket.upper
+        # Back-offs from the smallest gamma: nobody knows which one is near the best observer.
+        for back_off in (1.001, 1.005, 1.02, 1.2):
+            # The observer form tries many invariant subspaces.
+            budget.spend(riccati + 30 * step_cost(plant.nx))
+            found = normal.halves.attempt(gamma * back_off)
+            if not found.feasible or found.X is None or found.Y is None:
+                continue
+            K = central_controller(normal, gamma * back_off, found.X, found.Y)
+            # Dk vanishes with D11; D22 is left out of the formulas and put back by the observer.
+            gains = observer_form(plant.A, plant.B2, plant.C2, 0 * plant.D22, K.A, K.B, K.C)
+            if gains is not None:
+                yield form.join(*gains)
+
+
+# Starts for a controller of few states: one of fewer states, augmented, and full order, reduced.
+
+
+def augmented(
+    shorter: PartProblem, order: int, coordinates: Coordinates, budget: Budget, rng: Random
+) -> Iterator[Vector]:
+    """Propose the best controller of fewer states with states added that nobody hears yet.
+
+    The added states listen to y and the others, and their outputs have no weight: the loop is that
+    of the shorter controller, and the gradient over their weights is not zero. So no order does
+    worse than a lower one that was searched.
+    """
+    own = budget.share(0.35)
+    problem = shorter.below(CEILINGS[0])
+    search = MultistartSearch(problem, shorter.stability, _LOWER_ORDER, own)
+    found = search.run(shorter.proposals(own, rng), rng).point
+    if found is None:
+        return
+    K = shorter.parametrisation.gain(found)
+    k, more, (rows, columns) = shorter.order, order - shorter.order, K.shape
+    old_rows = np.r_[:k, k + more : rows + more]
+    old_columns = np.r_[:k, k + more : columns + more]
+    new = slice(k, k + more)
+    for _ in range(3):
+        grown = np.zeros((rows + more, columns + more))
+        grown[np.ix_(old_rows, old_columns)] = K
+        # Time constants of the added states from a tenth to ten times the plant's unit of time.
+        rates = 10 ** rng.uniform(-1.0, 1.0, size=more)
+        grown[new, new] = np.diag(np.exp(-rates) if shorter.loop.discrete else -rates)
+        grown[new, old_columns] = rng.normal(size=(more, columns))
+        yield coordinates(grown)
+
+
+def reduced(
+    plant: GeneralizedPlant,
+    norm: Norm,
+    order: int,
+    coordinates: Coordinates,
+    budget: Budget,
+    rng: Random,
+) -> Iterator[Vector]:
+    """Propose Riccati designs of full order, reduced in every way: stable loops by their norm.
+
+    A reduced controller seldom keeps the norm, and often not even stability, but lies where good
+    controllers of its order are, which random draws on plants with many states hardly ever do.
+    """
+    inner = PlantMatrices.of(plant)
+    if not (inner.nx and inner.nu and inner.ny):
+        return
+    own = budget.share(_SHARE)
+    loop = with_integrators(inner, order)
+    measure = norm_measure(loop, norm)
+    stability = StabilityMeasure.of(loop, float(np.linalg.norm(loop.A, 2)) or 1.0)
+
+    def merit(K: Matrix) -> tuple[bool, float]:
+        if own.over or not np.abs(K).max(initial=0.0) <= CEILINGS[0]:
+            return True, np.inf
+        own.spend(measure.work)
+        norms = measure.pieces(K, 0.0, ())
+        pieces = norms or stability.pieces(K, 0.0, ())
+        return not norms, pieces[0].value if pieces else np.inf
+
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        # Ill-conditioned equations of extreme designs: what comes of them is compared below.
+        warnings.simplefilter("ignore")
+        found = list(_reduced_designs(plant, inner, norm, order, own, rng))
+        merits = [(merit(K), i) for i, K in enumerate(found)]
+    kept: list[tuple[bool, float]] = []
+    for value, i in sorted(merits):
+        # Several ways of reduction often give the same controller, whose norm is the same.
+        alike = (v[0] == value[0] and abs(value[1] - v[1]) <= 1e-3 * abs(value[1]) for v in kept)
+        if any(alike) or not np.isfinite(value[1]):
+            continue
+        kept.append(value)
+        yield coordinates(found[i])
+        if len(kept) >= _PROPOSALS:
+            return
+
+
+def _reduced_designs(
+    plant: GeneralizedPlant, inner: PlantMatrices, norm: Norm, order: int, budget: Budget, rng: Any
+) -> Iterator[Matrix]:
+    n = inner.nx
+    for K in riccati(inner, norm, lambda K: K, budget, rng):
+        parts = K[:n, :n], K[:n, n:], K[n:, :n], K[n:, n:]
+        own = control.StateSpace(*parts, plant.dt, remove_useless_states=False)
+        # Its Gramians are those of a loop with twice the states.
+        budget.spend(10 * step_cost(2 * n))
+        try:
+            reducer = Reducer(plant, own)
+        except (np.linalg.LinAlgError, ValueError):
+            continue
+        for candidate in reducer.of_order(order):
+            yield padded(candidate.controller, order)
+
+
+def padded(controller: control.StateSpace, order: int) -> Matrix:
+    """Return [[Ak, Bk], [Ck, Dk]] of a controller, with idle states up to an order."""
+    A, B, C, D = matrices_of(controller)
+    more = order - len(A)
+    idle = 0.5 if controller.isdtime(strict=True) else -1.0
+    return np.block(
+        [
+            [linalg.block_diag(A, idle * np.eye(more)), np.pad(B, ((0, more), (0, 0)))],
+            [np.pad(C, ((0, 0), (0, more))), D],
+        ]
+    )

@@ -1,10 +1,11 @@
-"""The search for a controller of prescribed structure, part by part."""
+"""Kinds of controllers of prescribed structure: how each is searched in one part, and joined."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
+from itertools import count
 from typing import Any, ClassVar
 
 import control
@@ -13,12 +14,11 @@ from numpy.typing import NDArray
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.arrays import AnyVector as Vector
-from robustpolish.base.budget import Budget
 from robustpolish.base.checks import described, invalid
 from robustpolish.errors import InfeasibleError
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.lmi.mixed import Specification, mixed_start, mixed_state_start
-from robustpolish.synthesis.lmi.program import ProgramSolver
+from robustpolish.synthesis.certificate import Norm
+from robustpolish.synthesis.lmi.mixed import Specification
 from robustpolish.synthesis.nonsmooth.descent import Requirement
 from robustpolish.synthesis.nonsmooth.measures import FrobeniusMeasure, RegionMeasure
 from robustpolish.synthesis.nonsmooth.parametrisations import (
@@ -29,35 +29,24 @@ from robustpolish.synthesis.nonsmooth.parametrisations import (
 )
 from robustpolish.synthesis.problem.matrices import PlantMatrices, augmented, channel
 from robustpolish.synthesis.problem.pole_regions import PassiveElement, Place, PoleRegion
-from robustpolish.synthesis.problem.scaling import (
-    PlantPart,
-    ScaledPlant,
-    named_controller,
-    scale_plant,
-)
-from robustpolish.synthesis.structured.observer import RiccatiStarts
-from robustpolish.synthesis.structured.order_starts import AugmentedStarts, ReducedStarts
+from robustpolish.synthesis.problem.scaling import PlantPart, ScaledPlant, scale_plant
+from robustpolish.synthesis.structured import starts
+from robustpolish.synthesis.structured.observer import observer_controller
 from robustpolish.synthesis.structured.search import (
-    POLICY,
     ControllerStructure,
-    Norm,
     PartDesign,
     PartProblem,
+    SearchEffort,
     StartProposal,
-    bound_in_words,
     norm_measure,
     scaled_part,
-)
-from robustpolish.synthesis.structured.starts import (
-    DrawnStarts,
-    KnownStarts,
-    RegulatorStart,
-    StabilisingStart,
 )
 
 # Springs and dampers between places of a machine, instead of a controller.
 
 GROUND = "ground"
+# Coefficients of springs and dampers, in scaled units, that count as nothing, and the largest ones.
+_NOTHING, _HIGHEST = 1e-9, 3e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,17 +75,13 @@ class Mechanics:
 
     def gain(self, kind: str, place: Place) -> Matrix:
         """Return the state feedback of one element with coefficient 1."""
-        nx = self.plant.nx
-        apart = np.zeros(nx)
+        apart, pull = np.zeros(self.plant.nx), np.zeros(self.plant.nu)
         for name, sign in zip(place, (1.0, -1.0), strict=True):
             if name != GROUND:
                 at = self.plant.states.index(name) if kind == "spring" else self.velocity[name]
                 apart[at] = sign
-        F = np.zeros((self.plant.nu, nx))
-        for name, sign in zip(place, (-1.0, 1.0), strict=True):
-            if name != GROUND:
-                F[self.force[name]] += sign * apart
-        return F
+                pull[self.force[name]] -= sign
+        return np.outer(pull, apart)
 
     def unit(self, kind: str, place: Place) -> str:
         """Return the unit of a coefficient."""
@@ -136,29 +121,31 @@ class PassiveStructure(ControllerStructure):
         return (self.elements != 0).any(axis=0)
 
     def problem(self, part: PlantPart) -> PartProblem | None:
-        """State the search over the coefficients in one part; see :meth:`Structure.problem`."""
-        members, local = self._within(part)
+        """State the search over the logarithms of the coefficients of the elements in one part."""
+        scaled = scale_plant(part.plant)
+        members, local, size = self._within(part, scaled)
         if not members:
             return None
-        scaled = scale_plant(part.plant)
-        size, limits = _sizes(scaled, local), self.limits[members]
-        u, y = scaled.control[:, None], scaled.measurement
-        top = np.minimum(np.log(limits / size), POLICY.highest)
-        bottom = np.minimum(np.full(len(size), np.log(POLICY.nothing)), top - 1.0)
+        limits = self.limits[members]
+        top = np.minimum(np.log(limits / size), np.log(_HIGHEST))
+        bottom = np.minimum(np.full(len(size), np.log(_NOTHING)), top - 1.0)
         levels = [np.full(len(size), level) for level in (0.0, -3.0, 3.0, -8.0, 8.0)]
+        u, y = scaled.control[:, None], scaled.measurement
         return PartProblem(
             scaled=scaled,
             norm=self.norm,
             order=0,
             parametrisation=PositiveElements(size[:, None, None] * local * y / u),
-            starts=(KnownStarts([*levels, top, bottom]), _DrawnCoefficients(len(size))),
+            starts=(
+                partial(starts.known, [*levels, top, bottom]),
+                lambda _, rng: (rng.uniform(-10.0, 10.0, len(size)) for _ in count()),
+            ),
             what="choice of springs and dampers",
-            effort=POLICY.passive,
+            effort=SearchEffort(smooth_first=False),
             bounds=(bottom, top),
             open_ended=np.isinf(limits),
             size=FrobeniusMeasure(),
-            # Share of the norm that is given away for a smaller gain, and for smaller springs and
-            # dampers, whose norm is flat where several do the same.
+            # The norm is flat where several elements do the same: more of it buys smaller ones.
             slack=1e-3,
             extra=local.tobytes() + limits.tobytes(),
         )
@@ -173,43 +160,22 @@ class PassiveStructure(ControllerStructure):
         coefficients = np.zeros(len(self.wanted))
         for part, found in zip(parts, designs, strict=True):
             if found is not None:
-                members, local = self._within(part)
-                used = found.point > np.log(2 * POLICY.nothing)
-                coefficients[members] = np.exp(found.point) * _sizes(found.scaled, local) * used
-        F = np.tensordot(coefficients, self.elements, axes=1)
-        none = np.zeros
-        named = named_controller(plant, none((0, 0)), none((0, plant.nx)), none((plant.nu, 0)), F)
+                members, _, size = self._within(part, found.part.scaled)
+                used = found.point > np.log(2 * _NOTHING)
+                coefficients[members] = np.exp(found.point) * size * used
         elements = tuple(
             PassiveElement(kind, place, float(value), self.mechanics.unit(kind, place))
             for (kind, place), value in zip(self.wanted, coefficients, strict=True)
         )
-        return named, {"elements": elements}
+        F = np.tensordot(coefficients, self.elements, axes=1)
+        return plant.static_controller(F), {"elements": elements}
 
-    def _within(self, part: PlantPart) -> tuple[list[int], Matrix]:
-        """Return which elements act in a part, and their gains there."""
+    def _within(self, part: PlantPart, scaled: ScaledPlant) -> tuple[list[int], Matrix, Vector]:
+        """Return which elements act in a part, their gains there, and their units."""
         own = self.elements[:, *np.ix_(part.controls, part.measurements)]
         members = [i for i, E in enumerate(own) if E.any()]
-        return members, own[members]
-
-
-@dataclass(frozen=True)
-class _DrawnCoefficients:
-    """Logarithms of random coefficients, without an end."""
-
-    count: int
-
-    def propose(
-        self, earlier: Sequence[Vector], budget: Budget, rng: np.random.Generator
-    ) -> Iterator[Vector]:
-        """Propose coefficients from next to nothing to very hard."""
-        while True:
-            yield rng.uniform(-10.0, 10.0, self.count)
-
-
-def _sizes(scaled: ScaledPlant, elements: Matrix) -> Vector:
-    """Return for each element the coefficient that is 1 in scaled units."""
-    u, y = scaled.control[:, None], scaled.measurement
-    return np.array([1 / np.abs(E * y / u).max() for E in elements])
+        u, y = scaled.control[:, None], scaled.measurement
+        return members, own[members], np.array([1 / np.abs(E * y / u).max() for E in own[members]])
 
 
 # Static and fixed-order output feedback with a pattern of free entries.
@@ -238,12 +204,11 @@ class StaticStructure(ControllerStructure):
     initial: control.StateSpace | None = None
 
     def problem(self, part: PlantPart) -> PartProblem | None:
-        """State the search over the free entries of one part; see :meth:`Structure.problem`."""
+        """State the search over the free entries of one part."""
         plant, order, start = part.plant, self.order, self.initial
         own = np.ix_(part.controls, part.measurements)
-        if self.mask is None:
-            mask = np.ones((order + plant.nu, order + plant.ny), bool)
-        else:
+        mask = np.ones((order + plant.nu, order + plant.ny), bool)
+        if self.mask is not None:
             mask = self.mask if order else self.mask[own]
         if plant.nx == 0 or not mask.any():
             return None
@@ -254,30 +219,31 @@ class StaticStructure(ControllerStructure):
         scaled, inner = scaled_part(plant, what, None if order else mask)
         loop = augmented(inner, order)
         free = MaskedGain(mask) if self.norm == "hinf" else free_gain(mask, loop)
-        rest = free.coordinates(zero_controller(mask.shape, order, loop.discrete))
-        known = [] if start is None else [free.coordinates(scaled_matrix(start, scaled))]
-        starts: list[StartProposal] = [KnownStarts([*known, rest])]
+        to_free = free.coordinates
+        rest = to_free(zero_controller(mask.shape, order, loop.discrete))
+        known = [] if start is None else [to_free(scaled_matrix(start, scaled))]
+        proposals: list[StartProposal] = [partial(starts.known, [*known, rest])]
         if self.mask is None:
             if order:
                 # Half the order, down to none: each search starts from the one before.
                 shorter = replace(self, order=order // 2, initial=None).problem(part)
                 if shorter is not None:
-                    starts.append(AugmentedStarts(shorter, order, free.coordinates))
-            starts.append(ReducedStarts(scaled.plant, self.norm, order, free.coordinates))
+                    proposals.append(partial(starts.augmented, shorter, order, to_free))
+            proposals.append(partial(starts.reduced, scaled.plant, self.norm, order, to_free))
         return PartProblem(
             scaled=scaled,
             norm=self.norm,
             order=order,
             parametrisation=free,
             starts=(
-                *starts,
-                StabilisingStart(loop, mask, free.coordinates),
-                RegulatorStart(loop, mask, free.coordinates),
-                DrawnStarts(-1.5, 1.5, relative=False, base=rest),
+                *proposals,
+                partial(starts.stabilising, loop, mask, to_free),
+                partial(starts.regulator, loop, mask, to_free),
             ),
+            scatter=(-1.5, 1.5),
+            rest=rest,
             what=what,
             gain_bound=self.gain_bound,
-            demands=bound_in_words(self.gain_bound),
             extra=mask.tobytes() + b"".join(point.tobytes() for point in known),
         )
 
@@ -325,7 +291,77 @@ def scaled_matrix(controller: control.StateSpace, scaled: ScaledPlant) -> Matrix
     return np.block([[A * scaled.time, B * scaled.time * y], [C / u, D * y / u]])
 
 
+# State feedback of an observer's estimate.
+
+
+@dataclass(frozen=True, eq=False)
+class ObserverStructure(ControllerStructure):
+    """u = F xhat with a Luenberger observer, over F and L.
+
+    Attributes
+    ----------
+    norm : {"hinf", "h2"}
+    gain_bound : float or None
+    """
+
+    norm: Norm
+    gain_bound: float | None = None
+    method: ClassVar[str] = "observer"
+
+    def problem(self, part: PlantPart) -> PartProblem | None:
+        """State the search over F and L of one part."""
+        plant, what = part.plant, "observer-based controller"
+        if 0 in (plant.nx, plant.nu, plant.ny):
+            return None
+        if self.norm == "h2" and not plant.is_discrete and plant.D11.any():
+            raise InfeasibleError(
+                "The H2 norm is infinite for every observer-based controller: D11 passes the "
+                "disturbance straight to z. Filter the disturbance or the output, or use 'hinf'."
+            )
+        scaled, inner = scaled_part(plant, what)
+        form = ObserverGain(inner.A, inner.B2, inner.C2, inner.D22)
+        return PartProblem(
+            scaled=scaled,
+            norm=self.norm,
+            order=plant.nx,
+            parametrisation=form,
+            starts=(partial(starts.riccati, inner, self.norm, form.coordinates),),
+            scatter=(-2, 0),
+            what=what,
+            gain_bound=self.gain_bound,
+            # The H2 problem over F and L is smooth and its Riccati start optimal, so that few
+            # descents tell.
+            effort=SearchEffort(descents=14, fewest=9 if self.norm == "hinf" else 3),
+        )
+
+    def join(
+        self,
+        plant: GeneralizedPlant,
+        parts: Sequence[PlantPart],
+        designs: Sequence[PartDesign | None],
+    ) -> tuple[control.StateSpace, dict[str, Any]]:
+        """Return the observer of the whole plant from F and L of its parts."""
+        F, L = np.zeros((plant.nu, plant.nx)), np.zeros((plant.nx, plant.ny))
+        for part, found in zip(parts, designs, strict=True):
+            if found is None:
+                continue
+            scaled, P = found.part.scaled, found.part.scaled.plant
+            own_F, own_L = ObserverGain(P.A, P.B2, P.C2, P.D22).split(found.point)
+            own_L = scaled.state[:, None] * own_L / scaled.measurement / scaled.time
+            F[np.ix_(part.controls, part.states)] = scaled.state_gain(own_F)
+            L[np.ix_(part.states, part.measurements)] = own_L
+        return observer_controller(plant, F, L), {
+            "state_feedback": F,
+            "observer_gain": L,
+            "feedback_poles": np.linalg.eigvals(plant.A + plant.B2 @ F),
+            "observer_poles": np.linalg.eigvals(plant.A - L @ plant.C2),
+        }
+
+
 # Controllers under several specifications at once: static or of full order.
+
+# With more states the change of variables of a full-order controller has too many unknowns.
+INEQUALITY_STATES = 14
 
 
 @dataclass(frozen=True, eq=False)
@@ -344,8 +380,8 @@ class MixedStructure(ControllerStructure):
     side_bound : float or None
     regions : tuple of PoleRegion
     gain_bound : float or None
-    backend : str
-    solver : str or None
+    solver : tuple of str
+        Backend and solver of linear matrix inequalities.
     """
 
     norm: Norm
@@ -355,21 +391,23 @@ class MixedStructure(ControllerStructure):
     side_bound: float | None
     regions: tuple[PoleRegion, ...]
     gain_bound: float | None
-    backend: str
-    solver: str | None
+    solver: tuple[str, str | None]
     method: ClassVar[str] = "lmi, descent"
 
     def problem(self, part: PlantPart) -> PartProblem | None:
-        """State the search in one part, scaled as a whole; see :meth:`Structure.problem`."""
+        """State the search in one part, scaled as a whole."""
         plant, norm = part.plant, self.norm
         if 0 in (plant.nx, plant.nu, plant.ny):
             return None
         order = 0 if self.static else plant.nx
         what = "controller" if order else "static gain"
         scaled, inner = scaled_part(plant, what)
+        loop = augmented(inner, order)
         goal = _shared_channel(scaled.plant, self.goal)
-        goal_loop = augmented(PlantMatrices.of(goal), order)
+        goal_matrices = PlantMatrices.of(goal)
+        goal_loop = augmented(goal_matrices, order)
         h2_loop = goal_loop if norm == "h2" else None
+        regions = tuple(region.in_unit_of_time(scaled.time) for region in self.regions)
         demands: list[Requirement] = []
         specifications = [Specification(goal, norm, None)]
         if self.side is not None and self.side_bound is not None:
@@ -380,81 +418,40 @@ class MixedStructure(ControllerStructure):
             demands.append(Requirement(norm_measure(side_loop, other), bound))
             specifications.append(Specification(side, other, bound))
             h2_loop = side_loop if other == "h2" else h2_loop
+        demands.extend(Requirement(_region(loop, region), None) for region in regions)
         mask = np.ones((order + plant.nu, order + plant.ny), bool)
         free = MaskedGain(mask) if h2_loop is None else free_gain(mask, h2_loop)
-        loop = augmented(inner, order)
-        regions = tuple(region.in_unit_of_time(scaled.time) for region in self.regions)
-        demands.extend(Requirement(_region(loop, region), None) for region in regions)
-
-        starts: list[StartProposal] = []
-        small = plant.nx <= POLICY.shared_states
-        if small and not plant.is_discrete and (order or _measures_the_state(plant)):
-            starts.append(
-                InequalityStart(
-                    specifications, regions, order, self.backend, self.solver, free.coordinates
-                )
-            )
-        rest = KnownStarts([free.coordinates(zero_controller(mask.shape, order, loop.discrete))])
-        if order:
-            P = PlantMatrices.of(goal)
-            form = ObserverGain(P.A, P.B2, P.C2, P.D22)
-            starts += [RiccatiStarts(P, norm, form, free.coordinates), rest, DrawnStarts(-2, 0)]
-        else:
-            starts += [RegulatorStart(loop, mask, free.coordinates), rest, DrawnStarts(-1.5, 1)]
+        to_free = free.coordinates
+        rest = zero_controller(mask.shape, order, loop.discrete)
+        known = partial(starts.known, [to_free(rest)])
+        proposals: tuple[StartProposal, ...] = (
+            partial(starts.riccati, goal_matrices, norm, to_free)
+            if order
+            else partial(starts.regulator, loop, mask, to_free),
+            known,
+        )
+        # The inequalities of state feedback assume y = x.
+        measured = np.array_equal(plant.C2, np.eye(plant.nx)) and not (
+            plant.D21.any() or plant.D22.any()
+        )
+        small = plant.nx <= INEQUALITY_STATES
+        if small and not plant.is_discrete and (order or measured):
+            first = partial(starts.inequality, specifications, regions, order, self.solver, to_free)
+            proposals = first, *proposals
         return PartProblem(
             scaled=scaled,
             norm=norm,
             order=order,
             parametrisation=free,
-            starts=tuple(starts),
+            starts=proposals,
+            scatter=(-2, 0) if order else (-1.5, 1),
             what=what,
             gain_bound=self.gain_bound,
             specifications=tuple(demands),
-            demands="all specifications" if demands or self.gain_bound is not None else "",
-            effort=POLICY.mixed,
+            effort=SearchEffort(descents=8),
             objective_loop=goal_loop,
-            extra=b"".join(PlantMatrices.of(goal).fingerprint),
+            extra=b"".join(goal_matrices.fingerprint),
         )
-
-
-@dataclass(frozen=True, eq=False)
-class InequalityStart:
-    """The controller of inequalities that share one Lyapunov matrix.
-
-    Attributes
-    ----------
-    specifications : sequence of Specification
-    regions : sequence of PoleRegion
-    order : int
-    backend, solver
-        Who solves the programs.
-    coordinates : callable
-        From K to the free numbers.
-    """
-
-    specifications: Sequence[Specification]
-    regions: Sequence[PoleRegion]
-    order: int
-    backend: str
-    solver: str | None
-    coordinates: Callable[[Matrix], Vector]
-
-    def propose(
-        self, earlier: Sequence[Vector], budget: Budget, rng: np.random.Generator
-    ) -> Iterator[Vector]:
-        """Propose the one controller, if a solver finds any."""
-        own = budget.share(POLICY.start_share)
-        if self.order:
-            solver = ProgramSolver(self.backend, self.solver, own, accuracy=1e-8)
-            # How far the norm backs off from the optimum of shared inequalities before the
-            # controller is made small; a dynamic controller needs more room for its change of
-            # variables.
-            K = mixed_start(self.specifications, self.regions, solver, 1.05)
-        else:
-            solver = ProgramSolver(self.backend, self.solver, own)
-            K = mixed_state_start(self.specifications, self.regions, solver, 1.01)
-        if K is not None:
-            yield self.coordinates(K)
 
 
 def _shared_channel(whole: GeneralizedPlant, asked: GeneralizedPlant) -> GeneralizedPlant:
@@ -478,10 +475,3 @@ def _region(loop: PlantMatrices, region: PoleRegion) -> RegionMeasure:
         return float(values[-1]) + 1e-7 * scale, complex(2 * moved.real, -2 * moved.imag)
 
     return RegionMeasure(loop, distance, scale)
-
-
-def _measures_the_state(plant: GeneralizedPlant) -> bool:
-    """Tell whether y = x, as the inequalities of state feedback assume."""
-    return (
-        np.array_equal(plant.C2, np.eye(plant.nx)) and not plant.D21.any() and not plant.D22.any()
-    )

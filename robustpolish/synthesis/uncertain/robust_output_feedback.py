@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
 
 import control
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robustpolish.base.budget import (
     Budget,
@@ -25,21 +25,15 @@ from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.plants.blocks import sorted_signals
 from robustpolish.plants.uncertain.system import UncertainSystem
-from robustpolish.robust.questions import (
-    RobustPerformance,
-    WorstCaseGain,
-    robust_performance,
-    worst_case_gain,
-)
+from robustpolish.robust.questions import RobustPerformance, WorstCaseGain, worst_case_gain
 from robustpolish.synthesis.certificate import Certificate, certify
 from robustpolish.synthesis.problem.preflight import check_solvability, infeasible_modes_error
 from robustpolish.synthesis.structured.methods import checked_order, checked_structure
 from robustpolish.synthesis.uncertain.scaled_gain import RobustProblem
 from robustpolish.synthesis.uncertain.scenarios import (
-    ScenarioDesign,
+    RobustCandidate,
+    ScenarioSearch,
     UncertainSamples,
-    UnstructuredSearch,
-    with_structure,
 )
 from robustpolish.synthesis.uncertain.search import (
     AGREES,
@@ -190,90 +184,51 @@ class RobustDesign(Displayed):
         return Card(title, (quantities(*rows),), (self.reason,))
 
 
-@dataclass(frozen=True, eq=False)
-class RobustCandidate:
-    """A controller with its proof, and what else is known of it."""
-
-    controller: control.StateSpace
-    performance: RobustPerformance
-    method: Method = "scalings"
-    worst: WorstCaseGain | None = None
-    lower_bound: float = 0.0
-
-    @classmethod
-    def by_scenarios(
-        cls, system: UncertainSystem, found: ScenarioDesign, gamma: float
-    ) -> RobustCandidate:
-        """Return what a search over scenarios found, with its margin."""
-        performance = robust_performance(system.lft(found.controller), gamma)
-        return cls(found.controller, performance, "scenarios", found.worst, found.lower_bound)
-
-    def is_robust(self, gamma: float) -> bool:
-        """Whether every machine within the bounds is proven to have a gain below gamma."""
-        below = self.worst is not None and self.worst.proven and self.worst.upper < gamma
-        return below or (self.performance.proven and self.performance.lower >= 1)
-
-    def rank(self, gamma: float) -> tuple[bool, float]:
-        """Return what decides: of robust ones the worst gain, of others the margin."""
-        robust = self.is_robust(gamma)
-        if robust and self.worst is not None:
-            return True, -self.worst.upper
-        return robust, self.performance.lower
-
-
-def robust_design_of(
-    machines: UncertainSamples,
+def _design(
+    samples: UncertainSamples,
     chosen: RobustCandidate,
     history: Sequence[Mapping[str, Any]],
-    gamma: float,
     budget: Budget,
 ) -> RobustDesign:
     """Say what a proof means; without one there is no controller."""
-    system, performance = machines.system, chosen.performance
-    certificate = certify(machines.nominal, chosen.controller)
+    system, gamma, performance = chosen.system, chosen.gamma, chosen.performance
+    certificate = certify(samples.nominal, chosen.controller)
+    told: Any = {"history": tuple(history), "elapsed": budget.elapsed}
     if not certificate.valid or not performance.proven:
         why = "; ".join(certificate.reasons) or performance.status
         reason = f"The best controller found could not be proven ({why}). Price u and add noise."
-        return RobustDesign(
-            system, None, None, gamma, "not proven", reason,
-            history=tuple(history), elapsed=budget.elapsed,
-        )  # fmt: skip
-    status: Status = "robust" if chosen.is_robust(gamma) else "limited"
+        return RobustDesign(system, None, None, gamma, "not proven", reason, **told)
+    status: Status = "robust" if chosen.is_robust else "limited"
     if budget.late and status == "limited":
         status = "time_limit"
     return RobustDesign(
         system, chosen.controller, system.lft(chosen.controller), gamma, status,
-        _reason(chosen, gamma, budget), certificate, performance, tuple(history),
-        budget.elapsed, chosen.method, chosen.lower_bound, _worst=chosen.worst,
+        _reason(chosen, budget.late), certificate, performance, method=chosen.method,
+        lower_bound=chosen.lower_bound, _worst=chosen.worst, **told,
     )  # fmt: skip
 
 
-def _reason(chosen: RobustCandidate, gamma: float, budget: Budget) -> str:
+def _reason(chosen: RobustCandidate, late: bool) -> str:
     """Say in a sentence what is proven, and what to try."""
-    performance = chosen.performance
+    performance, gamma, lower_bound = chosen.performance, chosen.gamma, chosen.lower_bound
     share = performance.lower
-    late = " The safety net of time was reached." if budget.late else ""
-    if chosen.is_robust(gamma):
+    more = " The safety net of time was reached." if late else ""
+    beaten = f"No controller has a worst gain below {lower_bound:.4g}"
+    if chosen.is_robust:
         gain = chosen.worst.upper if chosen.worst is not None else gamma / share
         text = f"Every machine within the bounds is stable with a gain below {gain:.4g}."
-        if chosen.lower_bound:
-            text += f" No controller has a worst gain below {chosen.lower_bound:.4g}."
-        return text + late
-    text = (
-        f"Proven for {share:.3g} times the uncertainty only, with a gain below {gamma / share:.4g}"
-    )
+        return f"{text} {beaten}.{more}" if lower_bound else text + more
+    proven = f"Proven for {share:.3g} times the uncertainty only"
+    text = f"{proven}, with a gain below {gamma / share:.4g}"
     if performance.witness:
-        named = ", ".join(
-            f"{name} = {value:.4g}"
-            for name, value in performance.witness.items()
-            if isinstance(value, float)
-        )
-        worst = f"; at {performance.upper:.3g} times it a machine has no less"
-        text += worst + (f" ({named})" if named else "")
+        values = {k: v for k, v in performance.witness.items() if isinstance(v, float)}
+        named = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
+        text += f"; at {performance.upper:.3g} times it a machine has no less"
+        text += f" ({named})" if named else ""
     advice = "Ask for less (gamma, weights, smaller bounds), or allow more states (order)."
-    if chosen.lower_bound >= gamma:
-        advice = f"No controller has a worst gain below {chosen.lower_bound:.4g}: raise gamma."
-    return f"{text}. {advice}{late}"
+    if lower_bound >= gamma:
+        advice = f"{beaten}: raise gamma."
+    return f"{text}. {advice}{more}"
 
 
 SignalChoice = int | str | Sequence[str]
@@ -383,91 +338,90 @@ def robust_output_feedback(
     gamma, effort = positive("gamma", gamma), positive("effort", effort)
     budget = Budget(effort * WORK, positive("time_limit", time_limit, "s"))
     most = None if order is None else checked_order(order)
-    mask = None if structure is None else _mask(structure, most or 0, ny, nu)
+    mask = None if structure is None else checked_structure(structure, most or 0, nu, ny)
+    if mask is not None and not mask.any():
+        shown = described("no free entry")
+        raise invalid("structure", shown, "one at least", "Mark some entries.")
     problem = RobustProblem.of(system, ny, nu, gamma)
+
+    def none(reason: str) -> RobustDesign:
+        elapsed = budget.elapsed
+        return RobustDesign(system, None, None, gamma, "no controller", reason, elapsed=elapsed)
+
     unmoved = [mode for mode in check_solvability(problem.plant).fixed_modes if mode.exact]
     if unmoved:
-        return _no_controller(system, gamma, str(infeasible_modes_error(unmoved)), budget)
-    machines = UncertainSamples(system, ny, nu)
+        return none(str(infeasible_modes_error(unmoved)))
+    samples = UncertainSamples(system, ny, nu)
     with progress_bar("Designing a robust controller"):
         try:
             with enforce_deadline(budget, grace=0.0):
-                if mask is not None:
-                    found, history = with_structure(machines, most or 0, mask, budget)
-                    chosen = (
-                        None
-                        if found is None
-                        else RobustCandidate.by_scenarios(system, found, gamma)
-                    )
+                if mask is None:
+                    chosen, history = _without_structure(problem, samples, most, gamma, budget)
                 else:
-                    chosen, history = _without_structure(problem, machines, most, gamma, budget)
+                    search = ScenarioSearch(samples, gamma, budget)
+                    chosen, history = search.with_structure(most or 0, mask), search.history
         except (InfeasibleError, SolverError) as error:
-            advice = "" if budget.late else " Weigh u and add noise to y."
-            return _no_controller(system, gamma, f"{error}{advice}", budget)
+            return none(f"{error}{'' if budget.late else ' Weigh u and add noise to y.'}")
         if chosen is None:
             what = "stable on all machines of the set" if mask is not None else "well-posed"
             reason = f"No controller was found whose loop is {what}. Ask for less, or free more."
-            return _no_controller(system, gamma, reason, budget)
+            return none(reason)
         with enforce_deadline(budget):
-            return robust_design_of(machines, chosen, history, gamma, budget)
+            return _design(samples, chosen, history, budget)
 
 
 def _without_structure(
     problem: RobustProblem,
-    machines: UncertainSamples,
+    samples: UncertainSamples,
     order: int | None,
     gamma: float,
     budget: Budget,
 ) -> tuple[RobustCandidate | None, list[dict[str, Any]]]:
     """Search in two ways and keep the best that is proven, of those there was time for."""
-    free = UnstructuredSearch(machines, order, budget.share(SCENARIO_SHARE))
-    search, offered = ScalingSearch(problem, order, budget), list[RobustCandidate]()
+    scenarios = ScenarioSearch(samples, gamma, budget.share(SCENARIO_SHARE))
+    scalings, offered = ScalingSearch(problem, order, budget), list[RobustCandidate]()
     try:
-        for candidate in _candidates(problem, machines, free, search, gamma):
-            offered.append(candidate)
+        for candidate in _candidates(problem, scenarios, scalings):
+            if candidate.performance:  # it counts if there was time for its proof
+                offered.append(candidate)
     except DeadlineError:
         if not offered:
             raise
-    best = max(offered, key=lambda one: one.rank(gamma), default=None)
-    bound = max((one.lower_bound for one in offered), default=0.0)
-    history = [*free.history, *search.history]
-    return None if best is None else replace(best, lower_bound=bound), history
+    best = max(offered, key=lambda one: one.rank, default=None)
+    if best is not None:
+        best.lower_bound = max(one.lower_bound for one in offered)
+    return best, [*scenarios.history, *scalings.history]
 
 
 def _candidates(
-    problem: RobustProblem,
-    machines: UncertainSamples,
-    free: UnstructuredSearch,
-    search: ScalingSearch,
-    gamma: float,
+    problem: RobustProblem, scenarios: ScenarioSearch, scalings: ScalingSearch
 ) -> Iterator[RobustCandidate]:
     """Yield what a search by scenarios finds, where there are real numbers, and by scalings."""
-    system, first = machines.system, None
-    found = free.from_nominal() if machines.numbers else None
-    if found is not None:
-        first = RobustCandidate.by_scenarios(system, found, gamma)
+    system, numbers, order = scenarios.samples.system, scenarios.samples.numbers, scalings.order
+    first = scenarios.from_nominal(order) if numbers else None
+    if first is not None:
         yield first
-        if found.best_possible and first.is_robust(gamma):
+        if first.is_best_possible and first.is_robust:
             return
     try:
-        scaled = _by_scalings(system, problem, search, gamma)
+        found = _by_scalings(problem, scalings, system, scenarios.gamma)
     except SolverError:
         if first is None:
             raise
         return
-    if scaled is None:
+    if found is None:
         return
-    if machines.numbers:
-        scaled = replace(scaled, worst=worst_case_gain(system.lft(scaled.controller)))
-    yield scaled
-    if machines.numbers and (first is None or scaled.rank(gamma) > first.rank(gamma)):
-        again = free.from_controller(scaled.controller)
+    if numbers:
+        found.worst = worst_case_gain(system.lft(found.controller))
+    yield found
+    if numbers and (first is None or found.rank > first.rank):
+        again = scenarios.from_controller(found.controller, order)
         if again is not None:
-            yield RobustCandidate.by_scenarios(system, again, gamma)
+            yield again
 
 
 def _by_scalings(
-    system: UncertainSystem, problem: RobustProblem, search: ScalingSearch, gamma: float
+    problem: RobustProblem, search: ScalingSearch, system: UncertainSystem, gamma: float
 ) -> RobustCandidate | None:
     """Search by scalings, and prove until the proof and the search agree."""
     found = search.run()
@@ -476,20 +430,14 @@ def _by_scalings(
         controller = problem.controller(found.controller)
         if controller is None:
             break
-        performance = robust_performance(system.lft(controller), gamma)
-        if best is None or performance.lower > best.performance.lower:
-            best = RobustCandidate(controller, performance)
-        agreed = found.level * (1 + AGREES)
-        if performance.mu[1] <= agreed or search.budget.over or count + 1 == PROOFS:
+        one = RobustCandidate(controller, system, gamma, "scalings")
+        if best is None or one.performance.lower > best.performance.lower:
+            best = one
+        agreed = one.performance.mu[1] <= found.level * (1 + AGREES)
+        if agreed or search.budget.over or count + 1 == PROOFS:
             break
         found = search.with_refined_frequencies(found)
     return best
-
-
-def _no_controller(
-    system: UncertainSystem, gamma: float, reason: str, budget: Budget
-) -> RobustDesign:
-    return RobustDesign(system, None, None, gamma, "no controller", reason, elapsed=budget.elapsed)
 
 
 def _sorted(plant: Any, measurements: Any, controls: Any) -> tuple[UncertainSystem, int, int]:
@@ -506,10 +454,8 @@ def _sorted(plant: Any, measurements: Any, controls: Any) -> tuple[UncertainSyst
     for argument, count, what in (("measurements", ny, "y"), ("controls", nu, "u")):
         if not count:
             raise invalid(argument, described("none"), f"at least one {what}", "Name one.")
-    for what, count in (
-        ("disturbances w", plant.ninputs - nu),
-        ("performance z", plant.noutputs - ny),
-    ):
+    counts = {"disturbances w": plant.ninputs - nu, "performance z": plant.noutputs - ny}
+    for what, count in counts.items():
         if not count:
             shown = described(f"a plant without {what}")
             remedy = "Add weights: what disturbs the machine, and what is to stay small."
@@ -517,10 +463,3 @@ def _sorted(plant: Any, measurements: Any, controls: Any) -> tuple[UncertainSyst
     rows = [plant.output_labels.index(name) for name in ordered.output_labels]
     columns = [plant.input_labels.index(name) for name in ordered.input_labels]
     return plant[rows, columns], ny, nu
-
-
-def _mask(structure: ArrayLike, order: int, ny: int, nu: int) -> NDArray[np.bool_]:
-    mask = checked_structure(structure, order, nu, ny)
-    if not mask.any():
-        raise invalid("structure", described("no free entry"), "one at least", "Mark some entries.")
-    return mask

@@ -70,16 +70,42 @@ class MuBounds:
     Attributes
     ----------
     omega : ndarray, shape (k,)
-    values : ndarray, shape (k,)
-        beta at each; infinite where none was found.
-    found : tuple of Level
+    found : list of ScaledBound
     space : Space
     """
 
     omega: Vector
-    values: Vector
-    found: tuple[ScaledBound, ...]
+    found: list[ScaledBound]
     space: Space
+
+    @classmethod
+    def over(
+        cls, structure: DeltaStructure, omega: Vector, M: AnyArray, best: bool = True
+    ) -> MuBounds:
+        """Find scalings at each frequency: the best ones, or quickly those that balance M.
+
+        Parameters
+        ----------
+        structure : DeltaStructure
+        omega : ndarray, shape (k,)
+        M : ndarray of complex, shape (k, nz, nw)
+        best : bool, optional
+            Neighbours then help each other.
+        """
+        space = Space(structure)
+        found: list[ScaledBound] = []
+        for one in M:
+            asked = Inequality(space, one[None])
+            neighbours = [level.x for level in found[-1:]]
+            found.append(
+                best_scalings(asked, others=neighbours) if best else initial_scalings(asked)
+            )
+        return cls(omega, found, space)
+
+    @cached_property
+    def values(self) -> Vector:
+        """The beta at each frequency; infinite where none was found."""
+        return np.array([level.level for level in self.found])
 
     @property
     def peak(self) -> float:
@@ -95,40 +121,15 @@ class MuBounds:
         return roots / roots[:, -1:]
 
 
-def mu_bounds(structure: DeltaStructure, omega: Vector, M: AnyArray, best: bool = True) -> MuBounds:
-    """Find scalings at each frequency: the best ones, or quickly those that balance M.
-
-    Parameters
-    ----------
-    structure : DeltaStructure
-    omega : ndarray, shape (k,)
-    M : ndarray of complex, shape (k, nz, nw)
-    best : bool, optional
-        Neighbours then help each other.
-    """
-    space = Space(structure)
-    found: list[ScaledBound] = []
-    for one in M:
-        inequality = Inequality(space, one[None])
-        others = [level.x for level in found[-1:]]
-        found.append(
-            best_scalings(inequality, others=others) if best else initial_scalings(inequality)
-        )
-    values = np.array([level.level for level in found])
-    return MuBounds(omega, values, tuple(found), space)
-
-
-def grid(poles: Iterable[AnyArray], more: Iterable[float] = ()) -> Vector:
+def grid(poles: Iterable[AnyArray]) -> Vector:
     """Return frequencies that cover the rates of the poles, those of each, 0 and infinity."""
     rates = np.abs(np.concatenate([np.asarray(p) for p in poles]))
     rates = rates[rates > 0]
     low, high = (rates.min(), rates.max()) if len(rates) else (1.0, 1.0)
     low, high = max(low, 1e-9 * high) / _BEYOND, high * _BEYOND
     count = math.ceil(_DENSITY * math.log10(high / low))
-    found = np.concatenate([np.geomspace(low, high, count), rates[rates > low], list(more)])
-    found = found[np.isfinite(found) & (found > 0)]
     kept: list[float] = []
-    for omega in np.sort(found):
+    for omega in np.sort(np.concatenate([np.geomspace(low, high, count), rates[rates > low]])):
         if not kept or omega > kept[-1] * 1.02:
             kept.append(float(omega))
     return np.array([0.0, *kept, np.inf])
@@ -178,10 +179,8 @@ class RobustProblem:
     @property
     def scaled(self) -> GeneralizedPlant:
         """The same as a plant."""
-        m = self.matrices
-        return GeneralizedPlant.from_matrices(
-            m.A, m.B1, m.B2, m.C1, m.C2, m.D11, m.D12, m.D21, m.D22
-        )
+        names = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
+        return GeneralizedPlant.from_matrices(*(getattr(self.matrices, name) for name in names))
 
     @cached_property
     def as_complex(self) -> DeltaStructure:
@@ -196,8 +195,9 @@ class RobustProblem:
         return DeltaStructure(tuple(found))
 
     def loop(self, K: Controller) -> StaticLoop | None:
-        """Return the loop with a controller in scaled units; None if it is not well posed."""
-        return close_static_loop(augmented(self.matrices, len(K.A)), controller_matrix(K))
+        """Return the loop with a controller in scaled units; None if it is not stable."""
+        loop = close_static_loop(augmented(self.matrices, len(K.A)), controller_matrix(K))
+        return loop if loop is not None and loop.stable else None
 
     def cover(self, loop: StaticLoop, level: float) -> tuple[Coverage, LoopModel]:
         """Prove a level of a stable loop, raised as far as it has to be."""
@@ -273,31 +273,26 @@ def _modal(K: Controller) -> tuple[Matrix, Matrix, Matrix, Vector]:
     if not n:
         return K.A, K.B, K.C, np.zeros(0)
     values, vectors = np.linalg.eig(K.A)
-    real = np.flatnonzero(np.abs(np.imag(values)) <= 1e-12 * np.abs(values))
-    real = real[np.argsort(np.abs(values[real]))]
-    upper = np.flatnonzero(np.imag(values) > 1e-12 * np.abs(values))
-    parts, rates = [], []
     size = np.abs(values)
+    order = np.argsort(size)
     moving = size[size > 0]
     floor = 1e-3 * float(size.max()) or 1.0
-    floor = min(floor, float(np.median(moving))) if len(moving) else floor
-    least = _SLOWEST * floor
-    for i in upper[np.argsort(size[upper])]:
+    least = _SLOWEST * (min(floor, float(np.median(moving))) if len(moving) else floor)
+    parts, rates = [], []
+    for i in order[np.imag(values[order]) > 1e-12 * size[order]]:
         parts.append(np.column_stack([np.real(vectors[:, i]), np.imag(vectors[:, i])]))
         rates += [size[i]] * 2
+    real = order[np.abs(np.imag(values[order])) <= 1e-12 * size[order]]
     for i in range(0, len(real), 2):
         pair = np.real(vectors[:, real[i : i + 2]])
-        if np.linalg.cond(pair) > _PARALLEL:
-            pair = np.linalg.qr(pair)[0]
-        parts.append(pair)
-        rates += [max(float(r), least) for r in size[real[i : i + 2]]]
+        parts.append(np.linalg.qr(pair)[0] if np.linalg.cond(pair) > _PARALLEL else pair)
+        rates += np.maximum(size[real[i : i + 2]], least).tolist()
     T = np.hstack(parts)
     A, B, C = np.linalg.solve(T, K.A @ T), np.linalg.solve(T, K.B), K.C @ T
     for i in range(0, n, 2):
         pair = slice(i, min(i + 2, n))
         b, c = np.linalg.norm(B[pair]), np.linalg.norm(C[:, pair])
-        even = np.sqrt(c / b) if b > 0 and c > 0 else 1.0
-        even = power_of_two(float(even))
+        even = power_of_two(float(np.sqrt(c / b) if b > 0 and c > 0 else 1.0))
         B[pair] *= even
         C[:, pair] /= even
     return np.where(_pairs(n), A, 0.0), B, C, np.array(rates)
@@ -332,16 +327,21 @@ class LoopResponses:
     @classmethod
     def of(cls, loop: StaticLoop, omega: Vector) -> LoopResponses:
         """Return the responses of a loop; frequencies may be infinite."""
-        plant = loop.plant
-        found: Any = schur(loop.A, output="complex") if len(loop.A) else (loop.A, loop.A)
+        plant, n, k = loop.plant, len(loop.A), len(omega)
+        found: Any = schur(loop.A, output="complex") if n else (loop.A, loop.A)
         triangle, Q = found
-        star = np.conj(Q.T)
-        inverse = _inverses(np.diag(triangle), omega)
-        # From w and K's outputs to states, from states to z: triangular systems, all at once.
-        states = _from_below(triangle, inverse, star @ np.hstack([loop.B, plant.B2]))
-        nw = loop.B.shape[1]
+        finite = np.isfinite(omega)
+        inverse = np.zeros((n, k), complex)
+        inverse[:, finite] = 1 / (1j * omega[finite][None, :] - np.diag(triangle)[:, None])
+        # From w and K's outputs to states: (j omega - triangle) X = B of all frequencies at once.
+        B = np.conj(Q.T) @ np.hstack([loop.B, plant.B2])
+        X = np.zeros((n, k * B.shape[1]), complex)
+        for i in range(n - 1, -1, -1):
+            row = triangle[i, i + 1 :] @ X[i + 1 :]
+            X[i] = ((row.reshape(k, -1) + B[i]) * inverse[i][:, None]).ravel()
+        states = np.ascontiguousarray(X.reshape(n, k, B.shape[1]).transpose(1, 0, 2))
         moved = np.einsum("ij,kjl->kil", np.vstack([loop.C, plant.C2]) @ Q, states)
-        nz = loop.C.shape[0]
+        nz, nw = loop.C.shape[0], loop.B.shape[1]
         M = loop.D + moved[:, :nz, :nw]
         left = plant.D12 + moved[:, :nz, nw:]
         right = plant.D21 + moved[:, nz:, :nw]
@@ -351,25 +351,6 @@ class LoopResponses:
         """Return the gradient over K of sum Re tr(gradient_k dM_k), gradients (k, nw, nz)."""
         on_T = np.einsum("kwz,kzi,kjw->ij", gradient, self.left, self.right, optimize=True)
         return self.loop.back(np.real(on_T))
-
-
-def _inverses(poles: AnyArray, omega: Vector) -> AnyArray:
-    """Return 1 / (j omega - pole), shape (n, k); 0 at infinity."""
-    finite = np.isfinite(omega)
-    found = np.zeros((len(poles), len(omega)), complex)
-    found[:, finite] = 1 / (1j * omega[finite][None, :] - poles[:, None])
-    return found
-
-
-def _from_below(triangle: AnyArray, inverse: AnyArray, B: AnyArray) -> AnyArray:
-    """Solve (j omega - T) X = B for an upper triangular T, shape (k, n, m)."""
-    n, k = inverse.shape
-    m = B.shape[1]
-    X = np.zeros((n, k * m), complex)
-    for i in range(n - 1, -1, -1):
-        row = triangle[i, i + 1 :] @ X[i + 1 :]
-        X[i] = ((row.reshape(k, m) + B[i]) * inverse[i][:, None]).ravel()
-    return np.ascontiguousarray(X.reshape(n, k, m).transpose(1, 0, 2))
 
 
 # Logarithm of a scaling beyond which it stays.
@@ -430,14 +411,11 @@ class Scalings:
 
     def split(self, theta: Array) -> tuple[dict[int, AnyArray], dict[int, AnyArray]]:
         """Return T and g of the blocks, each of shape (k, copies, copies)."""
-        T, g = {}, {}
+        found: dict[str, dict[int, AnyArray]] = {"T": {}, "g": {}}
         for start, stop, kind, k in self.places:
-            copies = self.structure.blocks[k].copies
-            values = theta[:, start:stop]
-            (T if kind == "T" else g)[k] = (_triangle if kind == "T" else _hermitian)(
-                values, copies
-            )
-        return T, g
+            unpacked = _triangle if kind == "T" else _hermitian
+            found[kind][k] = unpacked(theta[:, start:stop], self.structure.blocks[k].copies)
+        return found["T"], found["g"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -614,20 +592,14 @@ def unproven_frequencies(
     M = LoopResponses.of(loop, dense).M
     squares = ScaledGain(scalings, between, M).squares
     space, found = Space(scalings.structure), dict[float, ScaledBound]()
-    high = squares > level**2
-    peaks = [i for i in np.flatnonzero(high).tolist() if _is_local_maximum(squares, i)]
-    peaks.sort(key=lambda i: -squares[i])
-    for i in peaks[:_MOST]:
+    around = np.pad(squares, 1, constant_values=-np.inf)
+    local = (squares >= around[:-2]) & (squares > around[2:])
+    peaks = np.flatnonzero(local & (squares > level**2))
+    for i in peaks[np.argsort(-squares[peaks], kind="stable")][:_MOST]:
         best = best_scalings(Inequality(space, M[i][None]), level**2)
         if level**2 * (1 - 1e-9) < best.square < math.inf:
             found[float(dense[i])] = best
     return np.array([*found]), scalings.of_bounds([*found.values()])
-
-
-def _is_local_maximum(squares: Vector, i: int) -> bool:
-    before = squares[i - 1] if i else -np.inf
-    after = squares[i + 1] if i + 1 < len(squares) else -np.inf
-    return bool(squares[i] >= before and squares[i] > after)
 
 
 def _dense(loop: StaticLoop, omega: Vector, weights: Array) -> tuple[Vector, Array]:

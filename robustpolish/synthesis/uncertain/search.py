@@ -1,20 +1,35 @@
-"""Mu synthesis: D-K iteration, then a descent over controller and scalings at once."""
+"""Mu synthesis: D-K iteration, then a descent over controller and scalings at once.
+
+J. C. Doyle, "Structured uncertainty in control system design", CDC 1985.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
+from scipy.optimize import least_squares
 
 from robustpolish.base.arrays import AnyArray, Array, Vector
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget, step_cost
-from robustpolish.errors import SolverError
+from robustpolish.errors import InfeasibleError, SolverError
+from robustpolish.implementation.reduction import Reducer
+from robustpolish.linear.arithmetic.realisation import state_scales
+from robustpolish.plants.blocks import matrices_of, named_system
+from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.robust.loop_model import DeltaStructure
+from robustpolish.synthesis.certificate import NormTarget
+from robustpolish.synthesis.design import Design
+from robustpolish.synthesis.engine import Settings, Task
 from robustpolish.synthesis.nonsmooth.descent import bfgs
 from robustpolish.synthesis.nonsmooth.parametrisations import Parametrisation
+from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
+from robustpolish.synthesis.output_feedback.riccati import RegularisedRiccati
 from robustpolish.synthesis.problem.matrices import (
     Controller,
     PlantMatrices,
@@ -22,15 +37,7 @@ from robustpolish.synthesis.problem.matrices import (
     augmented,
     close_static_loop,
 )
-from robustpolish.synthesis.uncertain.dk_iteration import (
-    k_step,
-    level_of,
-    of_order,
-    reduced_controllers,
-    scaled_plant,
-    scalings_of,
-    unit_scalings,
-)
+from robustpolish.synthesis.riccati.gamma import estimated_lower_bound, has_full_rank
 from robustpolish.synthesis.uncertain.scaled_gain import (
     LoopResponses,
     ModalGain,
@@ -40,9 +47,265 @@ from robustpolish.synthesis.uncertain.scaled_gain import (
     Scalings,
     controller_from_matrix,
     grid,
-    mu_bounds,
     unproven_frequencies,
 )
+
+# The K step: the Riccati engine of output feedback on a plant with scalings around it.
+
+# How far above the infimum a controller is made, relative: far enough for the equations to be well
+# conditioned. Gains fall fast with it.
+_BACK_OFF = 0.01
+# How near the infimum the search for gamma ends, relative.
+_TOLERANCE = 1e-3
+_SETTINGS = Settings("hinf", "riccati", "scipy", None, _TOLERANCE)
+
+
+def k_step(plant: PlantMatrices, unit: float, budget: Budget) -> Controller:
+    """Return a controller of full order whose norm is near the infimum.
+
+    Full order matters: a shorter controller may reach the same norm, but is worse where the scaled
+    gain is below its peak, and there the next scalings would have nothing to gain.
+
+    Parameters
+    ----------
+    plant : PlantMatrices
+        Continuous, without D22.
+    unit : float
+        A norm that is expected.
+    budget : Budget
+
+    Raises
+    ------
+    SolverError
+        If no equation has a solution that stabilises.
+    """
+    even = _even(plant, unit)
+    bound = estimated_lower_bound(even, _TOLERANCE, budget)
+    enough = 0.0 if bound is None else bound.value * (1 + _BACK_OFF)
+    task = Task(even, "hinf", has_full_rank(even), _BACK_OFF / 2, bound, NormTarget(enough, np.inf))
+    found = RegularisedRiccati(_SETTINGS).search(task, budget).candidates
+    if not found:
+        raise SolverError("The Riccati equations of the scaled plant have no solution in doubles.")
+    return min(found, key=lambda candidate: candidate.achieved).controller
+
+
+def _even(plant: PlantMatrices, unit: float) -> PlantMatrices:
+    """Balance the states by powers of two, and give z the expected norm as its unit.
+
+    In the units of the search for one norm, the feedthrough of weights with a slow pole is next to
+    nothing, and rounding decides.
+    """
+    B, C = np.hstack([plant.B1, plant.B2]), np.vstack([plant.C1 / unit, plant.C2])
+    scales, _ = state_scales(plant.A, B, C)
+    return plant.replace(
+        A=plant.A * scales / scales[:, None],
+        B1=plant.B1 / scales[:, None],
+        B2=plant.B2 / scales[:, None],
+        C1=plant.C1 * scales / unit,
+        C2=plant.C2 * scales,
+        D11=plant.D11 / unit,
+        D12=plant.D12 / unit,
+    )
+
+
+# Scalings as stable systems with stable inverses, fitted to their sizes over frequency.
+
+# Places per decade at which a new pole and zero are tried.
+_PLACES = 2.0
+# Largest ratio of a zero and its pole at the start of a fit.
+_FARTHEST = 30.0
+
+
+@dataclass(frozen=True, eq=False)
+class Filter:
+    """d(s) = gain prod (s / zero + 1) / (s / pole + 1), zeros and poles negative by their signs.
+
+    Attributes
+    ----------
+    gain : float
+    zeros, poles : ndarray
+        Rates, positive.
+    """
+
+    gain: float
+    zeros: Vector
+    poles: Vector
+
+    def sizes(self, omega: Vector) -> Vector:
+        """Return the logarithm of |d| at frequencies, infinity included."""
+        rates = np.log(np.concatenate([self.zeros, self.poles]))
+        return _logs(np.array([np.log(self.gain), *rates]), omega)
+
+    @property
+    def matrices(self) -> Controller:
+        """The sections in series: A, B, C and D."""
+        A, B, C, D = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.eye(1) * self.gain
+        for zero, pole in zip(self.zeros, self.poles, strict=True):
+            # (s/z + 1)/(s/p + 1) = p/z + (1 - p/z) p / (s + p)
+            ratio = pole / zero
+            c, b = np.array([[(1 - ratio) * np.sqrt(pole)]]), np.array([[np.sqrt(pole)]])
+            A = np.block([[A, np.zeros((len(A), 1))], [b @ C, -pole * np.eye(1)]])
+            B, C, D = np.vstack([B, b @ D]), np.hstack([ratio * C, c]), ratio * D
+        return Controller(A, B, C, D)
+
+    @classmethod
+    def of(cls, numbers: Vector) -> Filter:
+        """Return the filter of [log gain, log zeros, log poles]."""
+        gain, *rates = np.exp(numbers)
+        zeros, poles = np.array(rates).reshape(2, -1)
+        return cls(float(gain), zeros, poles)
+
+    @property
+    def inverse(self) -> Filter:
+        """One over it."""
+        return Filter(1 / self.gain, self.poles, self.zeros)
+
+
+def _logs(numbers: Vector, omega: Vector) -> Vector:
+    """Return log |d|, a sum of log |j omega / rate + 1|; at infinity only ratios of rates count."""
+    rates = numbers[1:]
+    signs = np.repeat([1.0, -1.0], len(rates) // 2)
+    finite = np.where(np.isfinite(omega), omega, 0.0)
+    sections = 0.5 * np.log1p((finite[:, None] * np.exp(-rates)) ** 2)
+    return numbers[0] + np.where(np.isfinite(omega), sections @ signs, -(rates @ signs))
+
+
+def _slopes(numbers: Vector, omega: Vector) -> Array:
+    """Return the derivatives of the logarithms over the numbers."""
+    with np.errstate(divide="ignore"):
+        shares = 1 / (1 + (np.exp(numbers[1:]) / omega[:, None]) ** 2)
+    signs = np.repeat([1.0, -1.0], len(numbers) // 2)
+    return np.hstack([np.ones((len(omega), 1)), -shares * signs])
+
+
+def fitted(omega: Vector, logs: Vector, weights: Vector, most: int) -> list[Filter]:
+    """Return filters of order 0, 1, ... whose sizes come near given ones.
+
+    Parameters
+    ----------
+    omega : ndarray
+        0 and infinity may be among them.
+    logs : ndarray
+        Logarithms of the sizes.
+    weights : ndarray
+        How much each matters.
+    most : int
+        Largest order.
+    """
+    inner = omega[np.isfinite(omega) & (omega > 0)]
+    count = max(2, int(_PLACES * np.log10(inner[-1] / inner[0])))
+    places = np.log(np.geomspace(inner[0], inner[-1], count))
+    limits, far = (np.log(inner[0] / 10), np.log(inner[-1] * 10)), np.log(_FARTHEST)
+
+    def adjusted(start: Vector) -> tuple[float, Vector]:
+        rates = np.ones(len(start) - 1)
+        low, high = np.append(-np.inf, limits[0] * rates), np.append(np.inf, limits[1] * rates)
+        # The type stubs know only the names of finite differences here.
+        slopes: Any = lambda v: _slopes(v, omega) * weights[:, None]  # noqa: E731
+        found = least_squares(
+            lambda v: (_logs(v, omega) - logs) * weights,
+            np.clip(start, low + 1e-6, high - 1e-6),
+            jac=slopes,
+            bounds=(low, high),
+            max_nfev=100,
+        )
+        return float(found.cost), found.x
+
+    numbers = np.array([np.average(logs, weights=weights**2)])
+    found = [Filter.of(numbers)]
+    for order in range(most):
+        rest = logs - _logs(numbers, omega)
+        tried: list[tuple[float, Vector]] = []
+        for place in places:
+            basis = _slopes(np.array([0.0, place]), omega)
+            best: Any = np.linalg.lstsq(basis * weights[:, None], rest * weights, rcond=None)[0]
+            left = float(np.linalg.norm((rest - basis @ best) * weights))
+            ratio = float(np.clip(best[1], -far, far))
+            ends = [place + ratio / 2, place - ratio / 2]
+            start = np.insert(numbers, [1 + order, len(numbers)], ends)
+            start[0] += best[0]
+            tried.append((left, start))
+        tried.sort(key=lambda pair: pair[0])
+        numbers = min((adjusted(start) for _, start in tried[:3]), key=lambda pair: pair[0])[1]
+        found.append(Filter.of(numbers))
+    return found
+
+
+def repeated_filters(filters: Sequence[Filter], times: Sequence[int]) -> Controller:
+    """Return filters side by side, each so many times."""
+    parts = [f.matrices for f, count in zip(filters, times, strict=True) for _ in range(count)]
+    return Controller(*(block_diag(*each) for each in zip(*parts, strict=True)))  # pyright: ignore[reportArgumentType]
+
+
+# The D step: scalings of low order, and the plant with these scalings.
+
+
+# Largest order of a scaling.
+_ORDERS = 4
+# A fit is good if it raises the level of no frequency by more than this share.
+_NEAR = 0.01
+# Levels below this share of the peak count as so much: there a fit matters little.
+_LOW = 0.5
+# No scaling.
+ONE = Filter(1.0, np.zeros(0), np.zeros(0))
+
+
+def scaled_plant(problem: RobustProblem, filters: Sequence[Filter]) -> PlantMatrices:
+    """Return the plant with D on the signals z and its inverse on the signals w."""
+    plant, blocks = problem.matrices, problem.as_complex.blocks
+    into = repeated_filters([f.inverse for f in filters], [b.rows for b in blocks])
+    out = repeated_filters(filters, [b.columns for b in blocks])
+    n, i, o = plant.nx, len(into.A), len(out.A)
+    zeros = np.zeros
+    A = np.block(
+        [
+            [plant.A, plant.B1 @ into.C, zeros((n, o))],
+            [zeros((i, n)), into.A, zeros((i, o))],
+            [out.B @ plant.C1, out.B @ plant.D11 @ into.C, out.A],
+        ]
+    )
+    return PlantMatrices(
+        A=A,
+        B1=np.vstack([plant.B1 @ into.D, into.B, out.B @ plant.D11 @ into.D]),
+        B2=np.vstack([plant.B2, zeros((i, plant.nu)), out.B @ plant.D12]),
+        C1=np.hstack([out.D @ plant.C1, out.D @ plant.D11 @ into.C, out.C]),
+        C2=np.hstack([plant.C2, plant.D21 @ into.C, zeros((plant.ny, o))]),
+        D11=out.D @ plant.D11 @ into.D,
+        D12=out.D @ plant.D12,
+        D21=plant.D21 @ into.D,
+        D22=plant.D22,
+    )
+
+
+def scalings_of(problem: RobustProblem, found: MuBounds, M: AnyArray) -> list[Filter]:
+    """Return the scalings of lowest order that raise the levels next to nothing."""
+    blocks = problem.as_complex.blocks
+    sizes = found.diagonals()
+    weights = (found.values / found.peak) ** 2 + 1e-3
+    offered = [
+        fitted(found.omega, np.log(sizes[:, k]), weights, _ORDERS) for k in range(len(blocks) - 1)
+    ]
+    wanted = np.maximum(found.values, _LOW * found.peak)
+
+    def chosen(orders: Sequence[int]) -> list[Filter]:
+        return [one[order] for one, order in zip(offered, orders, strict=True)] + [ONE]
+
+    def loss(orders: list[int]) -> float:
+        logs = np.array([f.sizes(found.omega) for f in chosen(orders)]).T
+        left = np.exp(np.repeat(logs, [b.columns for b in blocks], axis=1))
+        right = np.exp(np.repeat(logs, [b.rows for b in blocks], axis=1))
+        norms = np.linalg.norm(left[:, :, None] * M / right[:, None, :], 2, axis=(1, 2))
+        return float((norms / wanted).max())
+
+    losses = [loss([order] * len(offered)) for order in range(_ORDERS + 1)]
+    enough = max(min(losses), 1 + _NEAR)
+    order = next(k for k, value in enumerate(losses) if value <= enough)
+    orders = [order] * len(offered)
+    for k in range(len(offered)):
+        while orders[k] and loss([*orders[:k], orders[k] - 1, *orders[k + 1 :]]) <= enough:
+            orders[k] -= 1
+    return chosen(orders)
+
 
 # The descent over the numbers of a controller and the scalings of each frequency at once.
 
@@ -59,6 +322,16 @@ _LARGEST = 1e5
 
 MuDescentPoint = tuple[Vector, Array, float]
 """Numbers of the controller, those of the scalings at each frequency, and the largest beta."""
+
+
+def largest_level(
+    loop: StaticLoop | None, scalings: Scalings, omega: Vector, weights: Array
+) -> float:
+    """Return the largest beta that scalings prove of a loop at frequencies; infinite of none."""
+    if loop is None:
+        return np.inf
+    squares = ScaledGain(scalings, weights, LoopResponses.of(loop, omega).M).squares
+    return float(np.sqrt(max(squares.max(), 0.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,14 +362,6 @@ class MuDescent:
         loop = close_static_loop(self.plant, K) if np.isfinite(K).all() else None
         return loop if loop is not None and loop.stable else None
 
-    def squares(self, theta: Vector, weights: Array) -> Vector:
-        """Return the beta^2 of each frequency."""
-        loop = self.loop(theta)
-        if loop is None:
-            return np.full(len(self.omega), np.inf)
-        M = LoopResponses.of(loop, self.omega).M
-        return ScaledGain(self.scalings, weights, M).squares
-
     def lower(
         self, start: MuDescentPoint, powers: tuple[float, ...], budget: Budget, steps: int
     ) -> MuDescentPoint:
@@ -122,7 +387,7 @@ class MuDescent:
                 budget, cost, steps, tolerance=0.02 / power,
             )  # fmt: skip
             point = found.point[:size], found.point[size:].reshape(weights.shape)
-            lower = float(np.sqrt(max(self.squares(*point).max(), 0.0)))
+            lower = largest_level(self.loop(point[0]), self.scalings, self.omega, point[1])
             if lower < level:
                 theta, weights, level = *point, lower
         return theta, weights, level
@@ -142,10 +407,8 @@ class MuDescent:
         shares = np.exp(power * (values - largest))
         total = shares.sum()
         value = largest - 1 + np.log(total) / power
-        weighted = (vectors * (shares / total / unit)[:, None, :]) @ np.conj(
-            np.swapaxes(vectors, 1, 2)
-        )
-        on_M, on_weights = scaled.back(weighted)
+        adjoint = np.conj(np.swapaxes(vectors, 1, 2))
+        on_M, on_weights = scaled.back((vectors * (shares / total / unit)[:, None, :]) @ adjoint)
         fence, on_K = self._stability_penalty(loop)
         on_theta = self.gain.back(theta, responses.back(on_M) + on_K)
         return float(value) + fence, np.concatenate([on_theta, on_weights.ravel()])
@@ -164,13 +427,13 @@ class MuDescent:
         room = self.damping * np.abs(poles) + _FENCE * self._slowest
         inside = np.maximum(0.0, 1 + poles.real / room)
         near = np.flatnonzero(inside > 0)
-        on_T = np.zeros(loop.K.shape)
+        nothing = 0.0, np.zeros(loop.K.shape)
         if not near.size:
-            return 0.0, on_T
+            return nothing
         try:
             rows = np.linalg.solve(vectors.T, np.eye(len(poles))[:, near]).T
         except np.linalg.LinAlgError:
-            return 0.0, on_T
+            return nothing
         # The room grows with the pole's size, which changes too.
         sizes = np.maximum(np.abs(poles[near]), 1e-300)
         turned = self.damping * poles[near].real * np.conj(poles[near]) / sizes / room[near]
@@ -178,13 +441,6 @@ class MuDescent:
         moved, seen = rows @ self.plant.B2, self.plant.C2 @ vectors[:, near]
         on_T = np.real(np.einsum("i,ia,bi->ab", slopes, moved, seen))
         return float((inside**2).sum()), loop.back(on_T)
-
-
-def damping(loop: StaticLoop) -> float:
-    """Return the least damping that is asked for in a descent that begins with a loop."""
-    poles = loop.poles[loop.poles.imag > 0]
-    least = float((-poles.real / np.abs(poles)).min(initial=1.0))
-    return min(max(0.5 * least, _LEAST), _DAMPED)
 
 
 # Steps of descents and Riccati equations, weighted by their size.
@@ -212,8 +468,26 @@ _ROOM = 0.003
 AGREES = 0.005
 # How often a proof may add frequencies.
 PROOFS = 4
-# A controller is shortened as long as its level rises by less than this share.
-_SHORTENED = 0.02
+SHORTENED = 0.02
+"""A controller is shortened as long as its level rises by less than this share."""
+
+# The share of its usual work that a search for fixed order of one machine gets, the safety net of
+# one machine in seconds, and what it gets when that of the whole search is nearly reached: no
+# search ends at once.
+_EFFORT, _SECONDS, _LEAST_SECONDS = 0.1, 300.0, 0.01
+
+
+def design_one(plant: GeneralizedPlant, order: int | None, budget: Budget) -> Design | None:
+    """Design a controller for one machine, of at most some order; None if none is found."""
+    try:
+        return output_feedback(
+            plant,
+            order=order,
+            effort=1.0 if order is None else _EFFORT,
+            time_limit=min(max(budget.seconds_left, _LEAST_SECONDS), _SECONDS),
+        )
+    except (InfeasibleError, SolverError):
+        return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,11 +510,6 @@ class AnalysedController:
     level: float
     omega: Vector
     weights: Array
-
-    @property
-    def order(self) -> int:
-        """Number of states."""
-        return len(self.controller.A)
 
 
 class ScalingSearch:
@@ -268,10 +537,11 @@ class ScalingSearch:
         SolverError
             If the first K step finds none, or none of the order asked for is stable.
         """
-        level, filters = 1.0, unit_scalings(self.problem)
+        problem, level = self.problem, 1.0
+        filters = [ONE] * len(problem.as_complex.blocks)
         for count in range(_ROUNDS):
             try:
-                full = k_step(scaled_plant(self.problem, filters), level, self.budget)
+                full = k_step(scaled_plant(problem, filters), level, self.budget)
             except SolverError:
                 if count == 0:
                     raise
@@ -283,13 +553,12 @@ class ScalingSearch:
                 break
             found = self._lowered(found, _QUICK, _QUICK_STEPS, 1)
             self._record_step("descent", found.controller, level=found.level)
-            if self.best is None or found.level < self.best.level:
+            if self.best is None or found.level < before:
                 self.best = found
             if self.budget.over or not found.level < before * (1 - _WORTHWHILE):
                 break
             level = found.level
-            known, M = self._levels(found.controller, self.problem.as_complex, best=True)
-            filters = scalings_of(self.problem, known, M)
+            filters = scalings_of(problem, *self._levels(found.controller, problem.as_complex))
         if self.best is None:
             raise SolverError("No stable loop was found with so few states.")
         found = self._lowered(self.best, _FULL, _FULL_STEPS, _SETS)
@@ -303,42 +572,60 @@ class ScalingSearch:
         self.history.append({**entry, "scaling_states": scalings, "work": self.budget.spent})
 
     def _levels(
-        self, K: Controller, structure: DeltaStructure, best: bool
+        self, K: Controller, structure: DeltaStructure | None = None
     ) -> tuple[MuBounds, AnyArray]:
+        """Return bounds of mu, the best ones of a structure, or quick ones; and the responses."""
         loop = self.problem.loop(K)
-        if loop is None or not loop.stable:
+        if loop is None:
             raise SolverError("The loop of a controller became unstable.")
         omega = grid([loop.poles, np.linalg.eigvals(self.problem.matrices.A)])
         M = LoopResponses.of(loop, omega).M
-        self.budget.spend((len(omega) if best else 1) * step_cost(len(loop.A)))
-        return mu_bounds(structure, omega, M, best), M
+        quick = structure is None
+        self.budget.spend((1 if quick else len(omega)) * step_cost(len(loop.A)))
+        asked = self.problem.structure if structure is None else structure
+        return MuBounds.over(asked, omega, M, best=not quick), M
+
+    def _level(self, K: Controller, omega: Vector, weights: Array) -> float:
+        return largest_level(self.problem.loop(K), self.scalings, omega, weights)
 
     def _started(self, full: Controller) -> AnalysedController | None:
         """Shorten a controller; None if no shorter one is stable."""
-        loop = self.problem.loop(full)
-        if loop is None or not loop.stable:
+        if self.problem.loop(full) is None:
             return None
-        known, _ = self._levels(full, self.problem.structure, best=False)
+        known, _ = self._levels(full)
         orders = [self.order] if self.order is not None else range(1, len(full.A) + 1)
-        enough = known.peak * (1 + _SHORTENED)
+        enough = known.peak * (1 + SHORTENED)
         weights = self.scalings.of_bounds(known.found)
         for order in orders:
             tried = [
-                (level_of(self.problem, K, known.omega, weights), i, K)
-                for i, K in enumerate(reduced_controllers(self.problem, full, order))
+                (self._level(K, known.omega, weights), i, K)
+                for i, K in enumerate(self._reduced(full, order))
             ]
             if not tried and self.order is not None and self.best is None:
-                other = of_order(self.problem, order, self.budget)
-                tried = [] if other is None else [(np.inf, 0, other)]
+                design = design_one(self.problem.scaled, order, self.budget)
+                found = design and Controller(*matrices_of(design.controller))
+                tried = [] if found is None else [(np.inf, 0, found)]
             if not tried:
                 continue
             level, _, K = min(tried)
             if self.order is not None or level <= enough:
-                own, _ = self._levels(K, self.problem.structure, best=False)
-                return AnalysedController(
-                    K, own.peak, own.omega, self.scalings.of_bounds(own.found)
-                )
+                own, _ = self._levels(K)
+                weights = self.scalings.of_bounds(own.found)
+                return AnalysedController(K, own.peak, own.omega, weights)
         return None
+
+    def _reduced(self, K: Controller, order: int) -> Iterator[Controller]:
+        """Yield stabilising controllers of an order that stand for a longer one."""
+        if len(K.A) <= order:
+            yield K
+            return
+        plant = self.problem.scaled
+        states = [f"xk{i}" for i in range(len(K.A))]
+        named = named_system(tuple(K), 0, plant.measurement_names, plant.control_names, states)
+        for candidate in Reducer(plant, named).of_order(order):
+            found = Controller(*matrices_of(candidate.controller))
+            if self.problem.loop(found) is not None:
+                yield found
 
     def _lowered(
         self, found: AnalysedController, powers: tuple[float, ...], steps: int, sets: int
@@ -346,13 +633,15 @@ class ScalingSearch:
         """Lower the level at the set, and add frequencies where it has risen in between."""
         for _ in range(sets):
             form, theta = ModalGain.of(found.controller)
-            plant, begun = augmented(self.problem.matrices, form.order), form.gain(theta)
-            start = close_static_loop(plant, begun)
+            plant = augmented(self.problem.matrices, form.order)
+            start = close_static_loop(plant, form.gain(theta))
             assert start is not None
-            descent = MuDescent(plant, form, self.scalings, found.omega, damping(start))
-            theta, weights, level = descent.lower(
-                (theta, found.weights, found.level), powers, self.budget, steps
-            )
+            poles = start.poles[start.poles.imag > 0]
+            own = float((-poles.real / np.abs(poles)).min(initial=1.0))
+            damping = min(max(0.5 * own, _LEAST), _DAMPED)
+            descent = MuDescent(plant, form, self.scalings, found.omega, damping)
+            begin = theta, found.weights, found.level
+            theta, weights, level = descent.lower(begin, powers, self.budget, steps)
             loop = descent.loop(theta)
             if loop is None:
                 return found
@@ -370,13 +659,10 @@ class ScalingSearch:
         self, found: AnalysedController, omega: Vector, weights: Array
     ) -> AnalysedController:
         """Add frequencies to the set."""
-        found = replace(
-            found,
-            omega=np.concatenate([found.omega, omega]),
-            weights=np.vstack([found.weights, weights]),
-        )
-        level = level_of(self.problem, found.controller, found.omega, found.weights)
-        return replace(found, level=level)
+        omega = np.concatenate([found.omega, omega])
+        weights = np.vstack([found.weights, weights])
+        level = self._level(found.controller, omega, weights)
+        return replace(found, omega=omega, weights=weights, level=level)
 
     def with_refined_frequencies(self, found: AnalysedController) -> AnalysedController:
         """Look for frequencies at which a proof needs more than the set, and lower these too."""

@@ -8,10 +8,6 @@ import pytest
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.synthesis.scheduled.polytope import (
-    affine_warps,
-    polytope,
-)
 
 k = rp.uncertain.real("k", 5.0, range=(1.0, 9.0))
 PRICE, NOISE = 1.0, 0.1
@@ -97,7 +93,8 @@ def test_state_feedback_with_rates():
 
 
 def test_two_numbers_of_which_one_is_bent():
-    m = rp.uncertain.real("m", 1.0, percent=30)
+    # A nominal value beside the middle is a fraction of the delta, and the number itself.
+    k, m = rp.uncertain.real("k", 2.0, range=(1.0, 9.0)), rp.uncertain.real("m", 1.0, percent=30)
     plant = rp.uncertain.system([[0, 1], [-k / m, -0.1 / m]], [[0, 0], [1 / m, 1]], [[1, 0]], 0)
     design = rp.scheduled_feedback(plant, controls=1, control_weight=PRICE, rates={"m": 0.1})
     assert len(design.controllers) == 4
@@ -185,42 +182,3 @@ def test_wrong_signals_are_told(design):
         design.simulate(push.rename({"u[0]": "F"}), {"k": np.full(11, 3.0)})
     with pytest.raises(rp.InvalidInputError, match="within its range only"):
         design.simulate(push, {"k": np.full(11, 0.5)})
-
-
-m = rp.uncertain.real("m", 1.0, percent=50)
-
-
-def spring_mass(stiffness, mass=1.0):
-    return rp.uncertain.system(
-        [[0, 1], [-stiffness / mass, -0.1 / mass]], [[0, 0], [1 / mass, 1 / mass]], [[1, 0]], 0
-    )
-
-
-@pytest.mark.parametrize(
-    ("system", "known"),
-    [
-        (spring_mass(k), True),
-        # Affine in k and in 1 / m, the other held.
-        (spring_mass(k, m), True),
-        # A nominal value beside the middle is a fraction of the delta, and the number itself.
-        (spring_mass(rp.uncertain.real("k", 2.0, range=(1.0, 9.0))), True),
-        (spring_mass(k * k), False),
-        (spring_mass(k + 1 / k), False),
-    ],
-)
-def test_mixtures_of_corners(system, known):
-    bends = affine_warps(system.matrices)
-    assert (bends is not None) == known
-    if not known:
-        return
-    whole = polytope(system, 1, None)
-    # The weights of a point inside, by the bent numbers: the plant there is that mixture.
-    random = np.random.default_rng(1)
-    for _ in range(5):
-        elements = list(system.elements.values())
-        values = {e.name: random.uniform(e.low, e.high) for e in elements}
-        weights = whole.weights(values)
-        assert weights.sum() == pytest.approx(1)
-        assert (weights >= 0).all()
-        mixed = sum(w * p.A for w, p in zip(weights, whole.plants, strict=True))
-        assert mixed == pytest.approx(np.asarray(system.at(values).A), abs=1e-12)

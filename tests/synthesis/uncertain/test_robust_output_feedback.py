@@ -9,9 +9,12 @@ import robustpolish as rp
 from robustpolish.base.budget import DeadlineError
 
 
-def test_lag_is_robust_with_named_signals_and_a_proof():
-    plant = lag()
-    design = rp.robust_output_feedback(plant, "y", "u", gamma=1.5)
+@pytest.fixture(scope="module")
+def design():
+    return rp.robust_output_feedback(lag(), "y", "u", gamma=1.5)
+
+
+def test_lag_is_robust_with_named_signals_and_a_proof(design):
     assert design.status == "robust"
     assert design.performance.proven
     assert design.certificate.valid
@@ -34,13 +37,16 @@ def test_signals_may_stand_anywhere():
     assert design.order == same.order <= 1
 
 
-def test_discrete_plants_are_mapped_and_proven_as_they_are():
+@pytest.mark.parametrize(
+    "asked", [{}, pytest.param({"structure": [[1]], "effort": 0.02}, marks=pytest.mark.slow)]
+)
+def test_discrete_plants_are_proven_as_they_are(asked):
     b = rp.uncertain.real("b", 0.1, percent=20)
     plant = rp.uncertain.system(
         [[0.99]], [[0.1, 0.0, b]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 0.5], [0, 0.1, 0]],
         0.1,
     )  # fmt: skip
-    design = rp.robust_output_feedback(plant, 1, 1, gamma=1.5)
+    design = rp.robust_output_feedback(plant, 1, 1, gamma=1.5, **asked)
     assert design.status == "robust"
     assert design.controller.dt == 0.1
 
@@ -67,23 +73,29 @@ def test_a_mode_that_nothing_moves_is_named():
     assert "x[1]" in design.reason
 
 
-def test_what_does_not_fit_is_refused():
-    plant = lag()
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("z", "u"), "names among"),
+        ((1, 3), "disturbances w"),
+        ((0, 1), "at least one y"),
+        ((1, 1, {"order": -1}), "order"),
+        ((1, 1, {"gamma": 0}), "gamma"),
+        ((1, 1, {"structure": np.ones((2, 2))}), r"shape \(1, 1\)"),
+        ((1, 1, {"structure": [[0]]}), "free entry"),
+    ],
+)
+def test_what_does_not_fit_is_refused(arguments, words):
+    y, u, *more = arguments
+    with pytest.raises(rp.InvalidInputError, match=words):
+        rp.robust_output_feedback(lag(), y, u, **(more[0] if more else {}))
+
+
+def test_plants_without_uncertainty_are_refused():
     with pytest.raises(rp.InvalidInputError, match="output_feedback"):
         rp.robust_output_feedback(control.ss(-1, [[1, 1]], [[1], [1]], 0), 1, 1)
-    with pytest.raises(rp.InvalidInputError, match="names among"):
-        rp.robust_output_feedback(plant, "z", "u")
-    with pytest.raises(rp.InvalidInputError, match="disturbances w"):
-        rp.robust_output_feedback(plant, 1, 3)
-    with pytest.raises(rp.InvalidInputError, match="at least one y"):
-        rp.robust_output_feedback(plant, 0, 1)
-    with pytest.raises(rp.InvalidInputError, match="order"):
-        rp.robust_output_feedback(plant, 1, 1, order=-1)
-    with pytest.raises(rp.InvalidInputError, match="gamma"):
-        rp.robust_output_feedback(plant, 1, 1, gamma=0)
-    certain = plant.at({"b": 1.0})
     with pytest.raises(rp.InvalidInputError, match="UncertainSystem"):
-        rp.robust_output_feedback(certain, 1, 1)
+        rp.robust_output_feedback(lag().at({"b": 1.0}), 1, 1)
 
 
 def test_a_structure_is_kept_and_proven():
@@ -106,25 +118,6 @@ def test_dynamics_enter_a_structure_by_their_worst_cases():
     assert design.performance.proven
     known = [step["machines"] for step in design.history]
     assert max(known) > 2  # the nominal machine, a corner, and witnesses of proofs
-
-
-@pytest.mark.long
-def test_numbers_of_a_discrete_plant_are_searched_as_they_are():
-    b = rp.uncertain.real("b", 0.1, percent=20)
-    plant = rp.uncertain.system(
-        [[0.99]], [[0.1, 0.0, b]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 0.5], [0, 0.1, 0]],
-        0.1,
-    )  # fmt: skip
-    design = rp.robust_output_feedback(plant, 1, 1, gamma=1.5, structure=[[1]], effort=0.02)
-    assert design.status == "robust"
-    assert design.controller.dt == 0.1
-
-
-def test_a_structure_of_the_wrong_shape_is_refused():
-    with pytest.raises(rp.InvalidInputError, match=r"shape \(1, 1\)"):
-        rp.robust_output_feedback(lag(), 1, 1, structure=np.ones((2, 2)))
-    with pytest.raises(rp.InvalidInputError, match="free entry"):
-        rp.robust_output_feedback(lag(), 1, 1, structure=[[0]])
 
 
 def test_when_the_time_is_over_what_was_proven_counts(monkeypatch):
@@ -166,8 +159,7 @@ def test_distillation_column_has_a_proven_mu_below_one_with_twelve_states():
     assert np.isfinite(design.certificate.achieved)
 
 
-def test_a_design_shows_what_is_proven():
-    design = rp.robust_output_feedback(lag(), "y", "u", gamma=1.5, order=1, effort=0.05)
+def test_a_design_shows_what_is_proven(design):
     shown = repr(design)
     assert shown.startswith("Robust design: robust")
     assert "mu at most" in shown
@@ -200,8 +192,7 @@ def test_a_worst_machine_between_the_corners_is_found_by_the_proof():
     assert design.worst_case.upper <= 1.01 * middle.certificate.achieved
 
 
-def test_the_lower_bound_is_what_one_machine_allows():
-    design = rp.robust_output_feedback(lag(), "y", "u", gamma=1.5)
+def test_the_lower_bound_is_what_one_machine_allows(design):
     weak = rp.output_feedback(rp.GeneralizedPlant(lag().at({"b": 0.8}), 1, 1))
     assert design.lower_bound == weak.lower_bound <= design.worst_case.lower * (1 + 1e-9)
 

@@ -5,12 +5,13 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
-from polytope_examples import oscillator, sampled, solver
+from polytope_examples import held_mass, oscillator, sampled, solver
 
 import robustpolish as rp
 from robustpolish.linear.arithmetic import balls
+from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
 from robustpolish.synthesis.scheduled.polytope import LyapunovFamily, PolytopeSpecification
-from robustpolish.synthesis.scheduled.proof import prove
+from robustpolish.synthesis.scheduled.proof import output_loop, prove, state_loop, uncertain_loop
 
 
 def norm_of(matrices, norm, dt):
@@ -30,7 +31,7 @@ def test_a_matrix_for_each_vertex_proves_the_largest_norm_of_all_mixtures(make, 
         norm_of([(1 - t) * a + t * b for a, b in zip(first, second, strict=True)], norm, dt)
         for t in np.linspace(0, 1, 11)
     ]
-    assert max(mixed) <= proof.bound <= 1.001 * max(mixed)
+    assert max(mixed) <= proof <= 1.001 * max(mixed)
 
 
 def test_a_common_matrix_costs_and_still_bounds():
@@ -40,7 +41,7 @@ def test_a_common_matrix_costs_and_still_bounds():
         for family in (LyapunovFamily.per_vertex(2), LyapunovFamily.common(2))
     )
     # The spring that changes with time pumps energy into the mass.
-    assert common.bound > 4 * own.bound
+    assert common > 4 * own
 
 
 def test_a_single_vertex_is_proven_within_a_thousandth():
@@ -50,7 +51,7 @@ def test_a_single_vertex_is_proven_within_a_thousandth():
             [loop], PolytopeSpecification(LyapunovFamily.common(1), norm, False), solver(), 1.0
         )
         true = norm_of(loop.doubles, norm, 0)
-        assert true <= proof.bound <= 1.001 * true
+        assert true <= proof <= 1.001 * true
 
 
 def test_what_is_unstable_in_between_is_not_proven():
@@ -70,7 +71,29 @@ def test_bounded_rates_lie_between_rest_and_jumps():
             PolytopeSpecification(LyapunovFamily.affine(positions, [rate]), "hinf", False),
             solver(),
             1.0,
-        ).bound
+        )
         for rate in (0.0, 0.3, np.inf)
     ]
     assert bounds[0] * 1.01 < bounds[1] < bounds[2] / 1.01
+
+
+F = np.array([[-1.0, -2.0]])
+
+
+def test_state_and_output_feedback_in_balls():
+    plant = held_mass(2.0)
+    K = Controller(*(np.array(M) for M in ([[-3.0]], [[2.0]], [[-1.0]], [[-0.5]])))
+    for made, expected in (
+        (state_loop(PlantMatrices.of(plant), F), plant.state_feedback_loop(F)),
+        (output_loop(PlantMatrices.of(plant), K), plant.closed_loop(control.StateSpace(*K))),
+    ):
+        for own, name in zip(made.doubles, "ABCD", strict=True):
+            assert own == pytest.approx(getattr(expected, name), abs=1e-15)
+
+
+def test_the_loop_of_an_uncertain_system():
+    k = rp.uncertain.real("k", 5.0, percent=80)
+    mass = rp.uncertain.system([[0, 1], [-k, -0.1]], [[0, 0], [1, 1]], [[1, 0]], 0)
+    loop = uncertain_loop(mass, 1, F).at({"k": 7.0})
+    assert pytest.approx(np.array([[0, 1], [-8, -2.1]])) == loop.A
+    assert (loop.ninputs, loop.noutputs) == (1, 1)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+import robustpolish as rp
 from robustpolish.errors import InvalidInputError
-from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.polishing.air_bearing import air_bearing
-from robustpolish.synthesis.structured.methods import passive_feedback
+
+passive_feedback, air_bearing, hinf_norm = rp.passive_feedback, rp.air_bearing, rp.hinf_norm
 
 
 def absorber(ratio):
@@ -27,46 +27,66 @@ def absorber(ratio):
     )
 
 
+def with_stiffness(plant, rows):
+    A = plant.A.copy()
+    A[2:, :2] = rows
+    return plant.replace(A=A)
+
+
+MU = 0.1
+TUNED = MU / (1 + MU) ** 2
+"""Stiffness of the spring of Den Hartog's absorber; his optimum is sqrt(1 + 2 / MU)."""
+
+
+@pytest.mark.slow
 def test_den_hartogs_absorber():
-    # With the small mass tuned to 1 / (1 + mu), Den Hartog's optimum is sqrt(1 + 2 / mu).
-    mu = 0.1
-    plant = absorber(mu)
-    tuned = plant.A.copy()
-    stiffness = mu / (1 + mu) ** 2
-    tuned[2, :2] = [-1 - stiffness, stiffness]
-    tuned[3, :2] = [stiffness / mu, -stiffness / mu]
-    plant = GeneralizedPlant.from_matrices(
-        tuned,
-        plant.B1,
-        plant.B2,
-        plant.C1,
-        plant.C2,
-        states=plant.states,
-        controls=plant.control_names,
-    )
+    plant = with_stiffness(absorber(MU), [[-1 - TUNED, TUNED], [TUNED / MU, -TUNED / MU]])
     design = passive_feedback(plant, dampers=[("p", "q")], time_limit=8)
-    assert design.certificate.achieved == pytest.approx(np.sqrt(1 + 2 / mu), rel=5e-3)
+    assert design.certificate.achieved == pytest.approx(np.sqrt(1 + 2 / MU), rel=5e-3)
     (damper,) = design.details["elements"]
     # Den Hartog: zeta = sqrt(3 mu / (8 (1 + mu))), damping 2 zeta mu omega.
-    zeta = np.sqrt(3 * mu / (8 * (1 + mu)))
-    assert damper.coefficient == pytest.approx(2 * zeta * mu / (1 + mu), rel=0.06)
+    zeta = np.sqrt(3 * MU / (8 * (1 + MU)))
+    assert damper.coefficient == pytest.approx(2 * zeta * MU / (1 + MU), rel=0.06)
 
 
+@pytest.mark.slow
 def test_spring_and_damper_of_an_absorber_together():
-    mu = 0.1
-    A = absorber(mu).A.copy()
-    A[2, :2], A[3, :2] = [-1.0, 0.0], [0.0, 0.0]
-    loose = absorber(mu)
-    plant = GeneralizedPlant.from_matrices(
-        A, loose.B1, loose.B2, loose.C1, loose.C2, states=loose.states
-    )
+    plant = with_stiffness(absorber(MU), [[-1.0, 0.0], [0.0, 0.0]])
     design = passive_feedback(plant, [("p", "q")], [("p", "q")], time_limit=8)
     spring, damper = design.details["elements"]
-    assert design.certificate.achieved <= np.sqrt(1 + 2 / mu) * 1.002
-    assert spring.coefficient == pytest.approx(mu / (1 + mu) ** 2, rel=0.05)
+    assert design.certificate.achieved <= np.sqrt(1 + 2 / MU) * 1.002
+    assert spring.coefficient == pytest.approx(TUNED, rel=0.05)
     assert (spring.unit, damper.unit) == ("N/m", "N s/m")
 
 
+def test_springs_and_dampers_pull_both_places_towards_each_other():
+    plant, bounds = absorber(0.5), {("p", "q"): 1e-3, ("ground", "p"): 0.2}
+    design = passive_feedback(
+        plant, [("p", "q")], [("p", "ground")], stiffness_bound=bounds, damping_bound=bounds
+    )
+    k, d = (element.coefficient for element in design.details["elements"])
+    assert k <= 1e-3 * (1 + 1e-9)
+    assert d <= 0.2 * (1 + 1e-9)
+    expected = [[-k, k, 0, 0], [k, -k, 0, -d]]
+    assert np.asarray(design.controller.D) == pytest.approx(np.array(expected), rel=1e-12)
+
+
+def test_parts_without_elements_are_left_alone():
+    # Two masses that share no spring.
+    none, eye = np.zeros((2, 2)), np.eye(2)
+    forces = np.vstack([none, eye])
+    A = np.block([[none, eye], [-np.diag([4.0, 6.0]), -0.1 * eye]])
+    plant = GeneralizedPlant.from_matrices(
+        A, forces, forces, np.eye(4)[:2], np.eye(4), states=["q", "p", "dq", "dp"]
+    )
+    design = passive_feedback(plant, dampers=[("q", "ground")], damping_bound=1.0)
+    (damper,) = design.details["elements"]
+    assert damper.coefficient == pytest.approx(1.0, rel=1e-3)
+    assert len(design.details["part_norms"]) == 1
+    assert design.certificate.achieved > 1.5 * design.details["part_norms"][0]
+
+
+@pytest.mark.slow
 def test_elements_act_between_their_places():
     plant = air_bearing(actuation="force")
     design = passive_feedback(
@@ -83,7 +103,8 @@ def test_elements_act_between_their_places():
     assert "damper between x_m and x" in str(damper)
 
 
-def test_thesis_plant_gets_better_and_says_when_nothing_bounds_it():
+@pytest.mark.slow
+def test_the_thesis_plant_gets_better():
     plant = air_bearing(actuation="force")
     open_loop = float(hinf_norm(plant.open_loop))
     dampers = [("x", "ground"), ("y", "ground"), ("z", "ground")]
@@ -93,9 +114,13 @@ def test_thesis_plant_gets_better_and_says_when_nothing_bounds_it():
     assert all(e.coefficient > 0 for e in design.details["elements"])
     bounded = passive_feedback(plant, dampers=dampers, damping_bound=1.0, time_limit=6)
     assert design.certificate.achieved < bounded.certificate.achieved < open_loop
+
+
+@pytest.mark.slow
+def test_a_norm_that_nothing_bounds_is_told():
     everywhere = [(q, "ground") for q in ("x_m", "x", "y_m", "y", "z_m", "z")]
     # it ends by itself, on a busy machine later than on an idle one
-    free = passive_feedback(plant, everywhere, everywhere, time_limit=60)
+    free = passive_feedback(air_bearing(actuation="force"), everywhere, everywhere, time_limit=60)
     assert free.status == "infimum_not_attained"
 
 

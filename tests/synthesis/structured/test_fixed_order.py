@@ -7,8 +7,6 @@ from small_plants import FULL, oscillator, two_masses
 import robustpolish as rp
 from robustpolish.errors import InfeasibleError, InvalidInputError
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
-from robustpolish.synthesis.structured.methods import static_output_feedback
 
 
 def compleib(shared, name):
@@ -20,10 +18,11 @@ def compleib(shared, name):
     raise KeyError(name)
 
 
+@pytest.mark.slow
 def test_more_states_never_do_worse_and_all_stay_above_the_bound():
     plant = oscillator()
-    full = output_feedback(plant)
-    found = [output_feedback(plant, order=k, effort=0.2) for k in (0, 1, 2)]
+    full = rp.output_feedback(plant)
+    found = [rp.output_feedback(plant, order=k, effort=0.2) for k in (0, 1, 2)]
     norms = [design.certificate.achieved for design in found]
     for k, design in enumerate(found):
         assert design.certificate.valid
@@ -35,18 +34,20 @@ def test_more_states_never_do_worse_and_all_stay_above_the_bound():
     assert norms[1] >= norms[2] * (1 - 1e-4)
     assert norms[2] <= full.certificate.achieved * 1.004
     # A static gain is what static output feedback finds.
-    static = static_output_feedback(plant)
+    static = rp.static_output_feedback(plant)
     assert norms[0] == pytest.approx(static.certificate.achieved, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_static_gain_for_the_h2_norm():
     plant = two_masses(FULL)
-    design = output_feedback(plant, "h2", order=0, effort=0.1)
+    design = rp.output_feedback(plant, "h2", order=0, effort=0.1)
     assert design.certificate.valid
     assert design.controller.nstates == 0
     assert design.norm == "h2"
 
 
+@pytest.mark.slow
 def test_the_limit_counts_the_states_of_all_decoupled_parts():
     one = oscillator()
     both = GeneralizedPlant.from_matrices(
@@ -54,7 +55,7 @@ def test_the_limit_counts_the_states_of_all_decoupled_parts():
         D12=np.kron(np.eye(2), one.D12),
         D21=np.kron(np.eye(2), one.D21),
     )
-    design = output_feedback(both, order=1, effort=0.02)
+    design = rp.output_feedback(both, order=1, effort=0.02)
     assert design.certificate.valid
     assert design.controller.nstates <= 1
 
