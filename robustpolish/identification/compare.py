@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, overload
@@ -22,9 +22,7 @@ from robustpolish.identification.free_runs import (
     ErrorsByOutput,
     OutputError,
     RecordError,
-    SimulatedPieces,
     output_errors,
-    parameter_band,
     predict,
     record_errors,
     records_content,
@@ -36,7 +34,7 @@ from robustpolish.identification.frequency.comparison import (
     compare_frequency_response,
 )
 from robustpolish.identification.observer.runs import Reproducibility, free_run
-from robustpolish.identification.record import Record, record_of, repeats
+from robustpolish.identification.record import record_of, repeats
 from robustpolish.identification.sanity import sanity_warnings
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plots.time import plot_overlay, plot_response
@@ -128,15 +126,10 @@ class Comparison(ErrorsByOutput, Displayed):
         -------
         dict
         """
+        figures = ("nrmse", "fit_percent", "rmse", "unit")
         return {
             "outputs": {
-                name: {
-                    "nrmse": error.nrmse,
-                    "fit_percent": error.fit_percent,
-                    "rmse": error.rmse,
-                    "unit": error.unit,
-                    "rmse_band": list(error.band),
-                }
+                name: {key: getattr(error, key) for key in figures} | {"rmse_band": [*error.band]}
                 for name, error in self.outputs.items()
             },
             "overall": {"nrmse": self.nrmse, "fit_percent": self.fit_percent},
@@ -179,21 +172,12 @@ class Comparison(ErrorsByOutput, Displayed):
     def _card(self) -> Card:
         how = self.method if self.span is None else f"{self.method} of {self.span:.6g} s"
         rows = tuple(
-            (
-                error.name,
-                float(f"{error.fit_percent:.2f}"),
-                error.nrmse,
-                error.rmse,
-                *error.band,
-                error.unit,
-            )
-            for error in self.outputs.values()
+            (e.name, float(f"{e.fit_percent:.2f}"), e.nrmse, e.rmse, *e.band, e.unit)
+            for e in self.outputs.values()
         )
         columns = ("output", "fit [%]", "NRMSE", "RMS error", "95 % from", "to", "unit")
         title = f"Comparison ({how}), fit {self.fit_percent:.2f} %"
-        tables = [Table("", columns, rows)]
-        tables += records_table(self.records)
-        return Card(title, tuple(tables), self.notes)
+        return Card(title, (Table("", columns, rows), *records_table(self.records)), self.notes)
 
 
 @overload
@@ -295,7 +279,11 @@ def compare(
     ['large: 100.000 %', 'small: 100.000 %']
     """
     if holds_frequency_response(data):
-        _over_time_only(window=window, horizon=horizon, standard_errors=standard_errors)
+        given = {"window": window, "horizon": horizon, "standard_errors": standard_errors}
+        for name, value in given.items():
+            if value is not None:
+                shown = described(f"{value} for frequency responses")
+                raise invalid(name, shown, "a record over time", "Leave it out.")
         return compare_frequency_response(model, data)
     if window is not None and horizon is not None:
         raise invalid("horizon", horizon, "either a window or a horizon", "Leave one of them out.")
@@ -308,7 +296,6 @@ def compare(
     else:
         method, span = "free run", None
     found = [simulated_record(run, part, method, span) for part in record.parts]
-    simulated = np.concatenate([part.outputs for part in found])
     notes: list[str] = [str(note) for note in record.data.attrs.get("notes", ())]
     several = len(found) > 1
     for data_set, part in zip(record.sets, found, strict=True):
@@ -316,59 +303,39 @@ def compare(
         said = [part.found.reason] if part.found.reason else []
         said += sanity_warnings(model, data_set, free)
         notes += [f"{part.record.name}: {note}" if several else note for note in said]
-    notes += _noise_notes(model, record)
-    band = None
+    if (repeated := repeats(model, record)) is not None:  # no model can do better
+        sizes = zip(model.outputs, repeated.noise, strict=True)
+        told = ", ".join(f"{o.name} {size:.3g} {model.unit_of(o)}" for o, size in sizes)
+        notes.append(f"{repeated.names} repeat each other; they differ by noise of {told}")
+
+    def simulate(changed: MechanicalModel) -> Array:
+        """Simulate a changed model in the same way, from the same starts."""
+        run = free_run(changed, record)
+        if horizon is not None:
+            return np.concatenate([predict(run, part.record, horizon)[0] for part in found])
+        pieces = (piece for part in found for piece in part.pieces)
+        return np.concatenate([run.over(piece).outputs for piece in pieces])
+
+    simulated, band = np.concatenate([part.outputs for part in found]), None
     if standard_errors:
-        widths = parameter_band(model, standard_errors, _again(record, found, horizon))
-        band = _dataset(model, widths, record.data["time"])
+        values, nominal = model.parameters, simulate(model)
+        variance = np.zeros_like(nominal)  # of the simulated outputs, to first order
+        for key, error in standard_errors.items():
+            if key not in values:
+                wanted = f"keys among {', '.join(values)}"
+                raise invalid("standard_errors", described(f"{key!r}"), wanted, "Correct the key.")
+            size = positive(f"standard_errors[{key!r}]", error, zero=True)
+            if size > 0:  # Upwards only: a mass or a gap must not become negative.
+                ahead = simulate(model.with_parameters({key: values[key] + size}))
+                variance += (ahead - nominal) ** 2
+        band = _dataset(model, 1.96 * np.sqrt(variance), record.data["time"])
     worst = min(found, key=lambda part: part.found.reproducible)
     return Comparison(
-        model=model,
-        data=record.data,
-        simulated=_dataset(model, simulated, record.data["time"]),
-        outputs=output_errors(model, found),
-        method=method,
-        span=span,
-        starts=np.concatenate([part.starts for part in found]),
-        reproducibility=worst.found,
-        band=band,
-        notes=tuple(notes),
-        records=record_errors(model, found),
-    )
-
-
-def _noise_notes(model: MechanicalModel, record: Record) -> list[str]:
-    """Say how much noise records show that repeat each other: no model can do better."""
-    found = repeats(model, record)
-    if found is None:
-        return []
-    sizes = zip(model.outputs, found.noise, strict=True)
-    told = ", ".join(f"{o.name} {size:.3g} {model.unit_of(o)}" for o, size in sizes)
-    return [f"{found.names} repeat each other; they differ by noise of {told}"]
-
-
-def _over_time_only(**given: Any) -> None:
-    """Refuse what means nothing for frequency responses."""
-    for name, value in given.items():
-        if value is not None:
-            shown = described(f"{value} for frequency responses")
-            raise invalid(name, shown, "a record over time", "Leave it out.")
-
-
-def _again(
-    record: Record, found: Sequence[SimulatedPieces], horizon: float | None
-) -> Callable[[MechanicalModel], Array]:
-    """How to simulate a changed model in the same way, from the same starts."""
-
-    def simulate(model: MechanicalModel) -> Array:
-        run = free_run(model, record)
-        if horizon is not None:
-            each = [predict(run, part.record, horizon)[0] for part in found]
-        else:
-            each = [run.over(piece).outputs for part in found for piece in part.pieces]
-        return np.concatenate(each)
-
-    return simulate
+        model, record.data, _dataset(model, simulated, record.data["time"]),
+        output_errors(model, found), method, span,
+        starts=np.concatenate([part.starts for part in found]), reproducibility=worst.found,
+        band=band, notes=tuple(notes), records=record_errors(model, found),
+    )  # fmt: skip
 
 
 def _dataset(model: MechanicalModel, values: Array, time: xr.DataArray) -> xr.Dataset:

@@ -13,7 +13,6 @@ from robustpolish.base.arrays import Array
 from robustpolish.base.results import shown
 from robustpolish.errors import InvalidInputError
 from robustpolish.identification.diagnosis.findings import IndistinguishablePair
-from robustpolish.identification.fit.result import Refit
 from robustpolish.identification.observer.kalman import displacement_amplitude, excited_bandwidth
 from robustpolish.identification.observer.runs import rest
 from robustpolish.identification.policy import POLICY
@@ -42,38 +41,36 @@ def machine_pair(
     first, second : MechanicalModel
         The effect that the model has already comes first.
     """
-    there, other = pair.first, pair.second
-    if _place(model, there) is None and _place(model, other) is not None:
+    effects = list(model.effects)
+
+    def place(effect: Effect) -> int | None:
+        same = (i for i, e in enumerate(effects) if (e.kind, e.at) == (effect.kind, effect.at))
+        return next(same, None)
+
+    there, other, first = pair.first, pair.second, model
+    if place(there) is None and place(other) is not None:
         there, other = other, there
-    first = model
-    if _place(model, there) is None:
-        first = replace(model, effects=(*model.effects, there))
-    place = _place(first, there)
-    rest = [e for i, e in enumerate(first.effects) if i != place]
-    bare = replace(first, effects=tuple(rest))
-    same = _place(bare, other)
+    if place(there) is None:
+        effects.append(there)
+        first = replace(model, effects=tuple(effects))
+    effects.pop(place(there) or 0)
+    same = place(other)
     if same is None:
-        return first, replace(bare, effects=(*rest, other))
-    # friction of unlike size in both directions: a number more of what is there already
-    rest[same] = rest[same].with_values({**rest[same].values, **other.parameters})
-    return first, replace(bare, effects=tuple(rest))
-
-
-def _place(model: MechanicalModel, effect: Effect) -> int | None:
-    same = (i for i, e in enumerate(model.effects) if (e.kind, e.at) == (effect.kind, effect.at))
-    return next(same, None)
+        effects.append(other)
+    else:  # friction of unlike size in both directions: a number more of what is there already
+        effects[same] = effects[same].with_values({**effects[same].values, **other.parameters})
+    return first, replace(model, effects=tuple(effects))
 
 
 def describe_difference(first: MechanicalModel, second: MechanicalModel) -> tuple[str, str]:
     """Return what tells two models from each other: effects that only one has, else their names."""
-    own = [[str(e) for e in model.effects] for model in (first, second)]
-    found = []
-    for mine, others, nth, model in (
-        (own[0], own[1], "first", first), (own[1], own[0], "second", second),
-    ):  # fmt: skip
-        only = [text for text in mine if text not in others]
-        found.append(" and ".join(only) or f"{model.name or 'the model'} ({nth})")
-    return found[0], found[1]
+
+    def own(model: MechanicalModel, other: MechanicalModel, nth: str) -> str:
+        others = [str(effect) for effect in other.effects]
+        only = [str(effect) for effect in model.effects if str(effect) not in others]
+        return " and ".join(only) or f"{model.name or 'the model'} ({nth})"
+
+    return own(first, second, "first"), own(second, first, "second")
 
 
 def precision_of(covariance: xr.DataArray) -> Array:
@@ -101,95 +98,44 @@ def precision_of(covariance: xr.DataArray) -> Array:
     return found
 
 
-def parameter_precision(fitted: Refit) -> tuple[dict[str, float], Array]:
-    """Return the standard errors of a refit's numbers, and their precision together."""
-    return {key: float(error) for key, error in fitted.stderr.items()}, precision_of(
-        fitted.covariance
-    )
+# What experiments are tried, and when one tells two machines apart.
 
-
-# Settings of the experiment search.
-
-
-@dataclass(frozen=True)
-class ExperimentPolicy:
-    """What experiments are tried, and when one tells two machines apart.
-
-    Attributes
-    ----------
-    times : tuple of float
-        Amplitudes, as multiples of those of the record: forces that grow with different powers of
-        the motion, that saturate or that need a least motion show within a decade and a half.
-    samples : int
-        Longest experiment; 8000 samples hold some dozen swings of most machines, and all
-        experiments together take seconds.
-    slow : float
-        Swings of the slowest mode within one to and fro of a slow one: fewer, and inertia
-        and damping join in.
-    fro : float
-        Turns of a slow to and fro: one to leave the start behind, one and a half to see both ways.
-    swings : float
-        Of the slowest mode that a free decay and a sweep have time for.
-    below, above : float
-        Where a sweep begins and ends, as multiples of the lowest and of the highest frequency.
-    nyquist : float
-        Share of the sampling rate above which nothing is excited: ten samples per turn.
-    reach : float
-        Times its largest value in the record that an output may reach: ten for the largest
-        amplitude, and a little for what a resonance adds. A machine has stops.
-    repeats : float
-        Share of the difference that may come from a start which errs by `start` of the amplitude;
-        beyond, an experiment tells nothing because nobody could repeat it.
-    start : float
-        See `repeats`; a hundredth of a per cent of the motion is a good sensor's noise.
-    rounds, stretches : int
-        Steps that the numbers of the second machine may take towards the first on each stretch,
-        and how many stretches there are, each twice as long as the one before: over the whole of
-        thirty swings a stiffness that is 2 % off is a turn off.
-    settled : float
-        Share of the sum of squares that a step has to come below to be followed by another.
-    step : float
-        Change of a number for a derivative, as a share of it, where its error is not known.
-    widest : float
-        Share by which such a step may move a number: beyond, nothing is linear in it.
-    sure : float
-        Times the noise that the difference should be for an experiment to be recommended at an
-        amplitude; larger amplitudes cost wear, and are proposed only where smaller ones fall short.
-    """
-
-    times: tuple[float, ...] = (0.3, 1.0, 3.0, 10.0)
-    samples: int = 8000
-    slow: float = 20.0
-    fro: float = 2.5
-    swings: float = 30.0
-    below: float = 0.3
-    above: float = 2.0
-    nyquist: float = 0.1
-    reach: float = 12.0
-    repeats: float = 0.3
-    start: float = 1e-4
-    rounds: int = 3
-    stretches: int = 5
-    settled: float = 0.97
-    step: float = 0.01
-    widest: float = 0.1
-    sure: float = 3.0
-
-    @property
-    def clear(self) -> float:
-        """Times the noise from which the wrong machine errs visibly more than the right one.
-
-        Its error is noise and difference together, and a diagnosis calls a fall by `visible_fall`
-        visible.
-        """
-        return float(np.sqrt(1 / (1 - POLICY.visible_fall) ** 2 - 1))
-
-
-EXPERIMENTS = ExperimentPolicy()
-"""What `tell_apart` goes by."""
-
-
-KINDS = ("record", "step", "to and fro", "sweep", "decay")
+# Amplitudes, as multiples of those of the record: forces that grow with different powers of the
+# motion, that saturate or that need a least motion show within a decade and a half.
+_TIMES = (0.3, 1.0, 3.0, 10.0)
+# Longest experiment: 8000 samples hold some dozen swings of most machines, and all experiments
+# together take seconds.
+_SAMPLES = 8000
+# Swings of the slowest mode within one to and fro of a slow one: fewer, and inertia and damping
+# join in. And its turns: one to leave the start behind, one and a half to see both ways.
+_SLOW, _FRO = 20.0, 2.5
+# Swings of the slowest mode that a free decay and a sweep have time for.
+_SWINGS = 30.0
+# Where a sweep begins and ends, as multiples of the lowest and of the highest frequency.
+_BELOW, _ABOVE = 0.3, 2.0
+# Share of the sampling rate above which nothing is excited: ten samples per turn.
+_NYQUIST = 0.1
+# Times its largest value in the record that an output may reach: ten for the largest amplitude, and
+# a little for what a resonance adds. A machine has stops.
+REACH = 12.0
+# Share of the difference that may come from a start which errs by that share of the amplitude, a
+# good sensor's noise; beyond, an experiment tells nothing because nobody could repeat it.
+_REPEATS, _START = 0.3, 1e-4
+# Steps that the numbers of the second machine may take towards the first on each stretch, and how
+# many stretches there are, each twice as long as the one before: over the whole of thirty swings a
+# stiffness that is 2 % off is a turn off.
+_ROUNDS, _STRETCHES = 3, 5
+# Share of the sum of squares that a step has to come below to be followed by another.
+_SETTLED = 0.97
+# Change of a number for a derivative, as a share of it, where its error is not known; and the share
+# by which a step may move it: beyond, nothing is linear in it.
+_STEP, _WIDEST = 0.01, 0.1
+# Times the noise that the difference should be for an experiment to be recommended at an amplitude;
+# larger amplitudes cost wear, and are proposed only where smaller ones fall short.
+SURE = 3.0
+# Times the noise from which the wrong machine errs visibly more than the right one: its error is
+# noise and difference together, and a diagnosis calls a fall by `visible_fall` visible.
+CLEAR = float(np.sqrt(1 / (1 - POLICY.visible_fall) ** 2 - 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,20 +176,16 @@ class Experiment:
     motion: float
 
     def __str__(self) -> str:
-        size = f"{shown(self.amplitude, 3)} {self.unit}"
-        many = f"{self.times:g} times that of the record"
-        if self.kind == "record":
-            return (
-                f"the record's own excitation times {self.times:g}, up to {size} on {self.channel}"
-            )
-        if self.kind == "step":
-            return f"a step of {size} on {self.channel} ({many})"
-        if self.kind == "decay":
-            return f"a free decay after {self.channel} is let go at {size} ({many})"
-        low, high = (f"{f:.3g}" for f in (self.band[0], self.band[-1]))
-        if self.kind == "to and fro":
-            return f"slowly to and fro on {self.channel}, up to {size} ({many}) at {low} Hz"
-        return f"a sweep on {self.channel}, up to {size} ({many}) from {low} to {high} Hz"
+        size, on = f"{shown(self.amplitude, 3)} {self.unit}", self.channel
+        many = f"({self.times:g} times that of the record)"
+        band = " to ".join(f"{f:.3g}" for f in self.band)
+        return {
+            "record": f"the record's own excitation times {self.times:g}, up to {size} on {on}",
+            "step": f"a step of {size} on {on} {many}",
+            "decay": f"a free decay after {on} is let go at {size} {many}",
+            "to and fro": f"slowly to and fro on {on}, up to {size} {many} at {band} Hz",
+            "sweep": f"a sweep on {on}, up to {size} {many} from {band} Hz",
+        }[self.kind]
 
 
 def experiments(
@@ -277,37 +219,33 @@ def _driven(model: MechanicalModel, record: Record) -> list[Experiment]:
     """Return the experiments with inputs: each alone, and those of the record together."""
     low, high = _frequencies(model, record)
     motion = displacement_amplitude(model, record, excited_bandwidth(model, record))
-    drives = [item for item in model.inputs if _drives(model, item)]
-    sizes = {item.name: float(np.max(np.abs(record.data[item.name].values))) for item in drives}
-    drives = [item for item in drives if sizes[item.name] > 0]
+    still = np.zeros(2 * len(model.free))
+    # what moves the machine by itself; derivatives follow their displacement
+    drives = [
+        (item, float(np.max(np.abs(record.data[item.name].values))))
+        for item in model.inputs
+        if item.imposes in (None, DISPLACEMENT) and item.on[0] not in model.channels
+    ]
+    drives = [(item, size) for item, size in drives if size > 0]
     found = []
-    for times in EXPERIMENTS.times:
-        common = {"times": times, "motion": times * motion, "initial_state": _still(model)}
-        if drives:
-            first = drives[0]
-            found.append(
-                Experiment(
-                    kind="record", channel=first.name, amplitude=times * sizes[first.name],
-                    unit=model.unit_of(first), band=(),
-                    inputs=_scaled(model, record, times), **common,
-                )
-            )  # fmt: skip
-        for item in drives:
-            for kind, band, wave in _waves(item, record.dt, low, high):
-                found.append(
-                    Experiment(
-                        kind=kind, channel=item.name, amplitude=times * sizes[item.name],
-                        unit=model.unit_of(item), band=band,
-                        inputs=_single_input(model, record, item, times * sizes[item.name] * wave),
-                        **common,
-                    )
-                )  # fmt: skip
+    for times in _TIMES:
+
+        def made(
+            kind: str, item: Input, size: float, band: tuple[float, ...], inputs: xr.Dataset,
+            times: float = times,
+        ) -> Experiment:  # fmt: skip
+            unit = model.unit_of(item)
+            return Experiment(
+                kind, item.name, times, times * size, unit, band, inputs, still, times * motion
+            )
+
+        found += [made("record", *each, (), _scaled(model, record, times)) for each in drives[:1]]
+        found += [
+            made(kind, item, size, band, _single_input(model, record, item, times * size * wave))
+            for item, size in drives
+            for kind, band, wave in _waves(item, record.dt, low, high)
+        ]
     return found
-
-
-def _drives(model: MechanicalModel, item: Input) -> bool:
-    """Whether an input moves the machine by itself; derivatives follow their displacement."""
-    return item.imposes in (None, DISPLACEMENT) and item.on[0] not in model.channels
 
 
 def _waves(
@@ -317,14 +255,11 @@ def _waves(
 
     A motion cannot jump, nor have corners.
     """
-    longest = EXPERIMENTS.samples * dt
-    slow = max(low / EXPERIMENTS.slow, EXPERIMENTS.fro / longest)
-    turn = np.arange(round(EXPERIMENTS.fro / slow / dt)) * dt * slow
-    time = np.arange(min(EXPERIMENTS.samples, max(500, round(EXPERIMENTS.swings / low / dt)))) * dt
-    band = (
-        max(EXPERIMENTS.below * low, 1 / time[-1]),
-        min(EXPERIMENTS.above * high, EXPERIMENTS.nyquist / dt),
-    )
+    longest = _SAMPLES * dt
+    slow = max(low / _SLOW, _FRO / longest)
+    turn = np.arange(round(_FRO / slow / dt)) * dt * slow
+    time = np.arange(min(_SAMPLES, max(500, round(_SWINGS / low / dt)))) * dt
+    band = (max(_BELOW * low, 1 / time[-1]), min(_ABOVE * high, _NYQUIST / dt))
     sweep = chirp(time, band[0], time[-1], band[1], "logarithmic", phi=-90)
     if item.imposes is not None:
         begin = np.minimum(1.0, 4 * turn)
@@ -340,7 +275,7 @@ def _waves(
 
 def _scaled(model: MechanicalModel, record: Record, times: float) -> xr.Dataset:
     """Return the inputs of the record times a factor; other signals stay as they were."""
-    part = record.data.isel(time=slice(0, EXPERIMENTS.samples))
+    part = record.data.isel(time=slice(0, _SAMPLES))
     columns = {
         item.name: part[item.name] * (1.0 if item.on[0] in model.channels else times)
         for item in model.inputs
@@ -385,28 +320,19 @@ def _decays(model: MechanicalModel, record: Record, places: Sequence[str]) -> li
     shapes = np.linalg.inv(stiffness)
     size = displacement_amplitude(model, record, excited_bandwidth(model, record))
     low = _frequencies(model, record)[0]
-    samples = min(EXPERIMENTS.samples, max(500, round(EXPERIMENTS.swings / low / record.dt)))
+    samples = min(_SAMPLES, max(500, round(_SWINGS / low / record.dt)))
     still = _single_input(model, record, None, np.zeros(samples))
     found = []
     for name in names:
-        i = list(model.free).index(name)
-        if shapes[i, i] <= 0:
-            continue
-        for times in EXPERIMENTS.times:
+        i, unit = list(model.free).index(name), "rad" if model.dof(name).rotational else "m"
+        for times in _TIMES if shapes[i, i] > 0 else ():
             pulled = times * size * shapes[:, i] / shapes[i, i]
+            start = np.concatenate([pulled, np.zeros(len(free))])
+            amplitude = times * size
             found.append(
-                Experiment(
-                    kind="decay", channel=name, times=times, amplitude=times * size,
-                    unit="rad" if model.dof(name).rotational else "m", band=(), inputs=still,
-                    initial_state=np.concatenate([pulled, np.zeros(len(free))]),
-                    motion=times * size,
-                )
-            )  # fmt: skip
+                Experiment("decay", name, times, amplitude, unit, (), still, start, amplitude)
+            )
     return found
-
-
-def _still(model: MechanicalModel) -> Array:
-    return np.zeros(2 * len(model.free))
 
 
 def _frequencies(model: MechanicalModel, record: Record) -> tuple[float, float]:
@@ -414,11 +340,11 @@ def _frequencies(model: MechanicalModel, record: Record) -> tuple[float, float]:
 
     Those of the modes; of a machine without any that swings, where the record moves.
     """
-    top = EXPERIMENTS.nyquist / record.dt
+    top = _NYQUIST / record.dt
     found = [excited_bandwidth(model, record) / (2 * np.pi)]
     poles = poles_of(model)
-    swinging = [float(f) for f in np.abs(poles[poles.imag > 0]) / (2 * np.pi) if f < top]  # pyright: ignore[reportAttributeAccessIssue]
-    found = swinging or found
+    swinging = np.abs(poles[np.imag(poles) > 0]) / (2 * np.pi)
+    found = [float(f) for f in swinging if f < top] or found
     return min(min(found), top / 2), min(max(found), top)
 
 
@@ -453,11 +379,13 @@ class MachinePair:
 
 
 @dataclass(frozen=True, eq=False)
-class Distance:
-    """How far two machines are apart in one experiment.
+class SimulatedExperiment:
+    """An experiment that was simulated on both machines.
 
     Attributes
     ----------
+    experiment : Experiment
+    noise : ndarray, shape (ny,)
     first, second : ndarray, shape (samples, ny)
         Outputs.
     adapted : ndarray, shape (samples, ny)
@@ -465,30 +393,44 @@ class Distance:
         record allows.
     """
 
+    experiment: Experiment
+    noise: Array
     first: Array
     second: Array
     adapted: Array
 
     @property
-    def apart(self) -> Array:
-        """Root mean square of the difference as the two are, shape (ny,)."""
-        return np.sqrt(np.mean((self.first - self.second) ** 2, axis=0))
+    def differences(self) -> Array:
+        """Root mean square of the difference as the machines are, and after the second adapted.
+
+        Shape (2, ny).
+        """
+        runs = (self.second, self.adapted)
+        return np.array([np.sqrt(np.mean((self.first - run) ** 2, axis=0)) for run in runs])
 
     @property
-    def left(self) -> Array:
-        """Root mean square of the difference after the second took after the first."""
-        return np.sqrt(np.mean((self.first - self.adapted) ** 2, axis=0))
+    def apart(self) -> float:
+        """Difference over noise, of the output that shows it best, as the machines are."""
+        return float(np.max(self.differences[0] / self.noise))
+
+    @property
+    def left(self) -> float:
+        """The same after the numbers of the second machine were fitted to this experiment too."""
+        return float(np.max(self.differences[1] / self.noise))
+
+    @property
+    def best_output(self) -> int:
+        """Place of the output that shows the difference best."""
+        return int(np.argmax(self.differences[1] / self.noise))
 
 
 class UnusableExperimentError(Exception):
     """Why an experiment tells nothing, or cannot be made."""
 
 
-def distance(
-    machines: MachinePair,
-    experiment: Experiment,
-    reach: Array,
-) -> Distance:
+def simulate_experiment(
+    machines: MachinePair, experiment: Experiment, reach: Array
+) -> SimulatedExperiment:
     """Simulate an experiment on both machines.
 
     Parameters
@@ -500,7 +442,7 @@ def distance(
 
     Returns
     -------
-    Distance
+    SimulatedExperiment
 
     Raises
     ------
@@ -508,15 +450,13 @@ def distance(
         If a machine leaves its range or diverges, or nobody could repeat the experiment.
     """
     both = (machines.first, machines.second)
-    if (
-        experiment.kind == "decay"
-        and machines.first.inputs
-        and any(map(_has_internal_states, both))
-    ):
+    memory = any(rest(model).internal.size for model in both)
+    if experiment.kind == "decay" and machines.first.inputs and memory:
         raise UnusableExperimentError("what has a memory also keeps how it was pulled")
-    steps = max(needed_substeps(model, _step(experiment), experiment.motion) for model in both)
-    first = _run(machines.first, experiment, steps)
-    second = _run(machines.second, experiment, steps)
+    time = experiment.inputs["time"].values
+    step = float((time[-1] - time[0]) / (time.size - 1))
+    steps = max(needed_substeps(model, step, experiment.motion) for model in both)
+    first, second = (_run(model, experiment, steps) for model in both)
     for run in (first, second):
         if not np.isfinite(run).all():
             raise UnusableExperimentError("the machine would run away")
@@ -524,25 +464,17 @@ def distance(
         if np.any(over > 1):
             name = machines.first.output_names[int(np.argmax(over))]
             raise UnusableExperimentError(f"{name} would reach {over.max():.3g} times its limit")
-    found = Distance(first, second, second)
-    if np.all(found.apart < EXPERIMENTS.clear * machines.noise):
+    found = SimulatedExperiment(experiment, machines.noise, first, second, second)
+    apart = found.differences[0]
+    if np.all(apart < CLEAR * machines.noise):
         return found  # nothing that the numbers of the second could do would matter
     push = np.zeros(experiment.initial_state.size)
-    push[: push.size // 2] = EXPERIMENTS.start * experiment.motion
+    push[: push.size // 2] = _START * experiment.motion
     moved = replace(experiment, initial_state=experiment.initial_state + push)
-    again = Distance(first, _run(machines.first, moved, steps), first)
-    if not np.any(again.apart < EXPERIMENTS.repeats * found.apart):
+    again = replace(found, second=_run(machines.first, moved, steps)).differences[0]
+    if not np.any(again < _REPEATS * apart):
         raise UnusableExperimentError("a tiny change of the start changes the run as much")
-    return replace(found, adapted=_adapted(machines, experiment, first, second, steps))
-
-
-def _has_internal_states(model: MechanicalModel) -> bool:
-    return rest(model).internal.size > 0
-
-
-def _step(experiment: Experiment) -> float:
-    time = experiment.inputs["time"].values
-    return float((time[-1] - time[0]) / (time.size - 1))
+    return replace(found, adapted=_adapted(machines, found, steps))
 
 
 def _run(model: MechanicalModel, experiment: Experiment, substeps: int) -> Array:
@@ -551,13 +483,7 @@ def _run(model: MechanicalModel, experiment: Experiment, substeps: int) -> Array
         return simulate_model(model, data, experiment.initial_state, substeps=substeps).outputs
 
 
-def _adapted(
-    machines: MachinePair,
-    experiment: Experiment,
-    wanted: Array,
-    begin: Array,
-    substeps: int,
-) -> Array:
+def _adapted(machines: MachinePair, both: SimulatedExperiment, substeps: int) -> Array:
     """Return the run of the second machine that comes closest to the first.
 
     Its numbers move by Gauss-Newton steps on stretches that grow twofold, as over a long run a
@@ -565,87 +491,64 @@ def _adapted(
     to both experiments.
     """
     if not machines.known:
-        return begin
-    values = start = np.array([machines.second.parameters[key] for key in machines.known])
-    samples, cost = len(wanted), np.inf
-    for halvings in range(EXPERIMENTS.stretches - 1, -1, -1):
-        length = max(samples >> halvings, 2)
-        head = replace(experiment, inputs=experiment.inputs.isel(time=slice(0, length)))
-        stretch = _Stretch(machines, head, wanted[:length], start, substeps)
-        values, cost = _closer(stretch, values)
-    whole = _Stretch(machines, experiment, wanted, start, substeps)
-    found = whole.run(values)
-    if found is None or not cost < whole.cost(begin, start):
-        return begin
-    return found
+        return both.second
+    start = np.array([machines.second.parameters[key] for key in machines.known])
+    known, sizes = np.array(list(machines.known.values())), np.abs(start)
+    error = np.where(np.isfinite(known), known, 0.0)
+    widest = np.maximum(_WIDEST * sizes, 3 * error)
+    small = _STEP * np.where(sizes > 0, sizes, error)
+    small = np.where((error > 0) & (error < small), error, small)
+    scaled = machines.precision * np.outer(small, small)
 
-
-@dataclass(frozen=True, eq=False)
-class _Stretch:
-    """The beginning of an experiment, and what the second machine should do in it."""
-
-    machines: MachinePair
-    experiment: Experiment
-    wanted: Array
-    start: Array
-    substeps: int
-
-    def run(self, values: Array) -> Array | None:
-        """Return the outputs with other numbers; None for numbers that cannot be."""
-        keys = self.machines.known
+    def run_with(values: Array, samples: int) -> Array | None:
+        """Return the first outputs with other numbers; None for numbers that cannot be."""
+        changed = dict(zip(machines.known, values.tolist(), strict=True))
+        head = both.experiment.inputs.isel(time=slice(0, samples))
         try:
-            tried = self.machines.second.with_parameters(
-                dict(zip(keys, values.tolist(), strict=True))
-            )
+            tried = machines.second.with_parameters(changed)
         except InvalidInputError:  # a negative mass
             return None
-        run = _run(tried, self.experiment, self.substeps)
+        run = _run(tried, replace(both.experiment, inputs=head), substeps)
         return run if np.isfinite(run).all() else None
 
-    def error(self, run: Array) -> Array:
-        """Return what the run leaves, over the noise."""
-        return ((self.wanted - run) / self.machines.noise).ravel()
+    def error_of(run: Array) -> Array:
+        """Return what a run leaves, over the noise."""
+        return ((both.first[: len(run)] - run) / machines.noise).ravel()
 
-    def cost(self, run: Array | None, values: Array) -> float:
+    def cost(run: Array, values: Array) -> float:
         """Return the sum of squares, and what it costs to leave what the record knows."""
-        if run is None:
-            return np.inf
-        moved = values - self.start
-        return float(np.sum(self.error(run) ** 2) + moved @ self.machines.precision @ moved)
+        moved = values - start
+        return float(np.sum(error_of(run) ** 2) + moved @ machines.precision @ moved)
 
-
-def _closer(stretch: _Stretch, values: Array) -> tuple[Array, float]:
-    """Return numbers with which the second machine is closer to the first, and their cost."""
-    start, precision = stretch.start, stretch.machines.precision
-    known = np.array(list(stretch.machines.known.values()))
-    sizes = np.abs(start)
-    error = np.where(np.isfinite(known), known, 0.0)
-    widest = np.maximum(EXPERIMENTS.widest * sizes, 3 * error)
-    small = EXPERIMENTS.step * np.where(sizes > 0, sizes, error)
-    small = np.where((error > 0) & (error < small), error, small)
-    scaled = precision * np.outer(small, small)
-    best = stretch.run(values)
-    cost = stretch.cost(best, values)
-    for _ in range(EXPERIMENTS.rounds):
+    def closer(values: Array, samples: int) -> tuple[Array, float]:
+        """Return numbers with which the second machine is closer to the first, and their cost."""
+        best = run_with(values, samples)
         if best is None:
-            break
-        slopes = np.zeros((best.size, values.size))
-        for j in np.flatnonzero(small > 0).tolist():
-            ahead = values.copy()
-            ahead[j] += small[j]
-            run = stretch.run(ahead)
-            if run is not None:
-                slopes[:, j] = ((run - best) / stretch.machines.noise).ravel()
-        moved = np.divide(values - start, small, out=np.zeros_like(values), where=small > 0)
-        pull = slopes.T @ stretch.error(best) - scaled @ moved
-        change = small * (np.linalg.pinv(slopes.T @ slopes + scaled, 1e-10, hermitian=True) @ pull)
-        before = cost
-        for share in (1.0, 0.5, 0.2, 0.05):
-            there = start + np.clip(values + share * change - start, -widest, widest)
-            run = stretch.run(there)
-            if stretch.cost(run, there) < cost:
-                values, best, cost = there, run, stretch.cost(run, there)
+            return values, np.inf
+        least = cost(best, values)
+        for _ in range(_ROUNDS):
+            slopes = np.zeros((best.size, values.size))
+            for j in np.flatnonzero(small > 0).tolist():
+                ahead = values.copy()
+                ahead[j] += small[j]
+                if (run := run_with(ahead, samples)) is not None:
+                    slopes[:, j] = ((run - best) / machines.noise).ravel()
+            moved = np.divide(values - start, small, out=np.zeros_like(values), where=small > 0)
+            pull = slopes.T @ error_of(best) - scaled @ moved
+            gauss = np.linalg.pinv(slopes.T @ slopes + scaled, 1e-10, hermitian=True)
+            change, before = small * (gauss @ pull), least
+            for share in (1.0, 0.5, 0.2, 0.05):
+                there = start + np.clip(values + share * change - start, -widest, widest)
+                run = run_with(there, samples)
+                if run is not None and cost(run, there) < least:
+                    values, best, least = there, run, cost(run, there)
+                    break
+            if not least < _SETTLED * before:
                 break
-        if not cost < EXPERIMENTS.settled * before:
-            break
-    return values, cost
+        return values, least
+
+    values, least, samples = start, np.inf, len(both.first)
+    for halvings in range(_STRETCHES - 1, -1, -1):
+        values, least = closer(values, max(samples >> halvings, 2))
+    found = run_with(values, samples)
+    return found if found is not None and least < cost(both.second, start) else both.second

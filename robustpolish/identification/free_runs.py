@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from robustpolish.base.arrays import Array
-from robustpolish.base.checks import described, invalid, positive
+from robustpolish.base.checks import described, invalid
 from robustpolish.base.results import Table
 from robustpolish.identification.observer.missing_force import best_observer_run, smoothed_motion
 from robustpolish.identification.observer.runs import (
@@ -24,11 +24,9 @@ from robustpolish.identification.observer.runs import (
     rest,
 )
 from robustpolish.identification.observer.starts import (
+    StartFit,
     doubling_lengths,
     fitted_start,
-    output_weights,
-    refine_starts,
-    squared_errors_of,
     state_sizes,
     visible_sizes,
 )
@@ -76,18 +74,14 @@ def refine_steps(
     finest = None if run.linear else _converged_run(run, pieces)
     if finest is None or finest is run:
         return run, list(pieces)
-    longest = max((piece.record for piece in pieces), key=lambda record: record.samples)
-    weights = output_weights(longest)
-
-    def left(of: RecordRun, started: Sequence[StartedPiece]) -> float:
-        return sum(squared_errors_of(of, started, longest.samples, weights))
-
-    found = list(pieces)
+    rough, fine = (StartFit(of, sizes, pieces) for of in (run, finest))
+    found, before = list(pieces), sum(rough.squares(pieces, rough.longest))
     if sizes.size:
-        found = refine_starts(finest, pieces, longest.samples, sizes, weights)
-        if left(finest, found) > left(run, pieces):
+        found = fine.refined(pieces, fine.longest)
+        if sum(fine.squares(found, fine.longest)) > before:
             found = list(search(finest))
-    return (finest, found) if left(finest, found) <= left(run, pieces) else (run, list(pieces))
+    better = sum(fine.squares(found, fine.longest)) <= before
+    return (finest, found) if better else (run, list(pieces))
 
 
 def _converged_run(run: RecordRun, pieces: Sequence[StartedPiece]) -> RecordRun | None:
@@ -138,23 +132,16 @@ def predict(run: RecordRun, record: Record, horizon: float) -> tuple[Array, Star
     """
     ahead = max(1, round(horizon / record.dt))
     if ahead >= record.samples:
-        raise invalid(
-            "horizon",
-            described(f"{horizon} s, {ahead} samples"),
-            f"less than the record, {record.samples} samples",
-            "Choose a shorter one.",
-        )
+        shown, wanted = f"{horizon} s, {ahead} samples", f"less than the record, {record.samples}"
+        raise invalid("horizon", described(shown), f"{wanted} samples", "Choose a shorter one.")
     still = StartedPiece(record, rest(run.model))
     if not still.start.vector.size:
         return run.over(still).outputs, still
     seen = best_observer_run(run.model, record)
     if not np.isfinite(seen.outputs).all():
-        raise invalid(
-            "model",
-            described("a model whose observer diverges on these data"),
-            "one that can follow them",
-            "Compare in short windows, or check its stiffness and damping.",
-        )
+        shown = described("a model whose observer diverges on these data")
+        remedy = "Compare in short windows, or check its stiffness and damping."
+        raise invalid("model", shown, "one that can follow them", remedy)
     n = run.run.system.states
 
     def started(k: int, end: int) -> StartedPiece:
@@ -164,46 +151,6 @@ def predict(run: RecordRun, record: Record, horizon: float) -> tuple[Array, Star
     for k in range(record.samples - ahead):
         outputs[k + ahead] = run.over(started(k, k + ahead + 1)).outputs[-1]
     return outputs, started(0, record.samples)
-
-
-# Confidence band of the simulated outputs from the standard errors of parameters.
-
-Simulation = Callable[[MechanicalModel], Array]
-
-
-def parameter_band(
-    model: MechanicalModel,
-    standard_errors: Mapping[str, float],
-    simulate: Simulation,
-) -> Array:
-    """Return the half width of the 95 % band of the outputs, to first order.
-
-    Parameters
-    ----------
-    model : MechanicalModel
-    standard_errors : mapping of str to float
-        By the keys of ``model.parameters``; taken as independent.
-    simulate : callable
-        Gives the outputs of a model, shape (samples, ny).
-
-    Returns
-    -------
-    ndarray, shape (samples, ny)
-    """
-    known = model.parameters
-    nominal = simulate(model)
-    variance = np.zeros_like(nominal)
-    for key, error in standard_errors.items():
-        if key not in known:
-            listed = ", ".join(known)
-            shown = described(f"{key!r}")
-            raise invalid("standard_errors", shown, f"keys among {listed}", "Correct the key.")
-        size = positive(f"standard_errors[{key!r}]", error, zero=True)
-        if size == 0:
-            continue
-        # Upwards only: a mass or a gap must not become negative.
-        variance += (simulate(model.with_parameters({key: known[key] + size})) - nominal) ** 2
-    return 1.96 * np.sqrt(variance)
 
 
 # Simulation of one record: free run, windows, or predictions over a horizon.
@@ -269,8 +216,7 @@ def free_run_error(model: MechanicalModel, record: Record) -> tuple[Array, bool]
     """
     found = free_runs(model, record)
     with np.errstate(over="ignore", invalid="ignore"):
-        left = record.Y - np.concatenate([part.outputs for part in found])
-        error = np.sqrt(np.mean(left**2, axis=0))
+        error = _mean_size(record.Y - np.concatenate([part.outputs for part in found]))
     predictable = all(part.found.reproducible for part in found)
     return np.where(np.isfinite(error), error, np.inf), predictable
 
@@ -306,12 +252,9 @@ def _stretches(run: RecordRun, record: Record, window: float | None) -> list[tup
     length = round(window / record.dt)
     least = rest(run.model).vector.size + 1
     if length < least or length > record.samples:
-        raise invalid(
-            "window",
-            described(f"{window} s, {length} samples"),
-            f"{least} to {record.samples} samples of {record.dt:.6g} s",
-            "Choose a window of a few periods.",
-        )
+        wanted = f"{least} to {record.samples} samples of {record.dt:.6g} s"
+        shown, remedy = f"{window} s, {length} samples", "Choose a window of a few periods."
+        raise invalid("window", described(shown), wanted, remedy)
     edges = [*range(0, record.samples - length + 1, length), record.samples]
     # A rest shorter than half a window would be judged on its start alone.
     if len(edges) > 2 and edges[-1] - edges[-2] > length + length // 2:
@@ -423,44 +366,32 @@ def records_content(records: Mapping[str, RecordError]) -> dict[str, Any]:
 
 
 def output_error(name: str, unit: str, measured: Array, simulated: Array) -> OutputError:
-    """Return the error figures of one output; they are infinite where the simulation diverged.
-
-    Parameters
-    ----------
-    name, unit : str
-    measured, simulated : ndarray, shape (samples,)
-
-    Returns
-    -------
-    OutputError
-    """
+    """Return the error figures of one output; they are infinite where the simulation diverged."""
     with np.errstate(over="ignore", invalid="ignore"):
         square = (measured - simulated) ** 2
     square = np.where(np.isfinite(square), square, np.inf)
     mean_square = float(np.mean(square))
     rmse = float(np.sqrt(mean_square))
-    spread, size = float(np.std(measured)), float(np.sqrt(np.mean(measured**2)))
-    low, high = _mean_square_band(square, mean_square)
+
+    def over(size: float) -> float:
+        return rmse / size if size > 0 else (0.0 if rmse == 0 else np.inf)
+
+    width = _mean_square_width(square, mean_square)
     return OutputError(
-        name=name,
-        unit=unit,
-        nrmse=rmse / spread if spread > 0 else (0.0 if rmse == 0 else np.inf),
-        rmse=rmse,
-        band=(low, high),
-        relative=rmse / size if size > 0 else (0.0 if rmse == 0 else np.inf),
-    )
+        name, unit, over(float(np.std(measured))), rmse,
+        (rmse * np.exp(-width), rmse * np.exp(width)), over(float(np.sqrt(np.mean(measured**2)))),
+    )  # fmt: skip
 
 
-def _mean_square_band(square: Array, mean: float) -> tuple[float, float]:
-    """95 % band of the RMS value, from the scatter of the mean square over long blocks.
+def _mean_square_width(square: Array, mean: float) -> float:
+    """Return half the width of the 95 % band of the logarithm of an RMS value.
 
-    The logarithm of a mean square scatters symmetrically enough; Student's t makes up for the
-    small number of blocks.
+    It follows from the scatter of the mean square over long blocks, whose logarithm scatters
+    symmetrically enough; Student's t makes up for the small number of blocks.
     """
     blocks = min(20, square.size // 4)
     if blocks < 2 or not np.isfinite(mean) or mean == 0:
-        root = float(np.sqrt(mean))
-        return root, root
+        return 0.0
     length = square.size // blocks
     means = square[: blocks * length].reshape(blocks, length).mean(axis=1) / mean
     # Neighbouring blocks that resemble each other count as fewer.
@@ -469,9 +400,7 @@ def _mean_square_band(square: Array, mean: float) -> tuple[float, float]:
     alike = float(deviation[1:] @ deviation[:-1]) / total if total > 0 else 0.0
     alike = float(np.clip(alike, 0.0, 0.9))
     spread = float(np.std(means, ddof=1)) / np.sqrt(blocks) * np.sqrt((1 + alike) / (1 - alike))
-    width = float(student.ppf(0.975, blocks - 1)) * spread / 2  # half: root of the mean square
-    root = float(np.sqrt(mean))
-    return root * np.exp(-width), root * np.exp(width)
+    return float(student.ppf(0.975, blocks - 1)) * spread / 2  # half: root of the mean square
 
 
 # The errors of simulated records, over all of them and of each.

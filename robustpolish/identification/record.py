@@ -7,7 +7,7 @@ observer or the derivative of an input, begins anew with each of them.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, combinations, pairwise
 from pathlib import Path
@@ -35,6 +35,7 @@ from robustpolish.signals.read import read_measurement
 # coordinates say to which record a sample belongs, and when it was on that record's own clock.
 
 _RECORD, _OWN_TIME = "record", "own_time"
+_ONLY = "record 1"  # the name of a record that has none
 
 _SAME_RATE = 1e-4
 """Relative difference of sampling rates that the rounding of times may make."""
@@ -64,12 +65,18 @@ def named_records(data: Any) -> dict[str, Any]:
     if isinstance(data, Mapping):
         found = {str(name): record for name, record in data.items()}
     elif isinstance(data, list | tuple):
-        found = dict(zip(_names(data), data, strict=True))
+        numbered = [f"record {i + 1}" for i in range(len(data))]
+        names = [
+            Path(record).stem if isinstance(record, str | Path) else number
+            for record, number in zip(data, numbered, strict=True)
+        ]
+        unique = len(set(names)) == len(names)
+        found = dict(zip(names if unique else numbered, data, strict=True))
     else:
-        return {_name(0): data}
+        return {_ONLY: data}
     if not found:
-        remedy = "Pass a record, or a list of them."
-        raise invalid("data", described("no record at all"), "one or more", remedy)
+        shown, remedy = described("no record at all"), "Pass a record, or a list of them."
+        raise invalid("data", shown, "one or more", remedy)
     for name, record in found.items():
         if holds_frequency_response(record):
             shown = described(f"frequency responses as {name!r}")
@@ -79,19 +86,6 @@ def named_records(data: Any) -> dict[str, Any]:
             shown = described(f"{type(record).__name__} as {name!r}")
             raise invalid("data", shown, "datasets, tables or paths", "Read it first.")
     return found
-
-
-def _names(records: list[Any] | tuple[Any, ...]) -> list[str]:
-    numbered = [_name(i) for i in range(len(records))]
-    told = [
-        Path(record).stem if isinstance(record, str | Path) else number
-        for record, number in zip(records, numbered, strict=True)
-    ]
-    return told if len(set(told)) == len(told) else numbered
-
-
-def _name(index: int) -> str:
-    return f"record {index + 1}"
 
 
 def split_joined(data: xr.Dataset) -> dict[str, xr.Dataset]:
@@ -107,7 +101,7 @@ def split_joined(data: xr.Dataset) -> dict[str, xr.Dataset]:
     dict of str to xarray.Dataset
     """
     if not {_RECORD, _OWN_TIME} <= set(data.coords) or data[_RECORD].dims != ("time",):
-        return {_name(0): data}
+        return {_ONLY: data}
     labels = data[_RECORD].values
     begins = np.flatnonzero(np.append(True, labels[1:] != labels[:-1]))
     found = {}
@@ -159,14 +153,8 @@ def join_records(records: Mapping[str, xr.Dataset]) -> xr.Dataset:
         _RECORD: ("time", np.repeat(list(records), sizes)),
         _OWN_TIME: ("time", own, {"units": "s"}),
     }
-    channels = {
-        name: (
-            "time",
-            np.concatenate([data[name].values for data in records.values()]),
-            first[name].attrs,
-        )
-        for name in shared
-    }
+    values = {name: np.concatenate([d[name].values for d in records.values()]) for name in shared}
+    channels = {name: ("time", values[name], first[name].attrs) for name in shared}
     notes = [f"{name}: {note}" for name, d in records.items() for note in d.attrs.get("notes", ())]
     return xr.Dataset(channels, coordinates, {**first.attrs, "notes": notes})
 
@@ -190,18 +178,15 @@ def with_common_step(records: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]
     """
     steps = {name: sampling_time(data) for name, data in records.items()}
     slowest = max(steps, key=lambda name: steps[name])
-    found = {}
+    found, least = {}, 1 / steps[slowest]
     for name, data in records.items():
         times = steps[slowest] / steps[name]
         if abs(times / round(times) - 1) > _SAME_RATE:
-            rate, least = 1 / steps[name], 1 / steps[slowest]
-            raise invalid(
-                "data",
-                described(f"{name!r} sampled at {rate:.6g} Hz, {slowest!r} at {least:.6g} Hz"),
-                "one sampling rate, or whole multiples of the lowest",
-                "Resample one of them, or use the records apart.",
-            )
-        found[name] = data if round(times) == 1 else decimate(data, 1 / steps[slowest])
+            rates = f"{name!r} sampled at {1 / steps[name]:.6g} Hz, {slowest!r} at {least:.6g} Hz"
+            wanted = "one sampling rate, or whole multiples of the lowest"
+            remedy = "Resample one of them, or use the records apart."
+            raise invalid("data", described(rates), wanted, remedy)
+        found[name] = data if round(times) == 1 else decimate(data, least)
     return found
 
 
@@ -249,11 +234,6 @@ class Record:
     def samples(self) -> int:
         """Number of samples."""
         return self.Y.shape[0]
-
-    @property
-    def start(self) -> float:
-        """Time of the first sample in s."""
-        return float(self.times[self.first])
 
     @property
     def time(self) -> Array:
@@ -305,22 +285,22 @@ class Record:
 
         See :func:`robustpolish.machines.simulation.lines`; over all records, as `signals`.
         """
-        each = [found for data in self.sets if (found := lines(model, data)) is not None]
-        return (
-            IntersampleLines(*(np.concatenate(side) for side in zip(*each, strict=True)))
-            if each
-            else None
-        )
+        return joined_lines([lines(model, data) for data in self.sets])
 
     def own_lines(self, found: IntersampleLines | None) -> IntersampleLines | None:
         """Return the lines of this part, of those over all records."""
-        return (
-            None if found is None else IntersampleLines(self.own(found.begin), self.own(found.end))
-        )
+        return None if found is None else IntersampleLines(*map(self.own, found))
 
     def raw_outputs(self, model: MechanicalModel) -> Array:
         """Return the measured outputs as a model without effects on signals shows them."""
         return raw_outputs(model, self.Y, self.time)
+
+
+def joined_lines(each: Sequence[IntersampleLines | None]) -> IntersampleLines | None:
+    """Return lines one behind the other, those that are known; None if none are."""
+    known = [found for found in each if found is not None]
+    joined = (np.concatenate(side) for side in zip(*known, strict=True))
+    return IntersampleLines(*joined) if known else None
 
 
 def record_of(model: MechanicalModel, data: Any) -> Record:
@@ -351,7 +331,7 @@ def record_of(model: MechanicalModel, data: Any) -> Record:
             raise InvalidInputError(f"{name}: {error}", error.key) from error
     sets = with_common_step(checked)
     time = [np.asarray(each["time"].values, dtype=float) for each in sets.values()]
-    Y = [_columns(model, each) for each in sets.values()]
+    Y = [each[[*model.output_names]].to_array().values.T for each in sets.values()]
     span = sum(float(t[-1] - t[0]) for t in time)
     return Record(
         sets=tuple(sets.values()),
@@ -359,12 +339,8 @@ def record_of(model: MechanicalModel, data: Any) -> Record:
         data=join_records(sets),
         times=np.concatenate(time),
         dt=span / sum(t.size - 1 for t in time),
-        Y=np.ascontiguousarray(np.concatenate(Y)),
+        Y=np.ascontiguousarray(np.concatenate(Y), dtype=float),
     )
-
-
-def _columns(model: MechanicalModel, data: xr.Dataset) -> Array:
-    return np.column_stack([np.asarray(data[n].values, dtype=float) for n in model.output_names])
 
 
 def _check_channels(model: MechanicalModel, given: dict[str, Any]) -> None:
@@ -376,12 +352,9 @@ def _check_channels(model: MechanicalModel, given: dict[str, Any]) -> None:
         lacking = [name for name, data in read.items() if item.name not in data]
         if 0 < len(lacking) < len(read):
             has = next(name for name in read if name not in lacking)
-            raise invalid(
-                "data",
-                described(f"{item.name!r} in {has!r}, but not in {', '.join(map(repr, lacking))}"),
-                "the same channels in all records",
-                "Leave those records out, or the channel out of the model.",
-            )
+            shown = f"{item.name!r} in {has!r}, but not in {', '.join(map(repr, lacking))}"
+            remedy = "Leave those records out, or the channel out of the model."
+            raise invalid("data", described(shown), "the same channels in all records", remedy)
 
 
 def require_time_data(data: Any) -> None:
@@ -398,14 +371,13 @@ def require_time_data(data: Any) -> None:
         If it holds frequency responses.
     """
     if holds_frequency_response(data):
-        raise invalid(
-            "data",
-            described("frequency responses"),
-            "signals over time: which effect is missing shows in how a machine moves",
+        wanted = "signals over time: which effect is missing shows in how a machine moves"
+        remedy = (
             "Hand it a record of inputs and outputs over time. compare (in Python and on the "
             "command line) and refit take frequency responses, and amplitude_dependence tells from "
-            "several amplitudes what is not linear.",
+            "several amplitudes what is not linear."
         )
+        raise invalid("data", described("frequency responses"), wanted, remedy)
 
 
 def least_samples(model: MechanicalModel) -> int:
@@ -530,14 +502,6 @@ def checked_data(model: MechanicalModel, data: Any) -> xr.Dataset:
     items = [*model.inputs, *model.outputs]
     if not isinstance(data, xr.Dataset):
         data = read_measurement(data, columns=[item.name for item in items])
-    _check_time(data)
-    for item in items:
-        _check_column(model, item, data)
-    check_sampling(data, frequencies(model))
-    return data
-
-
-def _check_time(data: xr.Dataset) -> None:
     if "time" not in data.coords or data["time"].dims != ("time",):
         shown = described(f"coordinates {', '.join(map(str, data.coords)) or 'none'}")
         raise invalid("data", shown, "the coordinate time", "Read it with read_measurement.")
@@ -547,28 +511,25 @@ def _check_time(data: xr.Dataset) -> None:
         raise invalid("data", shown, "seconds", "Read it with read_measurement.")
     if time.size < 3:
         raise invalid("data", described(f"{time.size} samples"), "three or more", "Record longer.")
-    steps = np.diff(time.astype(float))
-    step = (time[-1] - time[0]) / (time.size - 1)
+    steps, step = np.diff(time.astype(float)), (time[-1] - time[0]) / (time.size - 1)
     rounding = 1e-3 * step + 4 * np.spacing(np.max(np.abs(time)))
     if not np.isfinite(time).all() or step <= 0 or np.max(np.abs(steps - step)) > rounding:
-        raise invalid(
-            "time",
-            described(f"steps from {np.min(steps):.6g} to {np.max(steps):.6g} s"),
-            "a uniform, rising grid",
-            "Read it with read_measurement, which resamples small irregularities.",
-        )
+        shown = described(f"steps from {np.min(steps):.6g} to {np.max(steps):.6g} s")
+        remedy = "Read it with read_measurement, which resamples small irregularities."
+        raise invalid("time", shown, "a uniform, rising grid", remedy)
+    for item in items:
+        _check_column(model, item, data)
+    check_sampling(data, frequencies(model))
+    return data
 
 
 def _check_column(model: MechanicalModel, item: Input | Output, data: xr.Dataset) -> None:
     name = item.name
     if name not in data:
         listed = ", ".join(str(column) for column in data.data_vars) or "none"
-        raise invalid(
-            "data",
-            described(f"no column {name!r}"),
-            f"the model's inputs and outputs among the columns: {listed}",
-            "Rename the column, or the input or output in the model.",
-        )
+        wanted = f"the model's inputs and outputs among the columns: {listed}"
+        remedy = "Rename the column, or the input or output in the model."
+        raise invalid("data", described(f"no column {name!r}"), wanted, remedy)
     column = data[name]
     values = np.asarray(column.values)
     if column.dims != ("time",) or values.dtype.kind not in "fiub":
@@ -581,12 +542,9 @@ def _check_column(model: MechanicalModel, item: Input | Output, data: xr.Dataset
     unit, wanted = str(column.attrs.get("units", "")), model.unit_of(item)
     converts = isinstance(item, Input) and abs(item.gain) != 1 and item.unit is None
     if not converts and not same_kind(unit, wanted):
-        raise invalid(
-            name,
-            described(f"a column in {unit}"),
-            f"{wanted}, as the model says",
-            "Correct the unit or the quantity, or give the gain that converts.",
-        )
+        remedy = "Correct the unit or the quantity, or give the gain that converts."
+        shown = described(f"a column in {unit}")
+        raise invalid(name, shown, f"{wanted}, as the model says", remedy)
 
 
 def poles_of(model: MechanicalModel) -> AnyArray:

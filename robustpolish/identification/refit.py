@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -13,7 +13,6 @@ from robustpolish.base.budget import parallel_map, progress_bar, single_threaded
 from robustpolish.identification.fit.least_squares import (
     EvaluatedFit,
     Fit,
-    Residuals,
     best_stage,
     covariance_of,
     evaluate_fit,
@@ -21,18 +20,14 @@ from robustpolish.identification.fit.least_squares import (
     free_run_rms,
     homotopy,
     log_odds,
+    residuals_of,
 )
-from robustpolish.identification.fit.parameters import (
-    chain_keys,
-    connected,
-    free_parameters,
-    inputs_of_chain,
-)
+from robustpolish.identification.fit.parameters import chain_keys, connected, inputs_of_chain
 from robustpolish.identification.fit.prepared import PreparedRecord, prepare, reduce_record
 from robustpolish.identification.fit.result import Refit, refit_of
 from robustpolish.identification.free_runs import free_run_error, free_runs, record_errors
 from robustpolish.identification.frequency.fit import refit_frequency_response
-from robustpolish.identification.policy import POLICY
+from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import output_sizes, record_of, require_length
 from robustpolish.identification.sanity import implausible_changes, sanity_warnings
 from robustpolish.identification.structure.screening import null_score, screen
@@ -62,21 +57,23 @@ def with_selected_holds(model: MechanicalModel, prepared: PreparedRecord) -> Mec
     All inputs are taken to be of one kind, linear if nothing is said. The linear model's
     innovations judge, its own numbers being corrected at the same time.
     """
-    policy = prepared.policy
-    names = [i.name for i in model.inputs if i.imposes is None]
-    holds, others = split_holds(model.effects)
-    now = _order(holds)
-    if not names or now is None:
+    policy, choices = prepared.policy, _hold_choices(model, prepared.policy)
+    if not choices:
         return model
-    bare = replace(model, effects=tuple(others))
-    orders = dict.fromkeys((now, _LINEAR, *policy.hold_orders))
-    tried = {o: replace(bare, effects=(*bare.effects, *_holds(names, o))) for o in orders}
+    bare = replace(model, effects=tuple(split_holds(model.effects)[1]))
+    tried = {o: replace(bare, effects=(*bare.effects, *holds)) for o, holds in choices.items()}
     found = parallel_map(lambda candidate: null_score(candidate, prepared), tried.values())
     scores = dict(zip(tried, found, strict=True))
-    best = min(scores, key=lambda order: scores[order])
+    now, best = next(iter(scores)), min(scores, key=lambda order: scores[order])
     if scores[now] - scores[best] <= 2 * policy.hold_odds:
         return model
-    if best == 0.0 and _best_delay_score(bare, names, prepared) < scores[best]:
+    late = (
+        null_score(bare.with_effect("input_delay", (item.name,), {"delay": delay}), prepared)
+        for item in model.inputs
+        if item.imposes is None
+        for delay in (n * prepared.record.dt for n in policy.hold_delays)
+    )
+    if best == 0.0 and min(late) < scores[best]:
         return model  # a longer delay, of which a hold would take half a sample
     return tried[best]
 
@@ -93,26 +90,22 @@ def held_inputs(model: MechanicalModel) -> set[str]:
     return {hold.at[0] for hold in holds if hold.values["order"] == 0.0}
 
 
-def _order(holds: Sequence[Effect]) -> float | None:
-    """Return the order of holds, linear if there are none, None if they are not of one kind."""
-    orders = {hold.values["order"] for hold in holds} or {_LINEAR}
-    return orders.pop() if len(orders) == 1 else None
+def _hold_choices(model: MechanicalModel, policy: Policy) -> dict[float, list[Effect]]:
+    """Return by their order what holds the force inputs may have: as they are now, and others.
 
-
-def _best_delay_score(model: MechanicalModel, names: list[str], prepared: PreparedRecord) -> float:
-    """Return the best score with one input late by some whole samples."""
-    return min(
-        null_score(model.with_effect("input_delay", (name,), {"delay": delay}), prepared)
-        for name in names
-        for delay in (n * prepared.record.dt for n in prepared.policy.hold_delays)
-    )
+    A linear hold is none. There is no choice without force inputs, or if these are not of one kind.
+    """
+    names = [(item.name,) for item in model.inputs if item.imposes is None]
+    now = {hold.values["order"] for hold in split_holds(model.effects)[0]} or {_LINEAR}
+    orders = dict.fromkeys((*now, _LINEAR, *policy.hold_orders))
+    return {
+        order: [Effect(_HOLD, at, {"order": order}) for at in names if order != _LINEAR]
+        for order in (orders if names and len(now) == 1 else ())
+    }
 
 
 def with_reselected_holds(
-    model: MechanicalModel,
-    reference: MechanicalModel,
-    prepared: PreparedRecord,
-    fall: float = 0.0,
+    model: MechanicalModel, reference: MechanicalModel, prepared: PreparedRecord, fall: float = 0.0
 ) -> MechanicalModel | None:
     """Return the reference with other holds, if runs beside the effects that were found ask for it.
 
@@ -130,21 +123,25 @@ def with_reselected_holds(
     fall : float, optional
         Share by which the error of an output has to fall besides.
     """
-    names = [i.name for i in model.inputs if i.imposes is None]
-    taken, bare = split_holds(reference.effects)
-    order_now = _order(taken)
-    if not names or order_now is None:
+    choices = _hold_choices(reference, prepared.policy)
+    if not choices:
         return None
+    order_now, orders = next(iter(choices)), sorted(choices)
+    _, bare = split_holds(reference.effects)
     _, fitted = split_holds(model.effects[: len(reference.effects)])
     added = model.effects[len(reference.effects) :]
     spans = prepared.spans(prepared.trial)[-1:]
-    orders = sorted({order_now, _LINEAR, *prepared.policy.hold_orders})
-    held = {o: replace(reference, effects=(*bare, *_holds(names, o))) for o in orders}
+    held = {o: replace(reference, effects=(*bare, *choices[o])) for o in orders}
 
     def fits_with(order: float) -> list[Fit]:
         later = 0.5 * prepared.record.dt * ((order == 0.0) - (order_now == 0.0))
-        effects = (*fitted, *_holds(names, order), *(_with_shorter_delay(e, later) for e in added))
-        tried = replace(model, effects=effects)
+        # delays less what the hold has of them
+        moved = (
+            e.with_values({**e.parameters, "delay": max(e.values["delay"] - later, 0.0)})
+            if e.kind == "input_delay" else e
+            for e in added
+        )  # fmt: skip
+        tried = replace(model, effects=(*fitted, *choices[order], *moved))
         return homotopy(tried, prepared, prepared.trial, held[order], spans)
 
     found = parallel_map(fits_with, orders)
@@ -186,27 +183,9 @@ def with_resolved_delay(effect: Effect, model: MechanicalModel, prepared: Prepar
     return min(tried, key=left)
 
 
-def _with_shorter_delay(effect: Effect, by: float) -> Effect:
-    """Return a delay less what a hold has of it; other effects as they are."""
-    if effect.kind != "input_delay":
-        return effect
-    delay = max(effect.values["delay"] - by, 0.0)
-    return effect.with_values({**effect.parameters, "delay": delay})
-
-
-def _holds(names: list[str], order: float) -> list[Effect]:
-    """Return the holds of inputs; a linear one is none."""
-    return [Effect(_HOLD, (n,), {"order": order}) for n in names] if order != _LINEAR else []
-
-
-class OwnParameterFit(NamedTuple):
-    """The refitted model, judged, and the one whose fit was led by the data."""
-
-    stage: EvaluatedFit
-    short_window_model: MechanicalModel
-
-
-def fit_own_parameters(model: MechanicalModel, prepared: PreparedRecord) -> OwnParameterFit:
+def fit_own_parameters(
+    model: MechanicalModel, prepared: PreparedRecord
+) -> tuple[EvaluatedFit, MechanicalModel]:
     """Fit the numbers of a model as it is, effects of its own included.
 
     A fit that is led by the data finds numbers that are far off; one that runs freely from the
@@ -217,6 +196,13 @@ def fit_own_parameters(model: MechanicalModel, prepared: PreparedRecord) -> OwnP
     ----------
     model : MechanicalModel
     prepared : PreparedRecord
+
+    Returns
+    -------
+    stage : EvaluatedFit
+        The refitted model, judged.
+    short_window_model : MechanicalModel
+        The one whose fit was led by the data.
     """
     pieces = prepared.trial if model.free else prepared.estimation  # quick where nothing swings
     spans = prepared.spans(pieces)
@@ -227,7 +213,7 @@ def fit_own_parameters(model: MechanicalModel, prepared: PreparedRecord) -> OwnP
     short_window_model = stages[min(1, len(stages) - 1)].model
     if np.any(stage.error * prepared.policy.better > prepared.scales.noise):
         stage = _improve_by_direct_fit(stage, model, prepared)
-    return OwnParameterFit(_with_fixed_scale(stage, model, prepared), short_window_model)
+    return _with_fixed_scale(stage, model, prepared), short_window_model
 
 
 def _improve_by_direct_fit(
@@ -332,29 +318,21 @@ def collect_warnings(
     -------
     tuple of str
     """
-    data = prepared.record.data
+    data, simulated = prepared.record.data, None
     said = [str(note) for note in data.attrs.get("notes", ())]
     # an offset or a preload that was found says what the mean is
-    steady = any(effect.definition.family == CONSTANT for effect in fitted.effects)
-    simulated = None if steady else _free_run(model, prepared)
+    if not any(effect.definition.family == CONSTANT for effect in fitted.effects):
+        run, started = prepared.run_with_fitted_starts(model, prepared.everything)
+        with np.errstate(all="ignore"):
+            outputs = run.over_all(started).outputs
+        columns = zip(model.output_names, outputs.T, strict=True)
+        simulated = xr.Dataset({name: ("time", column) for name, column in columns})
     said += sanity_warnings(model, data, simulated, fitted)
     return tuple(dict.fromkeys(said))
 
 
-def _free_run(model: MechanicalModel, prepared: PreparedRecord) -> xr.Dataset:
-    """Return the outputs of a model over the whole record, from the starts that suit it best."""
-    run, started = prepared.run_with_fitted_starts(model, prepared.everything)
-    with np.errstate(all="ignore"):
-        outputs = run.over_all(started).outputs
-    return xr.Dataset({name: ("time", outputs[:, i]) for i, name in enumerate(model.output_names)})
-
-
 @single_threaded_blas
-def refit(
-    model: MechanicalModel,
-    data: Any,
-    progress: Callable[[], None] | None = None,
-) -> Refit:
+def refit(model: MechanicalModel, data: Any, progress: Callable[[], None] | None = None) -> Refit:
     """Fit the parameters of a model, those of its effects included.
 
     Masses and input gains are known to about 5 % beforehand; data may move them further.
@@ -420,7 +398,9 @@ def refit(
             started, prepared, prepared.everything, model, spans, progress=progress, last=last
         )
         best = _best_not_worse_than_start(fits[-2:][::-1], [model, started], prepared)
-        found = _summarised(best, prepared)
+        share = (best.rmse / np.std(prepared.record.Y, axis=0)).tolist()
+        nrmse = dict(zip(best.model.output_names, share, strict=True))
+        found = refit_of(best.model, best.free, covariance_of(best), nrmse, POLICY.undetermined)
         records = record_errors(found.model, free_runs(found.model, fewer.record))
     notes = (*fewer.notes, *collect_warnings(started, found.model, prepared))
     return replace(
@@ -446,18 +426,15 @@ def _best_not_worse_than_start(
     if not np.isfinite(min(of_starts)):
         raise ArithmeticError("no stage of the fit ended with finite errors")
     _, pieces = prepared.run_with_fitted_starts(best, prepared.everything)
-    free = free_parameters(best, prepared.scales.bandwidth, prepared.policy, starts[0])
-    sizes = prepared.sizes(best) if pieces[0].start.vector.size else None
-    return evaluate_unfitted(Residuals(best, pieces, prepared.runner(best), free, sizes))
+    return evaluate_unfitted(residuals_of(best, pieces, prepared, starts[0]))
 
 
 def _run_errors(models: Sequence[MechanicalModel], prepared: PreparedRecord) -> list[float]:
     """Return the mean square of relative errors of free runs, over windows if no run repeats."""
     size = output_sizes(prepared.record.Y)
     runs = [free_run_error(model, prepared.record) for model in models]
-    if all(predictable or not np.isfinite(error).all() for error, predictable in runs):
-        found = [error for error, _ in runs]
-    else:
+    found = [error for error, _ in runs]
+    if not all(predictable or not np.isfinite(error).all() for error, predictable in runs):
         found = [free_run_rms(model, prepared, prepared.windows) for model in models]
     return [float(np.mean((error / size) ** 2)) for error in found]
 
@@ -473,11 +450,3 @@ def _with_start_values(model: MechanicalModel, prepared: PreparedRecord) -> Mech
         values = found.candidates[0].effect.values if found.candidates else effect.values
         effects[i] = effect.with_values(values)
     return replace(model, effects=tuple(effects))
-
-
-def _summarised(fitted: Fit, prepared: PreparedRecord) -> Refit:
-    """Return values, bounds and standard errors of a fit."""
-    size = np.std(prepared.record.Y, axis=0)
-    nrmse = dict(zip(fitted.model.output_names, (fitted.rmse / size).tolist(), strict=True))
-    covariance, undetermined = covariance_of(fitted), prepared.policy.undetermined
-    return refit_of(fitted.model, fitted.free, covariance, nrmse, undetermined)

@@ -27,8 +27,9 @@ from robustpolish.identification.observer.missing_force import (
 )
 from robustpolish.identification.observer.runs import StartedPiece, free_run, rest
 from robustpolish.identification.record import record_of
+from robustpolish.machines.mechanical.data import port_row
 from robustpolish.machines.mechanical.model import MechanicalModel
-from robustpolish.machines.mechanical.parts import FORCE, UNITS
+from robustpolish.machines.mechanical.parts import UNITS
 
 # Correlation and coherence tests of residuals, each with its 99 % band.
 
@@ -200,21 +201,13 @@ def coherence(source: ArrayLike, residual: ArrayLike, step: float = 1.0) -> Cohe
     u, e = _samples("source", source), _samples("residual", residual)
     length = max(8, min(u.size // 8, 4096))
     segments = max((u.size - length // 2) // (length - length // 2), 2)
-    if not (u @ u > 0 and e @ e > 0):
-        frequency = np.fft.rfftfreq(length, step)
-        value = np.zeros(frequency.size)
-    else:
-        with np.errstate(invalid="ignore", divide="ignore"):
-            frequency, value = welch_coherence(u, e, 1 / step, nperseg=length)
+    with np.errstate(invalid="ignore", divide="ignore"):  # of signals that stand still
+        frequency, value = welch_coherence(u, e, 1 / step, nperseg=length)
     # Half overlap of Hann windows makes neighbours alike: correlation 1/6, power 1/36.
     independent = segments / (1 + 2 / 36 * (segments - 1) / segments)
     threshold = 1 - (1 - CONFIDENCE) ** (1 / max(independent - 1, 1e-9))
-    array = xr.DataArray(
-        np.nan_to_num(value[1:]),
-        coords={"frequency": ("frequency", frequency[1:], {"units": "Hz"})},
-        dims="frequency",
-    )
-    return Coherence(array, float(threshold))
+    axis = {"frequency": ("frequency", frequency[1:], {"units": "Hz"})}
+    return Coherence(xr.DataArray(np.nan_to_num(value[1:]), axis, "frequency"), float(threshold))
 
 
 def _samples(argument: str, signal: ArrayLike) -> Array:
@@ -252,10 +245,7 @@ def _bartlett_sum(u: Array, e: Array) -> float:
 
 def _correlation(value: Array, band: Array, lag: NDArray[np.floating]) -> Correlation:
     coords = {"lag": ("lag", lag, {"units": "s"})}
-    return Correlation(
-        xr.DataArray(value, coords=coords, dims="lag"),
-        xr.DataArray(np.broadcast_to(band, value.shape).copy(), coords=coords, dims="lag"),
-    )
+    return Correlation(xr.DataArray(value, coords, "lag"), xr.DataArray(band, coords, "lag"))
 
 
 # Noise floor: sensor noise separated from model error.
@@ -295,11 +285,9 @@ def residual_noise_floor(
     predictable : bool
         Whether free runs over the whole record judge; windows do otherwise.
     """
-    run, started = prepared.run_with_fitted_starts(
-        model, prepared.everything if predictable else prepared.windows
-    )
-    motion = run.over_all(started).outputs
-    known = prepared.repeats is not None
+    pieces = prepared.everything if predictable else prepared.windows
+    run, started = prepared.run_with_fitted_starts(model, pieces)
+    motion, known = run.over_all(started).outputs, prepared.repeats is not None
     record, scales = prepared.record, prepared.scales
     errors = record.Y - motion
     return noise_floor(errors, motion, scales.noise, known, record.honest, scales.rounded)
@@ -337,17 +325,11 @@ def noise_floor(
     if not known:
         each = zip(errors.T, motion.T, least, strict=True)
         found = [_floor(e, y, low, honest) for e, y, low in each]
-    whole = np.sqrt(np.mean(errors**2, axis=0))
-    return np.minimum(np.maximum(np.minimum(found, _quietest(errors)), steps), whole)
-
-
-def _quietest(errors: Array) -> Array:
-    """Return the size that noise can have where it never falls: that of the quietest stretch.
-
-    Where a motion dies away, or a blow is yet to come, a model does nothing wrong.
-    """
-    sizes = [np.sqrt(np.mean(part**2, axis=0)) for part in np.array_split(errors, _STRETCHES)]
-    return _SCATTER * np.min(sizes, axis=0)
+    # Noise never falls: where a motion dies away, or a blow is yet to come, a model does nothing
+    # wrong, and what is left in the quietest stretch bounds it.
+    parts = [np.sqrt(np.mean(part**2, axis=0)) for part in np.array_split(errors, _STRETCHES)]
+    quietest, whole = _SCATTER * np.min(parts, axis=0), np.sqrt(np.mean(errors**2, axis=0))
+    return np.minimum(np.maximum(np.minimum(found, quietest), steps), whole)
 
 
 def _floor(error: Array, motion: Array, least: float, honest: float) -> float:
@@ -387,6 +369,9 @@ def _floor(error: Array, motion: Array, least: float, honest: float) -> float:
 # Where the error is: its share by time, frequency, motion, spin phase and contact.
 
 
+_AXES = ("displacement", "velocity")
+
+
 def window_shares(residual: xr.Dataset, windows: int) -> xr.DataArray:
     """Return the share of each output's squared error in each time window.
 
@@ -404,10 +389,7 @@ def window_shares(residual: xr.Dataset, windows: int) -> xr.DataArray:
     time = residual["time"].values
     edges = np.linspace(0, time.size, windows + 1).astype(int)
     rows = [np.add.reduceat(e**2, edges[:-1]) for e in _rows(residual)]
-    coords = {
-        "begin": ("window", time[edges[:-1]]),
-        "end": ("window", time[edges[1:] - 1]),
-    }
+    coords = {"begin": ("window", time[edges[:-1]]), "end": ("window", time[edges[1:] - 1])}
     return _normalised(rows, residual, "window", coords)
 
 
@@ -459,11 +441,8 @@ def line_shares(residual: xr.Dataset, frequencies: Sequence[float], dim: str) ->
         width = 2.5 * (frequency[1] - frequency[0])
         near = [np.abs(frequency - f) <= max(0.05 * f, width) for f in frequencies]
         rows.append([float(power[mask].sum()) for mask in near])
-    return xr.DataArray(
-        np.array(rows).reshape(len(residual.data_vars), len(frequencies)),
-        dims=("output", dim),
-        coords={"output": list(residual.data_vars), "frequency": (dim, list(frequencies))},
-    )
+    coords = {"output": list(residual.data_vars), "frequency": (dim, list(frequencies))}
+    return xr.DataArray(np.array(rows).reshape(len(rows), -1), coords, ("output", dim))
 
 
 def error_spectrum(residual: xr.Dataset, name: object) -> tuple[Array, Array]:
@@ -565,10 +544,9 @@ def surface(q: Array, v: Array, force: Array, bins: int) -> xr.Dataset:
     total, _, _ = np.histogram2d(q, v, bins=axes, weights=force)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = total / count
-    dims = ("displacement", "velocity")
     return xr.Dataset(
-        {"force": (dims, mean), "samples": (dims, count / q.size)},
-        coords={dim: (edges[:-1] + edges[1:]) / 2 for dim, edges in zip(dims, axes, strict=True)},
+        {"force": (_AXES, mean), "samples": (_AXES, count / q.size)},
+        {dim: (edges[:-1] + edges[1:]) / 2 for dim, edges in zip(_AXES, axes, strict=True)},
     )
 
 
@@ -645,20 +623,18 @@ def place_shares(comparison: Comparison, residual: xr.Dataset, bins: int) -> dic
     dict of str to PlaceShares
         By ``"x"`` for a coordinate and ``"x - x_m"`` for a connection.
     """
-    model = comparison.model
     q, v, force, observed = _motion(comparison)
     skip = q.shape[1] - residual.sizes["time"]
-    return {
-        place.at[0] if place.at[1] == "ground" else f"{place.at[0]} - {place.at[1]}": PlaceShares(
-            at=place.at,
-            displacement=value_shares(residual, place.displacement, bins, "displacement"),
-            velocity=value_shares(residual, place.velocity, bins, "velocity"),
-            surface=place.surface,
-            observed=observed,
-            follows=predictable_share(place.displacement, place.velocity, place.force, bins),
+    found = {}
+    along = (part[:, skip:] for part in (q, v, force))
+    for at, dq, dv, pull, shown in forces_at_places(comparison.model, *along, bins):
+        q_shares = value_shares(residual, dq, bins, "displacement")
+        v_shares = value_shares(residual, dv, bins, "velocity")
+        follows, name = predictable_share(dq, dv, pull, bins), " - ".join(at)
+        found[name.removesuffix(" - ground")] = PlaceShares(
+            at, q_shares, v_shares, shown, observed, follows
         )
-        for place in forces_at_places(model, q[:, skip:], v[:, skip:], force[:, skip:], bins)
-    }
+    return found
 
 
 class PlaceForce(NamedTuple):
@@ -693,16 +669,15 @@ def forces_at_places(
     """
     sites = force_sites(model)[0]
     found = []
-    for at, row in _places(model):
+    for at in _places(model):
+        row = port_row(model, at)
         dq, dv = row @ q, row @ v
         if np.ptp(dq) == 0 or np.ptp(dv) == 0:
             continue
         pull = (sites @ row) @ force / float(row @ row)
         shown = surface(dq, dv, pull, bins)
-        units = UNITS[model.dof(at[0]).rotational]
-        shown["force"].attrs["units"] = units[FORCE]
-        for dim in ("displacement", "velocity"):
-            shown[dim].attrs["units"] = units[dim]
+        for name in ("force", *_AXES):
+            shown[name].attrs["units"] = UNITS[model.dof(at[0]).rotational][name]
         found.append(PlaceForce(at, dq, dv, pull, shown))
     return found
 
@@ -721,24 +696,16 @@ def _motion(comparison: Comparison) -> tuple[Array, Array, Array, bool]:
     return q, v, np.full((len(force_sites(model)[0]), record.samples), np.nan), False
 
 
-def _places(model: MechanicalModel) -> list[tuple[tuple[str, str], Array]]:
+def _places(model: MechanicalModel) -> list[tuple[str, str]]:
     """Every coordinate against ground, and every pair that something connects."""
-    names = model.dof_names
-    pairs = [(name, "ground") for name in names if name not in model.channels]
+    pairs = [(name, "ground") for name in model.dof_names if name not in model.channels]
     connected = [s.between for s in model.springs] + [d.between for d in model.dampers]
     connected += [e.at for e in model.effects if e.definition.domain == "pair"]
     connected += [(o.of[0], o.of[1]) for o in model.outputs if o.weights is None]
     for ends in connected:
         if "ground" not in ends and not any(set(ends) == set(pair) for pair in pairs):
             pairs.append((ends[0], ends[1]))
-    rows = []
-    for pair in pairs:
-        row = np.zeros(len(names))
-        for name, sign in zip(pair, (1.0, -1.0), strict=True):
-            if name in names:
-                row[names.index(name)] = sign
-        rows.append(row)
-    return list(zip(pairs, rows, strict=True))
+    return pairs
 
 
 def predictable_share(q: Array, v: Array, force: Array, bins: int = 12, blocks: int = 20) -> float:
@@ -840,19 +807,12 @@ def force_maps(model: MechanicalModel, motion: SmoothedMotion) -> tuple[ForceMap
     """
     if not all(np.isfinite(part).all() for part in (motion.q, motion.v, motion.force)):
         return ()
-    found = [
-        ForceMap(
-            at=place.at,
-            surface=place.surface,
-            size=float(np.sqrt(np.mean(place.force**2))),
-            follows=predictable_share(
-                place.displacement, place.velocity, place.force, MAPS.bins, MAPS.blocks
-            ),
-        )
-        for place in forces_at_places(model, motion.q, motion.v, motion.force, MAPS.bins)
-    ]
-    largest = {
-        unit: max(f.size for f in found if f.unit == unit) for unit in {f.unit for f in found}
-    }
+    found = []
+    places = forces_at_places(model, motion.q, motion.v, motion.force, MAPS.bins)
+    for at, q, v, force, shown in places:
+        size = float(np.sqrt(np.mean(force**2)))
+        follows = predictable_share(q, v, force, MAPS.bins, MAPS.blocks)
+        found.append(ForceMap(at=at, surface=shown, size=size, follows=follows))
+    largest = {f.unit: f.size for f in sorted(found, key=lambda f: f.size)}
     seen = [f for f in found if f.size > MAPS.least * largest[f.unit]]
     return tuple(sorted(seen, key=lambda f: -f.follows)[: MAPS.most])

@@ -127,22 +127,9 @@ class ResidualAnalysis(Displayed):
         -------
         str
         """
-        lines = ["Where the error is:"]
-        for name in self.channels["output"].values:
-            share = float(self.channels.sel(output=name))
-            lines.append(
-                f"  {name}: {_percent(share)} of the error, NRMSE {self.nrmse[str(name)]:.3g}"
-            )
-        lines += [_time(self), _frequency(self), *_lines(self), *_places(self)]
-        lines += _phase(self)
-        if self.contact is not None:
-            share = self.overall(self.contact)
-            time = float(self.contact["samples"][0])
-            lines.append(
-                f"  contact: {_percent(share[0])} of the error in {_percent(time)} of the "
-                "samples; the rest in free flight"
-            )
-        return "\n".join([*lines, "Tests (99 % bands, 1 % by chance):", *_tests(self)])
+        where, tests = _parts(self)
+        lines = ["Where the error is:", *where, "Tests (99 % bands, 1 % by chance):", *tests]
+        return "\n".join(line if line.endswith(":") else f"  {line}" for line in lines)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the shares and the figures of the tests as plain numbers.
@@ -155,27 +142,20 @@ class ResidualAnalysis(Displayed):
         return {
             **{name: _table(getattr(self, name)) for name in tables},
             "places": {
-                name: {
-                    "displacement": _table(place.displacement),
-                    "velocity": _table(place.velocity),
-                }
-                for name, place in self.places.items()
+                name: {"displacement": _table(p.displacement), "velocity": _table(p.velocity)}
+                for name, p in self.places.items()
             },
             "autocorrelation": {
                 name: {"flagged_share": test.flagged_share, "largest": test.largest}
                 for name, test in self.autocorrelation.items()
             },
             "cross_correlation": [
-                {
-                    "input": source,
-                    "output": name,
-                    "flagged_share": test.flagged_share,
-                    "largest": test.largest,
-                    "coherent_share": self.coherence[source, name].flagged_share,
-                }
+                {"input": source, "output": name, "flagged_share": test.flagged_share,
+                 "largest": test.largest,
+                 "coherent_share": self.coherence[source, name].flagged_share}
                 for (source, name), test in self.cross_correlation.items()
             ],
-        }
+        }  # fmt: skip
 
     def plot(self, ax: Axes | None = None, *, output: str | None = None) -> Axes:
         """Draw when and at which frequencies one output's error is.
@@ -230,105 +210,88 @@ class ResidualAnalysis(Displayed):
         -------
         matplotlib.figure.Figure
         """
-        worst = self.worst
-        crossed = {u: c for (u, y), c in self.cross_correlation.items() if y == worst}
-        coherent = {u: c for (u, y), c in self.coherence.items() if y == worst}
-        auto = self.autocorrelation[worst]
+        worst, auto = self.worst, self.autocorrelation[self.worst]
+        crossed = ((u, c) for (u, y), c in self.cross_correlation.items() if y == worst)
+        coherent = ((u, c) for (u, y), c in self.coherence.items() if y == worst)
         return plot_residual_analysis(
-            worst,
-            self.windows.sel(output=worst),
-            self.bands.sel(output=worst),
-            self._marks(),
-            (auto.value, auto.band),
-            {name: (c.value, c.band) for name, c in crossed.items()},
-            {name: (c.value, c.threshold) for name, c in coherent.items()},
+            worst, self.windows.sel(output=worst), self.bands.sel(output=worst), self._marks(),
+            (auto.value, auto.band), {u: (c.value, c.band) for u, c in crossed},
+            {u: (c.value, c.threshold) for u, c in coherent},
             {name: place.surface for name, place in self.places.items()},
-        )
+        )  # fmt: skip
 
     def _card(self) -> Card:
-        parts: dict[str, list[tuple[str, ...]]] = {}
-        for line in self.explain().splitlines():
-            if line.startswith(" "):
-                parts[next(reversed(parts))].append(tuple(line.strip().split(": ", 1)))
-            else:
-                parts[line] = []
-        return Card("", tuple(Table(head, (), tuple(rows)) for head, rows in parts.items()))
+        heads = ("Where the error is:", "Tests (99 % bands, 1 % by chance):")
+        rows = (tuple(tuple(line.split(": ", 1)) for line in part) for part in _parts(self))
+        return Card("", tuple(Table(h, (), r) for h, r in zip(heads, rows, strict=True)))
 
 
 # A residual analysis in words and in plain numbers.
 
 
-def _time(analysis: ResidualAnalysis) -> str:
-    share = analysis.overall(analysis.windows)
-    worst = int(np.argmax(share.values))
-    begin, end = (float(share[key][worst]) for key in ("begin", "end"))
-    return f"  time: most in {begin:.4g} to {end:.4g} s, {_percent(share[worst])} of the error"
+def _parts(analysis: ResidualAnalysis) -> tuple[list[str], list[str]]:
+    """Return sentences on where the error is, and on the tests."""
 
+    def worst_of(shares: xr.DataArray) -> tuple[xr.DataArray, str]:
+        share = analysis.overall(shares)
+        largest = share[int(np.argmax(share.values))]
+        return largest, _percent(largest)
 
-def _frequency(analysis: ResidualAnalysis) -> str:
-    share = analysis.overall(analysis.bands)
-    worst = int(np.argmax(share.values))
-    low, high = (float(share[key][worst]) for key in ("low", "high"))
-    inside = [f for f in analysis.modes["frequency"].values if low <= f < high]
-    marks = ", ".join(f"the mode at {f:.4g} Hz" for f in inside)
-    note = f", which holds {marks}" if marks else ""
-    return f"  frequency: most in {low:.4g} to {high:.4g} Hz, {_percent(share[worst])}{note}"
-
-
-def _lines(analysis: ResidualAnalysis) -> list[str]:
-    found = []
+    where = [
+        f"{name}: {_percent(share)} of the error, NRMSE {analysis.nrmse[str(name)]:.3g}"
+        for name, share in zip(analysis.channels["output"].values, analysis.channels, strict=True)
+    ]
+    time, share = worst_of(analysis.windows)
+    where.append(f"time: most in {time['begin']:.4g} to {time['end']:.4g} s, {share} of the error")
+    band, share = worst_of(analysis.bands)
+    modes = [f for f in analysis.modes["frequency"].values if band["low"] <= f < band["high"]]
+    marks = ", which holds " + ", ".join(f"the mode at {f:.4g} Hz" for f in modes)
+    where.append(
+        f"frequency: most in {band['low']:.4g} to {band['high']:.4g} Hz, {share}"
+        f"{marks if modes else ''}"
+    )
     for table, what in ((analysis.modes, "mode"), (analysis.harmonics, "spin harmonic")):
-        share = analysis.overall(table)
-        for frequency, value in zip(share["frequency"].values, share.values, strict=True):
-            if value > 0.1:
-                found.append(f"  near the {what} at {frequency:.4g} Hz: {_percent(value)}")
-    return found
-
-
-def _places(analysis: ResidualAnalysis) -> list[str]:
-    found = []
+        where += [
+            f"near the {what} at {near['frequency']:.4g} Hz: {_percent(near)}"
+            for near in analysis.overall(table)
+            if near > 0.1
+        ]
     for name, place in analysis.places.items():
         for table, what in ((place.displacement, "displacement"), (place.velocity, "velocity")):
-            share = analysis.overall(table)
-            samples = table["samples"].values
-            dense = share.values / np.maximum(samples, 1e-12)
-            dense[share.values < 0.05] = 0.0
+            shares, samples = analysis.overall(table), table["samples"].values
+            dense = shares.values / np.maximum(samples, 1e-12)
+            dense[shares.values < 0.05] = 0.0
             worst = int(np.argmax(dense))
             if dense[worst] > _DENSE:
-                unit = place.surface[what].attrs["units"]
-                at = float(share[what][worst])
-                found.append(
-                    f"  {what} of {name} near {at:.3g} {unit}: {_percent(share[worst])} of "
-                    f"the error in {_percent(samples[worst], 1)} of the samples"
+                at = f"{shares[what][worst]:.3g} {place.surface[what].attrs['units']}"
+                where.append(
+                    f"{what} of {name} near {at}: {_percent(shares[worst])} of the error in "
+                    f"{_percent(samples[worst], 1)} of the samples"
                 )
-    return found
-
-
-def _phase(analysis: ResidualAnalysis) -> list[str]:
-    if analysis.phase is None:
-        return []
-    share = analysis.overall(analysis.phase)
-    worst = int(np.argmax(share.values))
-    if share.values[worst] < _DENSE / share.size:
-        return ["  spin phase: evenly spread"]
-    angle = np.degrees(float(share["phase"][worst]))
-    return [f"  spin phase: most near {angle:.0f} deg, {_percent(share[worst])} of the error"]
-
-
-def _tests(analysis: ResidualAnalysis) -> list[str]:
-    lines = [
-        f"  autocorrelation of {name}: {_percent(test.flagged_share, 1)} of the lags outside, "
+    if analysis.phase is not None:
+        phase, share = worst_of(analysis.phase)
+        spread = "evenly spread"
+        if phase >= _DENSE / analysis.phase.sizes["phase"]:
+            spread = f"most near {np.degrees(phase['phase']):.0f} deg, {share} of the error"
+        where.append(f"spin phase: {spread}")
+    if analysis.contact is not None:
+        touching = analysis.overall(analysis.contact)[0]
+        where.append(
+            f"contact: {_percent(touching)} of the error in {_percent(touching['samples'])} of the "
+            "samples; the rest in free flight"
+        )
+    tests = [
+        f"autocorrelation of {name}: {_percent(test.flagged_share, 1)} of the lags outside, "
         f"largest {test.largest:.2f}"
         for name, test in analysis.autocorrelation.items()
     ]
-    for (source, name), test in analysis.cross_correlation.items():
-        coherent = analysis.coherence[source, name]
-        lines.append(
-            f"  {source} with {name}: correlation outside at {_percent(test.flagged_share, 1)} of "
-            f"the lags, coherence above chance at {_percent(coherent.flagged_share, 1)} of the "
-            "frequencies"
-        )
-    return lines
+    tests += [
+        f"{source} with {name}: correlation outside at {_percent(test.flagged_share, 1)} of the "
+        f"lags, coherence above chance at "
+        f"{_percent(analysis.coherence[source, name].flagged_share, 1)} of the frequencies"
+        for (source, name), test in analysis.cross_correlation.items()
+    ]
+    return where, tests
 
 
 def _table(array: xr.DataArray | None) -> dict[str, Any] | None:
@@ -394,37 +357,34 @@ def residual_analysis(
     [1.0]
     """
     residual = _clean(comparison)
-    names = list(comparison.outputs)
-    step = sampling_time(residual)
-    data = comparison.data.sel(time=residual["time"])
-    model = comparison.model
-    power = np.array([comparison.outputs[name].nrmse ** 2 for name in names])
-    total = power.sum()
-    auto = {y: autocorrelation(residual[y].values, step) for y in names}
-    pairs = [(u, y) for u in model.input_names for y in names if np.ptp(data[u].values) > 0]
+    step, samples = sampling_time(residual), residual.sizes["time"]
+    data, model = comparison.data.sel(time=residual["time"]), comparison.model
+    nrmse = {name: error.nrmse for name, error in comparison.outputs.items()}
+    power = xr.DataArray([value**2 for value in nrmse.values()], {"output": [*nrmse]}, "output")
     frequencies = modes(model.state_space()).frequencies_hz if model.free else np.zeros(0)
     spin = model.spin_frequency
-    harmonics = [
-        k * spin for k in range(1, _HARMONICS + 1) if spin is not None and k * spin < 0.5 / step
-    ]
+    harmonics = [k * spin for k in range(1, _HARMONICS + 1)] if spin is not None else []
+    # from some periods in the record to half the sampling rate
+    lowest, highest = 8 / (samples * step), 0.5 / step
+    inner = np.geomspace(min(lowest, highest / 2), highest, bands)
+    pairs = {
+        (u, y): (data[u].values, residual[y].values, step)
+        for u in model.input_names if np.ptp(data[u].values) > 0 for y in nrmse
+    }  # fmt: skip
     return ResidualAnalysis(
         residual=residual,
-        channels=xr.DataArray(
-            power / total if total > 0 else power, dims="output", coords={"output": names}
-        ),
-        windows=window_shares(residual, min(windows, residual.sizes["time"] // 2)),
-        bands=band_shares(residual, _edges(residual.sizes["time"], step, bands)),
+        channels=power / power.sum() if power.any() else power,
+        windows=window_shares(residual, min(windows, samples // 2)),
+        bands=band_shares(residual, np.concatenate([[0.0], inner])),
         modes=line_shares(residual, [f for f in frequencies if f > 0], "mode"),
-        harmonics=line_shares(residual, harmonics, "harmonic"),
+        harmonics=line_shares(residual, [f for f in harmonics if f < highest], "harmonic"),
         places=place_shares(comparison, residual, bins),
         phase=phase_shares(residual, spin, _PHASES) if spin is not None else None,
         contact=_contact(residual, data, contact),
-        autocorrelation=auto,
-        cross_correlation={
-            (u, y): cross_correlation(data[u].values, residual[y].values, step) for u, y in pairs
-        },
-        coherence={(u, y): coherence(data[u].values, residual[y].values, step) for u, y in pairs},
-        nrmse={name: comparison.outputs[name].nrmse for name in names},
+        autocorrelation={y: autocorrelation(residual[y].values, step) for y in nrmse},
+        cross_correlation={pair: cross_correlation(*each) for pair, each in pairs.items()},
+        coherence={pair: coherence(*each) for pair, each in pairs.items()},
+        nrmse=nrmse,
     )
 
 
@@ -440,22 +400,12 @@ def _clean(comparison: Comparison) -> xr.Dataset:
         first = int(np.argmax(good))
         residual, good = residual.isel(time=slice(first, None)), good[first:]
     if not good.all():
-        raise invalid(
-            "comparison",
-            described(comparison.reproducibility.reason or "a run that diverged"),
-            "a run that stays finite",
-            "Compare in short windows, or mend the model first.",
-        )
+        shown = described(comparison.reproducibility.reason or "a run that diverged")
+        remedy = "Compare in short windows, or mend the model first."
+        raise invalid("comparison", shown, "a run that stays finite", remedy)
     if good.size < 64:
         raise invalid("comparison", described(f"{good.size} samples"), "64 or more", "Record more.")
     return residual
-
-
-def _edges(samples: int, step: float, bands: int) -> NDArray[np.float64]:
-    """Frequencies between the bands, from some periods in the record to half the sampling rate."""
-    lowest, highest = 8 / (samples * step), 0.5 / step
-    inner = np.geomspace(min(lowest, highest / 2), highest, bands)
-    return np.concatenate([[0.0], inner])
 
 
 def _contact(

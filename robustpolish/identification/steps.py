@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.signal import periodogram
 
-from robustpolish.base.arrays import Array
 from robustpolish.base.checks import one_of
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.errors import RobustPolishError
@@ -20,7 +19,6 @@ from robustpolish.identification.diagnosis.findings import Findings
 from robustpolish.identification.fit.prepared import has_integrator
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import record_of
-from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plots.time import plot_before_and_after, plot_response
 from robustpolish.signals.quality import sampling_time
 
@@ -77,16 +75,20 @@ class StepRun(Displayed):
         slice of float or None
             Times in s; None if the whole record has no more swings.
         """
-        name = self._named(output)
-        y = np.asarray(self.after.data[name].values, dtype=float)
-        step = sampling_time(self.after.data)
-        samples = round(_SWINGS_SHOWN / _dominant_frequency(y, step) / step)
+        name, data = self._named(output), self.after.data
+        y, step = np.asarray(data[name].values, dtype=float), sampling_time(data)
+        frequency, power = periodogram(y, 1 / step, window="hann", detrend="linear")
+        strongest = max(frequency[1 + int(np.argmax(power[1:]))], frequency[1])
+        samples = round(_SWINGS_SHOWN / float(strongest) / step)
         if 2 * samples >= y.size:
             return None
-        gain = _squared_error_reduction(self, name)
+        # the squared error that the step took away, sample by sample
+        runs = (run.simulated[name].values for run in (self.before, self.after) if run is not None)
+        left = [np.nan_to_num((y - run) ** 2) for run in runs]
+        gain = left[0] - left[-1] if len(left) > 1 else left[0]
         total = np.concatenate([[0.0], np.cumsum(gain)])
         first = int(np.argmax(total[samples:] - total[:-samples]))
-        time = self.after.data["time"].values
+        time = data["time"].values
         return slice(float(time[first]), float(time[first + samples - 1]))
 
     def plot(self, ax: Axes | None = None, *, output: str | None = None) -> Axes:
@@ -132,13 +134,9 @@ class StepRun(Displayed):
         return self.worst if output is None else one_of("output", output, tuple(self.after.outputs))
 
     def _card(self) -> Card:
+        before = {} if self.before is None else self.before.outputs
         rows = tuple(
-            (
-                name,
-                None if self.before is None else self.before.outputs[name].rmse,
-                error.rmse,
-                error.unit,
-            )
+            (name, before[name].rmse if name in before else None, error.rmse, error.unit)
             for name, error in self.after.outputs.items()
         )
         head = ("output", "error before", "error after", "unit")
@@ -176,43 +174,14 @@ def step_runs(diagnosis: Findings, data: Any) -> tuple[StepRun, ...]:
     ['base', 'refit', 'coulomb_friction']
     """
     data = record_of(diagnosis.model, data).data
+    step, samples = sampling_time(data), data.sizes["time"]
     found: list[StepRun] = []
     for entry in diagnosis.ledger.entries:
-        after = (
-            None
-            if entry.model is None
-            else _compare_step(entry.model, data, diagnosis.reproducible)
-        )
-        if after is not None:
+        if entry.model is None:
+            continue
+        whole = diagnosis.reproducible and not has_integrator(entry.model, samples * step)
+        window = None if whole else POLICY.window(samples) * step
+        with suppress(RobustPolishError):  # as the diagnosis held it against the data
+            after = compare(entry.model, data, window=window)
             found.append(StepRun(entry.step, found[-1].after if found else None, after))
     return tuple(found)
-
-
-def _compare_step(
-    model: MechanicalModel, data: xr.Dataset, reproducible: bool
-) -> Comparison | None:
-    """Hold a model against the data as its diagnosis did; None where that cannot be."""
-    step, samples = sampling_time(data), data.sizes["time"]
-    window = POLICY.window(samples) * step
-    whole = reproducible and not has_integrator(model, samples * step)
-    try:
-        return compare(model, data, window=None if whole else window)
-    except RobustPolishError:
-        return None
-
-
-def _dominant_frequency(y: Array, step: float) -> float:
-    """Return the frequency of the strongest line of a signal in Hz."""
-    frequency, power = periodogram(y, 1 / step, window="hann", detrend="linear")
-    return float(max(frequency[1 + int(np.argmax(power[1:]))], frequency[1]))
-
-
-def _squared_error_reduction(run: StepRun, name: str) -> Array:
-    """Return how much squared error a step took away, sample by sample."""
-    measured = run.after.data[name].values
-    left = [
-        np.nan_to_num((measured - held.simulated[name].values) ** 2)
-        for held in (run.before, run.after)
-        if held is not None
-    ]
-    return left[0] - left[-1] if len(left) > 1 else left[0]

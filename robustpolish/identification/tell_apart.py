@@ -19,16 +19,17 @@ from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.identification.diagnosis.findings import IndistinguishablePair
 from robustpolish.identification.diagnosis.result import Diagnosis
 from robustpolish.identification.experiments import (
-    EXPERIMENTS,
-    Distance,
-    Experiment,
+    CLEAR,
+    REACH,
+    SURE,
     MachinePair,
+    SimulatedExperiment,
     UnusableExperimentError,
     describe_difference,
-    distance,
     experiments,
     machine_pair,
-    parameter_precision,
+    precision_of,
+    simulate_experiment,
 )
 from robustpolish.identification.fit.parameters import free_parameters
 from robustpolish.identification.fit.result import Refit
@@ -42,37 +43,6 @@ from robustpolish.plots.time import plot_distances, plot_two_machines
 # Result of the experiment search.
 
 _SHOWN = 8
-
-
-@dataclass(frozen=True, eq=False)
-class SimulatedExperiment:
-    """An experiment that was simulated on both machines.
-
-    Attributes
-    ----------
-    experiment : Experiment
-    distance : Distance
-    noise : ndarray, shape (ny,)
-    """
-
-    experiment: Experiment
-    distance: Distance
-    noise: Array
-
-    @property
-    def apart(self) -> float:
-        """Difference over noise, of the output that shows it best, as the machines are."""
-        return float(np.max(self.distance.apart / self.noise))
-
-    @property
-    def left(self) -> float:
-        """The same after the numbers of the second machine were fitted to this experiment too."""
-        return float(np.max(self.distance.left / self.noise))
-
-    @property
-    def best_output(self) -> int:
-        """Place of the output that shows the difference best."""
-        return int(np.argmax(self.distance.left / self.noise))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -125,10 +95,10 @@ class ToldApart(Displayed):
         for times in sorted({t.experiment.times for t in self.tried}):
             here = [t for t in self.tried if t.experiment.times == times]
             best = max(here, key=lambda t: t.left)
-            if best.left >= EXPERIMENTS.sure:
+            if best.left >= SURE:
                 return best
         best = max(self.tried, key=lambda t: t.left, default=None)
-        return best if best is not None and best.left >= EXPERIMENTS.clear else None
+        return best if best is not None and best.left >= CLEAR else None
 
     def explain(self) -> str:
         """Say in words which experiment tells the machines apart, and how far.
@@ -151,7 +121,7 @@ class ToldApart(Displayed):
             ]
         else:
             lines += ["no experiment could be made."]
-        if self.tried and max(t.apart for t in self.tried) < EXPERIMENTS.clear:
+        if self.tried and max(t.apart for t in self.tried) < CLEAR:
             lines += [
                 "As they are, the two are one machine to every experiment: what tells them apart "
                 "was fitted to next to nothing. To see what would show it, hand over models with "
@@ -176,17 +146,14 @@ class ToldApart(Displayed):
         """
         if not self.tried:
             why = "; ".join(reason for _, reason in self.refused) or "nothing drives the machine"
-            raise invalid(
-                "experiments", described(f"none: {why}"), "at least one", "Give wider limits."
-            )
+            shown, remedy = described(f"none: {why}"), "Give wider limits."
+            raise invalid("experiments", shown, "at least one", remedy)
         return max(self.tried, key=lambda t: t.left)
 
     def _figures(self, tried: SimulatedExperiment) -> list[str]:
         i = tried.best_output
         name, unit = self._outputs()[i]
-        far, left, noise = (
-            values[i] for values in (tried.distance.apart, tried.distance.left, tried.noise)
-        )
+        far, left, noise = *tried.differences[:, i], tried.noise[i]
         return [
             f"{name} differs by {far:.3g} {unit} (root mean square), {far / noise:.3g} times its "
             f"noise of {noise:.3g} {unit}; by {left:.3g} {unit}, {left / noise:.3g} times, once "
@@ -202,18 +169,21 @@ class ToldApart(Displayed):
         """
         chosen = self.recommended
         excitation = ("kind", "channel", "amplitude", "unit", "times")
-        outputs = [name for name, _ in self._outputs()]
+
+        def by_output(values: Array) -> dict[str, float]:
+            return dict(zip(self.machines.first.output_names, values.tolist(), strict=True))
+
         return {
             "machines": list(self.machines.names),
-            "noise": dict(zip(outputs, self.machines.noise.tolist(), strict=True)),
+            "noise": by_output(self.machines.noise),
             "told_apart": chosen is not None,
             "recommended": None if chosen is None else str(chosen.experiment),
             "experiments": [
                 {
                     **{name: getattr(t.experiment, name) for name in excitation},
                     "band": list(t.experiment.band),
-                    "apart": dict(zip(outputs, t.distance.apart.tolist(), strict=True)),
-                    "left": dict(zip(outputs, t.distance.left.tolist(), strict=True)),
+                    "apart": by_output(t.differences[0]),
+                    "left": by_output(t.differences[1]),
                     "apart_over_noise": t.apart,
                     "left_over_noise": t.left,
                 }
@@ -243,7 +213,7 @@ class ToldApart(Displayed):
         ratios = xr.DataArray(
             [t.left for t in best], {"experiment": labels}, name="difference over noise"
         )
-        return plot_distances(ratios, EXPERIMENTS.clear, ax)
+        return plot_distances(ratios, CLEAR, ax)
 
     def plot_panels(self, *, width: float = 9.0) -> Figure:
         """Draw the recommended experiment, or the one that tells most, on both machines.
@@ -261,14 +231,11 @@ class ToldApart(Displayed):
         e, i = tried.experiment, tried.best_output
         name, unit = self._outputs()[i]
         time = {"time": e.inputs["time"].values}
-        runs = (tried.distance.first, tried.distance.second, tried.distance.adapted)
+        runs = (tried.first, tried.second, tried.adapted)
         responses = [xr.DataArray(run[:, i], time, "time", name, {"units": unit}) for run in runs]
-        drive = None
-        if e.kind != "decay":
-            drive = e.inputs[e.channel].assign_attrs(units=e.unit)
-        figure = plot_two_machines(
-            drive, responses, self.machines.names, float(tried.noise[i]), width
-        )
+        drive = None if e.kind == "decay" else e.inputs[e.channel].assign_attrs(units=e.unit)
+        names, noise = self.machines.names, float(tried.noise[i])
+        figure = plot_two_machines(drive, responses, names, noise, width)
         figure.suptitle(str(e), wrap=True)
         return figure
 
@@ -391,10 +358,19 @@ def tell_apart(
         names = describe_difference(*models)
         on_record: dict[str, tuple[float, float]] = {}
         if fit:
-            fits = [_fit_to_record(m, record, diagnosis, i, say) for i, m in enumerate(models)]
-            models = fits[0][0], fits[1][0]
-            on_record = {k: (fits[0][1][k], fits[1][1][k]) for k in models[0].output_names}
-            known, precision = fits[1][2]
+            first, second = models
+            if diagnosis is not None and first is diagnosis.model:  # it was fitted before
+                errors = diagnosis.ledger.entries[-1].nrmse
+            else:
+                say("refit of the first machine")
+                found: Refit = refit(first, record.data)
+                first, errors = found.model, found.nrmse
+            say("refit of the second machine")
+            other: Refit = refit(second, record.data)
+            models = first, other.model
+            on_record = {k: (errors[k], other.nrmse[k]) for k in first.output_names}
+            known = {key: float(error) for key, error in other.stderr.items()}
+            precision = precision_of(other.covariance)
         else:  # nothing is known of the numbers that a fit would move
             band = excited_bandwidth(models[1], record)
             keys = [f.key for f in free_parameters(models[1], band, POLICY)]
@@ -406,8 +382,7 @@ def tell_apart(
         say(f"simulating {len(wanted)} experiments")
         for experiment in wanted:
             try:
-                apart = distance(both, experiment, reach)
-                tried.append(SimulatedExperiment(experiment, apart, floor))
+                tried.append(simulate_experiment(both, experiment, reach))
             except UnusableExperimentError as why:
                 refused.append((str(experiment), str(why)))
         tried.sort(key=lambda t: -t.left)
@@ -430,9 +405,8 @@ def _comparable_models(machines: Any) -> tuple[MechanicalModel, MechanicalModel]
     InvalidInputError
         If they are not two, or have other coordinates, inputs or outputs.
     """
-    if not isinstance(machines, Sequence) or [isinstance(m, MechanicalModel) for m in machines] != [
-        True, True,
-    ]:  # fmt: skip
+    both = isinstance(machines, Sequence) and len(machines) == 2
+    if not both or not all(isinstance(m, MechanicalModel) for m in machines):
         shown = described(type(machines).__name__)
         raise invalid("machines", shown, "a Diagnosis, or two models", "Read them with rp.load.")
     first, second = machines
@@ -451,22 +425,20 @@ def _noise(
     diagnosis: Diagnosis | None,
 ) -> Array:
     """Return the standard deviation of the noise of each output."""
-    found = dict(zip(model.output_names, scales_of(model, record).noise.tolist(), strict=True))
+    names = model.output_names
+    found = dict(zip(names, scales_of(model, record).noise.tolist(), strict=True))
     if diagnosis is not None:
-        spread = np.std(record.Y, axis=0)
-        for name, size in zip(model.output_names, spread, strict=True):
-            found[name] = max(diagnosis.noise_floor.get(name, 0.0) * float(size), 1e-300)
+        spread = zip(names, np.std(record.Y, axis=0).tolist(), strict=True)
+        found = {k: max(diagnosis.noise_floor.get(k, 0.0) * size, 1e-300) for k, size in spread}
     for name, value in (given or {}).items():
         if name not in found:
             raise invalid("noise", name, f"an output: {', '.join(found)}", "Check the name.")
         found[name] = positive(f"noise[{name}]", value, "the unit of the output")
-    return np.array([found[name] for name in model.output_names])
+    return np.array([found[name] for name in names])
 
 
 def _output_limits(
-    model: MechanicalModel,
-    record: Record,
-    limits: Mapping[str, float] | None,
+    model: MechanicalModel, record: Record, limits: Mapping[str, float] | None
 ) -> Array:
     """Return the largest value that each output may take."""
     known = (*model.input_names, *model.output_names)
@@ -474,27 +446,6 @@ def _output_limits(
         if name not in known:
             raise invalid("limits", name, f"one of {', '.join(known)}", "Check the name.")
         positive(f"limits[{name}]", value, "its unit")
-    seen = EXPERIMENTS.reach * np.max(np.abs(record.Y), axis=0)
-    found = [
-        (limits or {}).get(name, value)
-        for name, value in zip(model.output_names, seen, strict=True)
-    ]
+    seen = zip(model.output_names, REACH * np.max(np.abs(record.Y), axis=0), strict=True)
+    found = [(limits or {}).get(name, value) for name, value in seen]
     return np.maximum(np.array(found, dtype=float), 1e-300)
-
-
-def _fit_to_record(
-    model: MechanicalModel,
-    record: Record,
-    diagnosis: Diagnosis | None,
-    place: int,
-    say: Callable[[str], None],
-) -> tuple[MechanicalModel, Mapping[str, float], tuple[dict[str, float], Array]]:
-    """Return a machine fitted to the record, its errors there, and how well its numbers are known.
-
-    The first machine of a diagnosis was fitted before.
-    """
-    if diagnosis is not None and place == 0 and model is diagnosis.model:
-        return model, diagnosis.ledger.entries[-1].nrmse, ({}, np.zeros((0, 0)))
-    say(f"refit of the {('first', 'second')[place]} machine")
-    found: Refit = refit(model, record.data)
-    return found.model, found.nrmse, parameter_precision(found)

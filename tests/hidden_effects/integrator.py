@@ -7,40 +7,15 @@ cannot hide.
 import numba
 import numpy as np
 
-CODES = {
-    name: code
-    for code, name in enumerate(
-        [
-            "coulomb_friction",
-            "stribeck_friction",
-            "elastic_coulomb_friction",
-            "lugre_friction",
-            "quadratic_damping",
-            "displacement_dependent_damping",
-            "bouc_wen_hysteresis",
-            "cubic_stiffness",
-            "quadratic_stiffness",
-            "backlash",
-            "contact_stop",
-            "pendulum_gravity",
-            "constant_force",
-            "harmonic_force",
-            "unbalance",
-            "parametric_stiffness",
-            "gyroscopic_coupling",
-            "cross_stiffness",
-            "attached_resonator",
-            "drifting_stiffness",
-            "fifth_power_stiffness",
-            "random_walk_force",
-            "fading_damping",
-            "saturating_spring",
-            "dead_zone_spring",
-            "power_damping",
-            "maxwell_element",
-        ]
-    )
-}
+KINDS = """
+    coulomb_friction stribeck_friction elastic_coulomb_friction lugre_friction
+    quadratic_damping displacement_dependent_damping bouc_wen_hysteresis cubic_stiffness
+    quadratic_stiffness backlash contact_stop pendulum_gravity constant_force harmonic_force
+    unbalance parametric_stiffness gyroscopic_coupling cross_stiffness attached_resonator
+    drifting_stiffness fifth_power_stiffness random_walk_force fading_damping
+    saturating_spring dead_zone_spring power_damping maxwell_element
+"""
+CODES = {kind: code for code, kind in enumerate(KINDS.split())}
 
 
 @numba.njit(cache=True)
@@ -135,18 +110,8 @@ def _rates(t, u, q, v, z, M, C, K, B, codes, places, params, acc, dz, f):
     f[:] = 0.0
     dz[:] = 0.0
     for i in range(codes.size):
-        force_of(
-            codes[i],
-            params[i],
-            t,
-            places[i, 0],
-            places[i, 1],
-            q,
-            v,
-            z[2 * i : 2 * i + 2],
-            dz[2 * i : 2 * i + 2],
-            f,
-        )
+        a, b, own = places[i, 0], places[i, 1], slice(2 * i, 2 * i + 2)
+        force_of(codes[i], params[i], t, a, b, q, v, z[own], dz[own], f)
     for i in range(M.size):
         total = f[i]
         for j in range(M.size):
@@ -187,45 +152,14 @@ def integrate(M, C, K, B, U, dt, oversample, codes, places, params, q0, v0, held
             tj = t + j * h
             _rates(tj, u0, q, v, z, M, C, K, B, codes, places, params, a1, d1, f)
             v2 = v + h / 2 * a1
-            _rates(
-                tj + h / 2,
-                uh,
-                q + h / 2 * v,
-                v2,
-                z + h / 2 * d1,
-                M,
-                C,
-                K,
-                B,
-                codes,
-                places,
-                params,
-                a2,
-                d2,
-                f,
-            )
+            _rates(tj + h / 2, uh, q + h / 2 * v, v2, z + h / 2 * d1, M, C, K, B,
+                   codes, places, params, a2, d2, f)  # fmt: skip
             v3 = v + h / 2 * a2
-            _rates(
-                tj + h / 2,
-                uh,
-                q + h / 2 * v2,
-                v3,
-                z + h / 2 * d2,
-                M,
-                C,
-                K,
-                B,
-                codes,
-                places,
-                params,
-                a3,
-                d3,
-                f,
-            )
+            _rates(tj + h / 2, uh, q + h / 2 * v2, v3, z + h / 2 * d2, M, C, K, B,
+                   codes, places, params, a3, d3, f)  # fmt: skip
             v4 = v + h * a3
-            _rates(
-                tj + h, u1, q + h * v3, v4, z + h * d3, M, C, K, B, codes, places, params, a4, d4, f
-            )
+            _rates(tj + h, u1, q + h * v3, v4, z + h * d3, M, C, K, B,
+                   codes, places, params, a4, d4, f)  # fmt: skip
             q = q + h / 6 * (v + 2 * v2 + 2 * v3 + v4)
             v = v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
             z = z + h / 6 * (d1 + 2 * d2 + 2 * d3 + d4)

@@ -6,7 +6,6 @@ computed show whether the judge judges.
 
 import json
 from collections import Counter
-from concurrent.futures import Future
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -15,7 +14,7 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.identification.diagnosis.findings import FoundEffect, IndistinguishablePair, Value
-from tests.hidden_effects import rows, run
+from tests.hidden_effects import rows
 from tests.hidden_effects.cases import Case, axes, model_of, one, records, two
 from tests.hidden_effects.catalogue import all_cases
 from tests.hidden_effects.drawn import JUDGED_SEED, drawn_cases
@@ -23,7 +22,6 @@ from tests.hidden_effects.figures import figures, law_learned
 from tests.hidden_effects.intervals import effect_numbers
 from tests.hidden_effects.judge import judge, marks
 from tests.hidden_effects.kept import KEPT, keep, kept_rows, key_of
-from tests.hidden_effects.laws import KINDS, UNSEEN_LAWS
 from tests.hidden_effects.motion import motion
 from tests.hidden_effects.page import page
 from tests.hidden_effects.rows import empty_row, run_case, told
@@ -66,27 +64,6 @@ def row_of(case, right, **more):
     return {**empty_row(case), "verdict": case.verdict, "right": right, "ratio": 1.0, **more}
 
 
-class NoPool:
-    """Runs at once, in this process, what a pool would run in others."""
-
-    def __init__(self, workers):
-        self.workers = workers
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *error):
-        return None
-
-    def map(self, call, *items):
-        return map(call, *items)
-
-    def submit(self, call, item):
-        future = Future()
-        future.set_result(call(item))
-        return future
-
-
 # The examination: a few cases, and in the long tests all of them.
 
 CASES = {case.name: case for case in all_cases()}
@@ -95,10 +72,16 @@ CASES = {case.name: case for case in all_cases()}
 # may fall the other way on another machine. A 45th case came when learned laws did; it adds nothing
 # to the floor.
 DRAWN_FLOOR = 33 / 45
-QUICK = ("quadratic damping", "input delay", "wrong numbers, two masses, in motion", "gyroscopic")
+QUICK = ("quadratic damping", "input delay", "gyroscopic")
 
 
-@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "wrong numbers, two masses, in motion",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in QUICK),
+    ],
+)
 def test_quick_cases_are_named_right(name):
     row = run_case(replace(CASES[name], samples=5000))
     assert row["right"], row
@@ -164,13 +147,12 @@ def test_the_cases_cover_the_catalogue():
 
 # The plan of a hundred cases with several effects.
 
-FEW = (0, 19, 22, 60, 80, 90, 96)
-SEVERAL_CASES = {i: several_case(i) for i in FEW}
 
-
-@pytest.mark.parametrize("i", [i for i in FEW if i < 90])
+@pytest.mark.parametrize(
+    "i", [0, 22, *(pytest.param(i, marks=pytest.mark.slow) for i in (19, 60, 80))]
+)
 def test_every_effect_shows(i):
-    case = SEVERAL_CASES[i]
+    case = several_case(i)
     assert sound(case)
     for k in range(len(case.effects)):
         change = change_without(case, k)
@@ -388,82 +370,27 @@ def test_a_row_comes_back_and_a_broken_line_is_left_out(tmp_path):
     keep(None, FIRST_CASES[0], row)
 
 
-# The command.
-
-
-def quick_law(number, seed):
-    """A law that is quickly drawn."""
-    at = ("x", "ground")
-    return Case(f"law {number} of {seed}", one(), [(KINDS[number], at, [1.0])], "unknown_law")
-
-
-@pytest.fixture
-def ran(monkeypatch, tmp_path):
-    """The names of the cases that run; the plans are short."""
-    names = []
-
-    def run_case(case):
-        names.append(case.name)
-        return row_of(case, True)
-
-    monkeypatch.setattr(run, "ProcessPoolExecutor", NoPool)
-    monkeypatch.setattr(run, "run_case", run_case)
-    monkeypatch.setattr(run, "PLAN", run.PLAN[:3])
-    monkeypatch.setattr(run, "LAWS", run.LAWS[:2])
-    monkeypatch.setattr(run, "law_case", quick_law)
-    monkeypatch.setattr(run, "all_cases", lambda: all_cases()[:4])
-    monkeypatch.setattr(run, "drawn_cases", lambda seed: all_cases()[seed % 7 + 4 : seed % 7 + 6])
-    monkeypatch.setattr(run, "page", lambda *groups: f"{[len(group) for group in groups]}")
-    monkeypatch.setattr(run, "PAGE", tmp_path / "page.md")
-    return names
-
-
-LISTED = [case.name for case in all_cases()]
-
-
-def test_everything_runs_and_the_page_is_written(ran, tmp_path, capsys):
-    run.main(["--keep", str(tmp_path / "rows.jsonl")])
-    assert (tmp_path / "page.md").read_text() == "[4, 2, 3, 2]"
-    several = [several_case(i).name for i in range(3)]
-    drawn = LISTED[run.JUDGED_SEED % 7 + 4 :][:2]
-    laws = [quick_law(i, UNSEEN_LAWS).name for i in range(2)]
-    assert sorted(ran) == sorted([*LISTED[:4], *drawn, *several, *laws])
-    ran.clear()
-    run.main(["--keep", str(tmp_path / "rows.jsonl")])
-    assert not ran
-    assert "[4, 2, 3, 2]" in capsys.readouterr().out
-
-
 # The page.
 
-LISTED_CASES = all_cases()
-SEVERAL = [several_case(i) for i in (19, 60, 80, 90)]
 
-
-@pytest.fixture(scope="module")
-def drawn():
-    return drawn_cases(JUDGED_SEED)
-
-
-def rows_of(cases, failing=None):
-    return [(row_of(case, case is not failing), case) for case in cases]
-
-
-def page_of(rows, drawn, several=None, laws=None):
-    """The page, with all cases with several effects right by default, and no laws drawn."""
-    return page(rows, drawn, several or rows_of(SEVERAL), laws or [])
-
-
-def test_several_effects_are_told_by_number(drawn):
+@pytest.mark.slow
+def test_several_effects_are_told_by_number():
+    told = [
+        (True, {"exact": 1, "missed": 0, "numbers": [["input_gain.gain", 1, 1.1, 0.1]]}),
+        (False, {"exact": 1, "missed": 1, "wrong": ["backlash at m1"], "named": 2}),
+        (True, {"exact": 2, "swapped": 1, "missed": 0}),
+        (True, {}),
+    ]
+    several = [several_case(i) for i in (19, 60, 80, 90)]
     rows = [
-        (row_of(SEVERAL[0], True, exact=1, missed=0, numbers=[["input_gain.gain", 1, 1.1, 0.1]]),
-         SEVERAL[0]),
-        (row_of(SEVERAL[1], False, exact=1, missed=1, wrong=["backlash at m1"], named=2),
-         SEVERAL[1]),
-        (row_of(SEVERAL[2], True, exact=2, swapped=1, missed=0), SEVERAL[2]),
-        (row_of(SEVERAL[3], True), SEVERAL[3]),
-    ]  # fmt: skip
-    lines = page_of(rows_of(LISTED_CASES), rows_of(drawn), several=rows).splitlines()
+        (row_of(case, right, **more), case)
+        for case, (right, more) in zip(several, told, strict=True)
+    ]
+    listed, drawn = (
+        [(row_of(case, True), case) for case in cases]
+        for cases in (all_cases(), drawn_cases(JUDGED_SEED))
+    )
+    lines = page(listed, drawn, rows, []).splitlines()
     assert any(line.startswith(f"4 cases of seed {UNSEEN_SEED}") for line in lines)
     assert "| right in kind and place, or told alike | 3 of 4 (75.0 %) | 95 % |" in lines
     assert "| a name that is wrong and not told alike | 1 of 4 (25.0 %) | at most 2 % |" in lines

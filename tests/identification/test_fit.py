@@ -12,7 +12,6 @@ from robustpolish.identification.fit.least_squares import (
     covariance_of,
     fit,
     normal_of,
-    standard_errors,
 )
 from robustpolish.identification.fit.parameters import FreeParameter
 from robustpolish.identification.fit.result import stderr_from_covariance
@@ -42,7 +41,7 @@ def fitted(*free):
 
 def test_a_linear_fit_is_that_of_the_textbook():
     found = fitted(number(STIFFNESS, 30.0), number(DAMPING, 1.0))
-    values, errors = found.model.parameters, standard_errors(found)
+    values, errors = found.model.parameters, stderr_from_covariance(covariance_of(found))
     np.testing.assert_allclose([values[STIFFNESS], values[DAMPING]], KNOWN, rtol=1e-8)
     left = np.mean((Y - X @ KNOWN) ** 2)
     assert found.rmse == pytest.approx(np.sqrt(left), rel=1e-6)

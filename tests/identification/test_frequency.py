@@ -192,6 +192,7 @@ def test_a_fit_never_ends_above_its_start():
         assert again <= after
 
 
+@pytest.mark.slow
 def test_linear_effects_are_fitted_and_others_left_open():
     true = (
         two_masses()

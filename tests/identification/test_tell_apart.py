@@ -9,15 +9,14 @@ import xarray as xr
 import robustpolish as rp
 from robustpolish.identification.diagnosis.findings import IndistinguishablePair
 from robustpolish.identification.experiments import (
-    Distance,
     Experiment,
     MachinePair,
+    SimulatedExperiment,
     UnusableExperimentError,
-    distance,
     experiments,
+    simulate_experiment,
 )
 from robustpolish.identification.record import record_of
-from robustpolish.identification.tell_apart import SimulatedExperiment
 from tests import made_up
 from tests.identification.oscillators import PLACE, double_well, oscillator, record
 
@@ -128,7 +127,7 @@ def tried(left, times=1.0, kind="sweep", apart=None):
     experiment = Experiment(kind, "F", *how, inputs, np.zeros(2), 1.0)
     runs = [np.zeros((400, 1)), -NOISE * (left if apart is None else apart) * WAVE[:, None],
             -NOISE * left * WAVE[:, None]]  # fmt: skip
-    return SimulatedExperiment(experiment, Distance(*runs), NOISE)
+    return SimulatedExperiment(experiment, NOISE, *runs)
 
 
 def told(*experiments):
@@ -211,9 +210,9 @@ def test_two_springs_differ_by_what_statics_say():
     slow = step(kind="to and fro", times=0.3)
     force = slow.inputs["F"].values
     pair = machines(oscillator(400.0, damping=20.0), oscillator(440.0, damping=20.0))
-    found = distance(pair, slow, FAR)
+    found = simulate_experiment(pair, slow, FAR)
     statics = np.sqrt(np.mean(force**2)) * (1 / 400 - 1 / 440)
-    assert found.apart[0] == pytest.approx(statics, rel=0.05)
+    assert found.differences[0] == pytest.approx([statics], rel=0.05)
     np.testing.assert_array_equal(found.adapted, found.second)  # nothing may move
 
 
@@ -223,4 +222,4 @@ def test_what_nobody_can_repeat_is_no_experiment():
     strong = replace(first, inputs=data[["F"]], motion=1.0)
     other = well.with_parameters({"damper[0].damping": 0.151})
     with pytest.raises(UnusableExperimentError, match="tiny change of the start"):
-        distance(machines(well, other), strong, FAR)
+        simulate_experiment(machines(well, other), strong, FAR)

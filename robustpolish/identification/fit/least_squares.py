@@ -6,7 +6,7 @@ import itertools
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -24,15 +24,14 @@ from robustpolish.identification.fit.parameters import (
     with_fixed_force_scale,
 )
 from robustpolish.identification.fit.prepared import PreparedRecord
-from robustpolish.identification.fit.result import stderr_from_covariance
 from robustpolish.identification.observer.runs import (
     InitialState,
-    RecordRun,
     Runner,
     StartedPiece,
     reproducibility,
     rest,
 )
+from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.mechanical.data import definite_coupling_share, port_rows
 from robustpolish.machines.mechanical.model import MechanicalModel
 
@@ -40,7 +39,6 @@ from robustpolish.machines.mechanical.model import MechanicalModel
 # little, and a step that spans such jumps sees slopes several times too steep; and along what the
 # data leave open, what a long step errs by looks like knowledge.
 _STEP = 1e-7
-_START_STEP = 1e-7
 # Derivatives beyond it come from a run that diverges; squares of what is below can be added up.
 _ENDLESS = 1e100
 # Relative fall of the cost below which a fit stops.
@@ -111,6 +109,7 @@ class Residuals:
         self.model, self.pieces, self.runner = model, tuple(pieces), runner
         self.free, self.start_sizes = list(free), start_sizes
         self.records = tuple(piece.record for piece in pieces)
+        self.starts = np.array([piece.start.vector for piece in pieces])
         self.offsets = np.cumsum([0, *(p.record.samples for p in pieces)])
         self.scale = np.array([f.scale for f in free])
         self.lower = np.array([f.lower for f in free]) / self.scale
@@ -118,9 +117,10 @@ class Residuals:
         self.prior = np.array([f.scale / f.prior for f in free])
         self.centre = np.array([f.centre / f.scale for f in free])
         self.joint = joint_priors(model, self.free) * self.scale
+        self.x = np.array([f.start for f in free]) / self.scale
         self.keys = keys = [f.key for f in free]
         self._at: tuple[Array, MechanicalModel] | None = None
-        self.coupled = any(key.startswith("coupled_inertia") for key in keys)
+        self.coupled = np.array([key.startswith("coupled_inertia") for key in keys])
         self.above = [(j, keys.index(f.at_least)) for j, f in enumerate(free) if f.at_least in keys]
 
     def within(self, x: Array) -> Array:
@@ -128,39 +128,34 @@ class Residuals:
         x = np.clip(x, self.lower, self.upper)
         for j, other in self.above:
             x[j] = max(x[j], x[other] * self.scale[other] / self.scale[j])
-        return self._with_energy(x) if self.coupled else x
+        if self.coupled.any():  # coupled inertias have to leave every motion some energy
+            x = np.where(self.coupled, x * definite_coupling_share(self.model, self.values(x)), x)
+        return x
 
-    def _with_energy(self, x: Array) -> Array:
-        """Return the parameters with coupled inertias that leave every motion some energy."""
-        values = {f.key: v for f, v in zip(self.free, (x * self.scale).tolist(), strict=True)}
-        share = definite_coupling_share(self.model, values)
-        return np.array([
-            v * share if f.key.startswith("coupled_inertia") else v
-            for f, v in zip(self.free, x, strict=True)
-        ])  # fmt: skip
+    def values(self, x: Array) -> dict[str, float]:
+        """Return scaled parameters by key, in SI units."""
+        return dict(zip(self.keys, (x * self.scale).tolist(), strict=True))
 
     def model_at(self, x: Array) -> MechanicalModel:
         """Return the model with scaled parameters x; all derivatives there begin with the same."""
-        known = self._at
-        if known is None or not np.array_equal(known[0], x):
-            values = dict(zip(self.keys, (x * self.scale).tolist(), strict=True))
-            known = self._at = (x.copy(), self.model.with_parameters(values))
-        return known[1]
-
-    def run_at(self, x: Array) -> RecordRun:
-        """Return the model with scaled parameters x, ready to run."""
-        return self.runner.run(self.model_at(x))
+        if self._at is None or not np.array_equal(self._at[0], x):
+            self._at = (x.copy(), self.model.with_parameters(self.values(x)))
+        return self._at[1]
 
     def started(self, starts: Array) -> list[StartedPiece]:
         """Return the pieces with other starts, one row of displacements and so on for each."""
-        return [
-            StartedPiece(piece.record, piece.start.with_vector(row))
-            for piece, row in zip(self.pieces, starts, strict=True)
-        ]
+        return [p.with_start(row) for p, row in zip(self.pieces, starts, strict=True)]
 
     def errors(self, x: Array, starts: Array) -> Array:
         """Return the prediction errors, in the outputs' units."""
-        return self.run_at(x).errors_along(self.records, starts)
+        return self.runner.run(self.model_at(x)).errors_along(self.records, starts)
+
+    def cost(self, x: Array, errors: Array, sigma: Array) -> float:
+        """Return half the sum of squares, priors included; infinite where a run diverges."""
+        prior = np.concatenate([(x - self.centre) * self.prior, self.joint @ x])
+        with np.errstate(over="ignore", invalid="ignore"):
+            total = 0.5 * float(np.sum((errors / sigma) ** 2) + prior @ prior)
+        return total if np.isfinite(total) else np.inf
 
     def better_starts(
         self, x: Array, starts: tuple[Array, Array], after: Array, sigma: Array
@@ -192,29 +187,22 @@ class Residuals:
 
         Those to the starts are of each piece's errors to the scaled states of its own start.
         """
-        p, n = len(x), 0 if self.start_sizes is None else starts.shape[1]
-        run = self.run_at(x)
+        p, model = len(x), self.model_at(x)
+        run, sizes = self.runner.run(model), self.start_sizes
 
         def column(j: int) -> Array:
-            if j < p:
-                return self._column(x, starts, errors, j)
-            return self._start_column(run, starts, errors, j - p)
+            if j >= p:
+                assert sizes is not None
+                moved = starts.copy()
+                moved[:, j - p] += _STEP * sizes[j - p]
+                return (run.errors_along(self.records, moved) - errors) / _STEP
+            h = _STEP * max(abs(x[j]), 1.0)
+            if x[j] + h > self.upper[j]:
+                h = -h
+            beside = model.with_parameters({self.keys[j]: float((x[j] + h) * self.scale[j])})
+            return (self.runner.run(beside).errors_along(self.records, starts) - errors) / h
 
-        return parallel_map(column, range(p + n))
-
-    def _column(self, x: Array, starts: Array, errors: Array, j: int) -> Array:
-        h = _STEP * max(abs(x[j]), 1.0)
-        if x[j] + h > self.upper[j]:
-            h = -h
-        moved = {self.free[j].key: float((x[j] + h) * self.scale[j])}
-        run = self.runner.run(self.model_at(x).with_parameters(moved))
-        return (run.errors_along(self.records, starts) - errors) / h
-
-    def _start_column(self, run: RecordRun, starts: Array, errors: Array, j: int) -> Array:
-        assert self.start_sizes is not None
-        moved = starts.copy()
-        moved[:, j] += _START_STEP * self.start_sizes[j]
-        return (run.errors_along(self.records, moved) - errors) / _START_STEP
+        return parallel_map(column, range(p + (0 if sizes is None else starts.shape[1])))
 
 
 def fit(
@@ -235,12 +223,11 @@ def fit(
     settled : float, optional
         Relative fall of the cost below which it stops.
     """
-    free = residuals.free
-    x = residuals.within(np.array([f.start / f.scale for f in free], dtype=float))
-    starts = np.array([piece.start.vector for piece in residuals.pieces])
+    free, sizes = residuals.free, residuals.start_sizes
+    x, starts = residuals.within(residuals.x), residuals.starts
     errors = residuals.errors(x, starts)
-    sigma = _weights(errors, np.ones(errors.shape[1]))
-    cost = _cost(residuals, x, errors, sigma)
+    sigma = _weights(errors)
+    cost = residuals.cost(x, errors, sigma)
     damping = 1e-3
     normal: Normal | None = None
     # Where only priors speak, damped steps hardly move: a free run ends with a step undamped.
@@ -251,36 +238,31 @@ def fit(
             break
         # priors count against the noise that is left, not against the error at the start
         sigma = _weights(errors, sigma)
-        cost = _cost(residuals, x, errors, sigma)
+        cost = residuals.cost(x, errors, sigma)
         if number == iterations or settling:
             settling, damping = True, 0.0
-        normal = _normal(residuals, x, starts, errors, sigma)
-        better = None
-        trial, new_starts, new_errors = x, starts, errors
+        normal = Normal.at(residuals, x, starts, errors, sigma)
+        # parameters that rest at a bound stay
+        held = ((x <= residuals.lower) & (normal.g > 0)) | ((x >= residuals.upper) & (normal.g < 0))
+        fall = 0.0
         for _ in range(4):
-            step, moves = _step(normal, x, residuals, damping)
+            step, moves = normal.step(~held, damping)
             trial = residuals.within(x + step)
-            new_starts = starts
-            if residuals.start_sizes is not None:
-                new_starts = starts + moves * residuals.start_sizes
+            new_starts = starts if sizes is None else starts + moves * sizes
             new_errors = residuals.errors(trial, new_starts)
-            new_cost = _cost(residuals, trial, new_errors, sigma)
-            if not new_cost < cost and residuals.start_sizes is not None:
-                new_starts, new_errors = residuals.better_starts(
-                    trial, (starts, new_starts), new_errors, sigma
-                )
-                new_cost = _cost(residuals, trial, new_errors, sigma)
+            new_cost = residuals.cost(trial, new_errors, sigma)
+            if not new_cost < cost and sizes is not None:
+                both = (starts, new_starts)
+                new_starts, new_errors = residuals.better_starts(trial, both, new_errors, sigma)
+                new_cost = residuals.cost(trial, new_errors, sigma)
             if new_cost < cost:
-                better = new_cost
+                fall = (cost - new_cost) / cost
+                x, starts, errors, cost = trial, new_starts, new_errors, new_cost
+                damping = damping / 10
                 break
             damping = max(damping, 1e-4) * 8
         if progress is not None:
             progress()
-        fall = 0.0
-        if better is not None:
-            fall = (cost - better) / cost
-            x, starts, errors, cost = trial, new_starts, new_errors, better
-            damping = damping / 10
         if fall < settled:
             if settling or not settles:
                 break
@@ -293,33 +275,20 @@ def fit(
 
 def evaluate_unfitted(residuals: Residuals) -> Fit:
     """Return what a fit would say of a model as it is: its errors and how well they tell it."""
-    free, starts = residuals.free, np.array([piece.start.vector for piece in residuals.pieces])
-    x = np.array([f.start / f.scale for f in free], dtype=float)
-    errors = residuals.errors(x, starts)
-    sigma = _weights(errors, np.ones(errors.shape[1]))
+    errors = residuals.errors(residuals.x, residuals.starts)
+    sigma = _weights(errors)
     normal = normal_of(residuals, errors, sigma)
-    cost = _cost(residuals, x, errors, sigma)
+    cost = residuals.cost(residuals.x, errors, sigma)
     found = residuals.model, residuals.pieces, cost, errors, sigma
-    return Fit(*found, normal.information(), tuple(free), normal.seen)
+    return Fit(*found, normal.information(), tuple(residuals.free), normal.seen)
 
 
-def _weights(errors: Array, before: Array) -> Array:
-    sigma = _rms(errors)
-    return np.where(np.isfinite(sigma) & (sigma > 0), sigma, before)
-
-
-def _rms(errors: Array) -> Array:
-    """Return the root mean square of the finite errors of each output."""
+def _weights(errors: Array, before: Array | float = 1.0) -> Array:
+    """Return the root mean square of the finite errors of each output, as before if it is none."""
     finite = np.where(np.isfinite(errors), errors, 0.0)
     with np.errstate(over="ignore"):
-        return np.sqrt(np.mean(finite**2, axis=0))
-
-
-def _cost(residuals: Residuals, x: Array, errors: Array, sigma: Array) -> float:
-    prior = np.concatenate([(x - residuals.centre) * residuals.prior, residuals.joint @ x])
-    with np.errstate(over="ignore", invalid="ignore"):  # a step may lead to a run that diverges
-        total = 0.5 * float(np.sum((errors / sigma) ** 2) + prior @ prior)
-    return total if np.isfinite(total) else np.inf
+        sigma = np.sqrt(np.mean(finite**2, axis=0))
+    return np.where(np.isfinite(sigma) & (sigma > 0), sigma, before)
 
 
 class Normal:
@@ -346,17 +315,30 @@ class Normal:
         marks = np.cumsum([0, *(len(block) for block in blocks)])
         self.rows = [slice(a, b) for a, b in itertools.pairwise(marks)]
         p, n = J.shape[1], blocks[0].shape[1] if blocks else 0
-        shape = (len(blocks), n)
         own, joint = residuals.prior**2, residuals.joint.T @ residuals.joint
         self.prior = np.diag(own) + joint
         self.H = J.T @ J + self.prior
         self.g = J.T @ error + own * (x - residuals.centre) + joint @ x
-        self.mixed = np.zeros((len(blocks), p, n))
-        self.own = np.zeros((*shape, n))
-        self.own_g = np.zeros(shape)
-        for i, (block, rows) in enumerate(zip(blocks, self.rows, strict=True)):
-            self.mixed[i], self.own[i] = J[rows].T @ block, block.T @ block
-            self.own_g[i] = block.T @ error[rows]
+        each, m = list(zip(blocks, self.rows, strict=True)), len(blocks)
+        mixed = [J[rows].T @ block for block, rows in each]
+        self.mixed = np.array(mixed).reshape(m, p, n)
+        self.own = np.array([block.T @ block for block in blocks]).reshape(m, n, n)
+        self.own_g = np.array([block.T @ error[rows] for block, rows in each]).reshape(m, n)
+
+    @classmethod
+    def at(
+        cls, residuals: Residuals, x: Array, starts: Array, errors: Array, sigma: Array
+    ) -> Normal:
+        """Return the normal equations at parameters and starts, with the errors there."""
+        p, ny = len(x), errors.shape[1]
+        found = residuals.columns(x, starts, errors)
+        columns = np.array([(each / sigma).ravel() for each in found]).reshape(len(found), -1).T
+        # 0 where it is not a number, too
+        columns = np.where(np.abs(columns) < _ENDLESS, columns, 0.0)
+        ends = itertools.pairwise(residuals.offsets) if len(found) > p else ()
+        blocks = [columns[a * ny : b * ny, p:] for a, b in ends]
+        error = (errors / sigma).ravel()
+        return cls(np.ascontiguousarray(columns[:, :p]), blocks, error, residuals, x)
 
     def step(self, free: NDArray[np.bool_], damping: float) -> tuple[Array, Array]:
         """Return the damped step of the free parameters, and of all starts, (pieces, n)."""
@@ -413,30 +395,7 @@ class Normal:
 
 def normal_of(residuals: Residuals, errors: Array, sigma: Array) -> Normal:
     """Return the normal equations where the residuals stand, with the errors there."""
-    x = np.array([f.start / f.scale for f in residuals.free])
-    starts = np.array([piece.start.vector for piece in residuals.pieces])
-    return _normal(residuals, x, starts, errors, sigma)
-
-
-def _normal(residuals: Residuals, x: Array, starts: Array, errors: Array, sigma: Array) -> Normal:
-    p, n = len(x), 0 if residuals.start_sizes is None else starts.shape[1]
-    found = residuals.columns(x, starts, errors)
-    columns = np.array([(column / sigma).ravel() for column in found]).reshape(p + n, -1).T
-    # 0 where it is not a number, too
-    columns = np.where(np.abs(columns) < _ENDLESS, columns, 0.0)
-    ny = errors.shape[1]
-    blocks = [
-        columns[a * ny : b * ny, p:] for a, b in itertools.pairwise(residuals.offsets)
-    ] if n else []  # fmt: skip
-    error = (errors / sigma).ravel()
-    return Normal(np.ascontiguousarray(columns[:, :p]), blocks, error, residuals, x)
-
-
-def _step(normal: Normal, x: Array, residuals: Residuals, damping: float) -> tuple[Array, Array]:
-    """Solve the damped step, leaving out parameters that rest at a bound."""
-    g = normal.g
-    held = ((x <= residuals.lower) & (g > 0)) | ((x >= residuals.upper) & (g < 0))
-    return normal.step(~held, damping)
+    return Normal.at(residuals, residuals.x, residuals.starts, errors, sigma)
 
 
 def covariance_of(fitted: Fit) -> xr.DataArray:
@@ -485,11 +444,6 @@ def _block_score_covariance(sensitivity: Array, errors: Array) -> Array:
     sums = np.add.reduceat(scores, marks[:-1], axis=0)
     sums = sums - sums.mean(axis=0)  # priors pull against the rest
     return sums.T @ sums * _BLOCKS / (_BLOCKS - 1)
-
-
-def standard_errors(fitted: Fit) -> dict[str, float]:
-    """Return the standard errors of the fitted numbers by their keys, in SI units."""
-    return stderr_from_covariance(covariance_of(fitted))
 
 
 def log_odds(one: Fit, other: Fit) -> float:
@@ -574,11 +528,12 @@ def homotopy(
     """
     stages: list[Fit] = []
     kept: Fit | None = None
-    first = model = with_fixed_force_scale(model, reference)
+    policy, first = prepared.policy, with_fixed_force_scale(model, reference)
+    model = first
     for span in spans if model.free else spans[-1:]:  # what is imposed cannot go astray
         windows = windows_from_stage(model, prepared, pieces, span, kept, known)
         enough = last if span == spans[-1] else settled
-        steps = max(iterations, prepared.policy.direct_steps) if enough < CONVERGED else iterations
+        steps = max(iterations, policy.direct_steps) if enough < CONVERGED else iterations
         # an offset that is not known yet makes the smoothed motion so fast that laws diverge
         still = [StartedPiece(window.record, rest(model)) for window in windows]
         tried = (residuals_of(model, begun, prepared, reference) for begun in (windows, still))
@@ -590,9 +545,9 @@ def homotopy(
             smoothed = prepared.cut_windows(model, pieces, span)
             result = _refit_with_fitted_starts(result, smoothed, prepared, reference, steps)
         stages.append(result)
-        if kept is not None and np.max(result.rmse / kept.rmse) > prepared.policy.lost:
+        if kept is not None and np.max(result.rmse / kept.rmse) > policy.lost:
             continue  # the next stage starts where this one did
-        kept, model = result, _restore_vanished(result.model, first, prepared.policy.vanished)
+        kept, model = result, _restore_vanished(result.model, first, policy.vanished)
     if kept is not None and all(kept is not stage for stage in stages[-2:]):
         stages.insert(len(stages) - 1, kept)
     return stages
@@ -662,18 +617,11 @@ def windows_from_stage(
         return _with_refitted_starts(model, prepared, windows, known)
     run = prepared.runner(before.model).run(before.model)
     seen = run.over_all(before.pieces, keep=True)
-    first = {}
-    at = 0
-    for piece in before.pieces:
-        first[piece.record.first] = at
-        at += piece.record.samples
-    marks = np.array(sorted(first))
     n = windows[0].start.state.size
+    samples = [p.record.first + np.arange(p.record.samples) for p in before.pieces]
+    rows = np.searchsorted(np.concatenate(samples), [w.record.first for w in windows])
     found = []
-    for window in windows:
-        begin = window.record.first
-        mark = int(marks[np.searchsorted(marks, begin, side="right") - 1])
-        row = first[mark] + begin - mark
+    for window, row in zip(windows, rows, strict=True):
         start = InitialState(seen.states[row, :n], seen.internal[row])
         finite = np.isfinite(start.vector).all()
         found.append(StartedPiece(window.record, start) if finite else window)
@@ -707,34 +655,27 @@ class EvaluatedFit:
     Attributes
     ----------
     fit : Fit
+    prepared : PreparedRecord
     free : ndarray, shape (ny,)
         Held-out root mean square error of free runs over whole pieces.
-    over_windows : callable
-        Returns the same of free runs over short windows, shape (ny,).
     reproducible : bool
         Whether free runs over whole pieces judge anything.
-    over_fitted : callable
-        Returns the error of free runs over the whole pieces that fits are made to, shape (ny,).
-    quieter_held_out : bool
-        Whether the held-out pieces are far quieter than those that fits are made to.
     """
 
     fit: Fit
+    prepared: PreparedRecord
     free: Array
-    over_windows: Callable[[], Array]
     reproducible: bool
-    over_fitted: Callable[[], Array]
-    quieter_held_out: bool = False
 
     @cached_property
     def short(self) -> Array:
         """Held-out error over short windows; measured only where free runs judge nothing."""
-        return self.over_windows()
+        return short_window_rms(self.model, self.prepared, self.prepared.held_out)
 
     @cached_property
     def fitted(self) -> Array:
         """Error over whole fitted pieces; measured only where fits ended on unlike windows."""
-        return self.over_fitted()
+        return free_run_rms(self.model, self.prepared, self.prepared.trial)
 
     @property
     def over_all(self) -> Array:
@@ -744,6 +685,11 @@ class EvaluatedFit:
         loud, and with thousands of samples for each number a fit cannot bend itself to noise.
         """
         return np.sqrt(self.free * self.fitted) if self.quieter_held_out else self.free
+
+    @property
+    def quieter_held_out(self) -> bool:
+        """Whether the held-out pieces are far quieter than those that fits are made to."""
+        return self.prepared.quieter_held_out
 
     @property
     def model(self) -> MechanicalModel:
@@ -765,10 +711,8 @@ def ranking_log_error(fitted: EvaluatedFit, among: Sequence[EvaluatedFit]) -> fl
 
 def evaluate_fit(fitted: Fit, prepared: PreparedRecord) -> EvaluatedFit:
     """Measure a fitted model on the held-out pieces."""
-    free, predictable = free_run_rms_checked(fitted.model, prepared, prepared.held_out)
-    over = partial(short_window_rms, fitted.model, prepared, prepared.held_out)
-    long = partial(free_run_rms, fitted.model, prepared, prepared.trial)
-    return EvaluatedFit(fitted, free, over, predictable, long, prepared.quieter_held_out)
+    found = free_run_rms_checked(fitted.model, prepared, prepared.held_out)
+    return EvaluatedFit(fitted, prepared, *found)
 
 
 def free_run_rms_checked(
@@ -782,10 +726,10 @@ def free_run_rms_checked(
     reproducible : bool
         Whether the first piece can be run again and again.
     """
-    run, started, errors = _errors(model, prepared, pieces)
-    first = started[0]
+    run, started = prepared.run_with_fitted_starts(model, pieces)
+    errors, first = run.all_errors(started), started[0]
     found = reproducibility(run, first, first.record.Y - errors[: first.record.samples])
-    return _window_rms(errors), found.reproducible
+    return _rms(errors), found.reproducible
 
 
 def short_window_rms(
@@ -799,17 +743,11 @@ def free_run_rms(
     model: MechanicalModel, prepared: PreparedRecord, pieces: Sequence[StartedPiece]
 ) -> Array:
     """Return the errors of free runs, infinite where they diverge, shape (ny,)."""
-    return _window_rms(_errors(model, prepared, pieces)[2])
-
-
-def _errors(
-    model: MechanicalModel, prepared: PreparedRecord, pieces: Sequence[StartedPiece]
-) -> tuple[RecordRun, list[StartedPiece], Array]:
     run, started = prepared.run_with_fitted_starts(model, pieces)
-    return run, started, run.all_errors(started)
+    return _rms(run.all_errors(started))
 
 
-def _window_rms(errors: Array) -> Array:
+def _rms(errors: Array) -> Array:
     with np.errstate(over="ignore", invalid="ignore"):
         found = np.sqrt(np.mean(errors**2, axis=0))
     return np.where(np.isfinite(found), found, np.inf)
@@ -818,9 +756,8 @@ def _window_rms(errors: Array) -> Array:
 def best_stage(stages: Sequence[Fit], prepared: PreparedRecord) -> EvaluatedFit:
     """Return the stage that predicts the held-out pieces best."""
     found = parallel_map(lambda stage: evaluate_fit(stage, prepared), stages[-2:])
-    if all(s.reproducible for s in found):
-        return min(found, key=lambda s: float(np.sum(np.log(s.free))))
-    return min(found, key=lambda s: float(np.sum(np.log(s.short))))
+    whole = all(s.reproducible for s in found)
+    return min(found, key=lambda s: float(np.sum(np.log(s.free if whole else s.short))))
 
 
 # Trust-region refinement of a fit to its minimum.
@@ -851,14 +788,15 @@ def with_rounded_friction(model: MechanicalModel, prepared: PreparedRecord) -> M
     prepared : PreparedRecord
     """
     substeps = prepared.runner(model).substeps
-    effects = []
-    for effect in model.effects:
-        if effect.definition.sharp and effect.values.get(_WIDTH) == 0.0:
-            v = (port_rows(model, effect) @ prepared.linear_motion.v)[0]
-            gained = float(np.sqrt(np.mean(np.diff(v) ** 2))) / substeps
-            effect = effect.with_values({**effect.parameters, _WIDTH: gained})
-        effects.append(effect)
-    return replace(model, effects=tuple(effects))
+
+    def rounded(effect: Effect) -> Effect:
+        if not effect.definition.sharp or effect.values.get(_WIDTH) != 0.0:
+            return effect
+        v = (port_rows(model, effect) @ prepared.linear_motion.v)[0]
+        gained = float(np.sqrt(np.mean(np.diff(v) ** 2))) / substeps
+        return effect.with_values({**effect.parameters, _WIDTH: gained})
+
+    return replace(model, effects=tuple(map(rounded, model.effects)))
 
 
 def smoothing_velocity_keys(model: MechanicalModel) -> frozenset[str]:
@@ -884,11 +822,10 @@ def with_original_widths(
     reference : MechanicalModel
         About which the priors are centred.
     """
-    effects = []
-    for effect, old in zip(fitted.model.effects, before.effects, strict=True):
-        if old.values.get(_WIDTH) == 0.0:
-            effect = effect.with_values({**effect.parameters, _WIDTH: 0.0})
-        effects.append(effect)
+    effects = (
+        e.with_values({**e.parameters, _WIDTH: 0.0}) if old.values.get(_WIDTH) == 0.0 else e
+        for e, old in zip(fitted.model.effects, before.effects, strict=True)
+    )
     model = replace(fitted.model, effects=tuple(effects))
     return evaluate_unfitted(residuals_of(model, fitted.pieces, prepared, reference))
 
@@ -906,9 +843,9 @@ def refine_to_minimum(fitted: Fit, prepared: PreparedRecord, reference: Mechanic
     """
     here = residuals_of(fitted.model, fitted.pieces, prepared, reference)
     sizes = here.start_sizes if here.start_sizes is not None else np.ones(0)
-    starts = np.array([piece.start.vector for piece in here.pieces])
-    x0 = here.within(np.array([f.start / f.scale for f in here.free]))
+    x0, starts = here.within(here.x), here.starts
     p, shape, sigma = x0.size, (len(here.pieces), sizes.size), np.maximum(fitted.rmse, 1e-300)
+    most = _DIVERGED_ERROR
 
     def parts(z: Array) -> tuple[Array, Array]:
         return z[:p], z[p:].reshape(shape) * sizes if sizes.size else starts
@@ -917,53 +854,39 @@ def refine_to_minimum(fitted: Fit, prepared: PreparedRecord, reference: Mechanic
     def errors_at(z: bytes) -> Array:
         with np.errstate(over="ignore", invalid="ignore"):
             found = here.errors(*parts(np.frombuffer(z)))
-        return np.nan_to_num(
-            found, nan=_DIVERGED_ERROR, posinf=_DIVERGED_ERROR, neginf=-_DIVERGED_ERROR
-        )
-
-    def errors(z: Array) -> Array:
-        return errors_at(z.tobytes())
+        return np.nan_to_num(found, nan=most, posinf=most, neginf=-most)
 
     def residuals(z: Array) -> Array:
-        x = z[:p]
-        prior = [(x - here.centre) * here.prior, here.joint @ x]
+        prior = [(z[:p] - here.centre) * here.prior, here.joint @ z[:p]]
         return np.concatenate(
-            [np.clip(errors(z) / sigma, -_DIVERGED_ERROR, _DIVERGED_ERROR).ravel(), *prior]
+            [np.clip(errors_at(z.tobytes()) / sigma, -most, most).ravel(), *prior]
         )
 
     def derivatives(z: Array) -> Array:
-        now = errors(z)
-        columns = [np.nan_to_num(each / sigma) for each in here.columns(*parts(z), now)]
+        now = errors_at(z.tobytes())
+        columns = [np.nan_to_num(e / sigma).ravel() for e in here.columns(*parts(z), now)]
         J = np.zeros((now.size, z.size))
         for j, column in enumerate(columns[:p]):
-            J[:, j] = column.ravel()
-        ny = now.shape[1]
+            J[:, j] = column
+        pieces = list(itertools.pairwise(here.offsets * now.shape[1]))
         for i, column in enumerate(columns[p:]):
-            for k, (a, b) in enumerate(zip(here.offsets[:-1], here.offsets[1:], strict=True)):
-                J[a * ny : b * ny, p + k * sizes.size + i] = column[a:b].ravel()
+            for k, (a, b) in enumerate(pieces):
+                J[a:b, p + k * sizes.size + i] = column[a:b]
         priors = np.zeros((p + len(here.joint), z.size))
-        priors[:p, :p] = np.diag(here.prior)
-        priors[p:, :p] = here.joint
+        priors[:, :p] = np.vstack([np.diag(here.prior), here.joint])
         return np.vstack([J, priors])
 
-    free = np.full(starts.size if sizes.size else 0, np.inf)
-    low, high = np.concatenate([here.lower, -free]), np.concatenate([here.upper, free])
+    endless = np.full(starts.size if sizes.size else 0, np.inf)
+    low, high = np.concatenate([here.lower, -endless]), np.concatenate([here.upper, endless])
     inside = (starts / sizes).ravel() if sizes.size else np.zeros(0)
-    begin = np.clip(np.concatenate([x0, inside]), low, high)
     slopes: Any = derivatives
     found = least_squares(
-        residuals,
-        begin,
-        slopes,
-        bounds=(low, high),
-        x_scale="jac",
-        ftol=_SETTLED,
-        max_nfev=_MOST_EVALUATIONS,
-    )
+        residuals, np.clip(np.concatenate([x0, inside]), low, high), slopes,
+        bounds=(low, high), x_scale="jac", ftol=_SETTLED, max_nfev=_MOST_EVALUATIONS,
+    )  # fmt: skip
     x, at = parts(found.x)
-    x = np.where(
-        x - here.lower < _AT_BOUND, here.lower, x
-    )  # steps end within bounds, never on them
+    # steps end within bounds, never on them
+    x = np.where(x - here.lower < _AT_BOUND, here.lower, x)
     pieces = here.started(at) if sizes.size else list(here.pieces)
     best = evaluate_unfitted(residuals_of(here.model_at(x), pieces, prepared, reference))
     return best if np.sum(np.log(best.rmse)) < np.sum(np.log(fitted.rmse)) else fitted
@@ -996,13 +919,12 @@ def with_effect_order(fitted: Fit, order: Sequence[int]) -> Fit:
         found = _NUMBER.fullmatch(key)
         return f"effect[{order.index(int(found[1]))}]{found[2]}" if found else key
 
-    def started(piece: StartedPiece) -> StartedPiece:
-        start = piece.start
-        return StartedPiece(piece.record, InitialState(start.state, start.internal[rows]))
-
     return replace(
         fitted,
         model=replace(fitted.model, effects=tuple(effects[old] for old in order)),
-        pieces=tuple(started(piece) for piece in fitted.pieces),
+        pieces=tuple(
+            StartedPiece(p.record, InitialState(p.start.state, p.start.internal[rows]))
+            for p in fitted.pieces
+        ),
         free=[replace(f, key=renamed(f.key), at_least=renamed(f.at_least)) for f in fitted.free],
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from robustpolish.base.arrays import Array
 from robustpolish.identification.policy import Policy
 from robustpolish.machines.effects.effect import Effect
-from robustpolish.machines.effects.kind import CONSTANT, Parameter
+from robustpolish.machines.effects.kind import CONSTANT
 from robustpolish.machines.effects.spline_law import coefficients_of, spline_basis
 from robustpolish.machines.mechanical.data import port_row
 from robustpolish.machines.mechanical.model import MechanicalModel
@@ -186,29 +186,33 @@ def free_parameters(
             free = FreeParameter(key, coupled.value, natural, -most, most, prior, centre)
             result.append(free)
     contained = parameters_within_laws(model)
-    for i, spring in enumerate(model.springs):
-        key, natural = f"spring[{i}].stiffness", mass * bandwidth**2
-        if key not in contained:
-            result.append(elastic(key, spring.stiffness, natural, policy.spring_prior))
-    for i, damper in enumerate(model.dampers):
-        key, natural = f"damper[{i}].damping", 0.02 * mass * bandwidth
-        if key not in contained:
-            result.append(elastic(key, damper.damping, natural, policy.damper_prior))
+    springs = [(f"spring[{i}].stiffness", s.stiffness, mass * bandwidth**2, policy.spring_prior)
+               for i, s in enumerate(model.springs)]  # fmt: skip
+    dampers = [(f"damper[{i}].damping", d.damping, 0.02 * mass * bandwidth, policy.damper_prior)
+               for i, d in enumerate(model.dampers)]  # fmt: skip
+    result += [elastic(*part) for part in [*springs, *dampers] if part[0] not in contained]
     # the gain of the only input of a chain would scale its masses and springs, no more
     pushing = {name for chain in connected(model) if len(inputs_of_chain(model, chain)) > 1
                for name in inputs_of_chain(model, chain)}  # fmt: skip
-    for item in model.inputs:
-        if item.name in pushing:
-            result.append(near(f"input.{item.name}.gain", item.gain, policy.gain_prior))
+    result += [
+        near(f"input.{item.name}.gain", item.gain, policy.gain_prior)
+        for item in model.inputs
+        if item.name in pushing
+    ]
     for i, effect in enumerate(model.effects):
+        turns_over, values = effect.definition.turns_over, effect.values
         rounded = i >= given and has_smoothing(effect)
-        for parameter in effect.definition.parameters:
-            wanted = parameter.fitted or (
-                rounded and parameter.name == effect.definition.turns_over
-            )
-            told = wanted and parameter.name in effect.parameters
-            if told and f"effect[{i}].{parameter.name}" not in contained:
-                result.append(_effect(i, effect, parameter))
+        for p in effect.definition.parameters:
+            key, turns = f"effect[{i}].{p.name}", p.name == turns_over
+            if not p.fitted and not (rounded and turns):
+                continue
+            if p.name not in effect.parameters or key in contained:
+                continue
+            value, (lower, upper) = values[p.name], p.bounds_from(values)
+            lower = max(lower, value / _STEEPER) if turns else lower
+            other = f"effect[{i}].{p.at_least}" if p.at_least else ""
+            scale = p.scale_from(value, values)
+            result.append(FreeParameter(key, value, scale, lower, upper, at_least=other))
     return result
 
 
@@ -240,24 +244,19 @@ def parameters_within_laws(model: MechanicalModel) -> set[str]:
     constant force, and what varies with time the part that does not: fitted beside it, they would
     be shared out at random.
     """
+    places = [(f"spring[{i}].stiffness", "spring", s.between) for i, s in enumerate(model.springs)]
+    places += [(f"damper[{i}].damping", "damper", d.between) for i, d in enumerate(model.dampers)]
+    places += [
+        (f"effect[{i}].{e.definition.parameters[0].name}", "constant", (*e.at, "ground"))
+        for i, e in enumerate(model.effects)
+        if e.definition.domain == "dof" and e.definition.family == CONSTANT
+    ]
     found: set[str] = set()
     for law in model.effects:
-        kind = law.definition
-        place = set(law.at)
-        if "spring" in kind.contains:
-            parts = enumerate(model.springs)
-            found |= {f"spring[{i}].stiffness" for i, s in parts if set(s.between) == place}
-        if "damper" in kind.contains:
-            parts = enumerate(model.dampers)
-            found |= {f"damper[{i}].damping" for i, d in parts if set(d.between) == place}
-        if {"displacement", "velocity"} & {*kind.over}:
-            found |= {
-                f"effect[{i}].{e.definition.parameters[0].name}"
-                for i, e in enumerate(model.effects)
-                if e.definition.domain == "dof"
-                and e.definition.family == CONSTANT
-                and {*e.at, "ground"} == place
-            }
+        contains = {*law.definition.contains}
+        if {"displacement", "velocity"} & {*law.definition.over}:
+            contains.add("constant")
+        found |= {key for key, what, at in places if what in contains and {*at} == {*law.at}}
     return found
 
 
@@ -276,16 +275,25 @@ def joint_priors(model: MechanicalModel, free: Sequence[FreeParameter]) -> Array
     """
     column = {f.key: j for j, f in enumerate(free)}
     blocks = [np.zeros((0, len(free)))]
+
+    def constrain(i: int, names: Sequence[str], rows: Array) -> None:
+        """Append rows over numbers of an effect, if all of these are free."""
+        keys = [f"effect[{i}].{name}" for name in names]
+        if all(key in column for key in keys):
+            blocks.append(np.zeros((len(rows), len(free))))
+            blocks[-1][:, [column[key] for key in keys]] = rows
+
     for i, effect in enumerate(model.effects):
-        prior = effect.definition.prior
-        keys = [f"effect[{i}].{p.name}" for p in effect.definition.parameters if p.fitted]
-        if prior is None or not all(key in column for key in keys):
-            continue
-        rows = prior(effect.values)
-        block = np.zeros((len(rows), len(free)))
-        block[:, [column[key] for key in keys]] = rows
-        blocks.append(block)
-    blocks += [_static_force_row(model, i, column) for i in _zero_at_rest(model)]
+        if effect.definition.prior is not None:
+            names = [p.name for p in effect.definition.parameters if p.fitted]
+            constrain(i, names, effect.definition.prior(effect.values))
+    for i in _zero_at_rest(model):
+        values = model.effects[i].values
+        c = coefficients_of(values)
+        stays = model.effects[i].definition.over != ("displacement",)
+        at_rest = spline_basis(np.zeros(1), values["low"], values["high"], c.size, stays)[:, 0]
+        row = at_rest / (_HELD * (np.max(np.abs(c)) or 1.0))
+        constrain(i, list(values)[-c.size :], row[None])
     return np.vstack(blocks)
 
 
@@ -320,27 +328,3 @@ def _static_force_observable(model: MechanicalModel, at: tuple[str, ...]) -> boo
     moved = np.linalg.lstsq(K, port_row(model, at)[free], rcond=None)[0]
     least = _UNOBSERVABLE_SHARE * np.sum(np.abs(Sq), axis=1) * np.max(np.abs(moved), initial=0.0)
     return bool(np.any(np.abs(Sq @ moved) > least))
-
-
-def _static_force_row(model: MechanicalModel, i: int, column: Mapping[str, int]) -> Array:
-    """Return the row that holds the force of a law at no displacement or velocity."""
-    values = model.effects[i].values
-    c = coefficients_of(values)
-    stays = model.effects[i].definition.over != ("displacement",)
-    row = np.zeros((1, len(column)))
-    keys = [f"effect[{i}].{name}" for name in values][-c.size :]
-    if all(key in column for key in keys):
-        at_rest = spline_basis(np.zeros(1), values["low"], values["high"], c.size, stays)[:, 0]
-        row[0, [column[key] for key in keys]] = at_rest / (_HELD * (np.max(np.abs(c)) or 1.0))
-    return row
-
-
-def _effect(i: int, effect: Effect, parameter: Parameter) -> FreeParameter:
-    value = effect.values[parameter.name]
-    lower, upper = parameter.bounds_from(effect.values)
-    if parameter.name == effect.definition.turns_over:
-        lower = max(lower, value / _STEEPER)
-    scale = parameter.scale_from(value, effect.values)
-    other = f"effect[{i}].{parameter.at_least}" if parameter.at_least else ""
-    key = f"effect[{i}].{parameter.name}"
-    return FreeParameter(key, value, scale, lower, upper, at_least=other)

@@ -16,7 +16,6 @@ from scipy.signal import welch
 from robustpolish.base.arrays import Array
 from robustpolish.base.budget import Budget
 from robustpolish.base.checks import described, invalid
-from robustpolish.errors import InvalidInputError
 from robustpolish.identification.observer.kalman import (
     Scales,
     displacement_amplitude,
@@ -112,11 +111,8 @@ def _similar_records(model: MechanicalModel, parts: Sequence[Record]) -> list[li
     groups: list[list[int]] = []
     for i in sorted(range(len(parts)), key=lambda i: (moved[i], amplitude[i])):
         first = groups[-1][0] if groups else i
-        if (
-            groups
-            and moved[i] == moved[first]
-            and amplitude[i] <= _SIMILAR_AMPLITUDE * amplitude[first]
-        ):
+        alike = amplitude[i] <= _SIMILAR_AMPLITUDE * amplitude[first]
+        if groups and moved[i] == moved[first] and alike:
             groups[-1].append(i)
         else:
             groups.append([i])
@@ -151,9 +147,8 @@ def _blocks(model: MechanicalModel, part: Record, several: bool) -> list[int]:
     away = np.abs(part.Y - part.Y.mean(axis=0))
     motion = np.cumsum(np.sum(away / np.maximum(away.max(axis=0), 1e-300), axis=1))
     if model.inputs:
-        uneven = (
-            np.max(np.abs(motion / motion[-1] - np.linspace(0, 1, motion.size))) > _UNSTEADY_SHARE
-        )
+        ahead = np.abs(motion / motion[-1] - np.linspace(0, 1, motion.size))
+        uneven = np.max(ahead) > _UNSTEADY_SHARE
     else:
         power = np.sum(away**2 / np.maximum(np.sum(away**2, axis=0), 1e-300), axis=1)
         uneven = np.sum(power[of_time[1] :]) < _OVER * np.sum(power)
@@ -161,8 +156,7 @@ def _blocks(model: MechanicalModel, part: Record, several: bool) -> list[int]:
         return of_time
     inner = np.searchsorted(motion, np.array(marks[1:-1]) * motion[-1])
     found = [0, *inner.tolist(), part.samples]
-    enough = np.min(np.diff(found)) >= least_samples(model)
-    return found if enough else of_time
+    return found if np.min(np.diff(found)) >= least_samples(model) else of_time
 
 
 # Reduction of long records: decimation, or a part of them.
@@ -214,10 +208,8 @@ class ReducedRecord:
         """Return a fitted model for the sampling of the whole record: with its holds of inputs."""
         if not self.thinned:
             return fitted
-        known = [e for e in self.given.effects if e.kind == _HOLD]
-        mine = iter(known)
-        there = [e.at for e in known]
-        effects = [next(mine) if e.kind == _HOLD and e.at in there else e for e in fitted.effects]
+        known = {e.at: e for e in self.given.effects if e.kind == _HOLD}
+        effects = (known.get(e.at, e) if e.kind == _HOLD else e for e in fitted.effects)
         return replace(fitted, effects=tuple(effects))
 
 
@@ -235,9 +227,10 @@ def reduce_record(model: MechanicalModel, record: Record, policy: Policy) -> Red
     -------
     ReducedRecord
     """
-    fewer, notes = record, []
-    if record.samples > policy.comfortable and len(record.sets) == 1:
-        fewer = _decimated(model, record, policy)
+    if len(record.sets) > 1:
+        return ReducedRecord(model, record, False, (), model)
+    long, notes = record.samples > policy.comfortable, []
+    fewer = _decimated(model, record, policy) if long else record
     thinned = fewer is not record
     if thinned:
         notes.append(
@@ -247,58 +240,47 @@ def reduce_record(model: MechanicalModel, record: Record, policy: Policy) -> Red
         # told above, with what it means
         data = fewer.data.assign_attrs(notes=record.data.attrs.get("notes", ()))
         fewer = replace(fewer, data=data, sets=(data,))
-    if fewer.samples > policy.longest and len(record.sets) == 1:
-        whole = fewer
+    whole = fewer
+    if whole.samples > policy.longest:
         begin = most_active_part(whole, policy.longest).first
         data = whole.data.isel(time=slice(begin, begin + policy.longest))
-        fewer = replace(_record(model, data), honest=whole.honest)
+        fewer = replace(record_of(model, data), honest=whole.honest)
         notes.append(
             f"Only {fewer.time[0]:.6g} to {fewer.time[-1]:.6g} s of the record were used, the "
             f"liveliest {fewer.samples} of {whole.samples} samples."
         )
-    known = tuple(
+    effects = (
         e.with_values(_AS_IT_IS) if thinned and e.kind == _HOLD else e for e in model.effects
     )
-    return ReducedRecord(replace(model, effects=known), fewer, thinned, tuple(notes), model)
+    return ReducedRecord(
+        replace(model, effects=tuple(effects)), fewer, thinned, tuple(notes), model
+    )
 
 
 def _decimated(model: MechanicalModel, record: Record, policy: Policy) -> Record:
     """Return a record with as many samples as are needed, itself if these are all."""
-    data = record.data[[*model.input_names, *model.output_names]]
-    data = data.assign({
-        effect.at[0]: ("time", effect.on_signal(data[effect.at[0]].values, record.times),
-                       data[effect.at[0]].attrs)
-        for effect in model.effects if effect.kind == _HOLD
-    })  # fmt: skip
+
+    def as_held(data: xr.Dataset, times: Array, holds: Sequence[Effect]) -> xr.Dataset:
+        """Return data whose inputs, linear between samples, act as held ones."""
+        inputs = {hold.at[0]: data[hold.at[0]] for hold in holds}
+        acting = {h.at[0]: h.on_signal(inputs[h.at[0]].values, times) for h in holds}
+        return data.assign({n: ("time", u, inputs[n].attrs) for n, u in acting.items()})
+
+    holds = [effect for effect in model.effects if effect.kind == _HOLD]
+    data = as_held(record.data[[*model.input_names, *model.output_names]], record.times, holds)
     fewer = record
     for _ in range(_DECIMATION_ROUNDS):
-        rate = needed_rate(model, fewer, policy)
-        nearer = decimate(data, rate)
+        nearer = decimate(data, needed_rate(model, fewer, policy))
         if nearer.sizes["time"] == data.sizes["time"]:
             return record
-        again = _record(model, nearer)
+        again = replace(record_of(model, nearer), honest=FLAT)
         if again.samples == fewer.samples:
             break
         fewer = again
-    return _with_smooth_holds(model, fewer)
-
-
-def _record(model: MechanicalModel, data: xr.Dataset) -> Record:
-    return replace(record_of(model, data), honest=FLAT)
-
-
-def _with_smooth_holds(model: MechanicalModel, record: Record) -> Record:
-    """Return a record whose forces, linear between samples, act as the smooth ones they are."""
-    forces = {
-        item.name: Effect(_HOLD, (item.name,), _SMOOTH)
-        for item in model.inputs if item.imposes is None
-    }  # fmt: skip
-    data = record.data.assign({
-        name: ("time", hold.on_signal(record.data[name].values, record.times),
-               record.data[name].attrs)
-        for name, hold in forces.items()
-    })  # fmt: skip
-    return replace(record, data=data, sets=(data,))
+    # what was decimated is smooth
+    smooth_holds = [Effect(_HOLD, (i.name,), _SMOOTH) for i in model.inputs if i.imposes is None]
+    data = as_held(fewer.data, fewer.times, smooth_holds)
+    return replace(fewer, data=data, sets=(data,))
 
 
 def needed_rate(model: MechanicalModel, record: Record, policy: Policy) -> float:
@@ -311,26 +293,26 @@ def needed_rate(model: MechanicalModel, record: Record, policy: Policy) -> float
     policy : Policy
     """
     length = record.samples * record.dt
-    fastest = fastest_motion(model, record)
+    fastest = _fastest_motion(model, record)
     slowest = min((f for f in frequencies(model) if f > 0), default=fastest)
     lasting = policy.longest * slowest / policy.swings_kept
     sharp = any(o.quantity in (ACCELERATION, FORCE) for o in model.outputs)
     each = policy.sharp_samples if sharp else policy.swing_samples
-    wanted = min(_residual_bandwidth(model, record, policy) * 2 / FLAT, policy.comfortable / length)
-    driven = min(_input_bandwidth(model, record, policy) * 2 / FLAT, lasting)
+    residual = _residual_bandwidth(model, record, policy)
+    # of the forces that drive a model
+    pushing = [record.data[item.name].values for item in model.inputs if item.imposes is None]
+    spectra = (_spectrum(np.asarray(u), record.dt) for u in pushing)
+    pushed = max((_power_bandwidth(*each, policy.kept) for each in spectra), default=0.0)
+    wanted = min(residual * 2 / FLAT, policy.comfortable / length)
+    driven = min(pushed * 2 / FLAT, lasting)
     return max(each * fastest, wanted, driven, policy.few / length)
 
 
-def fastest_motion(model: MechanicalModel, record: Record) -> float:
+def _fastest_motion(model: MechanicalModel, record: Record) -> float:
     """Return the frequency in Hz of the fastest motion that a record shows.
 
     It is the fastest mode of the model that the outputs show, or the frequency below which the
     motion happens that they show, if that is higher.
-
-    Parameters
-    ----------
-    model : MechanicalModel
-    record : Record
     """
     highest = 0.0
     modes = frequencies(model)
@@ -359,22 +341,9 @@ def _residual_bandwidth(model: MechanicalModel, record: Record, policy: Policy) 
     error = run.errors(StartedPiece(record, fitted_start(run, record, [still], sizes)))
     if not np.isfinite(error).all():
         return 0.0
-    highest = 0.0
-    for e in error.T:
-        frequency, density = _spectrum(e, record.dt)
-        left = np.maximum(density - _ABOVE_FLOOR * float(np.percentile(density, 10)), 0.0)
-        highest = max(highest, _power_bandwidth(frequency, left, policy.kept))
-    return highest
-
-
-def _input_bandwidth(model: MechanicalModel, record: Record, policy: Policy) -> float:
-    """Return the frequency in Hz below which most of the forces lies that drive a model."""
-    found = [0.0]
-    for item in model.inputs:
-        if item.imposes is None:
-            frequency, density = _spectrum(np.asarray(record.data[item.name].values), record.dt)
-            found.append(_power_bandwidth(frequency, density, policy.kept))
-    return max(found)
+    spectra = (_spectrum(e, record.dt) for e in error.T)
+    left = ((f, d - _ABOVE_FLOOR * float(np.percentile(d, 10))) for f, d in spectra)
+    return max(_power_bandwidth(f, np.maximum(d, 0.0), policy.kept) for f, d in left)
 
 
 def _spectrum(y: Array, dt: float) -> tuple[Array, Array]:
@@ -385,9 +354,8 @@ def _spectrum(y: Array, dt: float) -> tuple[Array, Array]:
 def _power_bandwidth(frequency: Array, density: Array, share: float) -> float:
     """Return the frequency below which this share of the power lies, 0 if there is none."""
     power = np.cumsum(density)
-    if power[-1] <= 0:
-        return 0.0
-    return float(frequency[np.searchsorted(power, share * power[-1])])
+    last = np.searchsorted(power, share * power[-1])
+    return float(frequency[last]) if power[-1] > 0 else 0.0
 
 
 # Forces that are so many times those that the motion takes are in other units.
@@ -498,13 +466,10 @@ class PreparedRecord:
         linear, still = model.without_effects(), rest(model).internal
         found = []
         for piece in pieces:
-            if piece.record.samples <= span:
-                found.append(piece)
-                continue
-            for begin, end in _windows((0, piece.record.samples), span):
-                part = piece.record.part(begin, end)
-                state = self.linear_motion.start(linear, part.first).state
-                found.append(StartedPiece(part, InitialState(state, still)))
+            parts = _windows(piece.record, span) if piece.record.samples > span else ()
+            states = (self.linear_motion.start(linear, part.first).state for part in parts)
+            cut = zip(parts, (InitialState(state, still) for state in states), strict=True)
+            found += [StartedPiece(*each) for each in cut] or [piece]
         return with_initial_memory(model, found)
 
     def with_propagated_memory(
@@ -551,10 +516,8 @@ class PreparedRecord:
         """
         policy = self.policy
         most = policy.screened if self.motion_sizes.size else policy.screened_imposed
-        part = most_active_part(self.record, most)
-        return part.part(
-            0, quiet_after(part.Y, policy.shape_above * self.scales.noise, policy.least_moving)
-        )
+        part, quiet = most_active_part(self.record, most), policy.shape_above * self.scales.noise
+        return part.part(0, quiet_after(part.Y, quiet, policy.least_moving))
 
     def runner(self, model: MechanicalModel) -> Runner:
         """Return what runs a model freely, and those that are tried in its place."""
@@ -602,33 +565,23 @@ class PreparedRecord:
         return fitted_starts(run, pieces, sizes, others)
 
 
-def _moving_force(model: MechanicalModel, amplitude: float, scales: Scales) -> float:
-    """Return the largest force that a motion of this size takes in the model."""
-    m, omega = model.matrices, scales.bandwidth
-    rows = [np.abs(np.diag(matrix)) for matrix in (m.K, m.C * omega, m.M * omega**2)]
-    return float(np.max(np.sum(rows, axis=0)) * amplitude)
-
-
-def _implausible_motion(amplitude: float, scales: Scales) -> InvalidInputError:
-    return invalid(
-        "data",
-        described(f"motions of {amplitude:.3g} with forces of {np.max(scales.force):.3g}"),
-        "motions that the model can have",
-        "Check the units of the columns, and the model's masses and stiffnesses.",
-    )
-
-
 def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedRecord:
     """Prepare a record for fits of a model and its extensions."""
     scales = scales_of(model, record)
     amplitude = displacement_amplitude(model, record, scales.bandwidth)
-    linear = model.without_effects()
-    if 0 < _OUT_OF_PROPORTION * _moving_force(model, amplitude, scales) < np.max(scales.force):
-        raise _implausible_motion(amplitude, scales)
+    linear, m, omega = model.without_effects(), model.matrices, scales.bandwidth
+    # the largest force that a motion of this size takes in the model
+    stiffness = [np.abs(np.diag(matrix)) for matrix in (m.K, m.C * omega, m.M * omega**2)]
+    moving = float(np.max(np.sum(stiffness, axis=0)) * amplitude)
     try:
+        if 0 < _OUT_OF_PROPORTION * moving < np.max(scales.force):
+            raise np.linalg.LinAlgError
         motion = smooth(linear, record, scales, amplitude, policy.following)
     except np.linalg.LinAlgError as error:
-        raise _implausible_motion(amplitude, scales) from error
+        shown = f"motions of {amplitude:.3g} with forces of {np.max(scales.force):.3g}"
+        remedy = "Check the units of the columns, and the model's masses and stiffnesses."
+        wanted = "motions that the model can have"
+        raise invalid("data", described(shown), wanted, remedy) from error
     peak = displacement_peak(model, record, scales.bandwidth, motion.q)
     repeated = repeats(model, record)
     if repeated is not None:
@@ -640,10 +593,9 @@ def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedR
     length = short if has_integrator(model, longest * record.dt) else longest
 
     def pieces(parts: Sequence[Record], length: int = length) -> list[StartedPiece]:
-        cut = [part.part(*ends) for part in parts for ends in _windows((0, part.samples), length)]
-        return with_initial_memory(
-            model, [StartedPiece(part, motion.start(linear, part.first)) for part in cut]
-        )
+        cut = [window for part in parts for window in _windows(part, length)]
+        started = [StartedPiece(part, motion.start(linear, part.first)) for part in cut]
+        return with_initial_memory(model, started)
 
     return PreparedRecord(
         record, policy, scales, amplitude, peak, _motion_sizes(model, motion),
@@ -660,11 +612,10 @@ def with_initial_memory(
     model: MechanicalModel, pieces: Sequence[StartedPiece]
 ) -> list[StartedPiece]:
     """Return the pieces with internal states that suit a model, at rest where they are new."""
-    found = []
+    found, size = [], rest(model).internal.size
     for piece in pieces:
-        internal = rest(model).internal
-        known = min(internal.size, piece.start.internal.size)
-        internal[:known] = piece.start.internal[:known]
+        known = piece.start.internal[:size]
+        internal = np.concatenate([known, np.zeros(size - known.size)])
         found.append(StartedPiece(piece.record, InitialState(piece.start.state, internal)))
     return found
 
@@ -685,8 +636,8 @@ def _motion_sizes(model: MechanicalModel, motion: SmoothedMotion) -> Array:
     return np.maximum(sizes, 1e-6 * largest) if largest > 0 else np.ones(len(sizes))
 
 
-def _windows(part: tuple[int, int], length: int) -> list[tuple[int, int]]:
-    """Cut a range of samples into windows of about a length."""
-    count = max(1, round((part[1] - part[0]) / length))
-    marks = np.linspace(*part, count + 1).astype(int).tolist()
-    return list(itertools.pairwise(marks))
+def _windows(part: Record, length: int) -> list[Record]:
+    """Cut a contiguous part of a record into windows of about a length."""
+    count = max(1, round(part.samples / length))
+    marks = np.linspace(0, part.samples, count + 1).astype(int).tolist()
+    return [part.part(*ends) for ends in itertools.pairwise(marks)]

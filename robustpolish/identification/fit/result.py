@@ -84,19 +84,14 @@ class Refit(Displayed):
         -------
         matplotlib.axes.Axes
         """
-        values = self.model.parameters
-        labels = {"parameter": [f"{k} = {values[k]:.4g} {self.units[k]}" for k in self.stderr]}
-        relative = [
-            100 * error / abs(values[key]) if values[key] else np.inf
-            for key, error in self.stderr.items()
-        ]
-        attributes = {"units": "%"}
-        return plot_bars(
-            xr.DataArray(relative, labels, "parameter", "relative standard error", attributes),
-            xr.DataArray([key in self.undetermined for key in self.stderr], labels, "parameter"),
-            ax,
-            meaning=("determined", "left open by the data"),
-        )
+        values, errors = self.model.parameters, self.stderr
+        labels = {"parameter": [f"{k} = {values[k]:.4g} {self.units[k]}" for k in errors]}
+        relative = [100 * e / abs(values[k]) if values[k] else np.inf for k, e in errors.items()]
+        name, attributes = "relative standard error", {"units": "%"}
+        bars = xr.DataArray(relative, labels, "parameter", name, attributes)
+        left_open = xr.DataArray([k in self.undetermined for k in errors], labels, "parameter")
+        meaning = ("determined", "left open by the data")
+        return plot_bars(bars, left_open, ax, meaning=meaning)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as in the JSON of ``robustpolish refit``.
@@ -153,18 +148,16 @@ def refit_of(
     undetermined : float
         Standard error over the value from which a number is called undetermined.
     """
-    errors = stderr_from_covariance(covariance)
+    errors, values = stderr_from_covariance(covariance), model.parameters
     parameters = lmfit.Parameters()
-    units, left_open = {}, []
     for f in free:
-        value, error = model.parameters[f.key], errors[f.key]
         # lmfit takes identifiers only
         name = "".join(c if c.isalnum() else "_" for c in f.key).strip("_")
-        parameters.add(name, value=value, min=f.lower, max=f.upper)
-        parameters[name].stderr = error
-        units[f.key] = unit_of(model, f.key)
-        if not np.isfinite(error) or error > undetermined * abs(value):
-            left_open.append(f.key)
+        parameters.add(name, value=values[f.key], min=f.lower, max=f.upper)
+        parameters[name].stderr = errors[f.key]
+    units = {f.key: unit_of(model, f.key) for f in free}
+    # not a number is left open, too
+    left_open = (k for k in units if not errors[k] <= undetermined * abs(values[k]) < np.inf)
     return Refit(model, parameters, units, nrmse, tuple(left_open), errors, covariance)
 
 

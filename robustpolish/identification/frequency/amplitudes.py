@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -14,7 +14,6 @@ from robustpolish.base.arrays import Array
 from robustpolish.base.checks import described, invalid, one_of, positive
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.identification.frequency.lines import (
-    SETTINGS,
     MeasuredResponse,
     Resonance,
     match_modes,
@@ -28,35 +27,28 @@ from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plots.charts import plot_error_bars
 
 Trend = Literal["rises", "falls", "stays"]
+_Shape = tuple[Resonance, dict[tuple[str, str], float]]
+# Standard errors beyond which a mode's frequency or damping depends on the amplitude, and relative
+# errors that the fit of a single pole makes anyway: its neighbours, leakage.
+_CHANGED, _SAME_FREQUENCY, _SAME_DAMPING = 4.0, 1e-4, 0.03
 # What a mode does as the amplitude grows (frequency, damping), and what would do that.
-_CAUSES: dict[tuple[str, str], tuple[str, tuple[str, ...]]] = {
-    ("stays", "stays"): ("linear within the scatter", ()),
-    ("rises", "stays"): (
-        "hardens", ("cubic_stiffness", "contact_stop", "backlash"),
-    ),
+_CAUSES: dict[tuple[Trend, Trend], tuple[str, str]] = {
+    ("stays", "stays"): ("linear within the scatter", ""),
+    ("rises", "stays"): ("hardens", "cubic_stiffness contact_stop backlash"),
     ("rises", "rises"): (
-        "hardens and loses more", ("contact_stop", "cubic_stiffness", "quadratic_damping"),
-    ),
-    ("rises", "falls"): (
-        "hardens and loses less", ("backlash", "cubic_stiffness", "coulomb_friction"),
-    ),
-    ("falls", "stays"): (
-        "softens", ("cubic_stiffness", "quadratic_stiffness", "pendulum_gravity"),
-    ),
+        "hardens and loses more", "contact_stop cubic_stiffness quadratic_damping"),
+    ("rises", "falls"): ("hardens and loses less", "backlash cubic_stiffness coulomb_friction"),
+    ("falls", "stays"): ("softens", "cubic_stiffness quadratic_stiffness pendulum_gravity"),
     ("falls", "rises"): (
         "softens and loses more, as joints in micro-slip do",
-        ("elastic_coulomb_friction", "bouc_wen_hysteresis", "lugre_friction"),
-    ),
+        "elastic_coulomb_friction bouc_wen_hysteresis lugre_friction"),
     ("falls", "falls"): (
         "softens and loses less, as dry friction does that sticks at first",
-        ("coulomb_friction", "elastic_coulomb_friction", "stribeck_friction"),
-    ),
+        "coulomb_friction elastic_coulomb_friction stribeck_friction"),
     ("stays", "falls"): (
-        "loses less, as with dry friction", ("coulomb_friction", "stribeck_friction"),
-    ),
+        "loses less, as with dry friction", "coulomb_friction stribeck_friction"),
     ("stays", "rises"): (
-        "loses more, as with drag", ("quadratic_damping", "displacement_dependent_damping"),
-    ),
+        "loses more, as with drag", "quadratic_damping displacement_dependent_damping"),
 }  # fmt: skip
 
 
@@ -150,19 +142,23 @@ class AmplitudeDependence(Displayed):
         -------
         str
         """
-        count = sum(not mode.linear for mode in self.modes)
-        if self.linear:
-            lines = [
-                f"Linear within the scatter of the data: none of {len(self.modes)} modes depends "
-                "on the amplitude."
-            ]
-        else:
-            verb = "depends" if count == 1 else "depend"
-            lines = [
-                f"The machine is not linear: {count} of {len(self.modes)} modes {verb} on the "
-                "amplitude."
-            ]
-        lines += [_told(mode) for mode in self.modes if not mode.linear]
+        changing = [mode for mode in self.modes if not mode.linear]
+        verdict, count = "Linear within the scatter of the data", "none"
+        if changing:
+            verdict, count = "The machine is not linear", str(len(changing))
+        verb = "depend" if len(changing) > 1 else "depends"
+        lines = [f"{verdict}: {count} of {len(self.modes)} modes {verb} on the amplitude."]
+        for mode in changing:
+            f, damping = mode.frequency, 100 * mode.damping
+            text = (
+                f"The mode at {f[0]:.4g} Hz {mode.character}: {f[0]:.5g} to {f[-1]:.5g} Hz, "
+                f"damping ratio {damping[0]:.3g} to {damping[-1]:.3g} %. "
+                f"That would do: {', '.join(mode.effects)}."
+            )
+            if mode.places:
+                largest = (" - ".join(pair) for pair, share in mode.places[:3] if share > 0.3)
+                text += f" Largest relative motion: {', '.join(largest)}."
+            lines.append(text)
         if self.places:
             best = ", ".join(" - ".join(pair) for pair, _ in self.places[:3])
             lines.append(f"Where to look first, by the modes that change and do not: {best}.")
@@ -205,31 +201,23 @@ class AmplitudeDependence(Displayed):
         matplotlib.axes.Axes
         """
         one_of("of", of, ("frequency", "damping"))
-        curves = {}
+        curves, name = {}, "change of frequency" if of == "frequency" else "damping ratio"
         for mode in self.modes:
             first = mode.frequency[0]
-            by_frequency = of == "frequency"
-            values = 100 * (mode.frequency / first - 1 if by_frequency else mode.damping)
-            error = mode.frequency_error / first if by_frequency else mode.damping_error
-            curves[f"{first:.4g} Hz"] = xr.DataArray(
-                values,
-                {"amplitude": mode.amplitudes, "bar": ("amplitude", 196 * error)},
-                "amplitude",
-            )
-        name = "change of frequency" if of == "frequency" else "damping ratio"
+            values, error = mode.frequency / first - 1, mode.frequency_error / first
+            if of == "damping":
+                values, error = mode.damping, mode.damping_error
+            labels = {"amplitude": mode.amplitudes, "bar": ("amplitude", 196 * error)}
+            curves[f"{first:.4g} Hz"] = xr.DataArray(100 * values, labels, "amplitude")
         return plot_error_bars(curves, name, "%", ax, over="amplitude")
 
     def _card(self) -> Card:
         rows = tuple(
-            (
-                f"{mode.frequency[0]:.5g} -> {mode.frequency[-1]:.5g}",
-                mode.frequency_trend,
-                f"{100 * mode.damping[0]:.3g} -> {100 * mode.damping[-1]:.3g}",
-                mode.damping_trend,
-                mode.character,
-            )
-            for mode in self.modes
-        )
+            (f"{f[0]:.5g} -> {f[-1]:.5g}", mode.frequency_trend,
+             f"{100 * mode.damping[0]:.3g} -> {100 * mode.damping[-1]:.3g}", mode.damping_trend,
+             mode.character)
+            for mode in self.modes for f in [mode.frequency]
+        )  # fmt: skip
         columns = ("frequency [Hz]", "trend", "damping [%]", "trend", "the mode")
         verdict = "linear within the scatter" if self.linear else "not linear"
         title = f"Amplitude dependence: {verdict}"
@@ -237,8 +225,7 @@ class AmplitudeDependence(Displayed):
 
 
 def amplitude_dependence(
-    responses: Mapping[float, Any],
-    model: MechanicalModel | None = None,
+    responses: Mapping[float, Any], model: MechanicalModel | None = None
 ) -> AmplitudeDependence:
     """Find out from responses at several amplitudes what of a machine is not linear.
 
@@ -294,61 +281,38 @@ def amplitude_dependence(
         raise invalid("responses", described(listed), "the same pairs", "Select those.")
     found = [measured_resonances(each) for each in measured]
     if not any(found):
-        raise invalid(
-            "responses",
-            described("no resonance above the noise"),
-            "a resonance",
-            "Measure finer about the resonances.",
-        )
-    tracks = _tracked(found)
-    shapes = _model_motion(model, measured[0]) if model is not None else None
-    modes = [_mode(levels, track, shapes) for track in tracks]
-    modes.sort(key=lambda mode: mode.frequency[0])
-    notes = []
-    lone = [track for track in tracks if len(track) < 2]
-    if lone:
-        seen = ", ".join(f"{next(iter(t.values())).frequency:.4g} Hz" for t in lone)
-        notes.append(f"seen at one amplitude only, and not judged: {seen}")
-    judged = tuple(mode for mode in modes if mode.amplitudes.size > 1)
-    return AmplitudeDependence(judged, _places(judged), tuple(notes))
-
-
-def _tracked(found: list[tuple[Resonance, ...]]) -> list[dict[int, Resonance]]:
-    """Follow each resonance from level to level."""
-    tracks: list[dict[int, Resonance]] = []
-    for level, modes in enumerate(found):
+        shown, remedy = "no resonance above the noise", "Measure finer about the resonances."
+        raise invalid("responses", described(shown), "a resonance", remedy)
+    # each resonance, from amplitude to amplitude
+    tracks: list[dict[float, Resonance]] = []
+    for level, resonances in zip(levels, found, strict=True):
         last = tuple(track[max(track)] for track in tracks)
-        partners = {j: i for i, j in match_modes(last, modes)}
-        for j, mode in enumerate(modes):
+        partners = {j: i for i, j in match_modes(last, resonances)}
+        for j, mode in enumerate(resonances):
             if j in partners:
                 tracks[partners[j]][level] = mode
             else:
                 tracks.append({level: mode})
-    return tracks
+    tracks.sort(key=lambda track: track[min(track)].frequency)
+    shapes = _model_motion(model, measured[0]) if model is not None else []
+    judged = tuple(_mode(track, shapes) for track in tracks if len(track) > 1)
+    lone = [f"{m.frequency:.4g} Hz" for t in tracks if len(t) < 2 for m in t.values()]
+    notes = (f"seen at one amplitude only, and not judged: {', '.join(lone)}",) if lone else ()
+    return AmplitudeDependence(judged, _places(judged), notes)
 
 
-def _mode(
-    levels: list[float],
-    track: dict[int, Resonance],
-    shapes: list[tuple[Resonance, dict[tuple[str, str], float]]] | None,
-) -> AmplitudeMode:
-    amplitudes = np.array([levels[k] for k in track])
-    columns = ("frequency", "frequency_error", "damping", "damping_error")
-    values = {name: np.array([getattr(m, name) for m in track.values()]) for name in columns}
-    frequency, frequency_error, damping, damping_error = values.values()
-    by_frequency = _trend(amplitudes, frequency, frequency_error, SETTINGS.same_frequency)
-    by_damping = _trend(amplitudes, damping, damping_error, SETTINGS.same_damping)
+def _mode(track: Mapping[float, Resonance], shapes: Sequence[_Shape]) -> AmplitudeMode:
+    """Return a resonance over the amplitudes, and the relative motions in the model's mode."""
+    amplitudes, modes = np.array([*track]), track.values()
+    frequency, frequency_error, damping, damping_error, _ = map(np.array, zip(*modes, strict=True))
+    by_frequency = _trend(amplitudes, frequency, frequency_error, _SAME_FREQUENCY)
+    by_damping = _trend(amplitudes, damping, damping_error, _SAME_DAMPING)
     character, effects = _CAUSES[by_frequency, by_damping]
-    places: tuple[tuple[tuple[str, str], float], ...] = ()
-    if shapes:
-        first = (track[min(track)],)
-        pairs = match_modes(tuple(mode for mode, _ in shapes), first)
-        if pairs:
-            motion = shapes[pairs[0][0]][1]
-            places = tuple(sorted(motion.items(), key=lambda item: -item[1]))
+    pairs = match_modes(tuple(mode for mode, _ in shapes), (track[min(track)],))
+    motion = shapes[pairs[0][0]][1] if pairs else {}
     return AmplitudeMode(
-        amplitudes, **values, frequency_trend=by_frequency, damping_trend=by_damping,
-        character=character, effects=effects, places=places,
+        amplitudes, frequency, frequency_error, damping, damping_error, by_frequency, by_damping,
+        character, tuple(effects.split()), tuple(sorted(motion.items(), key=lambda item: -item[1])),
     )  # fmt: skip
 
 
@@ -362,14 +326,12 @@ def _trend(amplitudes: Array, values: Array, errors: Array, same: float) -> Tren
     x = x - (weights @ x) / np.sum(weights)
     slope = weights @ (x * values) / (weights @ x**2)
     sigmas = slope * np.sqrt(weights @ x**2)
-    if abs(sigmas) < SETTINGS.changed:
+    if abs(sigmas) < _CHANGED:
         return "stays"
     return "rises" if sigmas > 0 else "falls"
 
 
-def _model_motion(
-    model: MechanicalModel, measured: MeasuredResponse
-) -> list[tuple[Resonance, dict[tuple[str, str], float]]]:
+def _model_motion(model: MechanicalModel, measured: MeasuredResponse) -> list[_Shape]:
     """Return the model's modes, each with the relative motion of every pair in it."""
     (A, _, _, _), _ = linear_system(model)
     poles, vectors = np.linalg.eig(A)
@@ -391,26 +353,8 @@ def _places(modes: tuple[AmplitudeMode, ...]) -> tuple[tuple[tuple[str, str], fl
     """Rank pairs: they move in the modes that change, and rest in those that do not."""
     changing = [dict(mode.places) for mode in modes if not mode.linear and mode.places]
     staying = [dict(mode.places) for mode in modes if mode.linear and mode.places]
-    if not changing:
-        return ()
-    scores = {
-        pair: float(
-            np.mean([motion[pair] for motion in changing])
-            - (np.mean([motion[pair] for motion in staying]) if staying else 0.0)
-        )
-        for pair in changing[0]
-    }
+    scores = {}
+    for pair in changing[0] if changing else ():
+        rests = np.mean([motion[pair] for motion in staying]) if staying else 0.0
+        scores[pair] = float(np.mean([motion[pair] for motion in changing]) - rests)
     return tuple(sorted(scores.items(), key=lambda item: -item[1]))
-
-
-def _told(mode: AmplitudeMode) -> str:
-    low, high = mode.frequency[0], mode.frequency[-1]
-    text = (
-        f"The mode at {low:.4g} Hz {mode.character}: {low:.5g} to {high:.5g} Hz, damping ratio "
-        f"{100 * mode.damping[0]:.3g} to {100 * mode.damping[-1]:.3g} %. "
-        f"That would do: {', '.join(mode.effects)}."
-    )
-    if mode.places:
-        largest = ", ".join(" - ".join(pair) for pair, share in mode.places[:3] if share > 0.3)
-        text += f" Largest relative motion: {largest}."
-    return text

@@ -16,7 +16,7 @@ from robustpolish.base.arrays import AnyArray
 from robustpolish.base.checks import one_of
 from robustpolish.base.results import Card, Displayed, Table, plus_minus
 from robustpolish.identification.frequency.lines import (
-    SETTINGS,
+    ACCURACY,
     MeasuredResponse,
     Resonance,
     likeness,
@@ -25,7 +25,6 @@ from robustpolish.identification.frequency.lines import (
     measured_response,
     model_resonances,
 )
-from robustpolish.machines.mechanical.linear import response_values
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plots.frequency import plot_bode, plot_nyquist
 
@@ -222,13 +221,9 @@ class FrequencyComparison(Displayed):
         self, pair: tuple[str, str]
     ) -> tuple[dict[str, xr.DataArray], str, xr.DataArray | None]:
         chosen = {"output": pair[0], "input": pair[1]}
-        curves = {
-            "measured": self.measured.sel(chosen),
-            "model": self.modelled.sel(chosen),
-        }
-        spread = None
-        if "variance" in self.measured.coords:
-            spread = self.measured["variance"].sel(chosen) ** 0.5
+        curves = {"measured": self.measured.sel(chosen), "model": self.modelled.sel(chosen)}
+        known = "variance" in self.measured.coords
+        spread = self.measured["variance"].sel(chosen) ** 0.5 if known else None
         return curves, self.pairs[pair].unit, spread
 
     def _card(self) -> Card:
@@ -237,10 +232,15 @@ class FrequencyComparison(Displayed):
             for e in self.pairs.values()
         )
         columns = ("pair", "error [%]", "of it noise [%]", "error/noise", "likeness")
+
+        def percent(value: float | None, error: float | None = 0.0, scale: float = 100.0) -> Any:
+            both = value is not None and error is not None
+            return plus_minus(scale * value, scale * error) if both else None
+
         modes = tuple(
-            (m.model_frequency, _with_error(m.frequency, m.frequency_error, 1.0),
-             None if m.model_damping is None else 100 * m.model_damping,
-             _with_error(m.damping, m.damping_error, 100.0), m.likeness)
+            (m.model_frequency, percent(m.frequency, m.frequency_error, 1.0),
+             m.model_damping and 100 * m.model_damping, percent(m.damping, m.damping_error),
+             m.likeness)
             for m in self.modes
         )  # fmt: skip
         heads = ("model [Hz]", "measured [Hz]", "model [%]", "measured [%]", "likeness")
@@ -270,25 +270,17 @@ def compare_frequency_response(model: MechanicalModel, data: Any) -> FrequencyCo
         If no pair is the model's, or a unit is of another kind than the model says.
     """
     measured = measured_response(model, data)
-    sampling_time = measured.data.attrs.get("sampling_time")
-    values, notes = response_values(model, measured.frequency, None, sampling_time)
-    errors = pair_errors(measured, measured.chosen(model, values))
-    keys = measured.pairs
+    values, remarks = measured.of(model)
     modelled = measured.data.copy(data=np.full(measured.data.shape, np.nan, dtype=complex))
-    for k, (output, source) in enumerate(keys):
-        modelled.loc[{"output": output, "input": source}] = measured.chosen(model, values)[:, k]
+    for column, (output, source) in zip(values.T, measured.pairs, strict=True):
+        modelled.loc[{"output": output, "input": source}] = column
     modelled = modelled.drop_vars(["variance", "coherence"], errors="ignore")
-    notes = [*(str(note) for note in measured.data.attrs.get("notes", ())), *notes]
+    notes = [*(str(note) for note in measured.data.attrs.get("notes", ())), *remarks]
     if not measured.known:
         notes.append("noise taken from the scatter of neighbouring lines")
-    return FrequencyComparison(
-        model=model,
-        measured=measured.data,
-        modelled=modelled,
-        pairs=dict(zip(keys, errors, strict=True)),
-        modes=_modes(model, measured),
-        notes=tuple(notes),
-    )
+    pairs = dict(zip(measured.pairs, pair_errors(measured, values), strict=True))
+    modes = _modes(model, measured)
+    return FrequencyComparison(model, measured.data, modelled, pairs, modes, tuple(notes))
 
 
 def combined_error(errors: Iterable[PairError]) -> float:
@@ -309,25 +301,16 @@ def pair_errors(measured: MeasuredResponse, modelled: AnyArray) -> list[PairErro
     -------
     list of PairError
     """
-    result = []
-    spread = measured.spread(SETTINGS.accuracy)
+    result, spread = [], measured.spread(ACCURACY)
     for k, (output, source) in enumerate(measured.pairs):
         there = measured.there[:, k] & np.isfinite(modelled[:, k])
         H, G = measured.values[there, k], modelled[there, k]
         variance, weights = measured.variance[there, k], spread[there, k] ** -2
         error, size = np.abs(H - G) ** 2, float(weights @ np.abs(H) ** 2)
-        result.append(
-            PairError(
-                output,
-                source,
-                measured.units[k],
-                float(np.sqrt(weights @ error / size)),
-                float(np.sqrt(weights @ variance / size)),
-                float(np.sqrt(np.mean(error / variance))) if measured.known else None,
-                likeness(H, G),
-                size,
-            )
-        )
+        over_noise = float(np.sqrt(np.mean(error / variance))) if measured.known else None
+        relative, noise = (float(np.sqrt(weights @ e / size)) for e in (error, variance))
+        unit, alike = measured.units[k], likeness(H, G)
+        result.append(PairError(output, source, unit, relative, noise, over_noise, alike, size))
     return result
 
 
@@ -336,27 +319,24 @@ def _modes(model: MechanicalModel, measured: MeasuredResponse) -> tuple[ModeComp
     ours, theirs = model_resonances(model, measured), measured_resonances(measured)
     partners = dict(match_modes(ours, theirs))
     rows = []
-    for i, mode in enumerate(ours):
-        seen = theirs[partners[i]] if i in partners else None
-        inside = measured.frequency[0] <= mode.frequency <= measured.frequency[-1]
-        if seen is None and not inside:
+    sides: list[tuple[Resonance | None, Resonance | None]] = [
+        (mode, theirs[partners[i]] if i in partners else None) for i, mode in enumerate(ours)
+    ]
+    sides += [(None, mode) for j, mode in enumerate(theirs) if j not in partners.values()]
+    low, high = measured.frequency[[0, -1]]
+
+    def figure(of: Resonance | None, name: str) -> float | None:
+        return None if of is None else getattr(of, name)
+
+    for mode, seen in sides:
+        if seen is None and mode is not None and not low <= mode.frequency <= high:
             continue
-        alike = None if seen is None else likeness(mode.shape, seen.shape)
-        rows.append(ModeComparison(mode.frequency, mode.damping, *_figures(seen), alike))  # pyright: ignore[reportCallIssue]
-    for j, mode in enumerate(theirs):
-        if j not in partners.values():
-            rows.append(ModeComparison(None, None, *_figures(mode), None))  # pyright: ignore[reportCallIssue]
+        alike = None if mode is None or seen is None else likeness(mode.shape, seen.shape)
+        rows.append(
+            ModeComparison(
+                figure(mode, "frequency"), figure(mode, "damping"), figure(seen, "frequency"),
+                figure(seen, "damping"), figure(seen, "frequency_error"),
+                figure(seen, "damping_error"), alike,
+            )
+        )  # fmt: skip
     return tuple(sorted(rows, key=lambda row: row.frequency or row.model_frequency or 0.0))
-
-
-def _figures(mode: Resonance | None) -> tuple[float | None, ...]:
-    """Return frequency and damping of a measured mode with their errors, None if there is none."""
-    if mode is None:
-        return (None,) * 4
-    return mode.frequency, mode.damping, mode.frequency_error, mode.damping_error
-
-
-def _with_error(value: float | None, error: float | None, scale: float) -> str | None:
-    if value is None or error is None:
-        return None
-    return plus_minus(scale * value, scale * error)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -26,74 +27,24 @@ from robustpolish.signals.headers import same_kind
 # Measured frequency responses that suit a model, with what is known of their noise.
 
 
-@dataclass(frozen=True)
-class FrequencyPolicy:
-    """The numbers that steer fits and judgements of frequency responses.
-
-    Attributes
-    ----------
-    widths : tuple of float
-        Half widths, as shares of the frequency, over which measured and modelled response are
-        averaged one after the other: a resonance that is 16 % off (a spring that is 30 % off)
-        does not overlap the measured one without.
-    accuracy : float
-        Share of its size that a measured line is hardly better known than, whatever its noise:
-        calibration and leakage. Above the noise all lines count alike, antiresonances too.
-    stage_error, first_error : float
-        Relative error that a model is allowed while responses are averaged, and in the first fit
-        to all lines.
-    least_noise : float
-        Noise over a line's size that is taken at least, so that there is always one.
-    most_lines : int
-        Lines used while responses are averaged: widths are far above the distance of lines.
-    centres : int
-        Frequencies about which responses are averaged.
-    steps : int
-        Most evaluations of one fit.
-    step : float
-        Of differences, in units of a parameter's size: above the rounding of effects' slopes.
-    scatter : int
-        Lines over which the noise is taken as alike, where only the scatter shows it.
-    peak : float
-        Prominence in dB above which a maximum may be a resonance: half power.
-    noisy : float
-        Times the noise that a resonance has to stand above its surroundings.
-    evident : float
-        Times the mean square of what is left by which a pole has to lower the sum of squares:
-        the highest of some hundred maxima of noise reaches a third of it.
-    changed : float
-        Standard errors beyond which a mode's frequency or damping depends on the amplitude.
-    same_frequency, same_damping : float
-        Relative errors that the fit of a single pole makes anyway: its neighbours, leakage.
-    most_damping : float
-        Damping ratio above which a resonance has no peak worth the name.
-    alike : float
-        Largest distance of modes that are held against each other: the logarithm of the ratio of
-        their frequencies, and what their shapes lack in likeness.
-    """
-
-    widths: tuple[float, ...] = (0.3, 0.1, 0.03)
-    accuracy: float = 0.01
-    stage_error: float = 0.1
-    first_error: float = 0.1
-    least_noise: float = 1e-6
-    most_lines: int = 1500
-    centres: int = 200
-    steps: int = 40
-    step: float = 1e-5
-    scatter: int = 31
-    peak: float = 3.0
-    noisy: float = 3.0
-    evident: float = 80.0
-    changed: float = 4.0
-    same_frequency: float = 1e-4
-    same_damping: float = 0.03
-    most_damping: float = 0.5
-    alike: float = 0.7
-
-
-SETTINGS = FrequencyPolicy()
-"""What comparisons with and fits to frequency responses go by."""
+# Share of its size that a measured line is hardly better known than, whatever its noise:
+# calibration and leakage. Above the noise all lines count alike, antiresonances too.
+ACCURACY = 0.01
+# Noise over a line's size that is taken at least, so that there is always one.
+_LEAST_NOISE = 1e-6
+# Lines over which the noise is taken as alike, where only the scatter shows it.
+_SCATTER_LINES = 31
+# Prominence in dB above which a maximum may be a resonance, half power; and times the noise that it
+# has to stand above its surroundings.
+_PEAK, _NOISY = 3.0, 3.0
+# Times the mean square of what is left by which a pole has to lower the sum of squares: the highest
+# of some hundred maxima of noise reaches a third of it.
+_EVIDENT = 80.0
+# Damping ratio above which a resonance has no peak worth the name.
+_MOST_DAMPING = 0.5
+# Largest distance of modes that are held against each other: the logarithm of the ratio of their
+# frequencies, and what their shapes lack in likeness.
+_ALIKE = 0.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,8 +87,8 @@ class MeasuredResponse:
         """Whether a line of a pair was measured, shape (lines, pairs)."""
         return np.isfinite(self.values)
 
-    def of(self, model: MechanicalModel) -> AnyArray:
-        """Return the response of a model at these lines and pairs.
+    def of(self, model: MechanicalModel) -> tuple[AnyArray, list[str]]:
+        """Return the response of a model at these lines and pairs, and what has to be known of it.
 
         Parameters
         ----------
@@ -145,10 +96,12 @@ class MeasuredResponse:
 
         Returns
         -------
-        ndarray, shape (lines, pairs)
+        values : ndarray, shape (lines, pairs)
+        notes : list of str
         """
         dt = self.data.attrs.get("sampling_time")
-        return self.chosen(model, response_values(model, self.frequency, None, dt)[0])
+        values, notes = response_values(model, self.frequency, None, dt)
+        return self.chosen(model, values), notes
 
     def chosen(self, model: MechanicalModel, values: AnyArray) -> AnyArray:
         """Return the measured pairs of values over (lines, outputs, inputs) of a model."""
@@ -198,28 +151,20 @@ def measured_response(model: MechanicalModel | None, data: Any) -> MeasuredRespo
         raise invalid("model", shown, "a MechanicalModel", "Read it with from_toml.")
     array = read_frequency_response(data)
     array = array.isel(frequency=array["frequency"].values > 0)
+    names = [[str(name) for name in array[side].values] for side in ("output", "input")]
     pairs, units = [], []
-    for output in (str(name) for name in array["output"].values):
-        for source in (str(name) for name in array["input"].values):
-            curve = array.sel(output=output, input=source)
-            if not np.isfinite(curve.values).any():
-                continue
-            if model is None:
-                units.append(str(curve["units"].item()))
-                pairs.append((output, source))
-            elif output in model.output_names and source in model.input_names:
-                units.append(_unit(model, output, source, str(curve["units"].item())))
-                pairs.append((output, source))
+    for output, source in itertools.product(*names):
+        known = model is None or (output in model.output_names and source in model.input_names)
+        curve = array.sel(output=output, input=source)
+        if known and np.isfinite(curve.values).any():
+            unit = str(curve["units"].item())
+            units.append(unit if model is None else _unit(model, output, source, unit))
+            pairs.append((output, source))
     if not pairs and model is not None:
-        shown = [f"{o}/{i}" for o in array["output"].values for i in array["input"].values]
-        wanted = [f"{o}/{i}" for o in model.output_names for i in model.input_names]
-        raise invalid(
-            "data",
-            described(", ".join(shown)),
-            f"pairs of the model: {', '.join(wanted) or 'none'}",
-            "Pass outputs= and inputs= to read_frequency_response.",
-        )
-    names = [list(array[dimension].values) for dimension in ("output", "input")]
+        shown = ", ".join(map("/".join, itertools.product(*names)))
+        wanted = ", ".join(f"{o}/{i}" for o in model.output_names for i in model.input_names)
+        remedy = "Pass outputs= and inputs= to read_frequency_response."
+        raise invalid("data", described(shown), f"pairs of the model: {wanted or 'none'}", remedy)
     rows, columns = ([known.index(pair[k]) for pair in pairs] for k, known in enumerate(names))
     values = np.asarray(array.values)[:, rows, columns]
     beside = {
@@ -240,13 +185,10 @@ def _unit(model: MechanicalModel, output: str, source: str, unit: str) -> str:
     wanted = ratio_unit(model.unit_of(above), model.unit_of(below))
     converts = abs(below.gain) != 1 and below.unit is None
     if not converts and wanted and not same_kind(unit, wanted):
-        raise invalid(
-            f"{output}/{source}",
-            described(f"a response in {unit}"),
-            f"{wanted}, as the model says",
-            "Correct the unit, or the quantity of the model's output (displacement, velocity, "
-            "acceleration).",
-        )
+        remedy = "Correct the unit, or the quantity of the model's output (displacement, velocity, "
+        remedy += "acceleration)."
+        shown = described(f"a response in {unit}")
+        raise invalid(f"{output}/{source}", shown, f"{wanted}, as the model says", remedy)
     return wanted
 
 
@@ -255,7 +197,7 @@ def _variance(
 ) -> tuple[Array, bool]:
     """Return the variance of the noise, and whether the data say it themselves."""
     size = np.nan_to_num(np.abs(values) ** 2)
-    least = SETTINGS.least_noise**2 * np.maximum(size, 1e-12 * np.max(size, axis=0))
+    least = _LEAST_NOISE**2 * np.maximum(size, 1e-12 * np.max(size, axis=0))
     if "variance" in beside:
         return np.maximum(np.nan_to_num(beside["variance"]), least), True
     if "coherence" in beside:
@@ -268,7 +210,7 @@ def _variance(
         typical = np.nanmedian(np.where(shape > 0, shape, np.nan), axis=0)
         ratio = np.where(typical > 0, seen[0] / np.where(typical > 0, typical, 1.0), 0.0)
         return np.maximum(np.nan_to_num(shape * ratio), least), False
-    return np.maximum(_scatter(values, SETTINGS.scatter), least), False
+    return np.maximum(_scatter(values, _SCATTER_LINES), least), False
 
 
 def _scatter(values: AnyArray, width: int) -> Array:
@@ -286,23 +228,22 @@ def _scatter(values: AnyArray, width: int) -> Array:
     return median_filter(rough, (min(width, lines) | 1, 1), mode="nearest")
 
 
-@dataclass(frozen=True, eq=False)
-class Resonance:
+class Resonance(NamedTuple):
     """A pole that shows in a response.
 
     Attributes
     ----------
-    frequency, damping : float
-        Undamped natural frequency in Hz, and damping ratio.
-    frequency_error, damping_error : float
-        Standard errors; 0 for a model's own.
+    frequency, frequency_error : float
+        Undamped natural frequency in Hz, with its standard error; 0 for a model's own.
+    damping, damping_error : float
+        Damping ratio, likewise.
     shape : ndarray, shape (pairs,)
         Complex residues: how strongly each pair shows it.
     """
 
     frequency: float
-    damping: float
     frequency_error: float
+    damping: float
     damping_error: float
     shape: AnyArray
 
@@ -335,7 +276,7 @@ def model_resonances(model: MechanicalModel, measured: MeasuredResponse) -> tupl
     columns = [signals.index(name) for name in model.input_names]
     shapes = measured.chosen(model, residues[:, :, columns])
     found = [
-        Resonance(float(abs(pole)) / (2 * np.pi), float(-pole.real / abs(pole)), 0.0, 0.0, shape)
+        Resonance(float(abs(pole)) / (2 * np.pi), 0.0, float(-pole.real / abs(pole)), 0.0, shape)
         for pole, shape in zip(poles, shapes, strict=True)
         if pole.imag > 1e-9 * abs(pole)
     ]
@@ -366,7 +307,7 @@ def measured_resonances(measured: MeasuredResponse) -> tuple[Resonance, ...]:
     scatter = 20 / np.log(10) * np.minimum(noise / np.maximum(sum_, 1e-300), 1.0)
     tops, _ = find_peaks(decibels)
     prominence = peak_prominences(decibels, tops)[0]
-    tops = tops[prominence > SETTINGS.peak + SETTINGS.noisy * scatter[tops]]
+    tops = tops[prominence > _PEAK + _NOISY * scatter[tops]]
     found: list[Resonance] = []
     for i, top in enumerate(tops):
         lowest = tops[i - 1] + int(np.argmin(sum_[tops[i - 1] : top])) if i else 0
@@ -379,8 +320,7 @@ def measured_resonances(measured: MeasuredResponse) -> tuple[Resonance, ...]:
 
 
 def match_modes(
-    modelled: tuple[Resonance, ...],
-    measured: tuple[Resonance, ...],
+    modelled: tuple[Resonance, ...], measured: tuple[Resonance, ...]
 ) -> list[tuple[int, int]]:
     """Return which mode of a model belongs to which measured one, by frequency and shape.
 
@@ -395,28 +335,20 @@ def match_modes(
     """
     if not modelled or not measured:
         return []
-    cost = np.array(
-        [
-            [
-                abs(np.log(ours.frequency / theirs.frequency))
-                + 0.5 * (1 - likeness(ours.shape, theirs.shape))
-                for theirs in measured
-            ]
-            for ours in modelled
-        ]
-    )
+
+    def apart(ours: Resonance, theirs: Resonance) -> float:
+        alike = likeness(ours.shape, theirs.shape)
+        return abs(np.log(ours.frequency / theirs.frequency)) + 0.5 * (1 - alike)
+
+    cost = np.array([[apart(ours, theirs) for theirs in measured] for ours in modelled])
     # Beyond the limit all are equally bad, so that one stray peak moves no other.
-    rows, columns = linear_sum_assignment(np.minimum(cost, SETTINGS.alike))
+    rows, columns = linear_sum_assignment(np.minimum(cost, _ALIKE))
     pairs = zip(rows.tolist(), columns.tolist(), strict=True)
-    return [(i, j) for i, j in pairs if cost[i, j] < SETTINGS.alike]
+    return [(i, j) for i, j in pairs if cost[i, j] < _ALIKE]
 
 
 def _fit_pole(
-    measured: MeasuredResponse,
-    values: AnyArray,
-    sum_: Array,
-    top: int,
-    valley: tuple[int, int],
+    measured: MeasuredResponse, values: AnyArray, sum_: Array, top: int, valley: tuple[int, int]
 ) -> Resonance | None:
     """Fit a pole to the lines about a maximum; None if there is none."""
     omega = 2 * np.pi * measured.frequency
@@ -438,9 +370,7 @@ def _fit_pole(
     pole = complex(-width, omega[top])
     for _ in range(30):
         residual, slopes, _ = _projected(pole, w, H, weight, background)
-        J = _parts(slopes)
-        r = _parts(residual)
-        step, *_ = np.linalg.lstsq(J, -r, rcond=1e-12)
+        step, *_ = np.linalg.lstsq(_parts(slopes), -_parts(residual), rcond=1e-12)
         change = complex(*step)
         limit = abs(pole.real) + float(np.min(np.diff(w)))
         if abs(change) > limit:
@@ -453,7 +383,7 @@ def _fit_pole(
     residual, slopes, shape = _projected(pole, w, H, weight, background)
     damping = -pole.real / abs(pole)
     inside = w[0] <= pole.imag <= w[-1]
-    if not inside or not 0 < damping < SETTINGS.most_damping:
+    if not inside or not 0 < damping < _MOST_DAMPING:
         return None
     # What the pole explains has to stand above what is left.
     free = 2 * (np.count_nonzero(weight) - H.shape[1] * (1 + background.shape[1])) - 2
@@ -463,7 +393,7 @@ def _fit_pole(
     J = _parts(slopes)
     covariance = np.linalg.pinv(J.T @ J) * left
     without = _background_only(H, weight, background)
-    if without - np.sum(np.abs(residual) ** 2) < SETTINGS.evident * left:
+    if without - np.sum(np.abs(residual) ** 2) < _EVIDENT * left:
         return None
     height = np.abs(shape) / -pole.real / np.max(np.abs(H), axis=0)
     spread = float(np.sqrt(covariance[0, 0]))
@@ -472,9 +402,8 @@ def _fit_pole(
     by_frequency = np.array([pole.real, pole.imag]) / abs(pole)
     by_damping = np.array([-1.0, 0.0]) / abs(pole) - damping * by_frequency / abs(pole)
     errors = [float(np.sqrt(max(g @ covariance @ g, 0.0))) for g in (by_frequency, by_damping)]
-    return Resonance(
-        abs(pole) / (2 * np.pi), float(damping), errors[0] / (2 * np.pi), errors[1], shape
-    )
+    scale = 2 * np.pi
+    return Resonance(abs(pole) / scale, errors[0] / scale, float(damping), errors[1], shape)
 
 
 def _background_only(H: AnyArray, weight: Array, background: Array) -> float:

@@ -92,19 +92,13 @@ def force_sites(model: MechanicalModel) -> tuple[Array, list[tuple[str, ...]]]:
 
     These are the free coordinates, and the pairs of imposed ones whose force is measured.
     """
-    names = model.dof_names
-    rows, pairs = [], []
-    for name in model.free:
-        rows.append(np.eye(len(names))[names.index(name)])
-        pairs.append((name, "ground"))
-    free = set(model.free)
-    for output in model.outputs:
-        if output.quantity == FORCE and not free.intersection(output.of):
-            row = np.zeros(len(names))
-            row[names.index(output.of[0])] = 1.0
-            rows.append(row)
-            pairs.append(output.of if not output.drive else (output.of[0], "ground"))
-    return np.array(rows).reshape(-1, len(names)), pairs
+    names, free = model.dof_names, set(model.free)
+    pairs = [(name, "ground") for name in model.free] + [
+        output.of if not output.drive else (output.of[0], "ground")
+        for output in model.outputs
+        if output.quantity == FORCE and not free.intersection(output.of)
+    ]
+    return np.eye(len(names))[[names.index(pair[0]) for pair in pairs]], pairs
 
 
 def with_missing_force(
@@ -120,15 +114,12 @@ def with_missing_force(
     pad = np.zeros((ports, s))
     return replace(
         system,
-        A=np.ascontiguousarray(A),
-        B=np.ascontiguousarray(np.vstack([system.B, np.zeros((s, w))])),
-        C=np.ascontiguousarray(np.hstack([system.C, H])),
-        G=np.ascontiguousarray(np.vstack([system.G, np.zeros((s, ports))])),
-        motion=(
-            np.ascontiguousarray(np.hstack([Qs, pad])), Qw,
-            np.ascontiguousarray(np.hstack([Vs, pad])), Vw,
-        ),
-    )  # fmt: skip
+        A=A,
+        B=np.vstack([system.B, np.zeros((s, w))]),
+        C=np.hstack([system.C, H]),
+        G=np.vstack([system.G, np.zeros((s, ports))]),
+        motion=(np.hstack([Qs, pad]), Qw, np.hstack([Vs, pad]), Vw),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,12 +140,10 @@ def observer_gain(system: NonlinearSystem, dt: float, level: Level, scales: Scal
         zero = np.zeros((n, ny))
         return Gain(zero, zero, R, np.zeros((n, n)))
     m = step_matrices(system.A, system.B, np.zeros((n, 0)), dt)
-    leak = scales.leak
-    Q = np.zeros((n, n))
     # At level 1 the force wanders by its typical size within one radian of the bandwidth.
-    size = np.sqrt(scales.bandwidth / leak) * max(level.force, 1e-7) * scales.force
-    walk = (1 - np.exp(-2 * leak * dt)) * size**2
-    Q[n - s :, n - s :] = np.diag(walk)
+    size = np.sqrt(scales.bandwidth / scales.leak) * max(level.force, 1e-7) * scales.force
+    Q = np.zeros((n, n))
+    Q[n - s :, n - s :] = np.diag((1 - np.exp(-2 * scales.leak * dt)) * size**2)
     into = (m.full_now + m.full_later) * (level.input_noise * scales.inputs)
     through = system.D * (level.input_noise * scales.inputs)
     Q += into @ into.T
@@ -206,34 +195,32 @@ def riccati(F: Array, C: Array, Q: Array, R: Array, N: Array) -> Array:
 
 def scales_of(model: MechanicalModel, record: Record) -> Scales:
     """Return the sizes that an observer of this record needs."""
-    W = record.own(record.signals(model))
+    W, m = record.own(record.signals(model)), model.matrices
     rounded = np.array([rounding(y) for y in record.Y.T])
-    # where a sensor counts in steps, what stands still shows less noise than what moves
-    noise = np.array([max(_quietest(record, i), least) for i, least in enumerate(rounded)])
+    noise = np.ones(len(rounded))
+    for i, least in enumerate(rounded):
+        # of several records the one with the least motion shows it; and where a sensor counts in
+        # steps, what stands still shows less noise than what moves
+        moving = [part.Y[:, i] for part in record.parts if np.ptp(part.Y[:, i]) > 0]
+        seen = (white_noise(y, record.dt, record.honest) for y in moving)
+        noise[i] = max(min(seen, default=1.0), least)
     bandwidth = excited_bandwidth(model, record)
-    m = model.matrices
-    inputs = np.std(W, axis=0) if W.shape[1] else np.zeros(0)
     forces = W[:, : m.B.shape[1]] @ m.B.T
     driving = float(np.sqrt(np.mean(np.sum(forces**2, axis=1)))) if forces.size else 0.0
-    q = displacement_amplitude(model, record, bandwidth)
-    mass = np.diag(m.M)
     rows, _ = force_sites(model)
-    elastic = np.array([abs(r) @ (np.abs(np.diag(m.K)) + mass * bandwidth**2 / 4) for r in rows])
-    force = np.full(len(rows), driving) if driving > 0 else elastic * q / np.sqrt(2)
     measured = [
-        float(np.std(record.Y[:, i])) for i, o in enumerate(model.outputs) if o.quantity == FORCE
+        float(np.std(y))
+        for y, o in zip(record.Y.T, model.outputs, strict=True)
+        if o.quantity == FORCE
     ]
-    if measured and driving == 0:
-        force = np.full(len(rows), max(measured))
-    share = max(_LEAK.get(o.quantity, 60.0) for o in model.outputs)
-    leak = bandwidth / share
-    return Scales(noise, np.maximum(force, 1e-300), inputs, bandwidth, leak, rounded)
-
-
-def _quietest(record: Record, i: int) -> float:
-    """Return the noise of an output: of several records the one with the least motion shows it."""
-    moving = [part.Y[:, i] for part in record.parts if np.ptp(part.Y[:, i]) > 0]
-    return min((white_noise(y, record.dt, record.honest) for y in moving), default=1.0)
+    if driving > 0 or measured:
+        force = np.full(len(rows), driving or max(measured))
+    else:
+        elastic = np.abs(np.diag(m.K)) + np.diag(m.M) * bandwidth**2 / 4
+        q = displacement_amplitude(model, record, bandwidth)
+        force = np.array([abs(row) @ elastic for row in rows]) * q / np.sqrt(2)
+    leak = bandwidth / max(_LEAK.get(o.quantity, 60.0) for o in model.outputs)
+    return Scales(noise, np.maximum(force, 1e-300), np.std(W, axis=0), bandwidth, leak, rounded)
 
 
 def white_noise(y: Array, dt: float, honest: float = 1.0) -> float:
@@ -296,7 +283,10 @@ def excited_bandwidth(model: MechanicalModel, record: Record) -> float:
     A machine without inputs swings no slower than its slowest mode: what creeps behind a law that
     nearly holds it is no motion to go by.
     """
-    highest = 0.0 if model.inputs else _slowest(model)
+    poles = poles_of(model)
+    swinging = np.abs(poles[np.imag(poles) > 0])
+    highest = 0.0 if model.inputs else float(np.min(swinging, initial=np.inf))
+    highest = highest if np.isfinite(highest) else 0.0
     for i, output in enumerate(model.outputs):
         frequency, density = _spectrum(record, i)
         omega = 2 * np.pi * frequency
@@ -307,13 +297,6 @@ def excited_bandwidth(model: MechanicalModel, record: Record) -> float:
         if power.size and power[-1] > 0:
             highest = max(highest, float(omega[1:][np.searchsorted(power, 0.98 * power[-1])]))
     return highest or 0.2 / record.dt
-
-
-def _slowest(model: MechanicalModel) -> float:
-    """Return the natural frequency of the slowest mode that swings, in rad/s; 0 if none does."""
-    poles = poles_of(model)
-    swinging = np.abs(poles[poles.imag > 0])  # pyright: ignore[reportAttributeAccessIssue]
-    return float(np.min(swinging)) if swinging.size else 0.0
 
 
 def _spectrum(record: Record, i: int) -> tuple[Array, Array]:
@@ -328,9 +311,21 @@ def _spectrum(record: Record, i: int) -> tuple[Array, Array]:
     return np.arange(total.size) / (lines * record.dt), total
 
 
-def displacement_amplitude(model: MechanicalModel, record: Record, bandwidth: float) -> float:
+def displacement_amplitude(
+    model: MechanicalModel, record: Record, bandwidth: float, percentile: float = _USUAL
+) -> float:
     """Return a displacement amplitude, in m or rad, from outputs or imposed motions."""
-    return _displacement(model, record, bandwidth, _USUAL)
+    found = []
+    for output, y in zip(model.outputs, record.Y.T, strict=True):
+        order = {DISPLACEMENT: 0, VELOCITY: 1, ACCELERATION: 2}.get(output.quantity)
+        if order is not None:
+            away = np.abs(y - np.median(y))
+            found.append(float(np.percentile(away, percentile)) / bandwidth**order)
+    for item in model.inputs:
+        if item.imposes == DISPLACEMENT and item.on[0] not in model.channels:
+            imposed = np.abs(record.data[item.name].values)
+            found.append(float(np.percentile(imposed, percentile)))
+    return max(found, default=0.0)
 
 
 def displacement_peak(
@@ -349,23 +344,7 @@ def displacement_peak(
     """
     moved = float(np.max(np.abs(smoothed), initial=0.0)) if smoothed is not None else 0.0
     usual = displacement_amplitude(model, record, bandwidth)
-    return min(max(_displacement(model, record, bandwidth, 100.0), moved), _PEAK * usual)
-
-
-def _displacement(
-    model: MechanicalModel, record: Record, bandwidth: float, percentile: float
-) -> float:
-    found = []
-    for i, output in enumerate(model.outputs):
-        away = np.abs(record.Y[:, i] - np.median(record.Y[:, i]))
-        order = {DISPLACEMENT: 0, VELOCITY: 1, ACCELERATION: 2}.get(output.quantity)
-        if order is not None:
-            found.append(float(np.percentile(away, percentile)) / bandwidth**order)
-    for item in model.inputs:
-        if item.imposes == DISPLACEMENT and item.on[0] not in model.channels:
-            imposed = np.abs(record.data[item.name].values)
-            found.append(float(np.percentile(imposed, percentile)))
-    return max(found, default=0.0)
+    return min(max(displacement_amplitude(model, record, bandwidth, 100.0), moved), _PEAK * usual)
 
 
 # The observer of a model's linear part, and what known forces leave in its innovations.
@@ -471,10 +450,9 @@ class LinearObserver:
         self._steps: dict[object, tuple[Array, Array, Array]] = {}
         plain = build_system(model.without_effects(), dt)
         self.system: NonlinearSystem = with_missing_force(model, plain, scales.leak)
-        gain = observer_gain(self.system, dt, level, scales)
-        self.gain = gain
+        self.gain = observer_gain(self.system, dt, level, scales)
         self.m = step_matrices(self.system.A, self.system.B, np.zeros((self.states, 0)), dt)
-        self.L = np.ascontiguousarray(self.m.full - gain.predictor @ self.system.C)
+        self.L = self.m.full - self.gain.predictor @ self.system.C
 
     @property
     def states(self) -> int:
@@ -512,14 +490,11 @@ class LinearObserver:
         """Return the step matrices of forces along rows of the coordinates."""
         key = (rows.tobytes(), tuple(pairs))
         if key not in self._steps:
-            self._steps[key] = self._port_steps(rows, pairs)
+            G, H, _ = port_matrices(self.model.matrices, self.model.outputs, rows, pairs)
+            G = np.vstack([G, np.zeros((self.states - len(G), len(rows)))])
+            m = step_matrices(self.system.A, G, np.zeros((self.states, 0)), self.dt)
+            self._steps[key] = m.full_now, m.full_later, np.ascontiguousarray(H)
         return self._steps[key]
-
-    def _port_steps(self, rows: Array, pairs: list[tuple[str, ...]]) -> tuple[Array, Array, Array]:
-        G, H, _ = port_matrices(self.model.matrices, self.model.outputs, rows, pairs)
-        G = np.vstack([G, np.zeros((self.states - len(G), len(rows)))])
-        m = step_matrices(self.system.A, G, np.zeros((self.states, 0)), self.dt)
-        return m.full_now, m.full_later, np.ascontiguousarray(H)
 
     def smooth(self, states: Array, errors: Array) -> Array:
         """Return the smoothed states (de Jong's recursion)."""
@@ -528,26 +503,20 @@ class LinearObserver:
 
     def respond(self, rows: Array, pairs: list[tuple[str, ...]], columns: Array) -> Array:
         """Return the innovations that port forces leave, shape (columns, samples, ny)."""
-        G0, G1, H = self.port_steps(rows, pairs)
-        out = np.empty((columns.shape[0], columns.shape[2], self.system.C.shape[0]))
-        _respond(
-            self.L, self.system.C, G0, G1, np.ascontiguousarray(self.gain.predictor @ H), H,
-            np.ascontiguousarray(columns), out,
-        )  # fmt: skip
-        return out
+        return self._respond(*self.port_steps(rows, pairs), columns)
 
     def respond_outputs(self, columns: Array) -> Array:
         """Return the innovations that additions to the outputs leave.
 
         `columns` has shape (columns, ny, samples).
         """
-        ny = columns.shape[1]
-        zero = np.zeros((self.states, ny))
-        out = np.empty((columns.shape[0], columns.shape[2], ny))
-        _respond(
-            self.L, self.system.C, zero, zero, np.ascontiguousarray(self.gain.predictor),
-            np.eye(ny), np.ascontiguousarray(columns), out,
-        )  # fmt: skip
+        zero = np.zeros((self.states, columns.shape[1]))
+        return self._respond(zero, zero, np.eye(columns.shape[1]), columns)
+
+    def _respond(self, G0: Array, G1: Array, H: Array, columns: Array) -> Array:
+        C, GK = self.system.C, np.ascontiguousarray(self.gain.predictor @ H)
+        out = np.empty((columns.shape[0], columns.shape[2], C.shape[0]))
+        _respond(self.L, C, G0, G1, GK, H, np.ascontiguousarray(columns), out)
         return out
 
     def likeliest_start(self, errors: Array, sizes: Array) -> Array:

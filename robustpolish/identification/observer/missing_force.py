@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -20,17 +20,13 @@ from robustpolish.identification.observer.kalman import (
 from robustpolish.identification.observer.runs import InitialState, Runner, StartedPiece, rest
 from robustpolish.identification.record import Record, least_samples
 from robustpolish.machines.effects.evaluate import force_with
-from robustpolish.machines.mechanical.data import (
-    dynamic_effects,
-    motion_at,
-    port_matrices,
-    port_pairs,
-    port_rows,
-)
+from robustpolish.machines.mechanical.data import dynamic_effects, motion_at, port_pairs, port_rows
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.simulation import IntersampleLines, NonlinearResponse
 
 _INITIAL_AMPLITUDE = 3.0
+# Samples to which the start is fitted: many swings of every machine, and quick.
+_START_SAMPLES = 4000
 # Levels of a model that may be nearly right, to predict with and to see the motion.
 _OBSERVER_LEVELS = tuple(Level(share) for share in (0.01, 0.03, 0.1, 0.3, 1.0))
 
@@ -68,25 +64,17 @@ class SmoothedMotion:
         return InitialState(state, self.internal[sample])
 
 
-_AXES = (
-    ("q", 1), ("v", 1), ("a", 1), ("force", 1), ("inputs", 0), ("outputs", 0), ("internal", 0),
-)  # fmt: skip
-"""Along which axis the samples of each field are."""
-
-
 def known_forces(
     model: MechanicalModel, q: Array, v: Array, time: Array, dt: float
 ) -> PortForces | None:
     """Return the forces of a model's effects along a motion."""
-    rows, pairs, values = [], [], []
-    for _, effect in dynamic_effects(model):
-        rows.append(port_rows(model, effect))
-        pairs += port_pairs(effect)
-        motion = motion_at(model, effect, time, q, v, dt / 4)
-        values.append(force_with(effect.definition, effect.values, motion))
-    if not rows:
+    effects = [effect for _, effect in dynamic_effects(model)]
+    if not effects:
         return None
-    return PortForces(np.vstack(rows), pairs, np.vstack(values))
+    motions = ((e, motion_at(model, e, time, q, v, dt / 4)) for e in effects)
+    values = [force_with(effect.definition, effect.values, motion) for effect, motion in motions]
+    pairs = [pair for effect in effects for pair in port_pairs(effect)]
+    return PortForces(np.vstack([port_rows(model, e) for e in effects]), pairs, np.vstack(values))
 
 
 _DIVERGED_AMPLITUDE = 1e3
@@ -158,8 +146,13 @@ def smooth(
         each = [_smooth(model, part, scales, amplitude, levels) for part in record.parts]
     if len(each) == 1:
         return each[0]
-    rows = {name: np.concatenate([getattr(s, name) for s in each], axis) for name, axis in _AXES}
-    return SmoothedMotion(**rows)
+    rows = ("inputs", "outputs", "internal")  # have a row for each sample, others a column
+    return SmoothedMotion(
+        **{
+            name: np.concatenate([getattr(s, name) for s in each], 0 if name in rows else 1)
+            for name in SmoothedMotion.__dataclass_fields__
+        }
+    )
 
 
 def _smooth(
@@ -171,29 +164,47 @@ def _smooth(
 ) -> SmoothedMotion:
     """Smooth one record, or a contiguous part of one."""
     level, seen = best_observer_level(model, record, scales, amplitude, levels)
-    W, time = record.own(record.signals(model)), record.time
-    Y = record.raw_outputs(model)
+    W, Y, nf = record.own(record.signals(model)), record.raw_outputs(model), len(model.free)
     observer = LinearObserver(model, record.dt, level, scales)
-    sizes = _start_sizes(model, scales, amplitude)
-    q, v = motion_of(model, seen.states, W)
-    forces = known_forces(model, np.nan_to_num(q), np.nan_to_num(v), time, record.dt)
+    sizes, m = _start_sizes(model, scales, amplitude), model.matrices
     lines = record.own_lines(record.lines(model))
-    along = partial(_smoothed_states, observer, Y, W, lines, sizes)
-    s = None if forces is None else _bounded_states(along, forces, len(model.free), amplitude)
-    if s is not None:  # once more, along the smoothed motion
-        forces = known_forces(model, *motion_of(model, s, W), time, record.dt)
-        s = None if forces is None else _bounded_states(along, forces, len(model.free), amplitude)
+    first = min(len(Y), _START_SAMPLES)
+    begin = None if lines is None else IntersampleLines(*(side[:first] for side in lines))
+    # The force of a law far stronger than the springs is none that is known from a motion that
+    # lacks it: where it leaves all bounds it is left out.
+    bound = _DIVERGED_AMPLITUDE * amplitude if amplitude > 0 else np.inf
+
+    def along(forces: PortForces | None) -> Array:
+        head = None if forces is None else forces.head(first)
+        errors = observer.innovations(Y[:first], W[:first], head, lines=begin)[1]
+        start = observer.likeliest_start(errors, sizes)
+        return observer.smooth(*observer.innovations(Y, W, forces, start, lines))
+
+    q, v = (np.nan_to_num(part) for part in motion_of(model, seen.states, W))
+    forces = s = None
+    for _ in range(2):  # along the motion that the forward pass found, then the smoothed one
+        forces = known_forces(model, q, v, record.time, record.dt)
+        s = None
+        if forces is None or not np.isfinite(forces.values).all():
+            break
+        with suppress(np.linalg.LinAlgError):
+            s = along(forces)
+        if s is None or not np.max(np.abs(s[:, :nf]), initial=0.0) <= bound:
+            s = None
+            break
+        q, v = motion_of(model, s, W)
     if s is None:
-        forces = None
-        s = along(None)
-    q, v = motion_of(model, s, W)
-    n = 2 * len(model.free)
-    return SmoothedMotion(
-        q, v, _accelerations(model, q, v, W, forces), s[:, n:].T, W,
-        s @ observer.system.C.T + W @ observer.system.D.T
-        + (0.0 if forces is None else _force_feedthrough(model, forces)),
-        seen.internal,
-    )  # fmt: skip
+        forces, s = None, along(None)
+        q, v = motion_of(model, s, W)
+    A, B, _, _ = m.first_order()
+    # The missing force is left out: with it, errors of the masses could explain it away.
+    a = np.zeros_like(q)
+    a[m.free] = A[nf:] @ np.concatenate([q[m.free], v[m.free]]) + B[nf:] @ W.T
+    outputs = s @ observer.system.C.T + W @ observer.system.D.T
+    if forces is not None:
+        a[m.free] += m.inverse_mass @ (forces.rows.T @ forces.values)[m.free]
+        outputs = outputs + (observer.port_steps(forces.rows, forces.pairs)[2] @ forces.values).T
+    return SmoothedMotion(q, v, a, s[:, 2 * nf :].T, W, outputs, seen.internal)
 
 
 def best_observer_run(model: MechanicalModel, record: Record) -> NonlinearResponse:
@@ -212,47 +223,6 @@ def smoothed_motion(model: MechanicalModel, record: Record) -> SmoothedMotion | 
     found = smooth(model, record, scales, amplitude, _OBSERVER_LEVELS)
     finite = all(np.isfinite(part).all() for part in (found.q, found.force, found.internal))
     return found if finite else None
-
-
-def _force_feedthrough(model: MechanicalModel, forces: PortForces) -> Array:
-    _, H, _ = port_matrices(model.matrices, model.outputs, forces.rows, forces.pairs)
-    return (H @ forces.values).T
-
-
-def _bounded_states(
-    along: Callable[[PortForces], Array], forces: PortForces, free: int, amplitude: float
-) -> Array | None:
-    """Smooth along the forces of laws; None if that leaves all bounds.
-
-    The force of a law far stronger than the springs is none that is known from a motion that lacks
-    it.
-    """
-    if not np.isfinite(forces.values).all():
-        return None
-    try:
-        found = along(forces)
-    except np.linalg.LinAlgError:
-        return None
-    most = _DIVERGED_AMPLITUDE * amplitude if amplitude > 0 else np.inf
-    return found if np.max(np.abs(found[:, :free]), initial=0.0) <= most else None
-
-
-def _smoothed_states(
-    observer: LinearObserver,
-    Y: Array,
-    W: Array,
-    lines: IntersampleLines | None,
-    sizes: Array,
-    forces: PortForces | None,
-) -> Array:
-    """Smooth; the start is fitted to the first part of the record."""
-    first = min(len(Y), 4000)
-    head = None if forces is None else forces.head(first)
-    begin = None if lines is None else IntersampleLines(lines.begin[:first], lines.end[:first])
-    errors = observer.innovations(Y[:first], W[:first], head, lines=begin)[1]
-    start = observer.likeliest_start(errors, sizes)
-    states, errors = observer.innovations(Y, W, forces, start, lines)
-    return observer.smooth(states, errors)
 
 
 def _start_sizes(model: MechanicalModel, scales: Scales, amplitude: float) -> Array:
@@ -278,20 +248,3 @@ def motion_of(model: MechanicalModel, states: Array, W: Array) -> tuple[Array, A
     Lq, Lv, Rq, Rv = model.matrices.motion_map
     s = states[:, : Lq.shape[1]].T
     return Lq @ s + Rq @ W.T, Lv @ s + Rv @ W.T
-
-
-def _accelerations(
-    model: MechanicalModel,
-    q: Array,
-    v: Array,
-    W: Array,
-    forces: PortForces | None,
-) -> Array:
-    # The missing force is left out: with it, errors of the masses could explain it away.
-    m, nf = model.matrices, len(model.free)
-    A, B, _, _ = m.first_order()
-    a = np.zeros_like(q)
-    a[m.free] = A[nf:] @ np.concatenate([q[m.free], v[m.free]]) + B[nf:] @ W.T
-    if forces is not None:
-        a[m.free] += m.inverse_mass @ (forces.rows.T @ forces.values)[m.free]
-    return a

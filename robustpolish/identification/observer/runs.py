@@ -20,7 +20,7 @@ from robustpolish.identification.observer.kalman import (
     white_noise,
     with_missing_force,
 )
-from robustpolish.identification.record import Record, output_sizes
+from robustpolish.identification.record import Record, joined_lines, output_sizes
 from robustpolish.machines.mechanical.data import MechanicalData, dynamic_effects
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.simulation import (
@@ -60,6 +60,10 @@ class StartedPiece:
     record: Record
     start: InitialState
 
+    def with_start(self, vector: Array) -> StartedPiece:
+        """Return the piece with another start."""
+        return StartedPiece(self.record, self.start.with_vector(vector))
+
 
 class Runner:
     """Makes models ready to run, led by the data at one level.
@@ -98,8 +102,8 @@ class Runner:
         self.substeps = substeps or needed_substeps(model, dt, amplitude)
         self._leak = None if level.free or scales is None else scales.leak
         self._moves_inputs = any(e.definition.domain == "input" for e in model.effects)
-        self._signals: tuple[tuple[object, object], Array, IntersampleLines | None] | None = None
-        self._course: tuple[tuple[object, object], InputCourse, Array] | None = None
+        self._signals: tuple[object, object, Array, IntersampleLines | None] | None = None
+        self._course: tuple[object, object, InputCourse, Array] | None = None
         self.gain: Gain | None = None
         if self._leak is not None and scales is not None:
             self.gain = observer_gain(self._system(model), dt, level, scales)
@@ -114,15 +118,11 @@ class Runner:
 
     def inputs(self, model: MechanicalModel, record: Record) -> Array:
         """Return the model's input signals over a record, shape (samples, signals)."""
-        return record.own(self._known(model, record)[1])
+        return record.own(self._known(model, record)[2])
 
     def lines(self, model: MechanicalModel, records: Sequence[Record]) -> IntersampleLines | None:
         """Return what the signals do between the samples of records, None if all are linear."""
-        known = [record.own_lines(self._known(model, record)[2]) for record in records]
-        found = [each for each in known if each is not None]
-        if not found:
-            return None
-        return IntersampleLines(*(np.concatenate(side) for side in zip(*found, strict=True)))
+        return joined_lines([r.own_lines(self._known(model, r)[3]) for r in records])
 
     def course(
         self, model: MechanicalModel, records: tuple[Record, ...]
@@ -142,23 +142,24 @@ class Runner:
         course : InputCourse
         measured : ndarray, shape (samples, ny)
         """
-        key = (records, model if self._moves_inputs else None)
+        mover = model if self._moves_inputs else None
         known = self._course
-        if known is None or known[0][0] != records or known[0][1] is not key[1]:
+        if known is None or known[0] != records or known[1] is not mover:
             signals = np.concatenate([self.inputs(model, record) for record in records])
             time = np.concatenate([record.time for record in records])
             marks = np.cumsum([0, *(record.samples for record in records)])
             course = InputCourse.of(signals, self.lines(model, records), time, marks)
-            known = self._course = (key, course, np.concatenate([r.Y for r in records]))
-        return known[1:]
+            known = self._course = (records, mover, course, np.concatenate([r.Y for r in records]))
+        return known[2:]
 
     def _known(
         self, model: MechanicalModel, record: Record
-    ) -> tuple[tuple[object, object], Array, IntersampleLines | None]:
-        key = (record.sets, model if self._moves_inputs else None)
+    ) -> tuple[object, object, Array, IntersampleLines | None]:
+        mover = model if self._moves_inputs else None
         known = self._signals
-        if known is None or any(a is not b for a, b in zip(known[0], key, strict=True)):
-            known = self._signals = (key, record.signals(model), record.lines(model))
+        if known is None or known[0] is not record.sets or known[1] is not mover:
+            known = (record.sets, mover, record.signals(model), record.lines(model))
+            self._signals = known
         return known
 
 
@@ -322,51 +323,35 @@ def reproducibility(
     Reproducibility
     """
     record = piece.record
-    diverged = _divergence(outputs[-1:] if ahead else outputs)
-    if diverged is not None:
-        after = diverged * record.dt
-        return Reproducibility(
-            False,
-            np.inf,
-            after,
+    bad = np.flatnonzero(~np.isfinite(outputs[-1:] if ahead else outputs).all(axis=1))
+    if bad.size:
+        after = int(bad[0]) * record.dt
+        reason = (
             f"the free run diverges after {after:.4g} s: its error judges nothing; "
-            "compare in windows, or check the signs of the model's damping and stiffness",
+            "compare in windows, or check the signs of the model's damping and stiffness"
         )
+        return Reproducibility(False, np.inf, after, reason)
     if not piece.start.vector.size:
         return Reproducibility(True, 0.0, None, "")
-    length = record.samples
+    length, noise, size = record.samples, 0.0, output_sizes(record.Y)
     if span is not None:
         length = min(length, max(round(span / record.dt), 2))
-    size = output_sizes(record.Y)
     change = _largest_change(run, StartedPiece(record.part(0, length), piece.start), size)
-    beyond = np.flatnonzero(~(change <= max(_noise(record, size), _VISIBLE)))
+    if record.samples >= 64:  # enough for a spectrum: the noise of the quietest output
+        sizes = zip(record.Y.T, size, strict=True)
+        noise = min(white_noise(y, record.dt, record.honest) / s for y, s in sizes)
+    beyond = np.flatnonzero(~(change <= max(noise, _VISIBLE)))
     growth = float(np.max(change) / _TINY) if np.isfinite(change).all() else np.inf
     if not beyond.size:
         reason = _drift_note(run, record) if span is None else ""
         return Reproducibility(True, growth, None, reason)
     after = float(beyond[0] * record.dt)
     advice = "look ahead" if ahead else f"compare in windows shorter than {after:.3g} s"
-    return Reproducibility(
-        False,
-        growth,
-        after,
+    reason = (
         f"the free run is not reproducible: a change of the start by a millionth grows beyond the "
-        f"noise within {after:.4g} s, so that its error judges nothing; {advice}",
+        f"noise within {after:.4g} s, so that its error judges nothing; {advice}"
     )
-
-
-def _noise(record: Record, size: Array) -> float:
-    """Return the noise of the quietest output, as a share of its size."""
-    if record.samples < 64:  # too few for a spectrum
-        return 0.0
-    return min(
-        white_noise(y, record.dt, record.honest) / s for y, s in zip(record.Y.T, size, strict=True)
-    )
-
-
-def _divergence(outputs: Array) -> int | None:
-    bad = np.flatnonzero(~np.isfinite(outputs).all(axis=1))
-    return int(bad[0]) if bad.size else None
+    return Reproducibility(False, growth, after, reason)
 
 
 def _largest_change(run: RecordRun, piece: StartedPiece, size: Array) -> Array:
@@ -399,10 +384,8 @@ def _largest_change(run: RecordRun, piece: StartedPiece, size: Array) -> Array:
 
 def _drift_note(run: RecordRun, record: Record) -> str:
     """Warn of a plant that integrates, whose free run sums up every small error."""
-    if not run.run.system.states:
-        return ""
-    poles = np.linalg.eigvals(run.run.system.A)
-    slow = np.abs(poles) * record.samples * record.dt < 1e-3
-    if slow.any() and float(np.max(np.abs(poles))) > 0:
+    poles = np.abs(np.linalg.eigvals(run.run.system.A))
+    slow = poles * record.samples * record.dt < 1e-3
+    if slow.any() and np.max(poles) > 0:
         return "the model integrates: a free run sums up small errors; windows judge it better"
     return ""
