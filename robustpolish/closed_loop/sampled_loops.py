@@ -60,7 +60,8 @@ def with_added_signals(nominal: GeneralizedPlant, other: GeneralizedPlant) -> Ge
         fits = set(found) <= set(wanted) if name in own[3:] else found == wanted
         if not fits:
             expected = f"those of the design's plant: {', '.join(wanted)}"
-            remedy = "Linearise as the design's plant was: the same controls, actuation, measured."
+            same = "the same controls, actuation and measured."
+            remedy = f"Linearise as the design's plant was: {same}"
             raise invalid("plant_of", described(f"{what} {', '.join(found)}"), expected, remedy)
     old, new = nominal.system, other.system
     inputs = [old.input_labels.index(name) for name in new.input_labels]

@@ -264,8 +264,9 @@ def _run(plant: GeneralizedPlant, name: str, options: Mapping[str, Any]) -> Meth
         design = output_feedback(plant, **options)
     except RobustPolishError as error:
         kinds = {"InfeasibleError": "infeasible", "MissingDependencyError": "missing"}
-        status = kinds.get(type(error).__name__, "refused")
-        return MethodResult(name, status, *[math.nan] * 4, -1, clock.elapsed, str(error))
+        status, none = kinds.get(type(error).__name__, "refused"), math.nan
+        seconds = clock.elapsed
+        return MethodResult(name, status, none, none, none, none, -1, seconds, str(error))
     certificate = design.certificate
     _, vectors = np.linalg.eig(np.asarray(design.closed_loop.A))
     return MethodResult(

@@ -248,7 +248,8 @@ class PartSearch:
             raise unreachable_norm_error(settings.wanted, least, norm, bound.how)
         regular, tolerance = self.diagnosis.regular_feedthrough, settings.tolerance
         problem = Task(plant, norm, regular, tolerance, bound, wanted, part.scaled)
-        searches = self.searches = []
+        searches: list[Engine] = []
+        self.searches = searches
         for kind in settings.engines:
             if any(engine.best <= problem.goal for engine in searches):
                 break
@@ -573,10 +574,6 @@ class JoinedController:
             c.status for c in done if self.settings.norm == "h2" or c.achieved >= 0.99 * largest
         )
 
-    def combined(self, norms: Iterable[float]) -> float:
-        """Return the norm of the whole from those of its decoupled parts."""
-        return _combined_norm(norms, self.settings.norm)
-
     def design(self, message: str, lower_bound: float | None, details: dict[str, Any]) -> Design:
         """Return the design, with what its method tells."""
         wanted, done = self.settings.wanted, self.done
@@ -654,7 +651,7 @@ def design_by_parts(
         if certificate is None or plant.delays:
             # Norms that the loops of the parts keep.
             kept = (c.certificate.claimed or 0.0 if c.certificate else c.claim for c in done)
-            promised = _combined_norm([*kept, *idle], norm)
+            promised = combined_norm([*kept, *idle], norm)
             certificate = certify(plant, controller, norm, promised)
             reasons += certificate.reasons
             for c in done[:1]:
@@ -665,7 +662,7 @@ def design_by_parts(
         raise SolverError(
             "The controllers of the parts are certified, the whole is not: " + "; ".join(reasons)
         )
-    bound = _combined_norm([*(c.bound.value for c in done if c.bound), *idle], norm)
+    bound = combined_norm([*(c.bound.value for c in done if c.bound), *idle], norm)
     whole = JoinedController(plant, settings, budget, chosen, controller, certificate, bound)
     if certificate.bound <= wanted.below:
         return whole
@@ -717,7 +714,7 @@ def time_limit_note(budget: Budget) -> str:
     )
 
 
-def _combined_norm(norms: Iterable[float], norm: Norm) -> float:
+def combined_norm(norms: Iterable[float], norm: Norm) -> float:
     """Return the norm of a whole from those of its decoupled parts."""
     return float(max(norms, default=0.0) if norm == "hinf" else np.linalg.norm([*norms]))
 

@@ -48,7 +48,8 @@ def solve(
 
 
 def _options(name: str, tolerance: float, time_limit: float, prescaled: bool) -> dict[str, Any]:
-    seconds = max(time_limit, 1e-3)
+    # SCS knows no infinite time.
+    seconds = min(max(time_limit, 1e-3), 1e9)
     if name == "CLARABEL":
         return {
             **dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance),

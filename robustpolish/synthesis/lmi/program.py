@@ -368,16 +368,11 @@ class SemidefiniteProgram:
 
     def __init__(self, prescaled: bool = False) -> None:
         self._prescaled = prescaled
-        self._count = 0
+        self.unknowns = 0  # scalar variables declared so far
         self._psd: list[Affine] = []
         self._nonnegative: list[Affine] = []
         self._zero: list[Affine] = []
         self._objective: Affine = Affine.of(0.0)
-
-    @property
-    def unknowns(self) -> int:
-        """Number of scalar variables declared so far."""
-        return self._count
 
     def matrix(self, rows: int, columns: int, pattern: ArrayLike | None = None) -> Affine:
         """Declare a matrix variable, zero wherever `pattern` is given and false."""
@@ -415,7 +410,7 @@ class SemidefiniteProgram:
 
     def conic_form(self) -> ConicForm:
         """Return the numbers that backends work with."""
-        n = self._count
+        n = self.unknowns
         return ConicForm(
             objective=self._objective.widened(n).toarray().ravel(),
             psd=tuple((e.shape[0], e.widened(n), e.constant) for e in self._psd),
@@ -426,10 +421,10 @@ class SemidefiniteProgram:
 
     def _declared(self, shape: tuple[int, int], entries: Integers, numbers: Integers) -> Affine:
         size = shape[0] * shape[1]
-        columns = self._count + numbers
-        self._count += int(numbers.max(initial=-1)) + 1
+        columns = self.unknowns + numbers
+        self.unknowns += int(numbers.max(initial=-1)) + 1
         linear = sparse.csr_array(
-            (np.ones(entries.size), (entries, columns)), shape=(size, self._count)
+            (np.ones(entries.size), (entries, columns)), shape=(size, self.unknowns)
         )
         return Affine(shape, np.zeros(size), linear)
 

@@ -22,6 +22,7 @@ from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.driver import (
     JoinedController,
     check_arguments,
+    combined_norm,
     design_by_parts,
     time_limit_note,
 )
@@ -237,7 +238,7 @@ def output_feedback(
         "diagnosis": diagnosis,
         "parts": tuple(part.states for part in parts),
         "part_norms": tuple(c.achieved if c else None for c in found.chosen),
-        "claim": found.combined([c.claim for c in found.done]),
+        "claim": combined_norm((c.claim for c in found.done), norm),
         "work": budget.spent,
         "estimated_infimum": None if found.known or not found.bound else found.bound,
     }
