@@ -12,6 +12,7 @@ from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, Sector
 from robustpolish.synthesis.structured.mixed import mixed_output_feedback
 
 
+@pytest.mark.slow
 def test_bound_on_the_other_norm_is_kept_and_costs():
     plant = oscillator()
     h2_best = mixed_output_feedback(plant, "h2", time_limit=5)
@@ -25,6 +26,7 @@ def test_bound_on_the_other_norm_is_kept_and_costs():
     assert set(both.details["certificates"]) == {"h2", "hinf"}
 
 
+@pytest.mark.slow
 def test_channels_are_minimised_and_bounded_apart():
     plant = oscillator()
     design = mixed_output_feedback(
