@@ -3,42 +3,58 @@
 Run with ``python docs/measure_singularity.py``.
 """
 
+import control
 import numpy as np
 
-from robustpolish.polishing.air_bearing import air_bearing
-from robustpolish.synthesis.lmi.mixed import (
-    Specification,
-    mixed_program,
-    mixed_start,
-    reconstructed,
+import robustpolish as rp
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis.lmi.mixed import Specification, mixed_start
+from robustpolish.synthesis.lmi.output_feedback import (
+    LmiVariables,
+    bounded_real,
+    coupling,
+    loop_terms,
+    reconstruct,
 )
-from robustpolish.synthesis.nonsmooth.measures import HinfMeasure
-from robustpolish.synthesis.problem.matrices import PlantMatrices, augmented
+from robustpolish.synthesis.lmi.program import Affine, ProgramSolver, SemidefiniteProgram
+from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, close
 from robustpolish.synthesis.problem.preflight import with_control_penalty, with_measurement_noise
 from robustpolish.synthesis.problem.scaling import decoupled_parts, scale_plant
+
+SOLVER = ProgramSolver("cvxpy", None, Budget(), accuracy=1e-8)
 
 
 def norm_of(plant, K):
     """Return the norm that a controller achieves, infinite where it does not stabilise."""
     if K is None:
         return np.inf
-    pieces = HinfMeasure(augmented(PlantMatrices.of(plant), plant.nx)).pieces(K, 0.0, ())
-    return pieces[0].value if pieces else np.inf
+    inner = PlantMatrices.of(plant).without_d22()
+    return float(rp.hinf_norm(control.StateSpace(*close(inner, K))))
+
+
+def stated(plant, level=None):
+    """State the inequalities of the H-infinity norm, whose square `level` fixes."""
+    inner, program = PlantMatrices.of(plant).without_d22(), SemidefiniteProgram()
+    v = LmiVariables.of(program, inner, "hinf")
+    square = program.scalar() if level is None else Affine.of(level)
+    coupling(program, v)
+    program.positive(-bounded_real(loop_terms(inner, v), square))
+    return program, v, square
 
 
 def report(label, scale, plant, program, variables):
     """Solve one program and print how well its controller can be reconstructed."""
-    solution = program.solve(tolerance=1e-8)
+    solution = SOLVER.solve(program)
     if solution.x is None:
         print(f"  {label}: no answer ({solution.status})")
         return
-    X, Y = solution.value(variables.X), solution.value(variables.Y)
-    sizes = np.linalg.svd(np.eye(plant.nx) - X @ Y, compute_uv=False)
-    K = reconstructed(plant, variables, solution)
-    entry = np.inf if K is None else np.abs(K).max()
+    values = variables.at(solution)
+    sizes = np.linalg.svd(np.eye(plant.nx) - values.X @ values.Y, compute_uv=False)
+    K = reconstruct(PlantMatrices.of(plant).without_d22(), values)
     print(
-        f"  {label}: singular values of I - XY {sizes[-1]:.1e} to {sizes[0]:.1e}, "
-        f"largest controller entry {entry:.1e}, norm {scale(norm_of(plant, K)):.3e}"
+        f"  {label}: singular values of I - XY {sizes[-1]:.1e} to {sizes[0]:.1e}, largest "
+        f"controller entry {np.inf if K is None else K.gain:.1e}, "
+        f"norm {scale(norm_of(plant, K)):.3e}"
     )
 
 
@@ -46,7 +62,7 @@ def main():
     """Print the figures for both actuations, with and without price and noise."""
     for actuation in ("displacement", "force"):
         for weight in (0.0, 1e-8):
-            whole = air_bearing(actuation=actuation, measured="displacement")
+            whole = rp.air_bearing(actuation=actuation, measured="displacement")
             part = decoupled_parts(
                 with_measurement_noise(with_control_penalty(whole, weight), weight)
             )[0].plant
@@ -57,24 +73,23 @@ def main():
             if weight == 0:
                 choices.append(("x axis, in SI units", float, part))
             for label, scale, plant in choices:
-                specification = [Specification(plant, "hinf", None)]
-                program, variables, level = mixed_program(specification, (), None)
+                program, variables, level = stated(plant)
                 program.minimise(level)
                 report(f"{label}, smallest gamma", scale, plant, program, variables)
             P = scaled.plant
-            rest = np.zeros((P.nx + P.nu, P.nx + P.ny))
-            rest[: P.nx, : P.nx] = -np.eye(P.nx)
-            start = norm_of(P, rest)
+            nothing = np.zeros((P.nx, P.ny)), np.zeros((P.nu, P.nx)), np.zeros((P.nu, P.ny))
+            start = norm_of(P, Controller(-np.eye(P.nx), *nothing))
             for share in (1e-1, 1e-3):
-                fixed = [Specification(P, "hinf", share * start)]
-                program, variables, _ = mixed_program(fixed, (), None)
+                program, variables, _ = stated(P, (share * start) ** 2)
                 program.minimise(variables.X.trace + variables.Y.trace)
                 text = f"scaled, gamma {share:g} of the open loop, smallest trace"
                 report(text, scaled.norm, P, program, variables)
-            K = mixed_start([Specification(P, "hinf", None)], (), np.inf)
+            found = mixed_start([Specification(P, "hinf", None)], (), SOLVER, 1.05)
+            n = P.nx
+            K = Controller(found[:n, :n], found[:n, n:], found[n:, :n], found[n:, n:])
             print(
                 "  scaled, 5 % above the smallest gamma, small variables, I - XY far from "
-                f"singular: largest entry {np.abs(K).max():.1e}, "
+                f"singular: largest entry {K.gain:.1e}, "
                 f"norm {scaled.norm(norm_of(P, K)):.3e}"
             )
 

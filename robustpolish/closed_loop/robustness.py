@@ -154,9 +154,8 @@ class RobustnessCheck(Displayed):
         matplotlib.axes.Axes
         """
         name = {"hinf": "H-infinity norm", "h2": "H2 norm"}[self.norm]
-        found = xr.DataArray(
-            self.norms[self.stable], dims="machine", name=name, attrs={"units": self.unit}
-        )
+        attrs = {"units": self.unit}
+        found = xr.DataArray(self.norms[self.stable], dims="machine", name=name, attrs=attrs)
         unstable = self.samples - found.size
         note = f"{unstable} of {self.samples} unstable" if unstable else ""
         return plot_distribution(found, {"certificate": self.nominal}, ax, note=note)
@@ -212,20 +211,25 @@ def draw(
     """
     if not is_whole(samples) or samples < 1:
         raise invalid("samples", samples, "a positive number of machines", "Ask for 200.")
-    if np.any(np.diag(covariance) < 0):
-        raise invalid(
-            "standard_errors", described("a negative variance"), "errors of at least 0", "Check it."
-        )
-    known = np.isfinite(np.diag(covariance))
-    used = tuple(key for key, here in zip(keys, known, strict=True) if here)
-    left_out = tuple(key for key, here in zip(keys, known, strict=True) if not here)
+    variances = np.diag(covariance)
+    if np.any(variances < 0):
+        shown = described("a negative variance")
+        raise invalid("standard_errors", shown, "errors of at least 0", "Check it.")
+    known = np.isfinite(variances)
+    used, left_out = (
+        tuple(key for key, here in zip(keys, known == kind, strict=True) if here)
+        for kind in (True, False)
+    )
     if not used:
-        raise invalid(
-            "learned", described("no number with a known error"), "a fit with standard errors",
-            "Pass standard_errors, or fit to data that determines the numbers.",
-        )  # fmt: skip
+        shown = described("no number with a known error")
+        remedy = "Pass standard_errors, or fit to data that determines the numbers."
+        raise invalid("learned", shown, "a fit with standard errors", remedy)
     nominal = np.array([model.parameters[key] for key in used])
-    root = _root(covariance[known][:, known])
+    # A square root of the covariance of numbers of very different size.
+    size = np.sqrt(variances[known])
+    safe = np.where(size > 0, size, 1.0)
+    eigen, vectors = np.linalg.eigh(covariance[known][:, known] / np.outer(safe, safe))
+    root = safe[:, None] * vectors * np.sqrt(np.maximum(eigen, 0.0))
     sign = np.array([0.0 if key.startswith(("effect", "input")) else 1.0 for key in used])
     sign *= np.sign(nominal)
     rng = np.random.default_rng(seed)
@@ -240,14 +244,6 @@ def draw(
     shown = described(f"an error of {worst} as large as its value")
     remedy = "Hold the number fixed, or measure it better."
     raise invalid("standard_errors", shown, "smaller errors", remedy)
-
-
-def _root(covariance: Matrix) -> Matrix:
-    """Return a square root of a covariance, of numbers of very different size."""
-    size = np.sqrt(np.diag(covariance))
-    safe = np.where(size > 0, size, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(safe, safe))
-    return safe[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 class FittedModel(Protocol):
@@ -334,28 +330,15 @@ def check_robustness(
     checked_design("design", design)
     model, uncertain, covariance = _source(learned, standard_errors)
     keys, values, nominal, left_out = draw(model, uncertain, covariance, samples, seed)
-    trial = Trial(
-        plant=design.plant,
-        controller=design.controller,
-        norm=design.norm,
-        names=keys,
-        machine=SampledModel(model, plant_of),
-    )
+    machine = SampledModel(model, plant_of)
+    trial = Trial(design.plant, design.controller, design.norm, keys, machine)
     points = [{column(i): value for i, value in enumerate(row)} for row in values.tolist()]
     found = sweep(trial, points, executor=executor)
     for i in np.flatnonzero(found["failure"].values != "")[:1]:
         trial(**points[i])  # raises here what it raised there
-    norms = found["norm"].values
-    return RobustnessCheck(
-        norm=design.norm,
-        nominal=design.certificate.achieved,
-        norms=norms,
-        keys=keys,
-        parameters=values,
-        nominal_parameters=nominal,
-        left_out=left_out,
-        unit=design.gain_unit if design.norm == "hinf" else "",
-    )
+    unit = design.gain_unit if design.norm == "hinf" else ""
+    achieved, norms = design.certificate.achieved, found["norm"].values
+    return RobustnessCheck(design.norm, achieved, norms, keys, values, nominal, left_out, unit)
 
 
 def _source(

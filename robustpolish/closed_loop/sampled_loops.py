@@ -15,12 +15,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from robustpolish.base.arrays import Vector
-from robustpolish.base.checks import (
-    described,
-    invalid,
-    is_whole,
-    one_of,
-)
+from robustpolish.base.checks import described, invalid, is_whole, one_of
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.base.sampling import draws, percentile, percentile_limits, share_limits
 from robustpolish.base.sweep import sweep
@@ -57,11 +52,17 @@ def with_added_signals(nominal: GeneralizedPlant, other: GeneralizedPlant) -> Ge
         every = other.with_full_state()
         if nominal.measurement_names == every.measurement_names:
             other = every
-    _check("states", nominal.states, other.states)
-    _check("controls", nominal.control_names, other.control_names)
-    _check("measurements", nominal.measurement_names, other.measurement_names)
-    _check("disturbances", nominal.disturbance_names, other.disturbance_names, some=True)
-    _check("performance outputs", nominal.performance_names, other.performance_names, some=True)
+    own = "states", "control_names", "measurement_names", "disturbance_names", "performance_names"
+    said = "states", "controls", "measurements", "disturbances", "performance outputs"
+    for what, name in zip(said, own, strict=True):
+        wanted, found = getattr(nominal, name), getattr(other, name)
+        # Of w and z some may be missing, which the synthesis added.
+        fits = set(found) <= set(wanted) if name in own[3:] else found == wanted
+        if not fits:
+            expected = f"those of the design's plant: {', '.join(wanted)}"
+            same = "the same controls, actuation and measured."
+            remedy = f"Linearise as the design's plant was: {same}"
+            raise invalid("plant_of", described(f"{what} {', '.join(found)}"), expected, remedy)
     old, new = nominal.system, other.system
     inputs = [old.input_labels.index(name) for name in new.input_labels]
     outputs = [old.output_labels.index(name) for name in new.output_labels]
@@ -74,15 +75,6 @@ def with_added_signals(nominal: GeneralizedPlant, other: GeneralizedPlant) -> Ge
         A=new.A, B1=B[:, :nw], B2=B[:, nw:], C1=C[:nz], C2=C[nz:],
         D11=D[:nz, :nw], D12=D[:nz, nw:], D21=D[nz:, :nw], D22=D[nz:, nw:],
     )  # fmt: skip
-
-
-def _check(what: str, wanted: tuple[str, ...], found: tuple[str, ...], some: bool = False) -> None:
-    """Refuse other names than those of the design's plant, or than `some` of them."""
-    fits = set(found) <= set(wanted) if some else found == wanted
-    if not fits:
-        expected = f"those of the design's plant: {', '.join(wanted)}"
-        remedy = "Linearise as the design's plant was: the same controls, actuation and measured."
-        raise invalid("plant_of", described(f"{what} {', '.join(found)}"), expected, remedy)
 
 
 def loop_norm(loop: control.StateSpace, norm: str) -> float:
@@ -409,16 +401,15 @@ class SampledLoops(Displayed):
         -------
         Replay
         """
-        i = self.worst(figure) if sample is None else sample
+        i, trial = self.worst(figure) if sample is None else sample, self.trial
         one_of("sample", i, range(self.samples), "Count from 0.")
-        names = self.trial.names
-        values = {name: self.dataset[name].values[i].item() for name in names}
-        plant = self.trial.plant_with(values)
-        figures = self.trial.figures_of(values)
-        load = self.trial.load_with(values)
+        values = {name: self.dataset[name].values[i].item() for name in trial.names}
+        plant, load = trial.plant_with(values), trial.load_with(values)
+        figures = trial.figures_of(values)
         runs = load is not None and np.isfinite(figures["norm"])
-        response = self.trial.response(plant, load) if load is not None and runs else None
-        return Replay(i, values, plant, load, response, figures)
+        return Replay(
+            i, values, plant, load, trial.response(plant, load) if runs else None, figures
+        )
 
     def plot(self, ax: Axes | None = None, *, figure: str = "norm") -> Axes:
         """Draw how a figure is distributed, with its nominal value and 95 % of the sample.
@@ -515,44 +506,26 @@ def sample_loops(
     for name, value, least in (("samples", samples, 1), ("seed", seed, 0)):
         if not is_whole(value) or value < least:
             raise invalid(name, value, f"a whole number, at least {least}", "Write 200.")
-    trial = Trial(
-        plant=design.plant,
-        controller=design.controller,
-        norm=design.norm,
-        names=tuple(sorted(distributions)),
-        machine=machine,
-        load=load,
-        figures=figures,
-    )
-    trial, nominal = _with_nominal(trial, load_is_drawn)
-    drawn = draws(distributions, int(samples), int(seed))
-    points = [{column(i): one[name] for i, name in enumerate(trial.names)} for one in drawn]
-    found = sweep(trial, points, executor=executor, file=file, progress=progress)
-    return SampledLoops(_named(found, trial), nominal, seed, trial)
-
-
-def _with_nominal(trial: Trial, load_is_drawn: bool) -> tuple[Trial, dict[str, float]]:
-    """Run the nominal loop, and keep its load if it is that of all loops."""
-    load = trial.load_with({})
-    nominal = replace(trial, load=load).figures_of({})
+    names, plant = tuple(sorted(distributions)), design.plant
+    trial = Trial(plant, design.controller, design.norm, names, machine, load, figures)
+    usual = trial.load_with({})
+    nominal = replace(trial, load=usual).figures_of({})
     if not np.isfinite(nominal["norm"]):
         expected = "a design whose loop is stable with the nominal numbers"
         raise invalid("design", described("an unstable loop"), expected, "Check the machine.")
-    told = tuple(nominal)
-    if load_is_drawn or load is None:
-        return replace(trial, told=told), nominal
-    # Workers get what drives the loop, not all that the load tells.
-    driving = [name for name in trial.plant.disturbance_names if name in load]
-    return replace(trial, load=load[driving], told=told), nominal
-
-
-def _named(found: xr.Dataset, trial: Trial) -> xr.Dataset:
-    """Return a sweep's Dataset with the names of what was drawn, and units of the peaks."""
-    named = found.rename({column(i): name for i, name in enumerate(trial.names)})
+    trial = replace(trial, told=tuple(nominal))
+    if usual is not None and not load_is_drawn:
+        # Workers get what drives the loop, not all that the load tells.
+        driving = [name for name in plant.disturbance_names if name in usual]
+        trial = replace(trial, load=usual[driving])
+    drawn = draws(distributions, int(samples), int(seed))
+    points = [{column(i): one[name] for i, name in enumerate(names)} for one in drawn]
+    found = sweep(trial, points, executor=executor, file=file, progress=progress)
+    found = found.rename({column(i): name for i, name in enumerate(names)})
     for name in trial.told:
-        if name not in named:  # no sample has figures
-            named[name] = ("sample", np.full(named.sizes["sample"], np.nan))
-        unit = trial.plant.units.get(name.removeprefix(PEAK))
+        if name not in found:  # no sample has figures
+            found[name] = ("sample", np.full(found.sizes["sample"], np.nan))
+        unit = plant.units.get(name.removeprefix(PEAK))
         if name.startswith(PEAK) and unit:
-            named[name].attrs["units"] = unit
-    return named
+            found[name].attrs["units"] = unit
+    return SampledLoops(found, nominal, seed, trial)

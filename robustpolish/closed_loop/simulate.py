@@ -134,11 +134,11 @@ def simulate_all(
     found = sweep(run, {"loop": range(len(known))}, executor=executor)
     for i in np.flatnonzero(found["failure"].values != "")[:1]:
         run(int(i))  # raises here what it raised there
-    responses = {}
-    for i, (name, (system, units)) in enumerate(known.items()):
-        outputs = found["outputs"].values[i, : system.noutputs]
-        responses[name] = _labelled(system, units, disturbance["time"].to_numpy(), outputs)
-    return responses
+    time = disturbance["time"].to_numpy()
+    return {
+        name: _labelled(*known[name], time, outputs)
+        for name, outputs in zip(known, found["outputs"].values, strict=True)
+    }
 
 
 def _outputs(
@@ -146,8 +146,7 @@ def _outputs(
 ) -> dict[str, np.ndarray]:
     """Return the outputs of one loop, with rows of zeros up to the number that the most have."""
     response = _simulated(*loops[loop], disturbance)
-    most = max(system.noutputs for system, _ in loops)
-    outputs = np.zeros((most, response.sizes["time"]))
+    outputs = np.zeros((max(system.noutputs for system, _ in loops), response.sizes["time"]))
     for row, name in enumerate(loops[loop][0].output_labels):
         outputs[row] = response[name].to_numpy()
     return {"outputs": outputs}
@@ -257,25 +256,20 @@ class ControllerComparison(Displayed):
         return self._rows({u: prefix_power(v) for u, v in largest.items() if bears_prefix(u)})
 
     def _rows(self, powers: Mapping[str, int]) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-        signals = [str(name) for name in self.table["signal"].to_numpy()]
-        units, effort_unit = self._units(), self.table["effort"].attrs.get("units", "")
+        table, units = self.table, self._units()
+        signals = [str(name) for name in table["signal"].to_numpy()]
         scales = [10.0 ** -powers.get(unit, 0) for unit in units]
         shown = [prefixed(unit, powers.get(unit, 0)) for unit in units]
-        header = (
-            "",
-            *(_headed(f"max |{name}|", unit) for name, unit in zip(signals, shown, strict=True)),
-            *(f"{name} improved [%]" for name in signals),
-            _headed("max |u|", effort_unit),
-        )
-        body = [
-            (
-                str(row),
-                *map(float, self.table["deviation"].sel(row=row).values * scales),
-                *map(float, self.table["improvement"].sel(row=row)),
-                float(self.table["effort"].sel(row=row)),
-            )
-            for row in self.table["row"].to_numpy()
+        names = [f"max |{name}|" for name in signals] + ["max |u|"]
+        # Prices and weighted signals have no unit.
+        heads = [
+            f"{name} [{unit}]" if unit else name
+            for name, unit in zip(names, [*shown, table["effort"].attrs.get("units")], strict=True)
         ]
+        header = ("", *heads[:-1], *(f"{name} improved [%]" for name in signals), heads[-1])
+        columns = table["deviation"].values * scales, table["improvement"].values
+        rows = zip(table["row"].values, *columns, table["effort"].values, strict=True)
+        body = [(str(row), *map(float, (*own, *better, u))) for row, own, better, u in rows]
         return header, body
 
     def _units(self) -> list[str]:
@@ -393,12 +387,11 @@ def tabulate(
     `largest` may hold the deviations per row, where the samples would miss the peaks.
     """
     rows = list(responses)
-    if largest is None:
-        largest = {
-            row: np.array([float(np.abs(responses[row][name]).max()) for name in signals])
-            for row in rows
-        }
-    deviation = np.array([largest[row] for row in rows])
+    deviation = np.array(
+        [[float(np.abs(responses[row][name]).max()) for name in signals] for row in rows]
+        if largest is None
+        else [largest[row] for row in rows]
+    )
     with np.errstate(invalid="ignore", divide="ignore"):
         improvement = np.where(deviation[0] > 0, 100 * (1 - deviation / deviation[0]), np.nan)
     improvement[np.abs(improvement) < _ROUNDING] = 0.0
@@ -431,8 +424,3 @@ def _efforts(
 
 def _only(units: set[str]) -> str:
     return units.pop() if len(units) == 1 else ""
-
-
-def _headed(name: str, unit: str) -> str:
-    """Return the head of a column; prices and weighted signals have no unit."""
-    return f"{name} [{unit}]" if unit else name

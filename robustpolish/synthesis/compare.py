@@ -25,7 +25,7 @@ from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plots.charts import plot_gain_against_norm
-from robustpolish.synthesis.certificate import Norm
+from robustpolish.synthesis.certificate import Norm, norm_in_words
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
 from robustpolish.synthesis.state_feedback.state_feedback import state_feedback
@@ -174,16 +174,14 @@ class MethodComparison(Displayed):
         >>> rp.compare_methods(plant, ["riccati"]).plot().get_ylabel()
         'H-infinity norm achieved'
         """
-        name = "H-infinity" if self.norm == "hinf" else "H2"
-        gain, norm = "largest entry of the controller", f"{name} norm achieved"
-        points = xr.Dataset(
-            {
-                "gain": ("controller", [r.gain for r in self.results], {"long_name": gain}),
-                "norm": ("controller", [r.achieved for r in self.results], {"long_name": norm}),
-            },
-            {"controller": [r.method for r in self.results]},
-        )
-        return plot_gain_against_norm(points, ax)
+        gain = "largest entry of the controller"
+        norm = f"{norm_in_words(self.norm)} norm achieved"
+        points = {
+            "gain": ("controller", [r.gain for r in self.results], {"long_name": gain}),
+            "norm": ("controller", [r.achieved for r in self.results], {"long_name": norm}),
+        }
+        names = {"controller": [r.method for r in self.results]}
+        return plot_gain_against_norm(xr.Dataset(points, names), ax)
 
     def _card(self) -> Card:
         table = Table("", _HEADER, tuple(r.row() for r in self.results), digits=6)
@@ -239,57 +237,49 @@ def compare_methods(
     positive("time_limit", time_limit, "s")
     if isinstance(methods, str) or not all(isinstance(name, str) for name in methods):
         raise invalid("methods", methods, "a list of names", f"Choose from {METHODS}.")
-    tasks = [(name, *_parsed(name)) for name in methods]
+    tasks = [(name, _parsed(name)) for name in methods]
     options = {"norm": norm, "tolerance": tolerance, "time_limit": time_limit}
     results = []
     with progress_bar("Comparing methods", len(tasks)) as tell:
-        for task in tasks:
-            tell(task[0])
-            results.append(_run(plant, *task, options))
+        for name, task in tasks:
+            tell(name)
+            results.append(_run(plant, name, task | options))
     return MethodComparison(norm, tuple(results))
 
 
-def _parsed(name: str) -> tuple[str, str, str | None]:
+def _parsed(name: str) -> dict[str, Any]:
     """Split a name into method, backend and solver."""
     method, *rest = name.split("/")
     known = {each.split("/")[0] for each in METHODS}
     if method not in known or (rest and method != "lmi") or len(rest) > 2:
         raise invalid("methods", name, f"one of {', '.join(METHODS)}", "Check its spelling.")
-    backend = rest[0] if rest else "cvxpy"
+    backend, solver = (*rest, *("cvxpy", None)[len(rest) :])
     one_of("methods", backend, ("cvxpy", "picos"))
-    return method, backend, rest[1] if len(rest) > 1 else None
+    return {"method": method, "backend": backend, "solver": solver}
 
 
-def _run(
-    plant: GeneralizedPlant,
-    name: str,
-    method: Any,
-    backend: str,
-    solver: str | None,
-    options: dict[str, Any],
-) -> MethodResult:
+def _run(plant: GeneralizedPlant, name: str, options: Mapping[str, Any]) -> MethodResult:
     clock = Budget()
     try:
-        design = output_feedback(plant, method=method, backend=backend, solver=solver, **options)
+        design = output_feedback(plant, **options)
     except RobustPolishError as error:
         kinds = {"InfeasibleError": "infeasible", "MissingDependencyError": "missing"}
-        status = kinds.get(type(error).__name__, "refused")
-        none = math.nan
+        status, none = kinds.get(type(error).__name__, "refused"), math.nan
         seconds = clock.elapsed
         return MethodResult(name, status, none, none, none, none, -1, seconds, str(error))
     certificate = design.certificate
     _, vectors = np.linalg.eig(np.asarray(design.closed_loop.A))
     return MethodResult(
-        method=name,
-        status=design.status,
-        claimed=float(design.details["claim"]),
-        achieved=certificate.achieved,
-        gain=certificate.largest_gain,
-        condition=float(np.linalg.cond(vectors)) if vectors.size else 1.0,
-        order=int(design.controller.nstates or 0),
-        seconds=clock.elapsed,
-        message=design.message,
-        design=design,
+        name,
+        design.status,
+        float(design.details["claim"]),
+        certificate.achieved,
+        certificate.largest_gain,
+        float(np.linalg.cond(vectors)) if vectors.size else 1.0,
+        int(design.controller.nstates or 0),
+        clock.elapsed,
+        design.message,
+        design,
     )
 
 
@@ -341,7 +331,7 @@ class TradeOff(Displayed):
         >>> rp.trade_off(plant, [0.1, 1.0], norm="h2").plot().get_xlabel()
         'H2 norm, w to u'
         """
-        name = "H-infinity" if self.norm == "hinf" else "H2"
+        name = norm_in_words(self.norm)
         names = [f"weight {weight:.3g}" for weight in self.dataset.control_weight.values]
         axes = {"gain": ("effort", "w to u"), "norm": ("performance", "w to z")}
         points = {
@@ -423,9 +413,8 @@ def trade_off(
     listed = control_weights if np.iterable(control_weights) else [control_weights]
     weights = [positive("control_weights", weight, "of z per unit of u") for weight in listed]
     if "control_weight" in settings:
-        raise invalid(
-            "control_weight", settings["control_weight"], "nothing", "Write control_weights=[...]."
-        )
+        given = settings["control_weight"]
+        raise invalid("control_weight", given, "nothing", "Write control_weights=[...].")
     call = inspect.signature(synthesis).bind_partial(plant, control_weight=1.0, **settings)
     call.apply_defaults()
     point = partial(_point, plant=plant, synthesis=synthesis, settings=settings)

@@ -22,9 +22,9 @@ from robustpolish.plants.blocks import (
 )
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import exact_delays
-from robustpolish.synthesis.problem.matrices import SystemMatrices, balancing_scale
-from robustpolish.synthesis.problem.preflight import check_solvability, infeasible_modes_error
-from robustpolish.synthesis.riccati.equations import solve_riccati
+from robustpolish.synthesis.problem.matrices import SystemMatrices, bordered_scale, cayley
+from robustpolish.synthesis.problem.preflight import check_solvability
+from robustpolish.synthesis.riccati.gamma import solve_riccati
 
 
 class Coprime(NamedTuple):
@@ -107,20 +107,15 @@ def coprime(plant: GeneralizedPlant) -> Coprime:
     InvalidInputError
         If a discrete-time plant has a pole at z = -1.
     """
-    exact = [mode for mode in check_solvability(plant).fixed_modes if mode.exact]
-    if exact:
-        raise infeasible_modes_error(exact)
+    check_solvability(plant).require_stabilisable()
     A, B, C, D = plant.A, plant.B2, plant.C2, plant.D22
     if plant.is_discrete:
+        if len(A) and np.linalg.cond(np.eye(len(A)) + A) > 1e12:
+            shown = described("a discrete-time plant with a pole at z = -1")
+            raise invalid("plant", shown, "one without", "Shift it, or take the continuous plant.")
         A, B, C, D = cayley(A, B, C, D)
-    size = np.zeros((len(A) + 1, len(A) + 1))
-    size[:-1, :-1] = np.abs(A)
-    size[:-1, -1], size[-1, :-1] = (
-        np.abs(B).max(axis=1, initial=0),
-        np.abs(C).max(axis=0, initial=0),
-    )
-    scale = balancing_scale(size)
-    t = scale[:-1] / scale[-1]
+    into, out = np.abs(B).max(axis=1, initial=0), np.abs(C).max(axis=0, initial=0)
+    t = bordered_scale(np.abs(A), into, out)
     A, B, C = A * t / t[:, None], B / t[:, None], C * t
     S, R = np.eye(B.shape[1]) + D.T @ D, np.eye(len(C)) + D @ D.T
     if max(np.linalg.cond(S), np.linalg.cond(R)) > 1 / np.finfo(float).eps:
@@ -136,26 +131,7 @@ def coprime(plant: GeneralizedPlant) -> Coprime:
             "The Riccati equations of the normalised coprime factors could not be solved: a mode "
             "is almost uncontrollable or unobservable. Reduce the plant to the modes that matter."
         )
-    return Coprime(SystemMatrices(A, B, C, D), X.X, Z.X, S, R)
-
-
-def cayley(A: Matrix, B: Matrix, C: Matrix, D: Matrix) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-    """Map discrete time to continuous time by z = (1 + s) / (1 - s), which keeps all norms."""
-    one = np.eye(len(A))
-    if len(A) and np.linalg.cond(one + A) > 1e12:
-        shown = described("a discrete-time plant with a pole at z = -1")
-        raise invalid("plant", shown, "one without", "Shift it, or take the continuous plant.")
-    inverse, root = np.linalg.inv(one + A), np.sqrt(2)
-    return inverse @ (A - one), root * inverse @ B, root * C @ inverse, D - C @ inverse @ B
-
-
-def cayley_back(K: SystemMatrices) -> SystemMatrices:
-    """Map a continuous controller to discrete time, the inverse of :func:`cayley`."""
-    one, root = np.eye(len(K.A)), np.sqrt(2)
-    inverse = np.linalg.inv(one - K.A)
-    return SystemMatrices(
-        inverse @ (one + K.A), root * inverse @ K.B, root * K.C @ inverse, K.D + K.C @ inverse @ K.B
-    )
+    return Coprime(SystemMatrices(A, B, C, D), X, Z, S, R)
 
 
 def loop_plant(argument: str, plant: Any) -> GeneralizedPlant:

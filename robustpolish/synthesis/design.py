@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, Literal, get_args
@@ -42,7 +42,7 @@ from robustpolish.plants.plant import (
     system_from,
 )
 from robustpolish.plots.frequency import plot_gains
-from robustpolish.synthesis.certificate import Certificate, certify
+from robustpolish.synthesis.certificate import Certificate, certify, norm_in_words
 from robustpolish.synthesis.problem.pole_regions import (
     Disk,
     HalfPlane,
@@ -64,13 +64,8 @@ _REGIONS = {"HalfPlane": HalfPlane, "Disk": Disk, "Sector": Sector}
 def design_content(design: Any) -> dict[str, Any]:
     """Return what is written of a :class:`robustpolish.results.Design`."""
     certificate = design.certificate
-    return {
-        "norm": design.norm,
-        "status": design.status,
-        "message": design.message,
-        "method": design.method,
-        "backend": design.backend,
-        "elapsed": design.elapsed,
+    plainly = ("norm", "status", "message", "method", "backend", "elapsed")
+    return {name: getattr(design, name) for name in plainly} | {
         "achieved": certificate.achieved,
         "claimed": certificate.claimed,
         "lower_bound": design.lower_bound,
@@ -78,49 +73,6 @@ def design_content(design: Any) -> dict[str, Any]:
         "controller": system_content(design.controller),
         "details": _writable_details(design.details),
         "history": [_writable_details(entry) for entry in design.history],
-    }
-
-
-def design_fields(fields: Fields) -> dict[str, Any]:
-    """Return the fields of the design in a file, with a new certificate.
-
-    Raises
-    ------
-    InvalidInputError
-        If a key is missing or wrong, if the controller does not earn a certificate, or if its
-        loop has another norm than the file says.
-    """
-    plant = plant_from(fields.table("plant"))
-    controller = system_from(fields.table("controller"))
-    check_size(fields, plant.system, controller)
-    norm = fields.text("norm", ("hinf", "h2"))
-    claimed = None if fields.raw("claimed") is None else fields.number("claimed")
-    certificate = certify(plant, controller, "h2" if norm == "h2" else "hinf", claimed)
-    told = confirm_norm(fields, certificate, _REMEDY)
-    known = "lower_bound" in fields and fields.raw("lower_bound") is not None
-    bound = fields.number("lower_bound") if known else None
-    if bound is not None and bound > told * (1 + NORM_TOLERANCE):
-        shown = described(f"{bound:.6g} for a loop that has {told:.6g}")
-        raise invalid(f"{fields.where}: lower_bound", shown, "at most the norm", _REMEDY)
-    details = _decode_table(fields.table("details"))
-    for region in details.get("pole_regions", ()):
-        if not region.contains(certificate.poles):
-            shown = described(f"a closed-loop pole outside {region}")
-            raise invalid(f"{fields.where}: details", shown, "poles in their region", _REMEDY)
-    return {
-        "plant": plant,
-        "controller": controller,
-        "closed_loop": plant.closed_loop(controller),
-        "norm": certificate.norm,
-        "status": fields.text("status", get_args(Status)),
-        "message": fields.text("message"),
-        "certificate": certificate,
-        "method": fields.text("method"),
-        "backend": fields.text("backend"),
-        "elapsed": fields.number("elapsed"),
-        "history": tuple(_decode_table(entry) for entry in fields.tables("history")),
-        "details": details,
-        "lower_bound": bound,
     }
 
 
@@ -137,16 +89,13 @@ _LEFT_OUT = object()
 
 
 def _encode(value: Any) -> Any:
-    if value is None or isinstance(value, str | bool | int | float | np.generic):
-        return (
-            plain(value) if not isinstance(value, np.complexfloating) else _encode(complex(value))
-        )
-    if isinstance(value, complex):
+    kind = value.dtype.kind if isinstance(value, np.ndarray | np.generic) else ""
+    if isinstance(value, complex) or kind == "c":
         return {"complex": plain([value.real, value.imag])}
+    if value is None or isinstance(value, str | bool | int | float | np.generic):
+        return plain(value)
     if isinstance(value, np.ndarray):
-        if np.iscomplexobj(value):
-            return {"complex": plain([value.real, value.imag])}
-        return {"array": plain(value)} if value.dtype.kind in "biuf" else _LEFT_OUT
+        return {"array": plain(value)} if kind in "biuf" else _LEFT_OUT
     if isinstance(value, control.StateSpace):
         return {"system": plain(system_content(value))}
     if isinstance(value, PassiveElement):
@@ -158,9 +107,7 @@ def _encode(value: Any) -> Any:
     if isinstance(value, list | tuple):
         items = [_encode(item) for item in value]
         return _LEFT_OUT if any(item is _LEFT_OUT for item in items) else items
-    if isinstance(value, Mapping):
-        return {"table": _writable_details(value)}
-    return _LEFT_OUT
+    return {"table": _writable_details(value)} if isinstance(value, Mapping) else _LEFT_OUT
 
 
 def _decode_table(table: Fields) -> Mapping[str, Any]:
@@ -177,26 +124,33 @@ def _decode(table: Fields, key: str, value: Any) -> Any:
     own = Fields(value, f"{table.where}: {key}")
     body: Any
     kind, body = next(iter(value.items()), ("nothing", None))
-    try:
-        if kind == "array":
-            return np.array(body, dtype=float)
-        if kind == "complex":
-            real, imaginary = np.array(body, dtype=float)
-            joined = real + 1j * imaginary
-            return joined if np.ndim(joined) else complex(joined)
-        if kind == "element":
-            return PassiveElement(body[0], (body[1][0], body[1][1]), float(body[2]), body[3])
-        if kind == "blocks":
-            return TunedBlocks.of_content(body)
-        if kind == "region":
-            return _REGIONS[body[0]](*map(float, body[1:]))
-    except (TypeError, ValueError, KeyError, IndexError):
-        raise invalid(own.where, value, f"a description of {kind}", "Save it again.") from None
     if kind == "system":
         return system_from(own.table(kind))
     if kind == "table":
         return _decode_table(own.table(kind))
-    raise invalid(own.where, kind, "a known kind of detail", "Update robustpolish.")
+    if kind not in _READERS:
+        raise invalid(own.where, kind, "a known kind of detail", "Update robustpolish.")
+    try:
+        return _READERS[kind](body)
+    except (TypeError, ValueError, KeyError, IndexError):
+        raise invalid(own.where, value, f"a description of {kind}", "Save it again.") from None
+
+
+def _complex(body: Any) -> Any:
+    real, imaginary = np.array(body, dtype=float)
+    joined = real + 1j * imaginary
+    return joined if np.ndim(joined) else complex(joined)
+
+
+_READERS: Mapping[str, Callable[[Any], Any]] = {
+    "array": lambda body: np.array(body, dtype=float),
+    "complex": _complex,
+    "element": lambda body: PassiveElement(
+        body[0], (body[1][0], body[1][1]), float(body[2]), body[3]
+    ),
+    "blocks": TunedBlocks.of_content,
+    "region": lambda body: _REGIONS[body[0]](*map(float, body[1:])),
+}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -384,9 +338,8 @@ class Design(Displayed):
         if is_shaped(self.details):
             found = reduced_shaping(self.plant, self.details, order, tolerance)
         else:
-            found = reduce_controller(
-                self.plant, self.controller, self.certificate, order, tolerance
-            )
+            given = self.plant, self.controller, self.certificate
+            found = reduce_controller(*given, order, tolerance)
         if found.details["reduction"] == "none":
             details = MappingProxyType({**self.details, **found.details})
             return replace(self, message=f"{self.message} {found.message}", details=details)
@@ -504,12 +457,9 @@ class Design(Displayed):
         lowest = float(singular_values(open_loop)["frequency"].values.min())
         grids = [singular_values(loop)["frequency"].values for loop in loops.values()]
         grid = np.unique(np.concatenate(grids))
-        gains = {
-            name: singular_values(loop, grid[grid >= lowest])
-            .isel(singular_value=0)
-            .assign_attrs(units=shown)
-            for name, loop in loops.items()
-        }
+        grid = grid[grid >= lowest]
+        gains = {name: singular_values(loop, grid)[:, 0] for name, loop in loops.items()}
+        gains = {name: gain.assign_attrs(units=shown) for name, gain in gains.items()}
         achieved, peak = self.certificate.achieved, self.certificate.peak_frequency
         norm = f"norm {achieved:.4g} {unit}".rstrip()
         mark = {} if peak is None else {norm: (peak / (2 * np.pi), achieved)}
@@ -544,11 +494,11 @@ class Design(Displayed):
     def _physical(self) -> tuple[list[int], list[int]]:
         """Return the outputs z and inputs w that the plant has without control."""
         system = self.plant.open_loop
-        z = np.flatnonzero(np.hstack([system.C, system.D]).any(axis=1))
-        w = np.flatnonzero(np.vstack([system.B, system.D]).any(axis=0))
-        if not (z.size and w.size):  # nothing reaches anything without control
-            return list(range(system.noutputs)), list(range(system.ninputs))
-        return z.tolist(), w.tolist()
+        z = np.hstack([system.C, system.D]).any(axis=1)
+        w = np.vstack([system.B, system.D]).any(axis=0)
+        if not (z.any() and w.any()):  # nothing reaches anything without control
+            z, w = z | True, w | True
+        return np.flatnonzero(z).tolist(), np.flatnonzero(w).tolist()
 
     @property
     def gain_unit(self) -> str:
@@ -567,18 +517,17 @@ class Design(Displayed):
 
     def _card(self) -> Card:
         c, plant, order = self.certificate, self.plant, self.controller.nstates
-        name = "H-infinity" if self.norm == "hinf" else "H2"
+        name = norm_in_words(self.norm)
+        below = () if self.lower_bound is None else (f"{self.lower_bound:.6g}",)
         rows = (
             ("plant", f"{plant.nx} states, {plant.nu} controls, {plant.ny} measurements"),
             ("controller", f"{order} states" if order else "a static gain"),
             (f"{name} norm", f"{c.achieved:.6g}, proven to be at most {c.bound:.6g}"),
+            *((f"no {name} norm below", bound) for bound in below),
             ("largest entry of K", f"{c.largest_gain:.6g}"),
             ("certificate", "valid" if c.valid else "NOT valid"),
             ("seconds", f"{self.elapsed:.2g}"),
         )
-        if self.lower_bound is not None:
-            below = (f"no {name} norm below", f"{self.lower_bound:.6g}")
-            rows = (*rows[:3], below, *rows[3:])
         tables = [quantities(*rows)]
         if self.details.get("elements"):
             found = [
@@ -598,8 +547,47 @@ class Design(Displayed):
 
 
 def design_from(fields: Fields) -> Design:
-    """Return the design in a file that has been opened; see :meth:`Design.load`."""
-    return Design(**design_fields(fields))
+    """Return the design in a file that has been opened, with a new certificate.
+
+    Raises
+    ------
+    InvalidInputError
+        If a key is missing or wrong, if the controller does not earn a certificate, or if its
+        loop has another norm than the file says.
+    """
+    plant = plant_from(fields.table("plant"))
+    controller = system_from(fields.table("controller"))
+    check_size(fields, plant.system, controller)
+    norm = fields.text("norm", ("hinf", "h2"))
+    claimed = None if fields.raw("claimed") is None else fields.number("claimed")
+    certificate = certify(plant, controller, "h2" if norm == "h2" else "hinf", claimed)
+    told = confirm_norm(fields, certificate, _REMEDY)
+    known = "lower_bound" in fields and fields.raw("lower_bound") is not None
+    bound = fields.number("lower_bound") if known else None
+    if bound is not None and bound > told * (1 + NORM_TOLERANCE):
+        shown = described(f"{bound:.6g} for a loop that has {told:.6g}")
+        raise invalid(f"{fields.where}: lower_bound", shown, "at most the norm", _REMEDY)
+    details = _decode_table(fields.table("details"))
+    for region in details.get("pole_regions", ()):
+        if not region.contains(certificate.poles):
+            shown = described(f"a closed-loop pole outside {region}")
+            raise invalid(f"{fields.where}: details", shown, "poles in their region", _REMEDY)
+    status: Any = fields.text("status", get_args(Status))
+    return Design(
+        plant=plant,
+        controller=controller,
+        closed_loop=plant.closed_loop(controller),
+        norm=certificate.norm,
+        status=status,
+        message=fields.text("message"),
+        certificate=certificate,
+        method=fields.text("method"),
+        backend=fields.text("backend"),
+        elapsed=fields.number("elapsed"),
+        history=tuple(_decode_table(entry) for entry in fields.tables("history")),
+        details=details,
+        lower_bound=bound,
+    )
 
 
 # The check of what has to be a design.
@@ -617,18 +605,15 @@ def checked_design(argument: str, value: Any) -> Design:
     synthesis returned, or given_controller(plant, K) for a controller K of your own.
     """
     own = "given_controller(plant, K) for a controller K of your own"
-    return instance_of(
-        argument, value, Design, "a Design", f"Pass what a synthesis returned, or {own}."
-    )
+    remedy = f"Pass what a synthesis returned, or {own}."
+    return instance_of(argument, value, Design, "a Design", remedy)
 
 
 # A controller that somebody else designed, and how slowly any design may be sampled.
 
 
 def given_controller(
-    plant: GeneralizedPlant,
-    controller: GivenController,
-    norm: Literal["hinf", "h2"] = "hinf",
+    plant: GeneralizedPlant, controller: GivenController, norm: Literal["hinf", "h2"] = "hinf"
 ) -> Design:
     """Certify a given controller and return it as a design, to be simulated and compared.
 
@@ -665,10 +650,9 @@ def given_controller(
     controller = controller_system(plant, controller)
     certificate = certify(plant, controller, norm)
     if not certificate.valid:
+        why = "; ".join(certificate.reasons)
         raise SolverError(
-            "controller: not certified, because "
-            + "; ".join(certificate.reasons)
-            + ". Check its sign (u = K y) and its units."
+            f"controller: not certified, because {why}. Check its sign (u = K y) and its units."
         )
     return Design(
         plant=plant,

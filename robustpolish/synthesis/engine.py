@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import control
 import numpy as np
 
-from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget, step_cost
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
@@ -21,72 +20,25 @@ from robustpolish.synthesis.problem.scaling import ScaledPlant
 from robustpolish.synthesis.proofs.achieved_norm import estimate_norm
 from robustpolish.synthesis.riccati.gamma import LowerBound
 
-# The thresholds of the driver and of output feedback in one place, each with its reason.
-
-
-@dataclass(frozen=True)
-class OutputSearchPolicy:
-    """What the search for an output feedback decides by.
-
-    Attributes
-    ----------
-    work : float
-        Steps that one call may spend before `effort` is applied: about ten times what the
-        slowest of 24 COMPleib plants needs, and a few seconds.
-    near : float
-        The ladder ends within this share of the tolerance above the lower bound. The rest of the
-        tolerance buys smaller gains and fewer states.
-    epsilons : tuple of float
-        Rungs of the ladder: half decades, for gamma falls by at most a third from one to the next
-        where it settles. Below 3e-9 rounding decides (AC12, ROC10).
-    shifts : tuple of float
-        By how much the axis is moved, over the plant's unit of frequency, where D12 and D21 have
-        full rank and zeros lie on it: as much as the norm allows, for the poles keep this distance.
-        It has to be less than that of the slowest weight, whose poles nothing moves.
-    back_offs : tuple of float
-        How far above the optimal gamma central controllers are made, the most wanted first; nearer
-        than 5e-4 they break their promise, and hard plants (NN9, HE1) need 1.01 or 1.03.
-    refinements : tuple of float
-        Further distances from the optimum, tried on rungs that came close.
-    settled : float
-        A relative fall of the norm that is none.
-    quiet : int
-        Rungs without a fall after which a ladder without a lower bound to aim at ends.
-    falling : float
-        A norm that two decades of the ladder have lowered to less than this share falls on.
-    costly_states : int
-        More states than this make every check of a loop take long, so that fewer are made.
-    lmi_states : int
-        Inequalities for more states take longer than a call of "auto" is expected to.
-    truncated_states : int
-        With more states than this the equations take so long that fewer are tried first.
-    harmless : float
-        A relative change of the norm by states that were left out which is none.
-    as_good_as_zero : float
-        An infimum that is approached without end counts as zero below this share of the norm at
-        the start of the descent; smaller norms would cost gain for nothing (AC1, UWV).
-    slycot_epsilon : float
-        Regularisation for SLICOT's routines, which refuse singular plants.
-    """
-
-    work: float = 20_000.0
-    near: float = 0.25
-    epsilons: tuple[float, ...] = tuple(10.0 ** (-k / 2) for k in range(2, 18))
-    shifts: tuple[float, ...] = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
-    back_offs: tuple[float, ...] = (1.003, 1.0005, 1.01, 1.03)
-    refinements: tuple[float, ...] = (1.0005, 1.001, 1.006)
-    settled: float = 3e-4
-    quiet: int = 3
-    falling: float = 0.9
-    costly_states: int = 24
-    lmi_states: int = 14
-    truncated_states: int = 100
-    harmless: float = 3e-4
-    as_good_as_zero: float = 1e-6
-    slycot_epsilon: float = 1e-4
-
-
-POLICY = OutputSearchPolicy()
+# Rungs of the ladder of regularisations: half decades, for gamma falls by at most a third from one
+# to the next where it settles. Below 3e-9 rounding decides (AC12, ROC10).
+EPSILONS = tuple(10.0 ** (-k / 2) for k in range(2, 18))
+# By how much the axis is moved, over the plant's unit of frequency, where D12 and D21 have full
+# rank and zeros lie on it: as much as the norm allows, for the poles keep this distance. It has to
+# be less than that of the slowest weight, whose poles nothing moves.
+SHIFTS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+# A relative fall of the norm that is none.
+SETTLED = 3e-4
+# A norm that two decades of the ladder have lowered to less than this share falls on.
+FALLING = 0.9
+# More states than this make every check of a loop take long, so that fewer are made.
+COSTLY_STATES = 24
+# An infimum that is approached without end counts as zero below this share of the norm at the start
+# of the descent; smaller norms would cost gain for nothing (AC1, UWV).
+AS_GOOD_AS_ZERO = 1e-6
+# A ladder ends within this share of the tolerance above the lower bound. The rest of the tolerance
+# buys smaller gains and fewer states.
+_NEAR = 0.25
 
 
 @dataclass(frozen=True)
@@ -163,7 +115,7 @@ class Task:
     @property
     def near(self) -> float:
         """The norm at which a search may end; zero if the infimum is unknown."""
-        return self.wanted.limited(self._above_bound(POLICY.near))
+        return self.wanted.limited(self._above_bound(_NEAR))
 
     @property
     def asked(self) -> float:
@@ -217,19 +169,17 @@ class Candidate:
         """What the method claimed; LQG promises no number, so that its norm is its claim."""
         return self.claimed if np.isfinite(self.claimed) else self.achieved
 
-    def with_inner_feedback(self, feedback: Matrix) -> Candidate:
-        """Return the candidate together with a static controller that was closed before."""
-        K = self.controller
-        return replace(self, controller=K._replace(D=K.D + feedback))
 
-
-@dataclass
-class EngineResult:
-    """What an engine has found on one part.
+class Engine(ABC):
+    """One search for controllers of one part, and what it has found.
 
     Attributes
     ----------
+    settings : Settings
+    problem : Task
+    budget : Budget
     method, backend : str
+        Who searched, as designs tell it.
     candidates : list of Candidate
         Every controller whose loop was checked and stable.
     history : list of dict
@@ -242,47 +192,42 @@ class EngineResult:
         A norm that no controller falls below, where the engine looked for it.
     constrained : bool
         Whether a demand of which the bound knows nothing keeps a norm from being called optimal.
-    objections : callable
-        Given a controller in the plant's units, its certificate and the norm that was promised,
-        tells what else it breaks.
     """
 
-    method: str
-    backend: str
-    candidates: list[Candidate] = field(default_factory=list)
-    history: list[dict[str, Any]] = field(default_factory=list)
-    falling: bool = False
-    remarks: list[str] = field(default_factory=list)
-    bound: LowerBound | None = None
-    constrained: bool = False
-    objections: Callable[[control.StateSpace, Certificate, float], Sequence[str]] = (
-        lambda K, proof, promised: ()
-    )
+    method = "riccati"
+    backend = "scipy"
+
+    def __init__(self, settings: Settings, problem: Task, budget: Budget) -> None:
+        self.settings, self.problem, self.budget = settings, problem, budget
+        self.candidates: list[Candidate] = []
+        self.history: list[dict[str, Any]] = []
+        self.remarks: list[str] = []
+        self.falling = self.constrained = False
+        self.bound: LowerBound | None = None
+
+    @staticmethod
+    def is_useful(problem: Task, earlier: Sequence[Engine]) -> bool:
+        """Tell whether a search is of use after those of other engines that missed the goal."""
+        return True
+
+    @abstractmethod
+    def search(self) -> None:
+        """Look for controllers with a small norm."""
+
+    def objections(
+        self, K: control.StateSpace, proof: Certificate, promised: float
+    ) -> Sequence[str]:
+        """Tell what else a certified controller in the plant's units breaks."""
+        return ()
 
     @property
     def best(self) -> float:
         """The smallest norm of a checked loop; infinite if there is none."""
         return min((c.achieved for c in self.candidates), default=np.inf)
 
-
-class Engine(ABC):
-    """A way to find controllers.
-
-    Parameters
-    ----------
-    settings : Settings
-    """
-
-    def __init__(self, settings: Settings) -> None:
-        self.settings = settings
-
-    def is_useful(self, problem: Task, earlier: Sequence[EngineResult]) -> bool:
-        """Tell whether a search is of use after those of other engines that missed the goal."""
-        return True
-
-    @abstractmethod
-    def search(self, problem: Task, budget: Budget) -> EngineResult:
-        """Look for controllers with a small norm."""
+    def checked(self, K: Controller, claimed: float, origin: str) -> Candidate | None:
+        """Return a controller with the norm of its loop; None if it does not stabilise."""
+        return check_candidate(self.problem, K, claimed, origin, self.budget)
 
 
 def check_candidate(

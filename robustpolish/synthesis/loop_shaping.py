@@ -22,18 +22,17 @@ from robustpolish.plants.blocks import as_state_space, named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import single_filter
 from robustpolish.synthesis.certificate import Certificate, certify
-from robustpolish.synthesis.coprime import (
+from robustpolish.synthesis.coprime import consistent_matrices, coprime, in_series, loop_plant
+from robustpolish.synthesis.design import Design
+from robustpolish.synthesis.problem.matrices import (
+    Controller,
+    SystemMatrices,
+    balanced,
     cayley,
     cayley_back,
-    consistent_matrices,
-    coprime,
-    in_series,
-    loop_plant,
 )
-from robustpolish.synthesis.design import Design
-from robustpolish.synthesis.problem.matrices import Controller, SystemMatrices, balanced
 from robustpolish.synthesis.problem.scaling import named_controller
-from robustpolish.synthesis.riccati.equations import solve_lyapunov
+from robustpolish.synthesis.riccati.gamma import solve_lyapunov
 
 # Order reduction by balanced truncation of normalised coprime factors.
 
@@ -64,10 +63,12 @@ def reduce_in_gap_metric(K: control.StateSpace, order: int) -> SystemMatrices:
         If the factors could not be computed or truncated.
     """
     A, B, C, D = coprime(loop_plant("controller", K)).right()
-    reach, seen = solve_lyapunov(A.T, B @ B.T), solve_lyapunov(A, C.T @ C)
-    if reach is None or seen is None:
+    gramians = solve_lyapunov(A.T, B @ B.T), solve_lyapunov(A, C.T @ C)
+    if gramians[0] is None or gramians[1] is None:
         raise SolverError("The controller's coprime factors could not be balanced; reduce less.")
-    into, out = _root(reach), _root(seen)
+    # Roots R with R R' of the positive semidefinite Gramians.
+    pairs = [np.linalg.eigh(gramian) for gramian in gramians]
+    into, out = (vectors * np.sqrt(np.maximum(values, 0.0)) for values, vectors in pairs)
     U, sizes, Vh = np.linalg.svd(out.T @ into)
     if order and sizes[order - 1] <= np.finfo(float).eps * len(A) * sizes[0]:
         raise SolverError(f"The controller has fewer than {order} states that matter.")
@@ -77,16 +78,9 @@ def reduce_in_gap_metric(K: control.StateSpace, order: int) -> SystemMatrices:
     p = K.noutputs or 0
     # u = N M^-1 y: M v = y gives v, which drives N.
     inner = np.linalg.inv(D[p:])
-    found = SystemMatrices(
-        A - B @ inner @ C[p:], B @ inner, C[:p] - D[:p] @ inner @ C[p:], D[:p] @ inner
-    )
+    own = B @ inner
+    found = SystemMatrices(A - own @ C[p:], own, C[:p] - D[:p] @ inner @ C[p:], D[:p] @ inner)
     return cayley_back(found) if K.isdtime(strict=True) else found
-
-
-def _root(X: Matrix) -> Matrix:
-    """Return R with R R' = X for a positive semidefinite X."""
-    values, vectors = np.linalg.eigh(X)
-    return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 # The target loop: the wanted open-loop gain, and distances from it.
@@ -159,42 +153,28 @@ class TargetLoop:
         """Where gains are compared, in rad/s."""
         return np.geomspace(*self.band, _POINTS)
 
-    def distance_of(self, loop: SystemMatrices) -> tuple[float, float]:
+    def distance_of(self, loop: SystemMatrices, one_sided: bool = False) -> tuple[float, float]:
         """Return the largest factor, up or down, between the gains of a loop and the wanted ones.
 
         Parameters
         ----------
         loop : SystemMatrices
+        one_sided : bool
+            Whether gains above wanted ones above 1, and below those below 1, are as good.
 
         Returns
         -------
         factor, frequency : float
             At least 1, and where it is met in rad/s.
         """
-        return self._worst(np.abs(self._ratios(loop)[0]))
-
-    def shortfall_of(self, loop: SystemMatrices) -> tuple[float, float]:
-        """Return the factor by which gains fall short of those above 1, or exceed those below.
-
-        Parameters
-        ----------
-        loop : SystemMatrices
-
-        Returns
-        -------
-        factor, frequency : float
-        """
-        ratios, wanted = self._ratios(loop)
-        return self._worst(np.where(wanted > 1, -ratios, ratios).clip(min=0.0))
-
-    def _ratios(self, loop: SystemMatrices) -> tuple[Matrix, Matrix]:
-        """Return logarithms of gains over wanted ones, as many as are wanted, and the latter."""
         own, wanted = (gains(each, self.frequencies, self.dt) for each in (loop, self.system))
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.log(own[:, : wanted.shape[1]]) - np.log(wanted), wanted
-
-    def _worst(self, ratios: Matrix) -> tuple[float, float]:
-        sizes = np.nan_to_num(ratios.max(axis=1), nan=math.inf)
+            ratios = np.log(own[:, : wanted.shape[1]]) - np.log(wanted)
+        if one_sided:
+            sizes = np.where(wanted > 1, -ratios, ratios).clip(min=0.0).max(axis=1)
+        else:
+            sizes = np.abs(ratios).max(axis=1)
+        sizes = np.nan_to_num(sizes, nan=math.inf)
         return float(np.exp(sizes.max())), float(self.frequencies[np.argmax(sizes)])
 
 
@@ -271,7 +251,7 @@ def target_weight(plant: SystemMatrices, wanted: TargetLoop) -> SystemMatrices:
     wanted : TargetLoop
     """
     T = _directions(plant, wanted)
-    square = _driven(plant, T)
+    square = plant._replace(B=plant.B @ T, D=plant.D @ T)
     sizes = gains(square, wanted.frequencies, wanted.dt)
     sizes = sizes[np.isfinite(sizes).all(axis=1)]
     if not sizes.size or not sizes.any():
@@ -280,11 +260,16 @@ def target_weight(plant: SystemMatrices, wanted: TargetLoop) -> SystemMatrices:
     level = _ROLL_OFF * max(sizes[:, -1].min(), _FAINTEST * sizes[:, 0].max())
     low = wanted.band[0]
     if wanted.dt:
-        square = SystemMatrices(*cayley(*square))
+        square = cayley(*square)
         low = math.tan(low * step_of(wanted.dt) / 2)
-    inverse = _inverted(_mirrored(_off_the_axis(square, low)), level)
-    into, back = wanted.system, cayley_back(inverse) if wanted.dt else inverse
-    return in_series(in_series(into, back), _gain(T))
+    poles = np.linalg.eigvals(square.A)
+    size = max(low, float(np.abs(poles).max(initial=0.0)))
+    if (np.abs(poles.real) <= _ON_AXIS * size).any():
+        square = square._replace(A=square.A - _SHIFT * low * np.eye(len(poles)))
+    inverse = _inverted(_mirrored(square), level)
+    back = cayley_back(inverse) if wanted.dt else inverse
+    nothing = np.zeros((0, 0)), np.zeros((0, T.shape[1])), np.zeros((len(T), 0))
+    return in_series(in_series(wanted.system, back), SystemMatrices(*nothing, T))
 
 
 def limits_in_words(plant: SystemMatrices, wanted: TargetLoop) -> str:
@@ -303,10 +288,17 @@ def limits_in_words(plant: SystemMatrices, wanted: TargetLoop) -> str:
     str
         Empty if none does.
     """
-    square = _driven(plant, _directions(plant, wanted))
-    poles, zeros = (
-        _rates(values, wanted.dt) for values in (np.linalg.eigvals(plant.A), _zeros(square))
-    )
+    T = _directions(plant, wanted)
+    A, B, C, D = plant._replace(B=plant.B @ T, D=plant.D @ T)
+    zeros: Any = np.zeros(0, dtype=complex)
+    if D.shape[0] == D.shape[1] and len(A):  # others have finite zeros by accident only
+        P, N = np.block([[A, B], [C, D]]), linalg.block_diag(np.eye(len(A)), np.zeros(D.shape))
+        zeros = linalg.eigvals(P, N)
+        finite = np.isfinite(zeros)
+        zeros = zeros[finite & (np.abs(np.where(finite, zeros, 0)) < 1e6 * np.linalg.norm(A))]
+    poles = np.linalg.eigvals(A).astype(complex)
+    if wanted.dt:  # as continuous rates in rad/s
+        poles, zeros = (np.log(v[v != 0]) / step_of(wanted.dt) for v in (poles, zeros))
     text = ""
     slow, fast = wanted.crossovers
     nearest = np.abs(zeros[zeros.real > 1e-6 * np.abs(zeros)]).min(initial=math.inf)
@@ -336,15 +328,6 @@ def _directions(plant: SystemMatrices, wanted: TargetLoop) -> Matrix:
     return np.asarray(Vh[:ny].T, dtype=float)
 
 
-def _driven(plant: SystemMatrices, T: Matrix) -> SystemMatrices:
-    """Return G T."""
-    return plant._replace(B=plant.B @ T, D=plant.D @ T)
-
-
-def _gain(T: Matrix) -> SystemMatrices:
-    return SystemMatrices(np.zeros((0, 0)), np.zeros((0, T.shape[1])), np.zeros((len(T), 0)), T)
-
-
 def _inverted(stable: SystemMatrices, level: float) -> SystemMatrices:
     """Return inv(V) with V~V = level^2 I + N~N: the denominator of the factors of N / level."""
     one = stable._replace(C=stable.C / level, D=stable.D / level)
@@ -353,15 +336,6 @@ def _inverted(stable: SystemMatrices, level: float) -> SystemMatrices:
     names = [[f"{kind}{i}" for i in range(count)] for kind, count in sizes]
     right = coprime(GeneralizedPlant.from_loop(named_system(one, 0, *names))).right()
     return SystemMatrices(right.A, right.B, right.C[ny:] / level, right.D[ny:] / level)
-
-
-def _off_the_axis(plant: SystemMatrices, low: float) -> SystemMatrices:
-    """Move the poles to the left by a little, if any lies on the axis."""
-    poles = np.linalg.eigvals(plant.A)
-    size = max(low, float(np.abs(poles).max(initial=0.0)))
-    if not (np.abs(poles.real) <= _ON_AXIS * size).any():
-        return plant
-    return plant._replace(A=plant.A - _SHIFT * low * np.eye(len(poles)))
 
 
 def _mirrored(plant: SystemMatrices) -> SystemMatrices:
@@ -376,26 +350,6 @@ def _mirrored(plant: SystemMatrices) -> SystemMatrices:
     P = linalg.solve_continuous_lyapunov(unstable.T, seen.T @ seen)
     L = -U @ np.linalg.solve(P, U.T @ C.T)
     return SystemMatrices(A + L @ C, B + L @ D, C, D)
-
-
-def _zeros(plant: SystemMatrices) -> Any:
-    """Return the finite zeros of a square plant; of others none, which have them by accident."""
-    A, B, C, D = plant
-    if D.shape[0] != D.shape[1] or not len(A):
-        return np.zeros(0, dtype=complex)
-    P = np.block([[A, B], [C, D]])
-    N = linalg.block_diag(np.eye(len(A)), np.zeros(D.shape))
-    values: Any = linalg.eigvals(P, N)
-    finite = np.isfinite(values)
-    return values[finite & (np.abs(np.where(finite, values, 0)) < 1e6 * np.linalg.norm(A))]
-
-
-def _rates(values: Any, dt: float | bool) -> Any:
-    """Return poles or zeros as continuous rates in rad/s."""
-    if not dt:
-        return np.asarray(values, dtype=complex)
-    values = np.asarray(values, dtype=complex)
-    return np.log(values[values != 0]) / step_of(dt)
 
 
 Weight = control.StateSpace | control.TransferFunction | float
@@ -528,12 +482,10 @@ def loop_shaping(
     wanted = _target_loop(target, W1, band_hz, G)
     before = target_weight(part, wanted) if wanted else _matrix_weight("W1", W1, G.nu, G.dt)
     whole = in_series(before, part)
-    inputs = list(G.control_names)
-    if whole.D.shape[1] != G.nu:
-        inputs = [f"v[{i}]" for i in range(whole.D.shape[1])]
-    names = (inputs, list(G.measurement_names))
+    inputs, count = list(G.control_names), whole.D.shape[1]
+    inputs = inputs if count == G.nu else [f"v[{i}]" for i in range(count)]
     states = [f"x{i + 1}" for i in range(len(whole.A))]
-    shaped = named_system(whole, G.dt, *names, states)
+    shaped = named_system(whole, G.dt, inputs, list(G.measurement_names), states)
     loop = GeneralizedPlant.from_loop(shaped)
     if order is not None and (not is_whole(order) or not 0 <= order <= loop.nx):
         want = f"a whole number from 0 to {loop.nx}, the states of the shaped plant"
@@ -542,13 +494,10 @@ def loop_shaping(
     optimal = solved.optimal_gamma
     claim = optimal * number
     central = solved.controller(claim)
-    inner, proof = _certified(
-        loop,
-        cayley_back(central) if loop.is_discrete else central,
-        claim,
-        f"The controller for gamma {claim:.6g}",
-        "Scale the plant so that a unit of u and of y mean as much, or raise factor=.",
-    )
+    central = cayley_back(central) if loop.is_discrete else central
+    remedy = "Scale the plant so that a unit of u and of y mean as much, or raise factor=."
+    what = f"The controller for gamma {claim:.6g}"
+    inner, proof = _certified(loop, central, claim, what, remedy)
     if order is not None and order < inner.nstates:
         remedy = (
             f"That of order {inner.nstates} has gamma {proof.achieved:.4g}; ask for more states."
@@ -561,12 +510,23 @@ def loop_shaping(
     weighted = any(given is not None for given in (W1, W2, target))
     certificate = certify(real, controller, "hinf")
     if not certificate.valid:
+        why = "; ".join(certificate.reasons)
         raise SolverError(
             "The shaped loop is certified, the loop with the weights in the controller is not: "
-            + "; ".join(certificate.reasons)
-            + ". Do not cancel slow or unstable modes of the plant by the weights."
+            f"{why}. Do not cancel slow or unstable modes of the plant by the weights."
         )
     near, told = _distance_to_target(wanted, whole, part, inner) if wanted else ({}, "")
+    details = {
+        "gamma": proof.achieved,
+        "optimal_gamma": optimal,
+        "ncf_margin": 1 / proof.achieved,
+        "shaped_plant": shaped,
+        "shaped_controller": inner,
+        "shaped_certificate": proof,
+        "W1": control.StateSpace(*before, G.dt),
+        "W2": control.StateSpace(*behind, G.dt),
+        **near,
+    }
     return Design(
         plant=real,
         controller=controller,
@@ -578,19 +538,7 @@ def loop_shaping(
         method="loop shaping",
         backend="scipy",
         elapsed=clock.elapsed,
-        details=MappingProxyType(
-            {
-                "gamma": proof.achieved,
-                "optimal_gamma": optimal,
-                "ncf_margin": 1 / proof.achieved,
-                "shaped_plant": shaped,
-                "shaped_controller": inner,
-                "shaped_certificate": proof,
-                "W1": control.StateSpace(*before, G.dt),
-                "W2": control.StateSpace(*behind, G.dt),
-                **near,
-            }
-        ),
+        details=MappingProxyType(details),
         lower_bound=None if weighted else optimal,
     )
 
@@ -599,10 +547,10 @@ def _target_loop(
     target: Any, W1: Weights, band_hz: Any, plant: GeneralizedPlant
 ) -> TargetLoop | None:
     """Return the loop that is wanted, if weights are not."""
+    if target is None and band_hz is not None:
+        shown = described("a band without a target")
+        raise invalid("band_hz", shown, "a band of target=", "Leave it out.")
     if target is None:
-        if band_hz is not None:
-            shown = described("a band without a target")
-            raise invalid("band_hz", shown, "a band of target=", "Leave it out.")
         return None
     if W1 is not None:
         shown = described("a target besides W1")
@@ -610,8 +558,7 @@ def _target_loop(
     if isinstance(target, list | tuple):
         shown, want = described(f"a {type(target).__name__}"), "one system"
         raise invalid("target", shown, want, "Pass a diagonal system for a gain per control.")
-    channels = min(plant.nu, plant.ny)
-    system = _matrix_weight("target", target, channels, plant.dt)
+    system = _matrix_weight("target", target, min(plant.nu, plant.ny), plant.dt)
     return TargetLoop.checked(system, plant.dt, band_hz)
 
 
@@ -620,13 +567,10 @@ def _distance_to_target(
 ) -> tuple[dict[str, Any], str]:
     """Return how near the shaped plant and the loop come to the target, and say it."""
     shape, _ = wanted.distance_of(shaped)
-    factor, worst = wanted.shortfall_of(in_series(consistent_matrices(inner), shaped))
+    loop = in_series(consistent_matrices(inner), shaped)
+    factor, worst = wanted.distance_of(loop, one_sided=True)
     low, high, where = (omega / (2 * math.pi) for omega in (*wanted.band, worst))
-    found = {
-        "target_factor": factor,
-        "shape_factor": shape,
-        "band_hz": (low, high),
-    }
+    found = {"target_factor": factor, "shape_factor": shape, "band_hz": (low, high)}
     text = (
         f" From {low:.4g} to {high:.4g} Hz the loop keeps the target within a factor of "
         f"{factor:.3g}, farthest at {where:.4g} Hz: at least the target over it where that is "

@@ -18,7 +18,7 @@ from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.certificate import Certificate, certify
+from robustpolish.synthesis.certificate import Certificate, certify, norm_in_words
 from robustpolish.synthesis.problem.matrices import Controller, balanced
 from robustpolish.synthesis.problem.scaling import named_controller
 
@@ -83,42 +83,66 @@ def reduce_controller(
         remedy = "There is nothing to reduce; discretise or export it as it is."
         raise invalid("controller", shown, "a controller with states", remedy)
     reducer = Reducer(plant, controller)
-    name = figure or ("H-infinity norm" if before.norm == "hinf" else "H2 norm")
-    if order is not None:
-        order = _checked_order(order, n)
-        if order < kept:
-            raise InfeasibleError(_order_below_weights(order, kept))
-        found = _best(plant, reducer, order - kept, before, math.inf)
-        if found is None:
-            raise InfeasibleError(_order_error(plant, reducer, order, n, before, kept))
-    else:
-        part = (
-            DEFAULT_TOLERANCE if tolerance is None else positive("tolerance", tolerance, zero=True)
+    name = figure or f"{norm_in_words(before.norm)} norm"
+    limit, part = math.inf, 0.0
+    if order is None:
+        part = DEFAULT_TOLERANCE
+        if tolerance is not None:
+            part = positive("tolerance", tolerance, zero=True)
+        limit, orders = before.achieved * (1 + part), range(n - kept)
+    elif not is_whole(order) or not 0 <= order < n:
+        want = f"a whole number from 0 to {n - 1}, below the {n} states of the controller"
+        raise invalid("order", order, want, "Pass tolerance=0.05 to have it chosen.")
+    elif order < kept:
+        raise InfeasibleError(
+            f"order: a controller of {order} states has no room for the {kept} states of the "
+            f"weights, which are a part of it: ask for {kept} or more. To let the weights go too, "
+            "reduce rp.given_controller(design.plant, design.controller), which the norm of its "
+            "loop judges."
         )
-        limit = before.achieved * (1 + part)
-        shorter = (_best(plant, reducer, k, before, limit) for k in range(n - kept))
-        found = next((best for best in shorter if best is not None), None)
-        if found is None:
-            message = (
-                f"No controller of fewer than {n} states was found that keeps the "
-                f"{name} within {100 * part:.3g} %; it stays as it is. Allow more with tolerance=."
-            )
-            return ReducedController(
-                controller,
-                before,
-                message,
-                _reduction_message(reducer, "none", n, n, before, before),
-            )
-    candidate, certificate = found
-    k = candidate.controller.nstates + kept
-    change = 100 * (certificate.achieved / before.achieved - 1) if before.achieved > 0 else 0.0
-    message = (
-        f"Reduced from {n} to {k} states ({candidate.name}): the {name} goes from "
-        f"{before.achieved:.6g} to {certificate.achieved:.6g} ({change:+.3g} %)."
-    )
-    message += _sensitivity_sentence(plant, controller, candidate.controller)
-    told = _reduction_message(reducer, candidate.name, n, k, before, certificate)
-    return ReducedController(candidate.controller, certificate, message, told)
+    else:
+        orders = [int(order) - kept]
+    shorter = (_best(plant, reducer, k, before, limit) for k in orders)
+    found = next((best for best in shorter if best is not None), None)
+    if found is None and order is not None:
+        others = (k for k in range(n - kept) if k != order - kept)
+        known = (k for k in others if _best(plant, reducer, k, before, math.inf) is not None)
+        least = next(known, None)
+        remedy = (
+            "No order below it does: design with fewer states from the start, with order= of "
+            "rp.static_output_feedback."
+        )
+        if least is not None:
+            remedy = f"Order {least + kept} does."
+        finite = "" if before.norm == "hinf" else " and its norm finite"
+        raise InfeasibleError(
+            f"order: no controller of {order} states was found that keeps the loop stable{finite}. "
+            f"{remedy}"
+        )
+    if found is None:
+        way, k, K, after = "none", n, controller, before
+        message = (
+            f"No controller of fewer than {n} states was found that keeps the "
+            f"{name} within {100 * part:.3g} %; it stays as it is. Allow more with tolerance=."
+        )
+    else:
+        candidate, after = found
+        way, K = candidate.name, candidate.controller
+        k = K.nstates + kept
+        change = 100 * (after.achieved / before.achieved - 1) if before.achieved > 0 else 0.0
+        message = (
+            f"Reduced from {n} to {k} states ({way}): the {name} goes from "
+            f"{before.achieved:.6g} to {after.achieved:.6g} ({change:+.3g} %)."
+        ) + _sensitivity_sentence(plant, controller, K)
+    told = {
+        "reduction": way,
+        "order_before": n,
+        "order_after": k,
+        "norm_before": before.achieved,
+        "norm_after": after.achieved,
+        "hankel_singular_values": MappingProxyType(dict(reducer.hankel)),
+    }
+    return ReducedController(K, after, message, MappingProxyType(told))
 
 
 def _best(
@@ -127,7 +151,12 @@ def _best(
     """Return the candidate of an order whose certified norm is least, and within the limit."""
     judged = []
     for candidate in reducer.of_order(order):
-        value = _unproven_norm(plant, candidate.controller, before.norm)
+        loop = plant.closed_loop(candidate.controller)
+        poles: Any = np.linalg.eigvals(np.asarray(loop.A))
+        if not (np.abs(poles) < 1 if plant.is_discrete else poles.real < 0).all():
+            continue
+        hinf = before.norm == "hinf"
+        value = float(hinf_norm(loop, tolerance=1e-6, exact=False) if hinf else h2_norm(loop))
         if value <= limit * (1 + 1e-6):
             judged.append((value, len(judged), candidate))
     for _, _, candidate in sorted(judged):
@@ -140,8 +169,17 @@ def _best(
 def _sensitivity_sentence(
     plant: GeneralizedPlant, whole: control.StateSpace, short: control.StateSpace
 ) -> str:
-    """Say so if the largest sensitivity rises, whether the norm counts it or not."""
-    before, after = (_largest_sensitivity(plant, K) for K in (whole, short))
+    """Say so if the largest sensitivity rises, whether the norm counts it or not.
+
+    It is the largest norm of S at an output or T at an input, the other loops closed: one signal at
+    a time these have no units; singular values of several would have.
+    """
+    sizes = []
+    for K in (whole, short):
+        loop = GeneralizedPlant.from_loop(plant.without_delays()).closed_loop(K)
+        each = (loop[i, i] for i in range(plant.ny + plant.nu))
+        sizes.append(max(float(hinf_norm(S, tolerance=1e-4, exact=False)) for S in each))
+    before, after = sizes
     if after <= (1 + SENSITIVITY_RISE) * before:
         return ""
     return (
@@ -150,74 +188,7 @@ def _sensitivity_sentence(
     )
 
 
-def _largest_sensitivity(plant: GeneralizedPlant, controller: control.StateSpace) -> float:
-    """Return the largest norm of S at an output or T at an input, the other loops closed.
-
-    One signal at a time these have no units; singular values of several would have.
-    """
-    loop = GeneralizedPlant.from_loop(plant.without_delays()).closed_loop(controller)
-    each = (loop[i, i] for i in range(plant.ny + plant.nu))
-    return max(float(hinf_norm(part, tolerance=1e-4, exact=False)) for part in each)
-
-
-def _unproven_norm(plant: GeneralizedPlant, controller: control.StateSpace, norm: str) -> float:
-    loop = plant.closed_loop(controller)
-    poles: Any = np.linalg.eigvals(np.asarray(loop.A))
-    inside = np.abs(poles) < 1 if plant.is_discrete else poles.real < 0
-    if not inside.all():
-        return math.inf
-    return float(hinf_norm(loop, tolerance=1e-6, exact=False) if norm == "hinf" else h2_norm(loop))
-
-
-def _checked_order(order: Any, n: int) -> int:
-    if not is_whole(order) or not 0 <= order < n:
-        want = f"a whole number from 0 to {n - 1}, below the {n} states of the controller"
-        raise invalid("order", order, want, "Pass tolerance=0.05 to have it chosen.")
-    return int(order)
-
-
-def _order_error(
-    plant: GeneralizedPlant, reducer: Reducer, order: int, n: int, before: Certificate, kept: int
-) -> str:
-    orders = range(kept, n)
-    found = (k for k in orders if _best(plant, reducer, k - kept, before, math.inf) is not None)
-    least = next((k for k in found if k != order), None)
-    if least is None:
-        remedy = "No order below it does: design with fewer states from the start, with order= of "
-        remedy += "rp.static_output_feedback."
-    else:
-        remedy = f"Order {least} does."
-    finite = "" if before.norm == "hinf" else " and its norm finite"
-    none = f"order: no controller of {order} states was found that keeps the loop stable"
-    return f"{none}{finite}. {remedy}"
-
-
-def _order_below_weights(order: int, kept: int) -> str:
-    return (
-        f"order: a controller of {order} states has no room for the {kept} states of the weights, "
-        f"which are a part of it: ask for {kept} or more. To let the weights go too, reduce "
-        "rp.given_controller(design.plant, design.controller), which the norm of its loop judges."
-    )
-
-
-def _reduction_message(
-    reducer: Reducer, way: str, n: int, k: int, before: Certificate, after: Certificate
-) -> Mapping[str, Any]:
-    return MappingProxyType(
-        {
-            "reduction": way,
-            "order_before": n,
-            "order_after": k,
-            "norm_before": before.achieved,
-            "norm_after": after.achieved,
-            "hankel_singular_values": MappingProxyType(dict(reducer.hankel)),
-        }
-    )
-
-
 _NEEDED = ("W1", "W2", "shaped_plant", "shaped_controller")
-_OF_THE_WHOLE = ("target_factor",)
-"""What was measured of the loop with the whole controller only."""
 
 
 def is_shaped(details: Mapping[str, Any]) -> bool:
@@ -274,7 +245,8 @@ def reduced_shaping(
             f"The shorter controller is certified for the shaped plant, but not with the weights "
             f"in it: {reasons}. Reduce less."
         )
-    own = {key: value for key, value in details.items() if key not in _OF_THE_WHOLE}
+    # What was measured of the loop with the whole controller only goes.
+    own = {key: value for key, value in details.items() if key != "target_factor"}
     new = {
         "gamma": proof.achieved,
         "ncf_margin": 1 / proof.achieved,

@@ -71,16 +71,14 @@ def test_each_norm_is_that_of_its_machine(design):
         samples=20, seed=4,
     )  # fmt: skip
     assert np.std(check.parameters, axis=0) == pytest.approx([80.0, 0.1], rel=0.4)
+    frequency = 1j * np.linspace(1, 60, 4000)
     for row, found in zip(check.parameters, check.norms, strict=True):
         model = machine().with_parameters(dict(zip(check.keys, row, strict=True)))
         loop = with_state(model).with_full_state().closed_loop(design.controller)
-        frequency = 1j * np.linspace(1, 60, 4000)
         # z is x, and the price on u, which is a fixed gain of the state
-        gain = 1e-3 * design.gain
-        C = np.vstack([loop.C[:1], gain])
-        response = np.array(
-            [C @ np.linalg.solve(s * np.eye(2) - loop.A, np.asarray(loop.B)) for s in frequency]
-        )
+        C = np.vstack([loop.C[:1], 1e-3 * design.gain])
+        pencils = frequency[:, None, None] * np.eye(2) - loop.A
+        response = C @ np.linalg.solve(pencils, np.asarray(loop.B, complex)[None])
         assert found == pytest.approx(np.max(np.linalg.norm(response[:, :, 0], axis=1)), rel=1e-3)
     again = rp.simulation.check_robustness(
         design, machine(), standard_errors={STIFFNESS: 80.0, MASS: 0.1}, plant_of=with_state,
@@ -107,11 +105,11 @@ def test_unstable_machines_are_counted(design):
         model.linearize(measured="state").with_full_state(), np.array([[200.0, -1.0]])
     )
     check = rp.simulation.check_robustness(
-        loose, model, standard_errors={STIFFNESS: 250.0}, plant_of=with_state, samples=400
+        loose, model, standard_errors={STIFFNESS: 350.0}, plant_of=with_state, samples=100
     )
     expected = np.mean(check.parameters[:, 0] > 200.0)
     assert check.share_stable == pytest.approx(expected)
-    assert 0.9 < check.share_stable < 1
+    assert 0.8 < check.share_stable < 1
     assert np.isinf(check.worst)
     assert check.worst_parameters[STIFFNESS] < 200
     assert "unstable" in check.plot().get_title()

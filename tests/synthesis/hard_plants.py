@@ -54,11 +54,7 @@ def heat_rod(points: int) -> GeneralizedPlant:
     x = np.arange(1, points + 1) * h
     actuator, sensor = (np.abs(x - 0.3) < 0.1).astype(float), (np.abs(x - 0.7) < 0.1) * h / 0.2
     return GeneralizedPlant.from_matrices(
-        A,
-        np.ones((points, 1)),
-        actuator[:, None],
-        np.sqrt(h) * np.eye(points),
-        sensor[None, :],
+        A, np.ones((points, 1)), actuator[:, None], np.sqrt(h) * np.eye(points), sensor[None, :]
     )
 
 

@@ -24,13 +24,7 @@ def zhou_h2() -> GeneralizedPlant:
     B1 = np.array([[0, 0], [1, 0], [0, 0]])
     ones = np.ones((3, 1))
     return GeneralizedPlant.from_matrices(
-        [[-1, 0, 4], [0, 2, 0], [0, 0, -3]],
-        B1,
-        ones,
-        B1.T,
-        ones.T,
-        D12=[[0], [1]],
-        D21=[[0, 1]],
+        [[-1, 0, 4], [0, 2, 0], [0, 0, -3]], B1, ones, B1.T, ones.T, D12=[[0], [1]], D21=[[0, 1]]
     )
 
 
@@ -67,11 +61,7 @@ def integral_weight(dt: float = 0) -> GeneralizedPlant:
 
     H2 optimum 3.0568; with every block sampled at 0.01 s, 0.3083.
     """
-    blocks = [
-        control.tf2ss([1], [10, 1]),
-        control.tf2ss([1], [1, 1e-6]),
-        _weight(1e-2, 0.1, 100),
-    ]
+    blocks = [control.tf2ss([1], [10, 1]), control.tf2ss([1], [1, 1e-6]), _weight(1e-2, 0.1, 100)]
     if dt:
         blocks = [control.sample_system(block, dt) for block in blocks]
     return mixed_sensitivity(*blocks)

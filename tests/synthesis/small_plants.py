@@ -58,14 +58,5 @@ def static_plant(A, B, C, discrete=False):
     n, nu, ny = len(A), B.shape[1], len(C)
     eye, zeros = np.eye(n), np.zeros
     return PlantMatrices(
-        A,
-        eye,
-        B,
-        eye,
-        C,
-        zeros((n, n)),
-        zeros((n, nu)),
-        zeros((ny, n)),
-        zeros((ny, nu)),
-        discrete,
+        A, eye, B, eye, C, zeros((n, n)), zeros((n, nu)), zeros((ny, n)), zeros((ny, nu)), discrete
     )

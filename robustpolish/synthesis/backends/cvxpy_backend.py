@@ -14,7 +14,7 @@ from robustpolish.synthesis.lmi.program import ConicForm
 
 
 def solve(
-    form: ConicForm, solver: str | None, tolerance: float, time_limit: float | None
+    form: ConicForm, solver: str | None, tolerance: float, time_limit: float
 ) -> tuple[NDArray[np.float64] | None, str]:
     """Solve a conic form; return the variables, or None, and the solver's status."""
     try:
@@ -27,11 +27,9 @@ def solve(
     name = (solver or "CLARABEL").upper()
     one_of("solver", name, cp.installed_solvers())
     x = cp.Variable(form.objective.size)
-    constraints: list[Any] = []
-    for size, G, h in form.psd:
-        if not size:
-            continue  # nothing is semidefinite
-        constraints.append(cp.PSD(cp.reshape(G @ x + h, (size, size), order="F")))
+    constraints: list[Any] = [
+        cp.PSD(cp.reshape(G @ x + h, (size, size), order="F")) for size, G, h in form.psd if size
+    ]
     constraints += [G @ x + h >= 0 for G, h in form.nonnegative]
     constraints += [G @ x + h == 0 for G, h in form.zero]
     problem = cp.Problem(cp.Minimize(form.objective @ x), constraints)
@@ -49,14 +47,12 @@ def solve(
     return (None if x.value is None else np.array(x.value)), str(problem.status)
 
 
-def _options(
-    name: str, tolerance: float, time_limit: float | None, prescaled: bool = False
-) -> dict[str, Any]:
-    options: dict[str, dict[str, Any]] = {
-        "CLARABEL": {
-            "tol_gap_abs": tolerance,
-            "tol_gap_rel": tolerance,
-            "tol_feas": tolerance,
+def _options(name: str, tolerance: float, time_limit: float, prescaled: bool) -> dict[str, Any]:
+    # SCS knows no infinite time.
+    seconds = min(max(time_limit, 1e-3), 1e9)
+    if name == "CLARABEL":
+        return {
+            **dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance),
             # Where progress ends, the last iterate is wanted, not an error: callers verify.
             "reduced_tol_gap_abs": 1e-2,
             "reduced_tol_gap_rel": 1e-2,
@@ -66,12 +62,10 @@ def _options(
             # More threads would add up in another order, and give other bits.
             "max_threads": 1,
             "direct_solve_method": "qdldl",
-        },
-        "SCS": {"eps_abs": tolerance, "eps_rel": tolerance, "max_iters": 100_000},
-        "CVXOPT": {"abstol": tolerance, "reltol": tolerance, "feastol": tolerance},
-    }
-    limits = {"CLARABEL": "time_limit", "SCS": "time_limit_secs"}
-    chosen = dict(options.get(name, {}))
-    if time_limit is not None and name in limits:
-        chosen[limits[name]] = max(time_limit, 1e-3)
-    return chosen
+            "time_limit": seconds,
+        }
+    if name == "SCS":
+        accuracy = {"eps_abs": tolerance, "eps_rel": tolerance}
+        return {**accuracy, "max_iters": 100_000, "time_limit_secs": seconds}
+    known = ("abstol", "reltol", "feastol") if name == "CVXOPT" else ()
+    return dict.fromkeys(known, tolerance)

@@ -24,7 +24,7 @@ except ImportError as error:
 
 
 def solve(
-    form: ConicForm, solver: str | None, tolerance: float, time_limit: float | None
+    form: ConicForm, solver: str | None, tolerance: float, time_limit: float
 ) -> tuple[NDArray[np.float64] | None, str]:
     """Solve a conic form; return the variables, or None, and the solver's status."""
     name = (solver or "cvxopt").lower()
@@ -41,14 +41,15 @@ def solve(
     for G, h in form.zero:
         problem.add_constraint(picos.Constant(csc_matrix(G)) * x + picos.Constant(h) == 0)
     problem.set_objective("min", picos.Constant(form.objective.reshape(1, -1)) * x)
-    if time_limit is not None and name != "cvxopt":
+    if math.isfinite(time_limit) and name != "cvxopt":
         problem.options.timelimit = max(1, round(time_limit))
-    budget = Budget(seconds=math.inf if time_limit is None else time_limit)
+    budget = Budget(seconds=time_limit)
     status = "failed"
     # CVXOPT breaks down, and loses its iterate, where it cannot reach the tolerance; how near to
     # rounding that is differs between processors.
     for eased in (10.0**power * tolerance for power in range(6)):
-        _set_tolerance(problem, eased)
+        for kind in ("abs_prim_fsb", "abs_dual_fsb", "abs_ipm_opt"):
+            problem.options[f"{kind}_tol"] = problem.options[f"rel{kind[3:]}_tol"] = eased
         try:
             solution = problem.solve(solver=name)
         except (picos.SolutionFailure, ArithmeticError, ValueError) as error:
@@ -61,9 +62,3 @@ def solve(
         if budget.late:
             break
     return None, status
-
-
-def _set_tolerance(problem: Any, tolerance: float) -> None:
-    for kind in ("prim_fsb", "dual_fsb", "ipm_opt"):
-        problem.options[f"abs_{kind}_tol"] = tolerance
-        problem.options[f"rel_{kind}_tol"] = tolerance

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import linalg
@@ -15,6 +15,7 @@ from robustpolish.synthesis.lmi.program import (
     ProgramSolver,
     SemidefiniteProgram,
     SemidefiniteSolution,
+    block_matrix,
     symmetric_block,
 )
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
@@ -73,14 +74,14 @@ def balanced_states(
 
 
 class LmiVariables(NamedTuple):
-    """X, Y and the changed controller variables as unknowns of a program."""
+    """X, Y and the changed controller variables: expressions of a program, or their values."""
 
-    X: Affine
-    Y: Affine
-    A: Affine
-    B: Affine
-    C: Affine
-    D: Affine
+    X: Any
+    Y: Any
+    A: Any
+    B: Any
+    C: Any
+    D: Any
 
     @classmethod
     def of(cls, program: SemidefiniteProgram, plant: PlantMatrices, norm: Norm) -> LmiVariables:
@@ -97,77 +98,64 @@ class LmiVariables(NamedTuple):
             program.matrix(nu, ny, hidden if norm == "h2" else None),
         )
 
-    def at(self, solution: SemidefiniteSolution) -> LmiValues:
-        """Return their values."""
-        return LmiValues(*(solution.value(M) for M in self))
+    def at(self, solution: SemidefiniteSolution) -> LmiVariables:
+        """Return their values, unverified."""
+        return LmiVariables(*(solution.value(M) for M in self))
 
 
-class LmiValues(NamedTuple):
-    """Values of the unknowns, unverified."""
-
-    X: Matrix
-    Y: Matrix
-    A: Matrix
-    B: Matrix
-    C: Matrix
-    D: Matrix
+LmiValues = LmiVariables
 
 
 class LoopTerms(NamedTuple):
     """The closed loop in the changed variables: affine, block by block.
 
-    drift is the symmetric part of the state's block, [[AX + .., A^ ..], [.., YA + ..]]; source,
-    output and direct are its B, C and D.
+    state, source, output and direct are its A, B, C and D.
     """
 
-    drift: list[list[Affine]]
+    state: list[list[Affine]]
     source: tuple[Affine, Affine]
     output: tuple[Affine, Affine]
     direct: Affine
+
+    @property
+    def drift(self) -> list[list[Affine]]:
+        """The upper triangle of A + A'."""
+        (AX, top), (below, YA) = self.state
+        return [[AX + AX.T, below.T + top], [YA + YA.T]]
 
 
 def loop_terms(plant: PlantMatrices, v: LmiVariables) -> LoopTerms:
     """Return the closed loop in the changed variables."""
     P = plant
-    AX, YA = P.A @ v.X + P.B2 @ v.C, v.Y @ P.A + v.B @ P.C2
     return LoopTerms(
-        [[AX + AX.T, v.A.T + (P.A + P.B2 @ v.D @ P.C2)], [YA + YA.T]],
+        [[P.A @ v.X + P.B2 @ v.C, P.A + P.B2 @ v.D @ P.C2], [v.A, v.Y @ P.A + v.B @ P.C2]],
         (P.B1 + P.B2 @ v.D @ P.D21, v.Y @ P.B1 + v.B @ P.D21),
         (P.C1 @ v.X + P.D12 @ v.C, P.C1 + P.D12 @ v.D @ P.C2),
         P.D11 + P.D12 @ v.D @ P.D21,
     )
 
 
-def bounded_real(loop: LoopTerms, gamma: float) -> Affine:
-    """Return the matrix that has to be negative for a norm below gamma."""
+def bounded_real(loop: LoopTerms, square: Affine) -> Affine:
+    """Return the matrix that has to be negative for a squared norm below `square`."""
     nz, nw = loop.direct.shape
     return symmetric_block(
         [
             [*loop.drift[0], loop.source[0], loop.output[0].T],
             [*loop.drift[1], loop.source[1], loop.output[1].T],
-            [-gamma * np.eye(nw), loop.direct.T],
-            [-gamma * np.eye(nz)],
+            [-square.times(np.eye(nw)), loop.direct.T],
+            [-np.eye(nz)],
         ]
     )
 
 
 def impose_h2(program: SemidefiniteProgram, loop: LoopTerms, v: LmiVariables) -> Affine:
     """Impose the inequalities of the H2 norm; return the bound on its square."""
-    nz, nw = loop.direct.shape
-    n = v.X.shape[0]
+    (nz, nw), (first, second) = loop.direct.shape, loop.drift
     energy = program.symmetric(nz)
-    program.positive(
-        -symmetric_block(
-            [
-                [*loop.drift[0], loop.source[0]],
-                [*loop.drift[1], loop.source[1]],
-                [-np.eye(nw)],
-            ]
-        )
-    )
-    program.positive(
-        symmetric_block([[v.X, np.eye(n), loop.output[0].T], [v.Y, loop.output[1].T], [energy]])
-    )
+    rows = [[*first, loop.source[0]], [*second, loop.source[1]], [-np.eye(nw)]]
+    program.positive(-symmetric_block(rows))
+    one, (left, right) = np.eye(v.X.shape[0]), loop.output
+    program.positive(symmetric_block([[v.X, one, left.T], [v.Y, right.T], [energy]]))
     return energy.trace
 
 
@@ -176,11 +164,9 @@ def variable_bound(program: SemidefiniteProgram, v: LmiVariables) -> Affine:
     size = program.scalar()
     for M in (v.X, v.Y):
         program.positive(size.times(np.eye(M.shape[0])) - M)
-    K = assemble_blocks([[v.A, v.B], [v.C, v.D]])
-    rows, columns = K.shape
-    program.positive(
-        symmetric_block([[size.times(np.eye(rows)), K], [size.times(np.eye(columns))]])
-    )
+    K = block_matrix([[v.A, v.B], [v.C, v.D]])
+    rows, columns = (size.times(np.eye(count)) for count in K.shape)
+    program.positive(symmetric_block([[rows, K], [columns]]))
     return size
 
 
@@ -189,23 +175,6 @@ def coupling(program: SemidefiniteProgram, v: LmiVariables, beta: Affine | None 
     identity = np.eye(v.X.shape[0])
     corner = identity if beta is None else beta.times(identity)
     program.positive(symmetric_block([[v.X, corner], [v.Y]]))
-
-
-def assemble_blocks(blocks: list[list[Affine]]) -> Affine:
-    """Assemble a matrix of blocks by products with constant selections."""
-    rows, columns = sum(row[0].shape[0] for row in blocks), sum(b.shape[1] for b in blocks[0])
-    total, top = Affine.of(np.zeros((rows, columns))), 0
-    for row in blocks:
-        left = 0
-        for part in row:
-            height, width = part.shape
-            total = (
-                total
-                + np.eye(rows)[:, top : top + height] @ part @ np.eye(columns)[left : left + width]
-            )
-            left += width
-        top += row[0].shape[0]
-    return total
 
 
 # The projected inequalities of H-infinity output feedback, which have no controller variables.
@@ -253,96 +222,46 @@ def solve_projected(
     Point or None
         None if there is none, or none was found.
     """
-    inequalities = _ProjectedLmi(plant, gamma, near)
+    identity, halves = np.eye(plant.nx), []
+    *sizes, level = near or (identity, identity, gamma)
+    for half, size in zip((plant, plant.dual), sizes, strict=True):
+        basis = linalg.null_space(np.hstack([half.B2.T, half.D12.T]))
+        basis = linalg.block_diag(basis, np.eye(half.nw))
+        known = _projected(half, Affine.of(size), level).at(np.zeros(0))
+        stretch = _row_balanced if near is None else _slack_normalised
+        halves.append((half, stretch(basis, known)))
+
+    def solved(largest: float | None) -> tuple[ProjectedSolution, float] | None:
+        """Make the larger of R and S small; or, up to a size, hold R S away from I."""
+        program = SemidefiniteProgram(prescaled=True)
+        R, S = program.symmetric(plant.nx), program.symmetric(plant.nx)
+        scalar = program.scalar()
+        for (half, basis), M in zip(halves, (R, S), strict=True):
+            program.positive(-(basis.T @ _projected(half, M, gamma) @ basis))
+        corner = identity if largest is None else scalar.times(identity)
+        program.positive(symmetric_block([[R, corner], [S]]))
+        most = scalar.times(identity) if largest is None else largest * identity
+        for M in (R, S):
+            program.positive(most - M)
+        program.minimise(scalar if largest is None else -scalar)
+        found = solver.solve(program)
+        value = float(found.value(scalar).item())
+        if found.x is None or (largest is not None and value < 1):
+            return None
+        return ProjectedSolution(found.value(R), found.value(S), gamma), value
+
     if near is not None:
         # R and S grow but little from one gamma to the next.
-        largest = _GROWTH * max(float(np.linalg.norm(M, 2)) for M in near[:2])
-        found = inequalities.apart(largest, solver)
+        found = solved(_GROWTH * max(float(np.linalg.norm(M, 2)) for M in near[:2]))
         if found is not None:
-            return found
-    smallest = inequalities.smallest(solver)
-    if smallest is None:
-        return None
-    point, size = smallest
-    return inequalities.apart(_ROOM * size, solver) or point
+            return found[0]
+    smallest = solved(None)
+    return smallest and (solved(_ROOM * smallest[1]) or smallest)[0]
 
 
-class _ProjectedLmi:
-    """Both inequalities at one gamma, stretched to even sizes."""
-
-    def __init__(self, plant: PlantMatrices, gamma: float, near: ProjectedSolution | None) -> None:
-        P = plant
-        self.plant, self.gamma = P, gamma
-        n, nw, nz = P.nx, P.nw, P.nz
-        left = _with_identity(linalg.null_space(np.hstack([P.B2.T, P.D12.T])), nw)
-        right = _with_identity(linalg.null_space(np.hstack([P.C2, P.D21])), nz)
-        stretch = _row_balanced if near is None else _slack_normalised
-        R, S, level = near or ProjectedSolution(np.eye(n), np.eye(n), gamma)
-        self.control = stretch(left, _control(P, Affine.of(R), level).at(np.zeros(0)))
-        self.estimate = stretch(right, _estimate(P, Affine.of(S), level).at(np.zeros(0)))
-
-    def smallest(self, solver: ProgramSolver) -> tuple[ProjectedSolution, float] | None:
-        """Make the larger of R and S small; return both, and its size."""
-        program, R, S, size = self._program()
-        identity = np.eye(self.plant.nx)
-        program.positive(symmetric_block([[R, identity], [S]]))
-        for M in (R, S):
-            program.positive(size.times(identity) - M)
-        program.minimise(size)
-        found = solver.solve(program)
-        if found.x is None:
-            return None
-        point = ProjectedSolution(found.value(R), found.value(S), self.gamma)
-        return point, float(found.value(size).item())
-
-    def apart(self, largest: float, solver: ProgramSolver) -> ProjectedSolution | None:
-        """Hold R S away from I with R and S up to a size."""
-        program, R, S, beta = self._program()
-        identity = np.eye(self.plant.nx)
-        program.positive(symmetric_block([[R, beta.times(identity)], [S]]))
-        for M in (R, S):
-            program.positive(largest * identity - M)
-        program.minimise(-beta)
-        found = solver.solve(program)
-        if found.x is None or found.value(beta).item() < 1:
-            return None
-        return ProjectedSolution(found.value(R), found.value(S), self.gamma)
-
-    def _program(self) -> tuple[SemidefiniteProgram, Affine, Affine, Affine]:
-        """Begin a program with R, S and a scalar."""
-        program = SemidefiniteProgram(prescaled=True)
-        n = self.plant.nx
-        R, S, scalar = program.symmetric(n), program.symmetric(n), program.scalar()
-        left, right = self.control, self.estimate
-        program.positive(-(left.T @ _control(self.plant, R, self.gamma) @ left))
-        program.positive(-(right.T @ _estimate(self.plant, S, self.gamma) @ right))
-        return program, R, S, scalar
-
-
-def _with_identity(basis: Matrix, size: int) -> Matrix:
-    return np.asarray(linalg.block_diag(basis, np.eye(size)))
-
-
-def _control(plant: PlantMatrices, R: Affine, gamma: float) -> Affine:
-    P = plant
-    return symmetric_block(
-        [
-            [P.A @ R + R @ P.A.T, R @ P.C1.T, P.B1],
-            [-gamma * np.eye(P.nz), P.D11],
-            [-gamma * np.eye(P.nw)],
-        ]
-    )
-
-
-def _estimate(plant: PlantMatrices, S: Affine, gamma: float) -> Affine:
-    P = plant
-    return symmetric_block(
-        [
-            [S @ P.A + P.A.T @ S, S @ P.B1, P.C1.T],
-            [-gamma * np.eye(P.nw), P.D11.T],
-            [-gamma * np.eye(P.nz)],
-        ]
-    )
+def _projected(P: PlantMatrices, R: Affine, gamma: float) -> Affine:
+    top = [P.A @ R + R @ P.A.T, R @ P.C1.T, P.B1]
+    return symmetric_block([top, [-gamma * np.eye(P.nz), P.D11], [-gamma * np.eye(P.nw)]])
 
 
 def _row_balanced(basis: Matrix, blocks: Matrix) -> Matrix:
@@ -410,42 +329,35 @@ def well_conditioned_controllers(
         (program, unknowns): adds the inequalities of the norm.
     solver : ProgramSolver
     """
-    small = _solve(plant, norm, impose, solver, None)
+
+    def solved(largest: float | None) -> LmiVariables | None:
+        program = SemidefiniteProgram()
+        v = LmiVariables.of(program, plant, norm)
+        impose(program, v)
+        size = variable_bound(program, v)
+        if largest is None:
+            coupling(program, v)
+            program.minimise(size)
+        else:
+            beta: Affine = program.scalar()
+            coupling(program, v, beta)
+            program.nonnegative(largest - size)
+            program.minimise(-beta)
+        found = solver.solve(program)
+        return None if found.x is None else v.at(found)
+
+    small = solved(None)
     if small is None:
         return
     parts = (small.X, small.Y, np.block([[small.A, small.B], [small.C, small.D]]))
     size = max(float(np.linalg.norm(M, 2)) for M in parts)
-    apart = _solve(plant, norm, impose, solver, _RECONSTRUCTION_ROOM * size)
-    for found in (apart, small):
+    for found in (solved(_RECONSTRUCTION_ROOM * size), small):
         K = None if found is None else reconstruct(plant, found)
         if K is not None:
             yield K
 
 
-def _solve(
-    plant: PlantMatrices,
-    norm: Norm,
-    impose: Callable[[SemidefiniteProgram, LmiVariables], None],
-    solver: ProgramSolver,
-    largest: float | None,
-) -> LmiValues | None:
-    program = SemidefiniteProgram()
-    v = LmiVariables.of(program, plant, norm)
-    impose(program, v)
-    size = variable_bound(program, v)
-    if largest is None:
-        coupling(program, v)
-        program.minimise(size)
-    else:
-        beta: Affine = program.scalar()
-        coupling(program, v, beta)
-        program.nonnegative(largest - size)
-        program.minimise(-beta)
-    found = solver.solve(program)
-    return None if found.x is None else v.at(found)
-
-
-def reconstruct(plant: PlantMatrices, found: LmiValues) -> Controller | None:
+def reconstruct(plant: PlantMatrices, found: LmiVariables) -> Controller | None:
     """Undo the change of variables, with a balanced factorisation M N' = I - XY."""
     P, (X, Y, Ah, Bh, Ch, D) = plant, found
     U, s, Vt = np.linalg.svd(np.eye(len(X)) - X @ Y)
@@ -506,7 +418,7 @@ def explicit_controller(plant: PlantMatrices, gamma: float, sizes: Matrix) -> Co
         C = -np.linalg.solve(price @ W @ price.T, P.B2.T + price @ W @ known.T)
         B = -np.linalg.solve(noise @ W @ noise.T, P.C2 + noise @ W @ seen.T).T
         inner = -(A + (known + C.T @ price) @ W @ (seen + B @ noise).T).T
-        return reconstruct(P, LmiValues(X, X, inner, B, C, D))
+        return reconstruct(P, LmiVariables(X, X, inner, B, C, D))
     except np.linalg.LinAlgError:
         return None
 

@@ -10,14 +10,13 @@ from __future__ import annotations
 
 import contextlib
 import os
-import pickle
-import select
 import signal
-import time
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
+from multiprocessing import Pipe
 from typing import Any
 
 import numpy as np
@@ -29,7 +28,7 @@ from robustpolish.base.budget import Budget
 from robustpolish.base.checks import one_of
 from robustpolish.errors import RobustPolishError
 from robustpolish.synthesis.backends.parent_watch import exit_with_parent
-from robustpolish.synthesis.problem.matrices import PlantMatrices
+from robustpolish.synthesis.problem.matrices import PlantMatrices, cayley
 
 # Matrices that are affine in the decision variables of a semidefinite program.
 
@@ -150,6 +149,27 @@ class Affine:
         return Affine(shape, by @ self.constant, _csr(by @ self.linear))
 
 
+def block_matrix(rows: Sequence[Sequence[Affine | ArrayLike | None]]) -> Affine:
+    """Assemble a matrix of blocks; None is a zero block, beside and below which others stand."""
+    blocks = [[None if b is None else Affine.of(b) for b in row] for row in rows]
+    heights = [next(b.shape[0] for b in row if b is not None) for row in blocks]
+    widths = [
+        next(b.shape[1] for b in column if b is not None) for column in zip(*blocks, strict=True)
+    ]
+    tops, lefts = np.cumsum([0, *heights]), np.cumsum([0, *widths])
+    shape = int(tops[-1]), int(lefts[-1])
+    result = Affine.of(np.zeros(shape))
+    for row, top in zip(blocks, tops[:-1], strict=True):
+        for block, left in zip(row, lefts[:-1], strict=True):
+            if block is not None:
+                r, c = np.indices(block.shape)
+                target = ((left + c) * shape[0] + top + r).ravel(order="F")
+                place = (np.ones(target.size), (target, np.arange(target.size)))
+                by = _csr(place, shape=(shape[0] * shape[1], target.size))
+                result = result + block._mapped(shape, by)
+    return result
+
+
 def symmetric_block(upper: Sequence[Sequence[Affine | ArrayLike | None]]) -> Affine:
     """Assemble a symmetric block matrix from its upper triangle.
 
@@ -170,31 +190,13 @@ def symmetric_block(upper: Sequence[Sequence[Affine | ArrayLike | None]]) -> Aff
     array([[1., 2.],
            [2., 5.]])
     """
-    blocks = [[None if b is None else Affine.of(b) for b in row] for row in upper]
-    sizes = []
-    for row in blocks:
-        if row[0] is None:
-            raise ValueError("a diagonal block is missing")
-        sizes.append(row[0].shape[0])
-    starts = np.concatenate([[0], np.cumsum(sizes)])
-    total = int(starts[-1])
-    result = Affine.of(np.zeros((total, total)))
-    for i, row in enumerate(blocks):
-        for j, block in enumerate(row, start=i):
-            if block is None:
-                continue
-            up = _placed(block, starts[i], starts[j], total)
-            result = result + (up if i == j else up + up.T)
-    return result
-
-
-def _placed(block: Affine, top: int, left: int, total: int) -> Affine:
-    rows, columns = block.shape
-    r, c = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
-    target = ((left + c) * total + top + r).ravel(order="F")
-    size = rows * columns
-    by = _csr((np.ones(size), (target, np.arange(size))), shape=(total**2, size))
-    return block._mapped((total, total), by)
+    if any(row[0] is None for row in upper):
+        raise ValueError("a diagonal block is missing")
+    rows = [[None if b is None else Affine.of(b) for b in row] for row in upper]
+    below = [[rows[j][i - j] for j in range(i)] for i in range(len(rows))]
+    return block_matrix(
+        [[b and b.T for b in left] + row for left, row in zip(below, rows, strict=True)]
+    )
 
 
 # Calls that end in time even if the code they call does not.
@@ -233,68 +235,43 @@ def run_with_time_limit(call: Callable[[], Any], seconds: float) -> Any:
     """
     if not hasattr(os, "fork"):
         return call()
-    reader, writer = os.pipe()
+    ours, theirs = Pipe(duplex=False)
     watched, life = os.pipe()
     parent = os.getpid()
     with warnings.catch_warnings():
         # Python warns of threads that hold locks; the child computes, answers and ends.
         warnings.simplefilter("ignore", DeprecationWarning)
         child = os.fork()
-    if child == 0:
-        os.close(reader)
-        os.close(life)
-        os.setpgid(0, 0)
-
-        def watched_call() -> Any:
+    if child == 0:  # it ends without any clean-up of the parent's
+        try:
+            ours.close()
+            os.close(life)
+            os.setpgid(0, 0)
             exit_with_parent(parent, watched)
-            return call()
-
-        _answer(watched_call, writer)
-    os.close(writer)
+            try:
+                theirs.send(call())
+            except RobustPolishError as error:
+                theirs.send(error)
+        finally:
+            os._exit(0)
+    theirs.close()
     os.close(watched)
+    answer = None
     try:
-        answer = _read(reader, time.monotonic() + seconds)
+        with contextlib.suppress(EOFError):
+            answer = ours.recv() if ours.poll(min(max(0.0, seconds), _A_DAY)) else None
     finally:
-        os.close(reader)
-        _end(child)
+        ours.close()
+        # The child and the processes that it started are of its group; one that is ended at once
+        # has none yet.
+        for kill in (os.killpg, os.kill):
+            with contextlib.suppress(ProcessLookupError):
+                kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
         os.close(life)
     if isinstance(answer, RobustPolishError):
         raise answer
     return answer
-
-
-def _end(child: int) -> None:
-    """End the child and the processes that it started, which are of its group."""
-    for kill in (os.killpg, os.kill):  # a child ended at once has no group of its own yet
-        with contextlib.suppress(ProcessLookupError):
-            kill(child, signal.SIGKILL)
-    os.waitpid(child, 0)
-
-
-def _answer(call: Callable[[], Any], writer: int) -> None:
-    """Compute in the child, write the answer and end without any clean-up of the parent's."""
-    try:
-        try:
-            data = pickle.dumps(call())
-        except RobustPolishError as error:
-            data = pickle.dumps(error)
-        while data:
-            data = data[os.write(writer, data) :]
-    finally:
-        os._exit(0)
-
-
-def _read(reader: int, until: float) -> Any:
-    data = b""
-    while True:
-        left = until - time.monotonic()
-        if not select.select([reader], [], [], min(max(0.0, left), _A_DAY))[0]:
-            return None
-        piece = os.read(reader, 1 << 20)
-        if not piece:
-            break
-        data += piece
-    return pickle.loads(data) if data else None
 
 
 # Semidefinite programs, stated once and solved by any backend.
@@ -385,22 +362,17 @@ class SemidefiniteProgram:
     >>> t = program.scalar()
     >>> program.positive(t.times(np.eye(2)) - [[1.0, 2.0], [2.0, 1.0]])
     >>> program.minimise(t)
-    >>> print(round(program.solve("cvxpy").value(t).item(), 6))
+    >>> print(round(ProgramSolver("cvxpy", None, Budget()).solve(program).value(t).item(), 6))
     3.0
     """
 
     def __init__(self, prescaled: bool = False) -> None:
         self._prescaled = prescaled
-        self._count = 0
+        self.unknowns = 0  # scalar variables declared so far
         self._psd: list[Affine] = []
         self._nonnegative: list[Affine] = []
         self._zero: list[Affine] = []
         self._objective: Affine = Affine.of(0.0)
-
-    @property
-    def unknowns(self) -> int:
-        """Number of scalar variables declared so far."""
-        return self._count
 
     def matrix(self, rows: int, columns: int, pattern: ArrayLike | None = None) -> Affine:
         """Declare a matrix variable, zero wherever `pattern` is given and false."""
@@ -438,7 +410,7 @@ class SemidefiniteProgram:
 
     def conic_form(self) -> ConicForm:
         """Return the numbers that backends work with."""
-        n = self._count
+        n = self.unknowns
         return ConicForm(
             objective=self._objective.widened(n).toarray().ravel(),
             psd=tuple((e.shape[0], e.widened(n), e.constant) for e in self._psd),
@@ -447,64 +419,12 @@ class SemidefiniteProgram:
             prescaled=self._prescaled,
         )
 
-    def solve(
-        self,
-        backend: str = "cvxpy",
-        *,
-        solver: str | None = None,
-        tolerance: float = 1e-9,
-        time_limit: float | None = None,
-    ) -> SemidefiniteSolution:
-        """Solve the program.
-
-        Parameters
-        ----------
-        backend : {"cvxpy", "picos"}
-            Library that talks to the solver.
-        solver : str, optional
-            A solver of that library; by default Clarabel for cvxpy, CVXOPT for picos.
-        tolerance : float, optional
-            Relative tolerance passed to the solver.
-        time_limit : float, optional
-            Seconds. Solvers look at the clock between iterations at best, so that larger programs
-            run in a process of their own, which is ended in time.
-
-        Returns
-        -------
-        SemidefiniteSolution
-            Not verified. A solver that fails gives ``x = None``, never an exception.
-
-        Raises
-        ------
-        InvalidInputError
-            If there is no such backend.
-        MissingDependencyError
-            If the backend is not installed.
-        """
-        run = _backend(backend)
-        form = self.conic_form()
-        if not form.finite:
-            return SemidefiniteSolution(None, "numbers beyond doubles", 0.0)
-
-        def call() -> tuple[Matrix | None, str]:
-            return run(form, solver, tolerance, time_limit)
-
-        clock = Budget()
-        quick = backend == "cvxpy" and solver is None and form.objective.size <= _QUICK_UNKNOWNS
-        if time_limit is None or quick:
-            x, status = call()
-        else:
-            x, status = run_with_time_limit(call, time_limit) or (None, "time limit")
-        if x is not None and not np.isfinite(x).all():
-            x = None
-        return SemidefiniteSolution(x, status, clock.elapsed)
-
     def _declared(self, shape: tuple[int, int], entries: Integers, numbers: Integers) -> Affine:
         size = shape[0] * shape[1]
-        columns = self._count + numbers
-        self._count += int(numbers.max(initial=-1)) + 1
+        columns = self.unknowns + numbers
+        self.unknowns += int(numbers.max(initial=-1)) + 1
         linear = sparse.csr_array(
-            (np.ones(entries.size), (entries, columns)), shape=(size, self._count)
+            (np.ones(entries.size), (entries, columns)), shape=(size, self.unknowns)
         )
         return Affine(shape, np.zeros(size), linear)
 
@@ -516,8 +436,12 @@ class ProgramSolver:
     Attributes
     ----------
     backend : {"cvxpy", "picos"}
+        Library that talks to the solver.
     solver : str or None
+        A solver of that library; by default Clarabel for cvxpy, CVXOPT for picos.
     budget : Budget
+        Solvers look at the clock between iterations at best, so that larger programs run in a
+        process of their own, which is ended in time.
     accuracy : float
         Relative tolerance handed to the solver.
     """
@@ -528,27 +452,33 @@ class ProgramSolver:
     accuracy: float = 1e-9
 
     def solve(self, program: SemidefiniteProgram) -> SemidefiniteSolution:
-        """Solve a program if work is left; without an answer its x is None."""
+        """Solve a program if work is left; without an answer its x is None.
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no such backend.
+        MissingDependencyError
+            If the backend is not installed.
+        """
         if self.budget.over:
             return SemidefiniteSolution(None, "no work left", 0.0)
         self.budget.spend(_WORK * (1 + (program.unknowns / _ALL_OVERHEAD) ** 3))
-        found = program.solve(
-            self.backend,
-            solver=self.solver,
-            tolerance=self.accuracy,
-            time_limit=self.budget.seconds_left,
-        )
+        one_of("backend", self.backend, BACKENDS)
+        # Imported late: picos is optional and GPL, and cvxpy takes a second to load.
+        run = import_module(f"robustpolish.synthesis.backends.{self.backend}_backend").solve
+        form, seconds, clock = program.conic_form(), self.budget.seconds_left, Budget()
+        x, status = None, "numbers beyond doubles"
+        if form.finite:
+            call = partial(run, form, self.solver, self.accuracy, seconds)
+            default = self.backend == "cvxpy" and self.solver is None
+            if default and form.objective.size <= _QUICK_UNKNOWNS:
+                x, status = call()
+            else:
+                x, status = run_with_time_limit(call, seconds) or (None, "time limit")
         self.budget.update_late()
-        return found
-
-
-Run = Callable[[ConicForm, str | None, float, float | None], tuple[Matrix | None, str]]
-
-
-def _backend(name: str) -> Run:
-    # Imported late: picos is optional and GPL, and cvxpy takes a second to load.
-    one_of("backend", name, BACKENDS)
-    return import_module(f"robustpolish.synthesis.backends.{name}_backend").solve
+        known = x is not None and np.isfinite(x).all()
+        return SemidefiniteSolution(x if known else None, status, clock.elapsed)
 
 
 def stabilising_gain(
@@ -579,7 +509,12 @@ def stabilising_gain(
         The last gain that a program proposed, stabilising or not: a start for a
         descent. None if the programs failed.
     """
-    A, B, C, D = _continuous(loop, decay)
+    # A system from u to y whose stability implies that of the loop with its decay.
+    A, B, C, D = loop.A, loop.B2, loop.C2, loop.D22
+    if loop.discrete:
+        A, B, C, D = cayley(A / (1 - decay), B / (1 - decay), C, D)
+    else:
+        A = A + decay * (float(np.linalg.norm(A, 2)) or 1.0) * np.eye(len(A))
     n = len(A)
     left, right = linalg.null_space(B.T), linalg.null_space(C)
     P0 = Q0 = np.eye(n)
@@ -602,7 +537,11 @@ def stabilising_gain(
         gain = _gain(A, B, C, P0, mask, solver)
         if gain is not None and np.linalg.eigvals(A + B @ gain @ C).real.max() < 0:
             break
-    return None if gain is None else _undo_feedthrough(gain, D, mask)
+    if gain is None or not D.any() or not mask.all():
+        return gain
+    # It acts on y - D u; with a mask that is a start only.
+    inner = np.eye(len(gain)) + gain @ D
+    return np.linalg.solve(inner, gain) if np.linalg.cond(inner) < 1e12 else gain
 
 
 def _gain(
@@ -621,41 +560,12 @@ def _gain(
     program = SemidefiniteProgram()
     K, t = program.matrix(*mask.shape, pattern=mask), program.scalar()
     S = (P @ B) @ K @ C + P @ A
-    eye = np.eye(len(A))
-    program.positive(t.times(eye) - (S + S.T))
+    program.positive(t.times(np.eye(len(A))) - (S + S.T))
     program.nonnegative(t + 1.0)
     # Keeps K finite where its direction is free.
     bound = program.scalar()
-    rows, columns = mask.shape
-    eyes = np.eye(rows), np.eye(columns)
-    program.positive(symmetric_block([[bound.times(eyes[0]), K], [bound.times(eyes[1])]]))
+    rows, columns = (bound.times(np.eye(size)) for size in mask.shape)
+    program.positive(symmetric_block([[rows, K], [columns]]))
     program.minimise(t + bound * 1e-4)
     solution = solver.solve(program)
     return None if solution.x is None else solution.value(K)
-
-
-def _continuous(
-    loop: PlantMatrices, decay: float
-) -> tuple[AnyMatrix, AnyMatrix, AnyMatrix, AnyMatrix]:
-    """Return A, B, C, D from u to y whose stability implies that of the loop with its decay.
-
-    A discrete loop is mapped by z = (1 + s)/(1 - s), which leaves u and y as they are.
-    """
-    A, B, C, D = loop.A, loop.B2, loop.C2, loop.D22
-    eye = np.eye(len(A))
-    if not loop.discrete:
-        size = float(np.linalg.norm(A, 2)) or 1.0
-        return A + decay * size * eye, B, C, D
-    A, B = A / (1 - decay), B / (1 - decay)
-    shifted = A + eye
-    moved = np.linalg.solve(shifted, B)
-    seen = np.linalg.solve(shifted.T, C.T).T
-    return np.linalg.solve(shifted, A - eye), np.sqrt(2) * moved, np.sqrt(2) * seen, D - C @ moved
-
-
-def _undo_feedthrough(gain: AnyMatrix, D: AnyMatrix, mask: NDArray[np.bool_]) -> AnyMatrix:
-    """Return the gain that acts on y = y0 + D u as `gain` does on y0; a start only, with a mask."""
-    if not D.any() or not mask.all():
-        return gain
-    inner = np.eye(len(gain)) + gain @ D
-    return np.linalg.solve(inner, gain) if np.linalg.cond(inner) < 1e12 else gain

@@ -11,23 +11,23 @@ the solution of one being the unit of the next.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 
 from robustpolish.base.budget import Budget, step_cost
 from robustpolish.synthesis.backends.slycot_backend import synthesise
 from robustpolish.synthesis.engine import (
-    POLICY,
-    Candidate,
+    AS_GOOD_AS_ZERO,
+    EPSILONS,
+    FALLING,
+    SHIFTS,
     Engine,
-    EngineResult,
+    Settings,
     Task,
-    check_candidate,
 )
 from robustpolish.synthesis.lmi.output_feedback import (
-    LmiValues,
     LmiVariables,
     ProjectedSolution,
     balanced_states,
@@ -50,6 +50,8 @@ from robustpolish.synthesis.problem.matrices import (
 )
 from robustpolish.synthesis.riccati.gamma import Attempt, has_full_rank, normalise, search_gamma
 
+# Inequalities for more states take longer than a call of "auto" is expected to.
+LMI_STATES = 14
 # By how much the axis is moved where there are a price and a noise too.
 _SHIFTS = (0.0, 1e-5, 1e-7)
 # What counts as small in X and XY (:func:`balanced_states`), one choice after the other: no single
@@ -59,8 +61,7 @@ _LEAST = ((1e-2, 1e-2), (1e-1, 1e-2), (1e-4, 1e-4), (1.0, 1.0))
 _ABOVE_OPTIMUM = 1.01
 
 
-@dataclass(frozen=True, eq=False)
-class _RegularisedSolution:
+class _RegularisedSolution(NamedTuple):
     """A regularised plant with solutions of its Riccati equations at a gamma."""
 
     epsilon: float
@@ -70,100 +71,98 @@ class _RegularisedSolution:
     solution: Attempt
 
 
-class LmiHinf(Engine):
+class _LmiEngine(Engine):
+    """Engines that solve semidefinite programs."""
+
+    method = "lmi"
+
+    def __init__(self, settings: Settings, problem: Task, budget: Budget) -> None:
+        super().__init__(settings, problem, budget)
+        self.backend = settings.backend
+        self.solver = ProgramSolver(settings.backend, settings.solver, budget)
+
+
+class LmiHinf(_LmiEngine):
     """Projected inequalities; the claims of the candidates are the gammas they were solved for."""
 
-    def is_useful(self, problem: Task, earlier: Sequence[EngineResult]) -> bool:
+    @staticmethod
+    def is_useful(problem: Task, earlier: Sequence[Engine]) -> bool:
         """Tell whether a small plant is left for which no limit of the gain explains the norm."""
-        small = problem.plant.nx <= POLICY.lmi_states
-        return not earlier or (small and not any(f.falling for f in earlier))
+        small = problem.plant.nx <= LMI_STATES
+        return not earlier or (small and not any(engine.falling for engine in earlier))
 
-    def search(self, problem: Task, budget: Budget) -> EngineResult:
+    def search(self) -> None:
         """Minimise the H-infinity norm of the loop."""
-        found = EngineResult("lmi", self.settings.backend)
-        solver = ProgramSolver(self.settings.backend, self.settings.solver, budget)
-        descent = _GammaDescent(problem, solver, found)
-        reachable = problem.goal > 0 and self._at_goal(descent)
-        if not reachable:
-            self._downwards(descent)
-        return found
+        if not (self.problem.goal > 0 and self._at_goal()):
+            self._downwards()
 
-    def _at_goal(self, descent: _GammaDescent) -> bool:
+    def _at_goal(self) -> bool:
         """Aim at the goal on the plants that are regularised the most; tell whether it is met."""
-        problem, found = descent.problem, descent.found
+        problem = self.problem
         bound = 0.0 if problem.bound is None else problem.bound.value
         # Share of the tolerance above the lower bound at which the equations of a regularised plant
         # have to have a solution; the inequalities are posed nearer to the tolerance.
         level = max(bound * (1 + 0.7 * problem.tolerance), problem.asked * (1 - 1e-3))
-        rungs = _feasible(problem.plant, level, descent.budget)
         # Regularisations that are tried where a controller is missed.
-        for rung in islice(rungs, 2):
+        for rung in islice(_feasible(problem.plant, level, self.budget), 2):
             for least in _LEAST:
-                descent.run(rung, problem.goal, least)
-                if found.best <= problem.goal:
+                self._descend(rung, problem.goal, least)
+                if self.best <= problem.goal:
                     return True
-        return bool(found.candidates)
+        return bool(self.candidates)
 
-    def _downwards(self, descent: _GammaDescent) -> None:
+    def _downwards(self) -> None:
         """Follow plants that are regularised less and less where no goal is known or reached."""
-        problem, found = descent.problem, descent.found
         start, failures = 1.0, 0
         norms: list[float] = []
         # Programs take long, so that decades have to do.
-        for epsilon in POLICY.epsilons[::2]:
-            if failures == 2 or descent.budget.over:
+        for epsilon in EPSILONS[::2]:
+            if failures == 2 or self.budget.over:
                 break
-            rung = _optimal(problem.plant, epsilon, start, descent.budget)
+            rung = _optimal(self.problem.plant, epsilon, start, self.budget)
             if rung is None:
                 failures += 1
                 continue
-            start = rung.gamma
-            before = found.best
+            start, before = rung.gamma, self.best
             for least in _LEAST[:2]:
-                descent.run(rung, rung.gamma, least)
-                if found.best < before:
+                self._descend(rung, rung.gamma, least)
+                if self.best < before:
                     break
-            failures = 0 if found.best < before else failures + 1
-            norms.append(found.best)
-            if found.best <= POLICY.as_good_as_zero * norms[0] or found.best <= problem.near:
+            failures = 0 if self.best < before else failures + 1
+            norms.append(self.best)
+            if self.best <= AS_GOOD_AS_ZERO * norms[0] or self.best <= self.problem.near:
                 break
-        found.falling = (
-            found.best > problem.goal and len(norms) > 2 and norms[-1] < POLICY.falling * norms[-3]
-        )
+        falls = len(norms) > 2 and norms[-1] < FALLING * norms[-3]
+        self.falling = self.best > self.problem.goal and falls
 
-
-class _GammaDescent:
-    """Programs at gammas that fall, on one regularised plant in one set of states."""
-
-    def __init__(self, problem: Task, solver: ProgramSolver, found: EngineResult) -> None:
-        self.problem, self.solver, self.found = problem, solver, found
-        self.budget = solver.budget
-
-    def run(self, rung: _RegularisedSolution, goal: float, least: tuple[float, float]) -> None:
-        """Look for controllers with a norm below `goal`, at once or step by step."""
+    def _descend(self, rung: _RegularisedSolution, goal: float, least: tuple[float, float]) -> None:
+        """Look for controllers with a norm below `goal`, at once or by gammas that fall."""
         solution = rung.solution
         if solution.X is None or solution.Y is None or self.budget.over:
             return
-        frame = balanced_states(rung.plant, solution.X, solution.Y, rung.gamma, least)
-        if frame is None:
+        P = balanced_states(rung.plant, solution.X, solution.Y, rung.gamma, least)
+        if P is None:
             return
-        # Numbers of order one suit the solver.
-        start = _KnownSolution(_in_unit(frame, goal), None)
-        if self._solved(start, 1.0, goal, rung) is not None:
+        # Numbers of order one suit the solver: the norm is divided by the goal, half of it at w and
+        # half at z.
+        root = np.sqrt(goal)
+        P = P.replace(
+            B1=P.B1 / root, D21=P.D21 / root, C1=P.C1 / root, D12=P.D12 / root, D11=P.D11 / goal
+        )
+        if self._solved(P, None, 1.0, goal, rung) is not None:
             return
         # How far above the lower bound gamma starts where the goal itself is not reached.
         gamma, failures = 1.03, 0
-        known, reached = start, np.inf
+        known, reached = (P, None), np.inf
         # The most programs of one descent, of which three may find nothing.
         for _ in range(9):
-            after = self._solved(known, gamma, goal, rung)
+            after = self._solved(*known, gamma, goal, rung)
             if after is None:
                 failures += 1
                 if failures > 3 or self.budget.over:
                     return
                 # Growth of a first gamma that is not reached either.
-                higher = gamma * 1.02
-                gamma = (gamma + reached) / 2 if np.isfinite(reached) else higher
+                gamma = (gamma + reached) / 2 if np.isfinite(reached) else gamma * 1.02
                 continue
             known, reached = after, gamma
             if gamma <= 1.0:
@@ -174,53 +173,44 @@ class _GammaDescent:
             gamma = lower if lower > 1 + 1e-3 else 1.0
 
     def _solved(
-        self, known: _KnownSolution, gamma: float, goal: float, rung: _RegularisedSolution
-    ) -> _KnownSolution | None:
-        """Solve at a gamma, in units of `goal`; None unless the controller keeps it."""
-        point = solve_projected(known.plant, gamma, self.solver, known.point)
-        after = None if point is None else rebalanced(known.plant, point.R, point.S)
+        self,
+        plant: PlantMatrices,
+        near: ProjectedSolution | None,
+        gamma: float,
+        goal: float,
+        rung: _RegularisedSolution,
+    ) -> tuple[PlantMatrices, ProjectedSolution] | None:
+        """Solve at a gamma, in units of `goal`, beside a known solution, if there is one.
+
+        Returns the plant and the solution in better states; None unless the controller keeps gamma.
+        """
+        point = solve_projected(plant, gamma, self.solver, near)
+        after = None if point is None else rebalanced(plant, point.R, point.S)
         K = None if after is None else explicit_controller(after[0], gamma, after[1])
         claim = gamma * goal
         note = {"epsilon": rung.epsilon, "gamma": claim, "achieved": np.nan, "gain": np.nan}
         if rung.shift:
             note["shift"] = rung.shift
-        self.found.history.append(note)
-        candidate: Candidate | None = None
-        if K is not None:
-            origin = f"lmi, epsilon {rung.epsilon:.1e}"
-            back = K.shifted_back(rung.shift)
-            candidate = check_candidate(self.problem, back, claim, origin, self.budget)
-        if candidate is None or after is None:
+        self.history.append(note)
+        if K is None or after is None:
+            return None
+        origin = f"lmi, epsilon {rung.epsilon:.1e}"
+        candidate = self.checked(K.shifted_back(rung.shift), claim, origin)
+        if candidate is None:
             return None
         note["achieved"], note["gain"] = candidate.achieved, candidate.gain
-        self.found.candidates.append(candidate)
+        self.candidates.append(candidate)
         if not candidate.keeps_claim:
             return None
         sizes = np.diag(after[1])
-        return _KnownSolution(after[0], ProjectedSolution(sizes, sizes, gamma))
-
-
-@dataclass(frozen=True, eq=False)
-class _KnownSolution:
-    """A plant in some states, and a solution of its inequalities, if one is known."""
-
-    plant: PlantMatrices
-    point: ProjectedSolution | None
-
-
-def _in_unit(plant: PlantMatrices, unit: float) -> PlantMatrices:
-    """Divide the norm by `unit`, half of it at w and half at z."""
-    P, root = plant, np.sqrt(unit)
-    return P.replace(
-        B1=P.B1 / root, D21=P.D21 / root, C1=P.C1 / root, D12=P.D12 / root, D11=P.D11 / unit
-    )
+        return after[0], ProjectedSolution(sizes, sizes, gamma)
 
 
 def _feasible(plant: PlantMatrices, gamma: float, budget: Budget) -> Iterator[_RegularisedSolution]:
     """Yield regularised plants whose equations have solutions at a gamma, the strongest first."""
-    pairs = [(epsilon, shift) for epsilon in POLICY.epsilons for shift in _SHIFTS]
+    pairs = [(epsilon, shift) for epsilon in EPSILONS for shift in _SHIFTS]
     if has_full_rank(plant):
-        pairs = [(0.0, shift) for shift in (0.0, *POLICY.shifts)] + pairs
+        pairs = [(0.0, shift) for shift in (0.0, *SHIFTS)] + pairs
     for epsilon, shift in pairs:
         if budget.over:
             return
@@ -259,66 +249,54 @@ _ROUNDS, _AGREEMENT = 4, 2e-3
 _BACK_OFFS = (1.00005, 1.003)
 
 
-class LmiH2(Engine):
+class LmiH2(_LmiEngine):
     """Inequalities (10.29) to (10.32)."""
 
-    def search(self, problem: Task, budget: Budget) -> EngineResult:
+    def search(self) -> None:
         """Minimise the H2 norm of the loop."""
-        plant, found = problem.plant, EngineResult("lmi", self.settings.backend)
-        solver = ProgramSolver(self.settings.backend, self.settings.solver, budget)
-        optimum, frame = np.inf, plant
-        trial: PlantMatrices | None = plant
+        optimum, frame = np.inf, self.problem.plant
         for _ in range(_ROUNDS):
-            solution = None if trial is None else _h2_optimum(trial, solver)
-            if trial is None or solution is None:
+            program = SemidefiniteProgram()
+            v = LmiVariables.of(program, frame, "h2")
+            energy = impose_h2(program, loop_terms(frame, v), v)
+            coupling(program, v)
+            program.minimise(energy)
+            solution = self.solver.solve(program)
+            square = float(solution.value(energy).item())
+            if not square > 0:
                 break
-            square, values = solution
-            found.history.append({"claim": np.sqrt(square)})
-            direct = reconstruct(trial, values)
-            if direct is not None:
-                _note(problem, direct, np.sqrt(square) * (1 + 1e-4), "lmi", found, budget)
+            values = v.at(solution)
+            self.history.append({"claim": np.sqrt(square)})
+            self._keep(reconstruct(frame, values), np.sqrt(square) * (1 + 1e-4))
             settled = square > optimum * (1 - _AGREEMENT)
             optimum = min(optimum, square)
-            after = rebalanced(trial, values.X, values.Y)
-            frame, trial = trial, None if after is None else after[0]
+            after = rebalanced(frame, values.X, values.Y)
+            if after is None:
+                break
+            frame = after[0]
             if settled:
                 break
         if not np.isfinite(optimum):
-            return found
-        frame = frame if trial is None else trial
+            return
         for factor in _BACK_OFFS:
             bound = factor * np.sqrt(optimum)
 
             def impose(program: SemidefiniteProgram, v: LmiVariables, bound: float = bound) -> None:
                 program.nonnegative(bound**2 - impose_h2(program, loop_terms(frame, v), v))
 
-            for K in well_conditioned_controllers(frame, "h2", impose, solver):
-                _note(problem, K, bound, "lmi", found, budget)
-        return found
+            for K in well_conditioned_controllers(frame, "h2", impose, self.solver):
+                self._keep(K, bound)
 
-
-def _h2_optimum(plant: PlantMatrices, solver: ProgramSolver) -> tuple[float, LmiValues] | None:
-    program = SemidefiniteProgram()
-    v = LmiVariables.of(program, plant, "h2")
-    square = impose_h2(program, loop_terms(plant, v), v)
-    coupling(program, v)
-    program.minimise(square)
-    solution = solver.solve(program)
-    if solution.x is None:
-        return None
-    value = float(solution.value(square).item())
-    return (value, v.at(solution)) if value > 0 else None
-
-
-def _note(
-    problem: Task, K: Controller, bound: float, origin: str, found: EngineResult, budget: Budget
-) -> None:
-    candidate = check_candidate(problem, K, bound, origin, budget)
-    if candidate is not None:
-        found.candidates.append(candidate)
+    def _keep(self, K: Controller | None, bound: float) -> None:
+        candidate = None if K is None else self.checked(K, bound, "lmi")
+        if candidate is not None:
+            self.candidates.append(candidate)
 
 
 # SLICOT's routines as an engine, for comparison: their claims are remarks, not results.
+
+# Regularisation for SLICOT's routines, which refuse plants whose D12 or D21 lacks rank.
+SLYCOT_EPSILON = 1e-4
 
 
 class Slycot(Engine):
@@ -327,11 +305,12 @@ class Slycot(Engine):
     They find at most one controller, whose claim may be false; a remark says so.
     """
 
-    def search(self, problem: Task, budget: Budget) -> EngineResult:
+    method = backend = "slycot"
+
+    def search(self) -> None:
         """Run the routine in a process of its own, which the safety net ends."""
-        found = EngineResult("slycot", "slycot")
-        # The routines need D12 and D21 of full rank.
-        P = regularise(problem.plant, 0.0 if problem.regular else POLICY.slycot_epsilon)
+        problem = self.problem
+        P = regularise(problem.plant, 0.0 if problem.regular else SLYCOT_EPSILON)
         whole = (
             P.A,
             np.hstack([P.B1, P.B2]),
@@ -339,23 +318,20 @@ class Slycot(Engine):
             np.block([[P.D11, P.D12], [P.D21, np.zeros((P.ny, P.nu))]]),
         )
         routine = "SB10AD" if problem.norm == "hinf" else "SB10HD"
-        answer = synthesise(routine, (P.nx, P.nu, P.ny), whole, budget.seconds_left)
-        budget.update_late()
+        answer = synthesise(routine, (P.nx, P.nu, P.ny), whole, self.budget.seconds_left)
+        self.budget.update_late()
         if answer.controller is None:
-            found.remarks.append(f"{answer.message}.")
-            return found
+            self.remarks.append(f"{answer.message}.")
+            return
         claimed = np.inf if answer.gamma is None else answer.gamma
-        found.history.append({"gamma": claimed, "regularised": not problem.regular})
-        candidate = check_candidate(
-            problem, Controller(*answer.controller), claimed, routine, budget
-        )
+        self.history.append({"gamma": claimed, "regularised": not problem.regular})
+        candidate = self.checked(Controller(*answer.controller), claimed, routine)
         if candidate is None:
-            found.remarks.append(f"The controller of {routine} does not stabilise the plant.")
-            return found
-        found.candidates.append(candidate)
+            self.remarks.append(f"The controller of {routine} does not stabilise the plant.")
+            return
+        self.candidates.append(candidate)
         if not candidate.keeps_claim:
-            found.remarks.append(
+            self.remarks.append(
                 f"{routine} claimed a norm {candidate.achieved / claimed:.4g} times smaller than "
                 "that of its loop."
             )
-        return found

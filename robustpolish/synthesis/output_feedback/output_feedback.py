@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any, Literal
 
 from numpy.typing import ArrayLike
@@ -15,19 +14,24 @@ from robustpolish.base.budget import (
     single_threaded_blas,
     step_cost,
 )
-from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
+from robustpolish.base.checks import described, invalid, positive
 from robustpolish.errors import SolverError
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import Gamma, Norm, NormTarget, norm_in_words
 from robustpolish.synthesis.design import Design
-from robustpolish.synthesis.driver import JoinedController, design_by_parts, time_limit_note
-from robustpolish.synthesis.engine import POLICY, Engine, Settings
+from robustpolish.synthesis.driver import (
+    JoinedController,
+    check_arguments,
+    combined_norm,
+    design_by_parts,
+    time_limit_note,
+)
+from robustpolish.synthesis.engine import Engine, Settings
 from robustpolish.synthesis.output_feedback.lmi import LmiH2, LmiHinf, Slycot
 from robustpolish.synthesis.output_feedback.riccati import Lqg, RegularisedRiccati
 from robustpolish.synthesis.problem.preflight import (
     SolvabilityCheck,
     check_solvability,
-    infeasible_modes_error,
     with_control_penalty,
     with_measurement_noise,
 )
@@ -45,19 +49,18 @@ Method = Literal["auto", "riccati", "lmi", "slycot"]
 # The order in which each method calls the engines. To add one, write a subclass of
 # :class:`~robustpolish.synthesis.engine.Engine` in a file of its own and name it here.
 
-METHODS = ("auto", "riccati", "lmi", "slycot")
-ENGINE_ORDER: Mapping[tuple[Norm, str], tuple[type[Engine], ...]] = MappingProxyType(
-    {
-        ("hinf", "auto"): (RegularisedRiccati, LmiHinf),
-        ("hinf", "riccati"): (RegularisedRiccati,),
-        ("hinf", "lmi"): (LmiHinf,),
-        ("hinf", "slycot"): (Slycot,),
-        ("h2", "auto"): (Lqg,),
-        ("h2", "riccati"): (Lqg,),
-        ("h2", "lmi"): (LmiH2,),
-        ("h2", "slycot"): (Slycot,),
-    }
-)
+ENGINES: Mapping[str, Mapping[str, tuple[type[Engine], ...]]] = {
+    "hinf": {
+        "auto": (RegularisedRiccati, LmiHinf),
+        "riccati": (RegularisedRiccati,),
+        "lmi": (LmiHinf,),
+        "slycot": (Slycot,),
+    },
+    "h2": {"auto": (Lqg,), "riccati": (Lqg,), "lmi": (LmiH2,), "slycot": (Slycot,)},
+}
+# Steps that one call may spend before `effort` is applied: about ten times what the slowest of 24
+# COMPleib plants needs, and a few seconds.
+_WORK = 20_000.0
 
 
 @single_threaded_blas
@@ -192,42 +195,37 @@ def output_feedback(
     (1, True)
     """
     seconds = (60.0 if order is None else TIME_LIMIT) if time_limit is None else time_limit
-    _check(plant, norm, method, backend, tolerance, seconds, effort)
+    check_arguments(plant, norm, method, ENGINES["hinf"], backend, tolerance, seconds)
+    positive("effort", effort)
+    if norm == "h2" and plant.is_discrete and method in ("lmi", "slycot"):
+        shown = described(f"{method!r} for the H2 norm of a discrete-time plant")
+        remedy = "Only the Riccati equations are written for it."
+        raise invalid("method", shown, "'riccati' or 'auto'", remedy)
+    if not (plant.nu and plant.ny):
+        shown = described(f"{plant.nu} controls and {plant.ny} measurements")
+        remedy = "Check controls= and measurements= of the plant."
+        raise invalid("plant", shown, "at least one of each", remedy)
+    wanted = NormTarget.checked(gamma)
+    whole = with_measurement_noise(with_control_penalty(plant, control_weight), measurement_noise)
     if order is not None:
         most = checked_order(order)
         refuse_with_order(method, gamma)
         orders = StructuredOptions.checked(norm, seconds, 0, effort=effort)
-        whole = with_measurement_noise(
-            with_control_penalty(plant, control_weight), measurement_noise
-        )
+        options: Any = {"backend": backend, "solver": solver, "tolerance": tolerance}
         try:
-            full = output_feedback(
-                whole,
-                norm,
-                backend=backend,
-                solver=solver,
-                tolerance=tolerance,
-                effort=effort,
-                time_limit=min(60.0, seconds / 2),
-            )
+            limit = min(60.0, seconds / 2)
+            full = output_feedback(whole, norm, effort=effort, time_limit=limit, **options)
         except SolverError:
             full = None  # nothing proven: few states may do where this found nothing
         return design_fixed_order(plant, whole, most, full, norm, tolerance, orders)
-    wanted = NormTarget.checked(gamma)
-    if control_weight is not None or measurement_noise is not None:
-        plant = with_measurement_noise(
-            with_control_penalty(plant, control_weight), measurement_noise
-        )
-    engines = ENGINE_ORDER[norm, method]
-    settings = Settings(norm, method, backend, solver, tolerance, wanted, engines)
+    plant = whole
+    settings = Settings(norm, method, backend, solver, tolerance, wanted, ENGINES[norm][method])
     # Steps on the size of the plant that a call may spend at least: a search over gamma of a
     # plant of 120 states takes 40, where `work` would leave one of 250 states seven.
-    work = max(POLICY.work, 80.0 * step_cost(plant.nx))
+    work = max(_WORK, 80.0 * step_cost(plant.nx))
     budget = Budget.with_certificate_reserve(effort * work, seconds)
     diagnosis = check_solvability(plant)
-    exact = [mode for mode in diagnosis.fixed_modes if mode.exact]
-    if exact:
-        raise infeasible_modes_error(exact)
+    diagnosis.require_stabilisable()
     # Delays are approximated in the parts; the whole is certified with them as they are.
     parts = decoupled_parts(plant) if split else (whole_plant(plant.without_delays()),)
     with progress_bar("Designing an output feedback"), enforce_deadline(budget):
@@ -240,44 +238,11 @@ def output_feedback(
         "diagnosis": diagnosis,
         "parts": tuple(part.states for part in parts),
         "part_norms": tuple(c.achieved if c else None for c in found.chosen),
-        "claim": found.combined([c.claim for c in found.done]),
+        "claim": combined_norm((c.claim for c in found.done), norm),
         "work": budget.spent,
         "estimated_infimum": None if found.known or not found.bound else found.bound,
     }
     return found.design(_message(found, diagnosis), bound, details)
-
-
-def _check(
-    plant: Any,
-    norm: str,
-    method: str,
-    backend: str,
-    tolerance: float,
-    time_limit: float,
-    effort: float,
-) -> None:
-    remedy = "Build one with GeneralizedPlant(system, measurements=..., controls=...)."
-    instance_of("plant", plant, GeneralizedPlant, "a GeneralizedPlant", remedy)
-    one_of("norm", norm, ("hinf", "h2"))
-    one_of("method", method, METHODS)
-    one_of("backend", backend, ("cvxpy", "picos"))
-    positive("tolerance", tolerance)
-    positive("time_limit", time_limit, "s")
-    positive("effort", effort)
-    if norm == "h2" and plant.is_discrete and method in ("lmi", "slycot"):
-        raise invalid(
-            "method",
-            described(f"{method!r} for the H2 norm of a discrete-time plant"),
-            "'riccati' or 'auto'",
-            "Only the Riccati equations are written for it.",
-        )
-    if not (plant.nu and plant.ny):
-        raise invalid(
-            "plant",
-            described(f"{plant.nu} controls and {plant.ny} measurements"),
-            "at least one of each",
-            "Check controls= and measurements= of the plant.",
-        )
 
 
 def _message(found: JoinedController, diagnosis: SolvabilityCheck) -> str:
@@ -285,19 +250,15 @@ def _message(found: JoinedController, diagnosis: SolvabilityCheck) -> str:
     wanted, status = found.settings.wanted, found.status
     if bound > 0 and status == "suboptimal" and found.known:
         floor = f"that is at most {achieved / bound - 1:.2g} of it above the infimum: {floor}"
-    text = (
-        f"The {norm_in_words(found.settings.norm)} norm is {achieved:.6g}"
-        + {
-            "optimal": f"; {floor}.",
-            "suboptimal": "; "
-            + (floor if bound > 0 else "it is not known how far above the infimum that is")
-            + ".",
-            "infimum_not_attained": " and could still be lowered by ever larger gains: the "
-            "infimum is not attained. Price u (D12) and add noise to y (D21) to choose how much "
-            "gain is worth it.",
-            "time_limit": f"; {floor}." if bound > 0 else ".",
-        }[status]
-    )
+    known = floor if bound > 0 else "it is not known how far above the infimum that is"
+    text = f"The {norm_in_words(found.settings.norm)} norm is {achieved:.6g}"
+    text += {
+        "optimal": f"; {floor}.",
+        "suboptimal": f"; {known}.",
+        "infimum_not_attained": " and could still be lowered by ever larger gains: the infimum is "
+        "not attained. Price u (D12) and add noise to y (D21) to choose how much gain is worth it.",
+        "time_limit": f"; {floor}." if bound > 0 else ".",
+    }[status]
     if wanted.is_requested:
         text += f" It was asked for {wanted.in_words()}."
     remarks = [remark for c in found.done for remark in c.findings.remarks]

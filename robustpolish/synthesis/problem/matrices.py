@@ -12,7 +12,6 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
-from scipy.linalg import block_diag
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.checks import invalid
@@ -123,6 +122,12 @@ class PlantMatrices:
         """Whether u reaches y directly."""
         return bool(np.any(self.D22))
 
+    @property
+    def dual(self) -> PlantMatrices:
+        """The transposed plant, whose controls are the measurements, and whose w is z."""
+        pairs = zip(_NAMES, _DUAL, strict=True)
+        return self.replace(**{name: getattr(self, other).T for name, other in pairs})
+
     def replace(self, **matrices: Any) -> PlantMatrices:
         """Return the plant with some matrices exchanged."""
         return replace(self, **matrices)
@@ -137,6 +142,16 @@ class PlantMatrices:
             C2=self.C2 @ back,
         )
 
+    def with_inner_loop(self, F: Matrix) -> PlantMatrices:
+        """Return the plant without D22 around which u = F y is closed."""
+        into, shown = self.B2 @ F, self.D12 @ F
+        return self.replace(
+            A=self.A + into @ self.C2,
+            B1=self.B1 + into @ self.D21,
+            C1=self.C1 + shown @ self.C2,
+            D11=self.D11 + shown @ self.D21,
+        )
+
     def without_d22(self) -> PlantMatrices:
         """Return the plant whose y lacks D22 u, which :func:`absorb_d22` accounts for."""
         return self.replace(D22=np.zeros_like(self.D22)) if self.has_d22 else self
@@ -149,19 +164,26 @@ class PlantMatrices:
 
 
 _NAMES = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
+_DUAL = ("A", "C1", "C2", "B1", "B2", "D11", "D21", "D12", "D22")
 
 
-def with_penalty_and_noise(plant: PlantMatrices, epsilon: float) -> PlantMatrices:
-    """Append epsilon times u to z and epsilon times noise on y to w; zero returns the plant."""
+def with_penalty_and_noise(
+    plant: PlantMatrices, epsilon: float, on_states: bool = False
+) -> PlantMatrices:
+    """Append epsilon times u to z and epsilon times noise on y to w; zero returns the plant.
+
+    If it is to be `on_states`, x is appended to z and w disturbs x before them.
+    """
     if epsilon == 0:
         return plant
-    P = plant
+    P, n = plant, plant.nx if on_states else 0
+    nu, ny, e, zero = P.nu, P.ny, epsilon, np.zeros
     return P.replace(
-        B1=np.hstack([P.B1, np.zeros((P.nx, P.ny))]),
-        C1=np.vstack([P.C1, np.zeros((P.nu, P.nx))]),
-        D11=linalg.block_diag(P.D11, np.zeros((P.nu, P.ny))),
-        D12=np.vstack([P.D12, epsilon * np.eye(P.nu)]),
-        D21=np.hstack([P.D21, epsilon * np.eye(P.ny)]),
+        B1=np.hstack([P.B1, e * np.eye(P.nx, n), zero((P.nx, ny))]),
+        C1=np.vstack([P.C1, e * np.eye(n, P.nx), zero((nu, P.nx))]),
+        D11=linalg.block_diag(P.D11, zero((n + nu, n + ny))),
+        D12=np.vstack([P.D12, zero((n, nu)), e * np.eye(nu)]),
+        D21=np.hstack([P.D21, zero((ny, n)), e * np.eye(ny)]),
     )
 
 
@@ -179,17 +201,7 @@ def regularise(plant: PlantMatrices, epsilon: float) -> PlantMatrices:
     epsilon : float
         Zero returns the plant itself.
     """
-    if epsilon == 0:
-        return plant
-    P, n = plant, plant.nx
-    disturbed = P.replace(
-        B1=np.hstack([P.B1, epsilon * np.eye(n)]),
-        C1=np.vstack([P.C1, epsilon * np.eye(n)]),
-        D11=linalg.block_diag(P.D11, np.zeros((n, n))),
-        D12=np.vstack([P.D12, np.zeros((n, P.nu))]),
-        D21=np.hstack([P.D21, np.zeros((P.ny, n))]),
-    )
-    return with_penalty_and_noise(disturbed, epsilon)
+    return with_penalty_and_noise(plant, epsilon, on_states=True)
 
 
 def shifted(plant: PlantMatrices, by: float) -> PlantMatrices:
@@ -261,16 +273,25 @@ def absorb_d22(K: Controller, D22: Matrix) -> Controller | None:
 
 def balanced(K: Controller) -> Controller:
     """Balance the controller's states by powers of two, which rounds nothing."""
-    n = K.A.shape[0]
-    if n == 0:
+    if not len(K.A):
         return K
-    size = np.zeros((n + 1, n + 1))
-    size[:n, :n] = np.abs(K.A)
-    size[:n, n] = np.abs(K.B).max(axis=1, initial=0.0)
-    size[n, :n] = np.abs(K.C).max(axis=0, initial=0.0)
-    scale = balancing_scale(size)
-    t = scale[:n] / scale[n]
+    t = bordered_scale(
+        np.abs(K.A), np.abs(K.B).max(axis=1, initial=0.0), np.abs(K.C).max(axis=0, initial=0.0)
+    )
     return Controller(K.A * t / t[:, None], K.B / t[:, None], K.C * t, K.D)
+
+
+def bordered_scale(A: Matrix, into: Matrix, out: Matrix) -> Matrix:
+    """Return the scale of states that balances A with all inputs and all outputs as one more state.
+
+    Parameters
+    ----------
+    A : ndarray, shape (n, n)
+    into, out : ndarray, shape (n,)
+        The sizes of the inputs to each state and of what the outputs see of it.
+    """
+    scale = balancing_scale(np.block([[A, into[:, None]], [out[None, :], np.zeros((1, 1))]]))
+    return scale[:-1] / scale[-1]
 
 
 def balancing_scale(size: Matrix) -> Matrix:
@@ -324,61 +345,56 @@ def to_continuous(
         That static controller, zero as a rule; it acts on y - D22 u.
     """
     rng = np.random.default_rng(0)
-    feedback = np.zeros((plant.nu, plant.ny))
     # The plant without D22 is mapped: the controller's way back accounts for it.
-    A, B = plant.A, np.hstack([plant.B1, plant.B2])
-    C = np.vstack([plant.C1, plant.C2])
-    D = np.block([[plant.D11, plant.D12], [plant.D21, np.zeros_like(plant.D22)]])
-    best = (np.inf, A, B, C, D, feedback)
+    P = PlantMatrices.of(plant).without_d22()
+    feedback, best, moved = np.zeros((plant.nu, plant.ny)), np.inf, P
     for trial in range(_TRIALS):
         F = 0.3 * gain * rng.standard_normal(gain.shape) if trial else feedback
-        Af = A + plant.B2 @ F @ plant.C2
-        moved = (np.eye(plant.nx) + Af) * state / state[:, None]
-        condition = np.linalg.cond(moved) if plant.nx else 1.0
-        if condition < best[0]:
-            Bf, Cf, Df = B.copy(), C.copy(), D.copy()
-            Bf[:, : plant.nw] += plant.B2 @ F @ plant.D21
-            Cf[: plant.nz] += plant.D12 @ F @ plant.C2
-            Df[: plant.nz, : plant.nw] += plant.D12 @ F @ plant.D21
-            best = (condition, Af, Bf, Cf, Df, F)
-        if best[0] < _WORST_CONDITION:
+        closed = P.with_inner_loop(F)
+        shown = (np.eye(P.nx) + closed.A) * state / state[:, None]
+        condition = np.linalg.cond(shown) if P.nx else 1.0
+        if condition < best:
+            best, feedback, moved = condition, F, closed
+        if best < _WORST_CONDITION:
             break
-    _, A, B, C, D, feedback = best
-    n = plant.nx
-    inverse = np.linalg.inv(A + np.eye(n))
-    root = np.sqrt(2)
-    Ac, Bc, Cc = inverse @ (A - np.eye(n)), root * inverse @ B, root * C @ inverse
-    Dc = D - C @ inverse @ B
-    nw, nz = plant.nw, plant.nz
+    P, nw, nz = moved, plant.nw, plant.nz
+    A, B, C, D = cayley(
+        P.A,
+        np.hstack([P.B1, P.B2]),
+        np.vstack([P.C1, P.C2]),
+        np.block([[P.D11, P.D12], [P.D21, P.D22]]),
+    )
+    w, u, z, y = slice(nw), slice(nw, None), slice(nz), slice(nz, None)
     image = GeneralizedPlant.from_matrices(
-        Ac,
-        Bc[:, :nw],
-        Bc[:, nw:],
-        Cc[:nz],
-        Cc[nz:],
-        Dc[:nz, :nw],
-        Dc[:nz, nw:],
-        Dc[nz:, :nw],
-        Dc[nz:, nw:],
+        A, B[:, w], B[:, u], C[z], C[y], D[z, w], D[z, u], D[y, w], D[y, u]
     )
     return image, feedback
 
 
 def to_discrete(K: Controller, feedback: Matrix, D22: Matrix) -> Controller | None:
     """Map a controller back, add the static one and account for the discrete plant's D22."""
-    n = len(K.A)
-    gap = np.eye(n) - K.A
-    if n and np.linalg.cond(gap) > 1e12:
+    if len(K.A) and np.linalg.cond(np.eye(len(K.A)) - K.A) > 1e12:
         return None
-    inverse = np.linalg.inv(gap)
-    root = np.sqrt(2)
-    mapped = Controller(
-        (np.eye(n) + K.A) @ inverse,
-        root * inverse @ K.B,
-        root * K.C @ inverse,
-        K.D + K.C @ inverse @ K.B + feedback,
+    mapped = cayley_back(K)
+    return absorb_d22(Controller(*mapped[:3], mapped.D + feedback), D22)
+
+
+def cayley(A: Matrix, B: Matrix, C: Matrix, D: Matrix) -> SystemMatrices:
+    """Map discrete time to continuous time; no pole may lie at z = -1."""
+    one, root = np.eye(len(A)), np.sqrt(2)
+    inverse = np.linalg.inv(A + one)
+    return SystemMatrices(
+        inverse @ (A - one), root * inverse @ B, root * C @ inverse, D - C @ inverse @ B
     )
-    return absorb_d22(mapped, D22)
+
+
+def cayley_back(K: SystemMatrices) -> SystemMatrices:
+    """Map a continuous system to discrete time, the inverse of :func:`cayley`."""
+    one, root = np.eye(len(K.A)), np.sqrt(2)
+    inverse = np.linalg.inv(one - K.A)
+    return SystemMatrices(
+        (one + K.A) @ inverse, root * inverse @ K.B, root * K.C @ inverse, K.D + K.C @ inverse @ K.B
+    )
 
 
 # Plants whose whole state is measured, y = x: the loops of u = F x, and related plants.
@@ -405,21 +421,16 @@ def state_gain_norm(plant: PlantMatrices, F: Matrix | None, norm: str) -> float:
         return math.inf
     if not p.B1.size or not p.C1.size:
         return 0.0
-    dt = True if p.discrete else 0
-    loop = control.StateSpace(p.A + p.B2 @ F, p.B1, p.C1 + p.D12 @ F, p.D11, dt)
+    loop = control.StateSpace(p.A + p.B2 @ F, p.B1, p.C1 + p.D12 @ F, p.D11, p.discrete)
     return float(hinf_norm(loop) if norm == "hinf" else h2_norm(loop))
 
 
 def is_regular(plant: PlantMatrices) -> bool:
     """Return whether every control has a price: D12 of full column rank, to rounding."""
     p = plant
-    if p.nu == 0:
-        return True
-    if p.nz == 0:
-        return False
+    if p.nu == 0 or p.nz < p.nu:
+        return p.nu == 0
     singular = np.linalg.svd(p.D12, compute_uv=False)
-    if singular.size < p.nu:
-        return False
     size = max(float(np.linalg.norm(p.C1, 2)), float(singular[0]))
     return bool(singular[-1] > 1e-11 * size)
 
@@ -511,14 +522,11 @@ class StaticLoop:
     @property
     def stable(self) -> bool:
         """Whether all poles are inside, by more than rounding errors of the eigenvalues."""
-        if not np.isfinite(self.A).all():
-            return False
-        if self.A.size == 0:
-            return True
+        if self.A.size == 0 or not np.isfinite(self.A).all():
+            return self.A.size == 0
         blur = 10 * np.finfo(float).eps * float(np.linalg.norm(self.A, 2))
-        if self.plant.discrete:
-            return bool(np.max(np.abs(self.poles)) < 1 - blur)
-        return bool(np.max(self.poles.real) < -blur)
+        size = np.abs(self.poles) - 1 if self.plant.discrete else self.poles.real
+        return bool(np.max(size) < -blur)
 
     def back(self, gradient: Matrix) -> Matrix:
         """Turn a gradient over T = K (I - D22 K)^-1 into one over K."""
@@ -529,31 +537,16 @@ class StaticLoop:
 
 def close_static_loop(plant: PlantMatrices, K: Matrix) -> StaticLoop | None:
     """Connect u = K y with a constant K; None if the loop is not well posed."""
-    if not plant.has_d22:
-        return _closed(plant, K, K, None, None)
-    left, right = np.eye(len(K)) - K @ plant.D22, np.eye(K.shape[1]) - plant.D22 @ K
-    # Both are singular for the same K, but rounding may show it in one of them only.
-    for end in (left, right):
-        if not np.isfinite(end).all() or np.linalg.cond(end) > 1 / np.finfo(float).eps:
-            return None
-    T = np.linalg.solve(left, K)
-    return _closed(plant, K, T, np.linalg.inv(left), np.linalg.inv(right))
-
-
-def _closed(
-    plant: PlantMatrices, K: Matrix, T: Matrix, left: Matrix | None, right: Matrix | None
-) -> StaticLoop:
-    B2T, D12T = plant.B2 @ T, plant.D12 @ T
-    return StaticLoop(
-        plant,
-        K,
-        plant.A + B2T @ plant.C2,
-        plant.B1 + B2T @ plant.D21,
-        plant.C1 + D12T @ plant.C2,
-        plant.D11 + D12T @ plant.D21,
-        left,
-        right,
-    )
+    T, ends = K, (None, None)
+    if plant.has_d22:
+        left, right = np.eye(len(K)) - K @ plant.D22, np.eye(K.shape[1]) - plant.D22 @ K
+        # Both are singular for the same K, but rounding may show it in one of them only.
+        for end in (left, right):
+            if not np.isfinite(end).all() or np.linalg.cond(end) > 1 / np.finfo(float).eps:
+                return None
+        T, ends = np.linalg.solve(left, K), (np.linalg.inv(left), np.linalg.inv(right))
+    loop = plant.with_inner_loop(T)
+    return StaticLoop(plant, K, loop.A, loop.B1, loop.C1, loop.D11, *ends)
 
 
 def augmented(loop: PlantMatrices, order: int) -> PlantMatrices:
@@ -567,14 +560,14 @@ def augmented(loop: PlantMatrices, order: int) -> PlantMatrices:
     eye, none = np.eye(order), np.zeros((order, order))
     more_x = np.zeros((loop.nx, order))
     return loop.replace(
-        A=block_diag(loop.A, none),
+        A=linalg.block_diag(loop.A, none),
         B1=np.pad(loop.B1, ((0, order), (0, 0))),
         B2=np.block([[more_x, loop.B2], [eye, np.zeros((order, loop.nu))]]),
         C1=np.pad(loop.C1, ((0, 0), (0, order))),
         C2=np.block([[more_x.T, eye], [loop.C2, np.zeros((loop.ny, order))]]),
         D12=np.pad(loop.D12, ((0, 0), (order, 0))),
         D21=np.pad(loop.D21, ((order, 0), (0, 0))),
-        D22=block_diag(none, loop.D22) if loop.D22.size else np.zeros((0, 0)),
+        D22=linalg.block_diag(none, loop.D22) if loop.D22.size else np.zeros((0, 0)),
     )
 
 
@@ -583,18 +576,7 @@ def controller_loop(order: int, left: Matrix, right: Matrix, discrete: bool) -> 
 
     K = [[Ak, Bk], [Ck, Dk]] is closed around `order` integrators (delays) alone.
     """
-    (rows, nu), (ny, columns) = left.shape, right.shape
-    nothing = np.zeros
-    gain = PlantMatrices(
-        A=nothing((0, 0)),
-        B1=nothing((0, columns)),
-        B2=nothing((0, nu)),
-        C1=nothing((rows, 0)),
-        C2=nothing((ny, 0)),
-        D11=nothing((rows, columns)),
-        D12=left,
-        D21=right,
-        D22=nothing((ny, nu)),
-        discrete=discrete,
-    )
+    (rows, nu), (ny, columns), zero = left.shape, right.shape, np.zeros
+    still = zero((0, 0)), zero((0, columns)), zero((0, nu)), zero((rows, 0)), zero((ny, 0))
+    gain = PlantMatrices(*still, zero((rows, columns)), left, right, zero((ny, nu)), discrete)
     return augmented(gain, order)

@@ -15,7 +15,7 @@ from robustpolish.base.arrays import Array
 from robustpolish.base.checks import described, invalid
 from robustpolish.errors import InfeasibleError
 from robustpolish.linear.arithmetic.rational import EXACT_STATES
-from robustpolish.linear.controllability import controllability, observability
+from robustpolish.linear.controllability import controllability
 from robustpolish.linear.zeros import AxisZero, zeros_on_axis
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import NOISE_PREFIX
@@ -27,12 +27,7 @@ Status = Literal["optimal", "suboptimal", "infimum_not_attained", "time_limit"]
 # The word that says least comes first. After "time_limit" another machine may find something else;
 # "suboptimal" leaves open how much is to be gained, and by what; "infimum_not_attained" says both:
 # as much as wanted, by larger gains; "optimal" says that nothing is.
-_WORST_FIRST: tuple[Status, ...] = (
-    "time_limit",
-    "suboptimal",
-    "infimum_not_attained",
-    "optimal",
-)
+_WORST_FIRST: tuple[Status, ...] = ("time_limit", "suboptimal", "infimum_not_attained", "optimal")
 
 
 def worst_status(statuses: Iterable[str]) -> Status:
@@ -45,9 +40,8 @@ def worst_status(statuses: Iterable[str]) -> Status:
     >>> worst_status([])
     'optimal'
     """
-    found = set(statuses)
-    words: list[Status] = [status for status in _WORST_FIRST if status in found]
-    return words[0] if words else "optimal"
+    found = {"optimal", *statuses}
+    return next(status for status in _WORST_FIRST if status in found)
 
 
 _SUSPECT = 1e-7
@@ -133,6 +127,12 @@ class SolvabilityCheck:
             return None
         return not (self.control_zeros or self.measurement_zeros)
 
+    def require_stabilisable(self) -> None:
+        """Raise an InfeasibleError if some mode is surely fixed."""
+        exact = [mode for mode in self.fixed_modes if mode.exact]
+        if exact:
+            raise infeasible_modes_error(exact)
+
     def with_zeros(self, plant: GeneralizedPlant) -> SolvabilityCheck:
         """Return the diagnosis of the plant with its zeros on the axis, which take longer."""
         P = plant
@@ -173,107 +173,55 @@ def check_solvability(plant: GeneralizedPlant) -> SolvabilityCheck:
     """Look for what makes an output feedback impossible or singular."""
     scaled = scale_plant(plant)
     P = scaled.plant
-    rank12, rank21 = _rank(P.D12), _rank(P.D21)
-    modes = [
-        *_fixed(P.A, P.B2, plant, scaled.time, "uncontrollable"),
-        *_fixed(P.A.T, P.C2.T, plant, scaled.time, "unobservable"),
-    ]
+    # Ranks in scaled units, in which directions that are too weak count as absent.
+    rank12, rank21 = (
+        int((np.linalg.svd(D, compute_uv=False) > _WEAKEST).sum()) if D.size else 0
+        for D in (P.D12, P.D21)
+    )
+    modes = []
+    for A, B, lack in ((P.A, P.B2, "uncontrollable"), (P.A.T, P.C2.T, "unobservable")):
+        if _looks_fixed(A, B, plant.is_discrete):
+            test = controllability(A, B, states=plant.states, dt=plant.dt)
+            modes += [
+                FixedMode(m.eigenvalue / scaled.time, m.state, lack, m.distance, m.deficient)
+                for m in test.modes
+                if not m.stable
+                and (m.deficient or (plant.nx > EXACT_STATES and m.distance < _SUSPECT))
+            ]
     return SolvabilityCheck(tuple(modes), rank12, rank21, rank12 == plant.nu, rank21 == plant.ny)
+
+
+def _looks_fixed(A: Matrix, B: Matrix, discrete: bool) -> bool:
+    """Apply the Popov-Belevitch-Hautus test to the modes that are not clearly stable.
+
+    It is a first look only: an integrator behind a fast lag is suspected as well, because sizes are
+    relative to the fastest rate, though that keeps no controller from moving it.
+    """
+    values: Any = np.linalg.eigvals(A)
+    # Without any dynamics and control every mode is fixed.
+    size = (np.linalg.norm(A, 2) + np.linalg.norm(B, 2) if A.size else 0.0) or 1.0
+    margin = 1 - np.abs(values) if discrete else -values.real
+    return any(
+        np.linalg.svd(np.hstack([A - value * np.eye(len(A)), B]), compute_uv=False)[-1]
+        < _SUSPECT * size
+        for value in values[(margin <= 1e-7 * size) & (values.imag >= 0)]
+    )
 
 
 def infeasible_modes_error(modes: Sequence[FixedMode]) -> InfeasibleError:
     """Return the error that names the modes for which no controller exists."""
     listed = "; ".join(str(mode) for mode in modes)
-    kinds = {mode.lack for mode in modes}
+    remedies = {
+        "uncontrollable": "add an actuator that reaches it",
+        "unobservable": "add a sensor that sees it",
+    }
     remedy = " and ".join(
-        text
-        for lack, text in (
-            ("uncontrollable", "add an actuator that reaches it"),
-            ("unobservable", "add a sensor that sees it"),
-        )
-        if lack in kinds
+        text for lack, text in remedies.items() if lack in {mode.lack for mode in modes}
     )
     return InfeasibleError(
         f"No controller stabilises the plant because of the {listed}. To go on, {remedy}.",
         [mode.eigenvalue for mode in modes],
     )
-
-
-def _fixed(
-    A: Matrix, B: Matrix, plant: GeneralizedPlant, time: float, lack: str
-) -> list[FixedMode]:
-    """Apply the Popov-Belevitch-Hautus test to the modes that are not clearly stable."""
-    n = A.shape[0]
-    if n == 0:
-        return []
-    values: Any
-    vectors: Any
-    values, vectors = np.linalg.eig(A)
-    # Without any dynamics and control every mode is fixed.
-    size = (np.linalg.norm(A, 2) + np.linalg.norm(B, 2)) or 1.0
-    margin = 1 - np.abs(values) if plant.is_discrete else -values.real
-    found = []
-    for i in np.flatnonzero((margin <= 1e-7 * size) & (values.imag >= 0)).tolist():
-        distance = float(_distance(A, B, complex(values[i])) / size)
-        if distance < _SUSPECT:
-            carries = plant.states[int(np.argmax(_participation(vectors, i)))]
-            found.append(FixedMode(complex(values[i] / time), carries, lack, distance, False))
-    return _confirmed_modes(found, A, B, plant, time, lack) if found else []
-
-
-def _confirmed_modes(
-    found: list[FixedMode], A: Matrix, B: Matrix, plant: GeneralizedPlant, time: float, lack: str
-) -> list[FixedMode]:
-    """Decide which suspects are fixed to rounding, and drop those that are proven to be moved.
-
-    An integrator behind a fast lag looks suspicious because distances are relative to the
-    fastest rate; that alone keeps no controller from moving it.
-    """
-    n = A.shape[0]
-    if n > EXACT_STATES:
-        level = 100 * n * np.finfo(float).eps
-        return [
-            FixedMode(m.eigenvalue, m.state, lack, m.distance, m.distance < level) for m in found
-        ]
-    if lack == "uncontrollable":
-        test = controllability(A, B, states=plant.states, dt=plant.dt)
-    else:
-        test = observability(A.T, B.T, states=plant.states, dt=plant.dt)
-    return [
-        FixedMode(complex(m.eigenvalue / time), m.state, lack, m.distance, True)
-        for m in test.harmful
-    ]
-
-
-def _distance(A: Matrix, B: Matrix, value: complex) -> float:
-    """Return the least singular value of (A - lambda I, B), for the best lambda nearby.
-
-    A defective eigenvalue is known to half the digits only; the left singular vector improves it.
-    """
-    n = A.shape[0]
-    best = np.inf
-    for _ in range(5):
-        U, singular, _ = np.linalg.svd(np.hstack([A - value * np.eye(n), B]), full_matrices=False)
-        if singular[-1] >= 0.9 * best:
-            break
-        best = float(singular[-1])
-        u = U[:, -1]
-        value = complex(u.conj() @ A @ u)
-    return best
-
-
-def _participation(vectors: Matrix, i: int) -> Matrix:
-    """Return how much each state takes part in mode i, independent of units."""
-    try:
-        left = np.linalg.inv(vectors)[i]
-    except np.linalg.LinAlgError:
-        left = np.ones(len(vectors))
-    return np.abs(left * vectors[:, i])
-
-
-def _rank(D: Matrix) -> int:
-    """Return the rank in scaled units, counting directions that are too weak as absent."""
-    return int((np.linalg.svd(D, compute_uv=False) > _WEAKEST).sum()) if D.size else 0
 
 
 def with_control_penalty(plant: GeneralizedPlant, weight: ArrayLike | None) -> GeneralizedPlant:
@@ -358,10 +306,7 @@ _GAINS = 5
 
 
 def unstable_fixed_modes(
-    loop: PlantMatrices,
-    mask: NDArray[np.bool_],
-    states: Sequence[str],
-    unit_of_time: float = 1.0,
+    loop: PlantMatrices, mask: NDArray[np.bool_], states: Sequence[str], unit_of_time: float = 1.0
 ) -> tuple[FixedMode, ...]:
     """Find unstable eigenvalues of A + B2 K C2 common to all K with the given pattern.
 
@@ -389,25 +334,17 @@ def unstable_fixed_modes(
     values, vectors = np.asarray(found[0], complex), np.asarray(found[1])
     size = float(np.linalg.norm(loop.A, 2)) if loop.A.size else 0.0
     margin = np.abs(values) - 1 if loop.discrete else np.real(values)
-    suspects = [
-        i for i in range(len(values)) if margin[i] >= -_MOVED * size and values[i].imag >= 0
-    ]
+    suspects = np.flatnonzero((margin >= -_MOVED * size) & (values.imag >= 0)).tolist()
     rng = np.random.default_rng(0)
-    for scale in np.logspace(-1, 1, _GAINS):
-        if not suspects:
-            break
+    for scale in np.logspace(-1, 1, _GAINS) if suspects else ():
         closed = close_static_loop(loop, np.where(mask, scale * rng.normal(size=mask.shape), 0.0))
-        if closed is None:
-            continue
-        suspects = [i for i in suspects if np.abs(closed.poles - values[i]).min() <= _MOVED * size]
+        if closed is not None:
+            suspects = [
+                i for i in suspects if np.abs(closed.poles - values[i]).min() <= _MOVED * size
+            ]
+    leaders = np.abs(vectors).argmax(axis=0) if suspects else ()
     return tuple(
-        FixedMode(
-            eigenvalue=complex(values[i] / unit_of_time),
-            state=states[int(np.argmax(np.abs(vectors[:, i])))],
-            lack="immovable",
-            distance=0.0,
-            exact=True,
-        )
+        FixedMode(complex(values[i] / unit_of_time), states[leaders[i]], "immovable", 0.0, True)
         for i in suspects
     )
 

@@ -6,7 +6,7 @@ import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import control
 import numpy as np
@@ -72,33 +72,27 @@ def decoupled_parts(
         # A feedthrough as a mark only: it joins y to u in the graph.
         D = (D != 0).astype(float)
         D[plant.nz :, plant.nw :] += np.asarray(structure, float).T
-    blocks = decoupled_blocks(plant.A, plant.system.B, plant.system.C, D)
-    return tuple(_part(plant, b.states, b.inputs, b.outputs) for b in blocks)
+    nw, nz = plant.nw, plant.nz
+    parts = []
+    for block in decoupled_blocks(plant.A, plant.system.B, plant.system.C, D):
+        kept = {
+            "states": block.states,
+            "disturbances": [i for i in block.inputs if i < nw],
+            "controls": [i - nw for i in block.inputs if i >= nw],
+            "performance": [i for i in block.outputs if i < nz],
+            "measurements": [i - nz for i in block.outputs if i >= nz],
+        }
+        # python-control holds no outputs without inputs; without inputs they do not matter either.
+        shown = kept if block.inputs else kept | {"performance": [], "measurements": []}
+        places = {name: tuple(indices) for name, indices in kept.items()}
+        parts.append(PlantPart(plant.part(**shown), **places))
+    return tuple(parts)
 
 
 def whole_plant(plant: GeneralizedPlant) -> PlantPart:
     """Return the whole plant as its only part."""
     counts = (plant.nx, plant.nw, plant.nu, plant.nz, plant.ny)
     return PlantPart(plant, *(tuple(range(count)) for count in counts))
-
-
-def _part(
-    plant: GeneralizedPlant, states: Sequence[int], inputs: Sequence[int], outputs: Sequence[int]
-) -> PlantPart:
-    disturbances = [i for i in inputs if i < plant.nw]
-    controls = [i - plant.nw for i in inputs if i >= plant.nw]
-    performance = [i for i in outputs if i < plant.nz]
-    measurements = [i - plant.nz for i in outputs if i >= plant.nz]
-    # python-control holds no outputs without inputs; without inputs they do not matter either.
-    part = plant.part(
-        states=states,
-        disturbances=disturbances,
-        controls=controls,
-        performance=performance if inputs else [],
-        measurements=measurements if inputs else [],
-    )
-    kept = (states, disturbances, controls, performance, measurements)
-    return PlantPart(part, *(tuple(indices) for indices in kept))
 
 
 def with_dummy_signals(part: GeneralizedPlant) -> GeneralizedPlant:
@@ -132,13 +126,12 @@ def joined_controller(
     control.StateSpace
         From the plant's measurements to its controls.
     """
-    order = sum(0 if K is None else K.nstates for K in controllers)
+    known = [(part, K) for part, K in zip(parts, controllers, strict=True) if K is not None]
+    order = sum(K.nstates for _, K in known)
     A, B = np.zeros((order, order)), np.zeros((order, plant.ny))
     C, D = np.zeros((plant.nu, order)), np.zeros((plant.nu, plant.ny))
     start = 0
-    for part, K in zip(parts, controllers, strict=True):
-        if K is None:
-            continue
+    for part, K in known:
         own = list(range(start, start + K.nstates))
         start += K.nstates
         A[np.ix_(own, own)] = K.A
@@ -266,25 +259,20 @@ def scale_plant(plant: GeneralizedPlant) -> ScaledPlant:
     >>> bool(abs(scale_plant(plant).plant.A).max() < 10)
     True
     """
-    with powers_of_two.range_errors_as_input_errors(
-        "plant", {name: getattr(plant, name) for name in _NAMES}
-    ):
-        return _scaled_plant(plant)
-
-
-def _scaled_plant(plant: GeneralizedPlant) -> ScaledPlant:
     nx, nw, nu, nz, ny = plant.nx, plant.nw, plant.nu, plant.nz, plant.ny
-    time = 1.0 if plant.is_discrete else _unit_of_time(plant.A)
-    S = np.block(
-        [
-            [powers_of_two.scaled(M, time) for M in (plant.A, plant.B1, plant.B2)],
-            [plant.C1, plant.D11, plant.D12],
-            [plant.C2, plant.D21, plant.D22],
-        ]
-    )
-    left, right = _balance(S, nx, nw, nz)
-    S = powers_of_two.scaled(S, left[:, None], right)
-    powers_of_two.refuse_out_of_range(S)
+    given = {name: getattr(plant, name) for name in _NAMES}
+    with powers_of_two.range_errors_as_input_errors("plant", given):
+        time = 1.0 if plant.is_discrete else _unit_of_time(plant.A)
+        S = np.block(
+            [
+                [powers_of_two.scaled(M, time) for M in (plant.A, plant.B1, plant.B2)],
+                [plant.C1, plant.D11, plant.D12],
+                [plant.C2, plant.D21, plant.D22],
+            ]
+        )
+        left, right = _balance(S, nx, nw, nz)
+        S = powers_of_two.scaled(S, left[:, None], right)
+        powers_of_two.refuse_out_of_range(S)
     matrices = (S[:nx, :nx], S[:nx, nx:], S[nx:, :nx], S[nx:, nx:])
     whole = plant.system
     names = (whole.input_labels, whole.output_labels, whole.state_labels)
@@ -357,9 +345,10 @@ class SolverPlant:
         shifted = absorb_d22(K, self.scaled.plant.D22)
         if shifted is None:
             return None
-        found = self.scaled.controller(control.StateSpace(*shifted, remove_useless_states=False))
+        A, B, C, D = shifted
+        units, rate = self.scaled, self.scaled.time
         final: Controller | None = Controller(
-            *map(np.asarray, (found.A, found.B, found.C, found.D))
+            A / rate, B / rate / units.measurement, units.control[:, None] * C, units.output_gain(D)
         )
         if self.original.is_discrete and not self.scaled.original.is_discrete:
             final = to_discrete(final, self.feedback, self.original.D22)
@@ -419,14 +408,7 @@ def _power_of_two(size: ArrayLike) -> Matrix:
 # Leave out the states of a large plant that nothing sees or reaches, before a search.
 
 
-class Truncated(NamedTuple):
-    """A plant of fewer states, and how far its response from w, u to z, y is from the whole's."""
-
-    plant: PlantMatrices
-    error: float
-
-
-def truncated(plant: PlantMatrices) -> Truncated | None:
+def truncated(plant: PlantMatrices) -> tuple[PlantMatrices, float] | None:
     """Truncate the stable part of a plant in balanced states.
 
     Parameters
@@ -436,10 +418,10 @@ def truncated(plant: PlantMatrices) -> Truncated | None:
 
     Returns
     -------
-    Truncated or None
+    plant, error : PlantMatrices, float, or None
         None where most states count, or doubles cannot tell. The error is twice the sum of the
         Hankel singular values that are left out, which bounds the H-infinity norm of the
-        difference.
+        difference of the responses from w, u to z, y.
 
     Notes
     -----
@@ -452,7 +434,12 @@ def truncated(plant: PlantMatrices) -> Truncated | None:
             into, back, stable = _split(plant.A)
             P = plant.in_states(into, back)
             A, B = P.A[:stable, :stable], np.hstack([P.B1, P.B2])[:stable]
-            T, Ti, values = _balancing(A, B, np.vstack([P.C1, P.C2])[:, :stable])
+            C = np.vstack([P.C1, P.C2])[:, :stable]
+            reach = _root(linalg.solve_continuous_lyapunov(A, -B @ B.T))
+            see = _root(linalg.solve_continuous_lyapunov(A.T, -C.T @ C))
+            U, values, Vt = np.linalg.svd(see.T @ reach)
+            size = np.sqrt(values)  # where it is zero, states are left out
+            T, Ti = reach @ Vt.T / size, (see @ U / size).T
     except (linalg.LinAlgError, ValueError):
         return None
     left_out = 2 * np.cumsum(values[::-1])[::-1]
@@ -466,7 +453,7 @@ def truncated(plant: PlantMatrices) -> Truncated | None:
         return None
     others: Any = np.eye(rest)
     into, back = linalg.block_diag(Ti[:kept], others), linalg.block_diag(T[:, :kept], others)
-    return Truncated(P.in_states(np.asarray(into), np.asarray(back)), float(left_out[kept]))
+    return P.in_states(np.asarray(into), np.asarray(back)), float(left_out[kept])
 
 
 def _split(A: AnyMatrix) -> tuple[AnyMatrix, AnyMatrix, int]:
@@ -483,15 +470,6 @@ def _split(A: AnyMatrix) -> tuple[AnyMatrix, AnyMatrix, int]:
     back = Z @ turn
     turn[:count, count:] *= -1
     return turn @ Z.T, back, count
-
-
-def _balancing(A: AnyMatrix, B: AnyMatrix, C: AnyMatrix) -> tuple[AnyMatrix, AnyMatrix, AnyMatrix]:
-    """Return balanced states of a stable system, and its Hankel singular values."""
-    reach = _root(linalg.solve_continuous_lyapunov(A, -B @ B.T))
-    see = _root(linalg.solve_continuous_lyapunov(A.T, -C.T @ C))
-    U, values, Vt = np.linalg.svd(see.T @ reach)
-    size = np.sqrt(values)  # where it is zero, states are left out
-    return reach @ Vt.T / size, (see @ U / size).T, values
 
 
 def _root(gramian: Any) -> AnyMatrix:

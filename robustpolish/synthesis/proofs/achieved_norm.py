@@ -17,7 +17,6 @@ from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.realisation import Realisation
 from robustpolish.linear.delayed_systems import resolvent_response
 from robustpolish.linear.eigen import eigensystem
-from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import HinfNorm, hinf_norm
 from robustpolish.linear.norms.modal_form import Peak, modal_form
 from robustpolish.synthesis.problem.matrices import balancing_scale
@@ -119,11 +118,8 @@ def _highest(A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array) -> 
 
 def state_scale(A: Matrix, B: Matrix, C: Matrix) -> Matrix:
     """Balance the states by powers of two, with all inputs and all outputs as one more state."""
-    n = len(A)
-    bordered = np.zeros((n + 1, n + 1))
-    bordered[:n, :n] = A
-    bordered[:n, n], bordered[n, :n] = np.linalg.norm(B, axis=1), np.linalg.norm(C, axis=0)
-    return balancing_scale(bordered)[:n]
+    into, out = np.linalg.norm(B, axis=1), np.linalg.norm(C, axis=0)
+    return balancing_scale(np.block([[A, into[:, None]], [out[None, :], np.zeros((1, 1))]]))[:-1]
 
 
 def _resonances(poles: Any) -> Array:
@@ -188,10 +184,7 @@ _ROUNDING = 1e-2
 
 
 def achieved_hinf(
-    system: control.StateSpace,
-    rounded: control.StateSpace,
-    level: float,
-    reasons: list[str],
+    system: control.StateSpace, rounded: control.StateSpace, level: float, reasons: list[str]
 ) -> tuple[float, float | None]:
     """Compute the norm, confirm it on a grid that is dense around its peak, and round the loop.
 
@@ -214,12 +207,11 @@ def achieved_hinf(
     """
     precise = system.nstates <= _ALWAYS_PRECISE
     result, gains, grid = _norm_and_grid(system, precise)
-    if not precise and system.nstates <= _PRECISE_STATES:
-        precise = not (
-            result.upper <= result.value * (1 + 1e-3) and _grid_confirms(result.value, gains, level)
-        )
-        if precise:
-            result, gains, grid = _norm_and_grid(system, precise)
+    narrow = result.upper <= result.value * (1 + 1e-3)
+    doubtful = not (narrow and _grid_confirms(result.value, gains, level))
+    if not precise and system.nstates <= _PRECISE_STATES and doubtful:
+        precise = True
+        result, gains, grid = _norm_and_grid(system, precise)
     value = float(result.value)
     if not np.isfinite(value):
         reasons.append(f"the H-infinity norm could not be computed: {result.reason}")
@@ -228,16 +220,17 @@ def achieved_hinf(
     if not _grid_confirms(value, gains, level):
         reasons.append(f"the frequency response reaches {largest:.6g}, the norm was {value:.6g}")
     other = _largest_singular_values(rounded, grid, precise)
-    if not abs(other.max(initial=0.0) - largest) <= _ROUNDING * largest + level:
+    rough = float(other.max(initial=0.0))
+    if not abs(rough - largest) <= _ROUNDING * largest + level:
         reasons.append(
             "the loop does not bear rounding: with its matrices in doubles its norm is "
-            f"{float(other.max(initial=0.0)):.6g} instead of {largest:.6g}"
+            f"{rough:.6g} instead of {largest:.6g}"
         )
     # What rounding adds counts as well: no machine keeps the matrices exactly.
     for seen in (gains, other):
         if seen.max(initial=0.0) > value * (1 + 1e-9):
-            value, where = float(seen.max()), float(grid[int(np.argmax(seen))])
-            result = replace(result, frequency=where)
+            value = float(seen.max())
+            result = replace(result, frequency=float(grid[int(np.argmax(seen))]))
     beside = _norm(rounded, precise=False)
     if value * (1 + 1e-9) < beside.value <= value * (1 + _ROUNDING) + level:
         value, result = float(beside.value), beside
@@ -270,14 +263,6 @@ def _grid_confirms(value: float, gains: NDArray[np.float64], level: float) -> bo
     return bool(abs(gains.max(initial=0.0) - value) <= 5e-4 * value + level)
 
 
-def achieved_h2(system: control.StateSpace, reasons: list[str]) -> float:
-    """Compute the H2 norm; what speaks against it is appended to `reasons`."""
-    result = h2_norm(system, tolerance=1e-4)  # the proof bounds it closer
-    if not np.isfinite(result.value):
-        reasons.append(f"the H2 norm is not finite: {result.reason}")
-    return float(result.value)
-
-
 def _confirmation_grid(system: control.StateSpace, peak: float) -> NDArray[np.float64]:
     """Return frequencies in rad/s: zero, infinity, near `peak`, and at the poles.
 
@@ -294,11 +279,10 @@ def _confirmation_grid(system: control.StateSpace, peak: float) -> NDArray[np.fl
     """
     nyquist = _nyquist_frequency(system)
     poles: Any = np.linalg.eigvals(system.A) if system.nstates else np.zeros(0, complex)
+    # A resonance peaks near the imaginary part, a corner lies at the absolute value.
+    own = np.concatenate([np.abs(poles.imag), np.abs(poles)])
     if np.isfinite(nyquist):
         own = np.abs(np.angle(poles)) / (np.pi / nyquist)
-    else:
-        # A resonance peaks near the imaginary part, a corner lies at the absolute value.
-        own = np.concatenate([np.abs(poles.imag), np.abs(poles)])
     points = [np.array([0.0, nyquist]), np.unique(own)]
     if np.isfinite(peak):
         away = np.concatenate([[0.0], np.logspace(-7, -0.5, 14)])
@@ -327,29 +311,24 @@ def _largest_singular_values(
     """
     A, B, C, D = (np.asarray(M) for M in (system.A, system.B, system.C, system.D))
     values = np.zeros(frequencies.size)
-    if 0 in D.shape:
-        return values
     nyquist = _nyquist_frequency(system)
     exact = [balls.ball(M) for M in (A, B, C, D)]
-    for i, frequency in enumerate(frequencies):
+    for i, frequency in enumerate(frequencies if D.size else ()):
         check_deadline()
-        s: Any = None
+        s, response = None, D
         if np.isfinite(frequency):
             angle = np.pi * frequency / nyquist
-            s = np.exp(1j * angle) if np.isfinite(nyquist) else 1j * frequency
+            s = complex(np.exp(1j * angle) if np.isfinite(nyquist) else 1j * frequency)
         try:
             if precise:
                 with balls.precision(160):
-                    point = None if s is None else flint.acb(complex(s))
+                    point = None if s is None else flint.acb(s)
                     response = balls.midpoint(balls.transfer_matrix(*exact, point))  # pyright: ignore[reportCallIssue]
-            elif s is None:
-                response = D
-            else:
-                response = D + C @ np.linalg.solve(s * np.eye(A.shape[0]) - A, B.astype(complex))
+            elif s is not None:
+                response = D + C @ np.linalg.solve(s * np.eye(len(A)) - A, B.astype(complex))
+            values[i] = np.linalg.svd(response, compute_uv=False)[0]
         except (np.linalg.LinAlgError, ZeroDivisionError):
             values[i] = np.inf
-            continue
-        values[i] = np.linalg.svd(response, compute_uv=False)[0]
     return values
 
 

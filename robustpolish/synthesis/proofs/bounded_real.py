@@ -21,7 +21,7 @@ from robustpolish.linear.proofs.bounded_real import BallSystem, bounded_real, ha
 from robustpolish.linear.proofs.definite import is_definite
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.proofs.achieved_norm import estimate_norm, state_scale
-from robustpolish.synthesis.riccati.equations import solve_lyapunov, solve_riccati
+from robustpolish.synthesis.riccati.gamma import solve_lyapunov, solve_riccati
 
 # The closed loop of a plant and any controller, in ball arithmetic: an enclosure of the exact one.
 
@@ -31,8 +31,6 @@ BITS = 240
 # More states than this are solved for in doubles and refined: at most so often, as long as each
 # step is that much smaller than the one before, until one is so small beside the solution.
 _REFINED, _REFINEMENTS, _PROGRESS, _EXACT = 60, 12, 1e-3, 1e-30
-
-enclose_system = BallSystem.of
 
 
 def enclose_loop(plant: GeneralizedPlant, controller: Any, bits: int = BITS) -> BallSystem:
@@ -53,13 +51,9 @@ def enclose_loop(plant: GeneralizedPlant, controller: Any, bits: int = BITS) -> 
     with balls.precision(bits):
         A, B, C, D = BallSystem.closed_loop(plant, controller)
         scale = state_scale(*map(balls.midpoint, (A, B, C)))
-        into, given, shown = 1 / scale, np.ones(B.ncols()), np.ones(C.nrows())
-        A, B, C = (
-            balls.scaled(A, into, scale),
-            balls.scaled(B, into, given),
-            balls.scaled(C, shown, scale),
-        )
-        return BallSystem(A, B, C, D, scale)
+        given, shown = np.ones(B.ncols()), np.ones(C.nrows())
+        A, B = balls.scaled(A, 1 / scale, scale), balls.scaled(B, 1 / scale, given)
+        return BallSystem(A, B, balls.scaled(C, shown, scale), D, scale)
 
 
 def cayley(loop: BallSystem, bits: int = BITS) -> BallSystem:
@@ -292,11 +286,6 @@ class ProvenNorm(NamedTuple):
     frequency: float | None
 
 
-def trial_slacks(loop: BallSystem) -> tuple[float, ...]:
-    """Return those of :data:`SLACK` that are worth a trial on a loop of this size."""
-    return SLACK[loop.A.nrows() > _LARGE :]
-
-
 def prove_computed_norm(
     loop: BallSystem, rounded: BallSystem, level: float, step: float | None
 ) -> ProvenNorm | None:
@@ -337,7 +326,7 @@ def prove_computed_norm(
     if not (level < gain < np.inf and abs(other.value - gain) <= _AGREE * gain):
         return None
     achieved, frequency = max((gain, exact.frequency), (other.value, other.frequency))
-    slack = trial_slacks(loop)[0]
+    slack = SLACK[loop.A.nrows() > _LARGE]
     proof = prove_hinf(loop, achieved * (1 + slack), slack)
     return proof and ProvenNorm(proof, achieved, rate(frequency, step))
 
@@ -428,12 +417,13 @@ def _candidates(loop: BallSystem, slack: float) -> Iterator[tuple[Matrix, Ball, 
                 turned = loop.transformed(into, into.inv())
             except ZeroDivisionError:
                 break
-            X = _shifted_riccati(turned, alpha)
+            terms = _shifted_terms(turned, alpha)
+            X = solve_riccati(*map(balls.midpoint, terms))
             if X is None:
                 break
             values = np.linalg.eigvalsh(X)
             if values[0] > 1e-12 * values[-1]:
-                yield T, _refined(X, turned, alpha), turned
+                yield T, _refined(X, *terms), turned
             T = _identity_coordinates(X) @ T
 
 
@@ -444,16 +434,8 @@ def _identity_coordinates(P: Matrix) -> Matrix:
     return np.linalg.qr(np.sqrt(values)[:, None] * vectors.T)[1]
 
 
-def _shifted_riccati(loop: BallSystem, alpha: float) -> Matrix | None:
-    """Solve the bounded-real Riccati equation of A + alpha I, with a little extra output."""
-    A, R, Q = (balls.midpoint(M) for M in _shifted_terms(loop, alpha))
-    found = solve_riccati(A, R, Q)
-    return None if found is None else found.X
-
-
-def _refined(X: Matrix, loop: BallSystem, alpha: float) -> Ball:
+def _refined(X: Matrix, A: Ball, R: Ball, Q: Ball) -> Ball:
     """Remove the rounding errors of a Riccati solution by a step of Newton's method."""
-    A, R, Q = _shifted_terms(loop, alpha)
     P = balls.ball(X)
     residual = balls.symmetric(P * A) * flint.arb(2) + P * R * P + Q
     step = solve_lyapunov(balls.midpoint(A + R * P), balls.midpoint(residual))
@@ -575,7 +557,7 @@ def tightest_proof(
         if found is None or found.bound > achieved * (1 + TIGHT):
             found = _first(prove_h2(enclose(b), discrete, bits=b) for b in precisions) or found
     else:
-        tried = trial_slacks(loop)
+        tried = SLACK[states > _LARGE :]
         found = _first(prove_hinf(loop, achieved * (1 + slack), slack) for slack in tried)
         if found is None and precisions:
             gain, where = precise_peak(loop, angle(frequency or 0.0, step))

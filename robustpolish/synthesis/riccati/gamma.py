@@ -7,19 +7,128 @@ be; what is claimed of it is proven by :mod:`robustpolish.synthesis.riccati.lowe
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget, step_cost
-from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, regularise, shifted
-from robustpolish.synthesis.riccati.equations import solve_riccati
+from robustpolish.synthesis.problem.matrices import (
+    Controller,
+    PlantMatrices,
+    balancing_scale,
+    regularise,
+    shifted,
+)
 from robustpolish.synthesis.riccati.lower_bound import PROVABLE_STATES, PROVEN, proven_lower_bound
+
+# Riccati and Lyapunov equations, solved so that failure is seen.
+#
+# ``scipy.linalg.solve_continuous_are`` can return a wrong solution without an error near the
+# optimum of an H-infinity problem, and wants a definite quadratic term. The solver here balances
+# the Hamiltonian with a scaling that keeps its structure, orders its real Schur form and answers
+# None when the stable subspace is no graph.
+
+_MOST_ASYMMETRY = 1e-6
+
+
+def solve_riccati(A: Matrix, R: Matrix, Q: Matrix) -> Matrix | None:
+    r"""Return the stabilising solution of A'X + XA + XRX + Q = 0.
+
+    Parameters
+    ----------
+    A, R, Q : ndarray, shape (n, n)
+        R and Q symmetric, of any sign.
+
+    Returns
+    -------
+    ndarray or None
+        X symmetric with A + R X stable; None if the Hamiltonian has eigenvalues on the
+        axis, to working accuracy, or if no such X exists.
+    """
+    n = A.shape[0]
+    if n == 0:
+        return np.zeros((0, 0))
+    if not (np.isfinite(A).all() and np.isfinite(R).all() and np.isfinite(Q).all()):
+        return None
+    scale, weight = symplectic_scaling(A, R, Q)
+    column, row = scale[None, :], 1 / scale[:, None]
+    H = np.block(
+        [
+            [A * row * column, R * row * row.T * weight],
+            [-(Q * column.T * column) / weight, -A.T * column.T * row.T],
+        ]
+    )
+    if not np.isfinite(H).all():
+        return None
+    try:
+        _, U, stable = linalg.schur(H, sort="lhp")  # type: ignore[misc]
+    except linalg.LinAlgError:
+        return None
+    if stable != n:
+        return None
+    upper, lower = U[:n, :n], U[n:, :n]
+    # A subspace that holds eigenvalues of the axis, pushed to the left by rounding, is
+    # not Lagrangian: its X would not be symmetric.
+    product = upper.T @ lower
+    if np.abs(product - product.T).max() > _MOST_ASYMMETRY:
+        return None
+    # LAPACK itself: SciPy would warn of a singular matrix, which is an answer here.
+    getrf: Any = linalg.get_lapack_funcs("getrf", (upper,))
+    lu, pivots, info = getrf(upper)
+    singular = np.linalg.svd(upper, compute_uv=False)
+    if info > 0 or singular[-1] <= np.finfo(float).tiny:
+        return None
+    X = linalg.lu_solve((lu, pivots), lower.T, trans=1).T
+    X = (X + X.T) / 2 * weight
+    X = X * row * row.T
+    return X if np.isfinite(X).all() else None
+
+
+def symplectic_scaling(A: Matrix, R: Matrix, Q: Matrix) -> tuple[Matrix, float]:
+    """Return powers of two that even out a Hamiltonian without breaking its structure.
+
+    Returns
+    -------
+    scale : ndarray, shape (n,)
+        State scaling x = diag(scale) x_new.
+    weight : float
+        Factor between the two halves: R is multiplied and Q divided by it.
+    """
+    n = A.shape[0]
+    size = np.abs(np.block([[A, R], [Q, A.T]]))
+    np.fill_diagonal(size, 0)
+    logs = np.log2(balancing_scale(size))
+    scale = np.exp2(np.round((logs[:n] - logs[n:]) / 2))
+    r = np.abs(R / scale[:, None] / scale[None, :]).max()
+    q = np.abs(Q * scale[:, None] * scale[None, :]).max()
+    weight = float(np.exp2(np.round(np.log2(q / r) / 2))) if r > 0 and q > 0 else 1.0
+    return scale, weight
+
+
+def solve_lyapunov(A: Matrix, Q: Matrix) -> Matrix | None:
+    """Return X of A'X + XA + Q = 0 for a stable A; None where numbers are not finite.
+
+    Where eigenvalues lie on the axis, to working accuracy, LAPACK moves them: X is then no more
+    than a start.
+    """
+    if A.shape[0] == 0:
+        return np.zeros((0, 0))
+    if not (np.isfinite(A).all() and np.isfinite(Q).all()):
+        return None
+    T, U = linalg.schur(A.T, output="real")  # type: ignore[misc]
+    # dtrsyl scales the right-hand side down where it would overflow.
+    trsyl: Any = linalg.get_lapack_funcs("trsyl", (T, Q))
+    Y, scale, info = trsyl(T, T, -U.T @ Q @ U, tranb="T")
+    if info < 0 or scale == 0 or not np.isfinite(Y).all():
+        return None
+    X = U @ (Y / scale) @ U.T
+    return (X + X.T) / 2 if np.isfinite(X).all() else None
+
 
 # The central H-infinity controller from two Riccati equations.
 #
@@ -90,12 +199,9 @@ class RiccatiEquation:
         RDC, RB = inverse[:, :n], inverse[:, n:]
         quadratic = -B @ RB
         constant = C.T @ C - (C.T @ D) @ RDC
-        found = solve_riccati(
-            A - B @ RDC, (quadratic + quadratic.T) / 2, (constant + constant.T) / 2
-        )
-        if found is None:
+        X = solve_riccati(A - B @ RDC, (quadratic + quadratic.T) / 2, (constant + constant.T) / 2)
+        if X is None:
             return None
-        X = found.X
         # X >= 0 if and only if the full-information controller stabilises with w = 0; unlike the
         # eigenvalues of X, which may span many decades, this can be seen in doubles.
         F = -(RDC + RB @ X)
@@ -155,10 +261,11 @@ class NormalisedPlant:
     @cached_property
     def halves(self) -> RiccatiPair:
         """Its two Riccati equations."""
-        P = self.plant
         return RiccatiPair(
-            RiccatiEquation(P.A, P.B1, P.B2, P.C1, P.D11, P.D12),
-            RiccatiEquation(P.A.T, P.C1.T, P.C2.T, P.B1.T, P.D11.T, P.D21.T),
+            *(
+                RiccatiEquation(P.A, P.B1, P.B2, P.C1, P.D11, P.D12)
+                for P in (self.plant, self.plant.dual)
+            )
         )
 
     def controller(self, K: Controller) -> Controller:
@@ -247,39 +354,19 @@ def central_controller(normal: NormalisedPlant, gamma: float, X: Matrix, Y: Matr
 Gains = NDArray[Any]
 # Untyped on purpose: the matrices of the loop below hang on them, which checkers follow for long.
 _svd: Any = np.linalg.svd
-
-
-@dataclass(frozen=True)
-class ReductionPolicy:
-    """Thresholds of the reduction.
-
-    Attributes
-    ----------
-    noiseless : tuple of float
-        Relative sizes of noise on a measurement, or of a price on a control, that count as none.
-        Its inverse squared enters the equations, so the largest that keeps the plant is taken.
-    unseen : float
-        Relative size of what a measurement without noise sees that counts as nothing.
-    rounding : float
-        Size of an entry beside the largest one that is nothing but rounding (ROC6 in other units).
-    changed : float
-        What was dropped may change the gain from u to z, relative to itself, by so much: ten
-        times less than searches resolve.
-    points : int
-        Frequencies at which the gains are compared.
-    beyond : float
-        How far these reach beyond the slowest and the fastest mode.
-    """
-
-    noiseless: tuple[float, ...] = (1e-7, 1e-9, 1e-11)
-    unseen: float = 1e-9
-    rounding: float = 1e-12
-    changed: float = 3e-5
-    points: int = 12
-    beyond: float = 30.0
-
-
-_REDUCTION_POLICY = ReductionPolicy()
+# Relative sizes of noise on a measurement, or of a price on a control, that count as none. Its
+# inverse squared enters the equations, so the largest that keeps the plant is taken.
+_NOISELESS = (1e-7, 1e-9, 1e-11)
+# Relative size of what a measurement without noise sees that counts as nothing.
+_UNSEEN = 1e-9
+# Size of an entry beside the largest one that is nothing but rounding (ROC6 in other units).
+_ROUNDING = 1e-12
+# What was dropped may change the gain from u to z, relative to itself, by so much: ten times less
+# than searches resolve.
+_CHANGED = 3e-5
+# Frequencies at which the gains are compared, and how far these reach beyond the slowest and the
+# fastest mode.
+_POINTS, _BEYOND = 12, 30.0
 
 
 def reduced_riccati_pair(plant: PlantMatrices) -> RiccatiPair | None:
@@ -296,41 +383,42 @@ def reduced_riccati_pair(plant: PlantMatrices) -> RiccatiPair | None:
         None where double precision cannot tell what has a price or noise, so that the equations
         would be those of another plant.
     """
-    P = plant
-    control = _reduced(P.A, P.B1, P.B2, P.C1, P.D11, P.D12)
-    measurement = _reduced(P.A.T, P.C1.T, P.C2.T, P.B1.T, P.D11.T, P.D21.T)
-    return None if control is None or measurement is None else RiccatiPair(control, measurement)
-
-
-def _reduced(
-    A: Matrix, B1: Matrix, B2: Matrix, C: Matrix, D11: Matrix, D12: Matrix
-) -> RiccatiEquation | None:
-    """Reduce the half of the controls; measurements are their transpose."""
-    probe = _Probe.of(A, B2, C, D12)
-    for noiseless in _REDUCTION_POLICY.noiseless:
-        half, gain = _reduced_by(noiseless, A, B1, B2, C, D11, D12, probe)
-        if probe.is_kept_by(gain):
-            return half
-    return None
+    halves = []
+    for P in (plant, plant.dual):
+        A, B2, C, D12 = P.A, P.B2, P.C1, P.D12
+        # Frequencies all over those of the plant, in the right half plane, away from both axes.
+        rates = np.abs(np.linalg.eigvals(A))
+        fastest = float(rates.max(initial=0.0)) or 1.0
+        slowest = float(rates[rates > _UNSEEN * fastest].min(initial=fastest))
+        points = np.geomspace(slowest / _BEYOND, fastest * _BEYOND, _POINTS) * (0.6 + 0.8j)
+        # What the controls do to z there, each control its own. Every reduction keeps it: the new
+        # controls follow from the old ones, and z from the new.
+        controls = np.broadcast_to(
+            np.eye(B2.shape[1], dtype=complex), (_POINTS, *[B2.shape[1]] * 2)
+        )
+        true = C @ _states(points, A, B2 @ controls) + D12
+        size = np.linalg.norm(true, axis=1, keepdims=True)
+        unit = np.where(size > 0, size, 1.0)
+        inverse = np.linalg.pinv(true / unit, _UNSEEN)
+        for noiseless in _NOISELESS:
+            equation, gain = _reduced_by(noiseless, P, points, controls)
+            change = (gain - true) / unit @ inverse
+            if np.linalg.norm(change, axis=(1, 2)).max() <= _CHANGED:
+                halves.append(equation)
+                break
+    return RiccatiPair(*halves) if len(halves) == 2 else None
 
 
 def _reduced_by(
-    noiseless: float,
-    A: Matrix,
-    B1: Matrix,
-    B2: Matrix,
-    C: Matrix,
-    D11: Matrix,
-    D12: Matrix,
-    probe: _Probe,
+    noiseless: float, plant: PlantMatrices, points: Gains, controls: Gains
 ) -> tuple[RiccatiEquation, Gains]:
     """Replace controls without price by the states that they set at will, until none is left.
 
-    Returns also what they do to z at the probe's frequencies, as gains of the old controls.
+    Returns also what they do to z at complex frequencies, as gains of the old controls.
     """
+    A, B1, B2, C, D12 = plant.A, plant.B1, plant.B2, plant.C1, plant.D12
     basis: Matrix | None = None
     nothing = 0.0
-    controls = probe.unit
     while True:
         size = np.linalg.norm(np.vstack([B2, D12]), axis=0)
         used = size > nothing
@@ -343,8 +431,8 @@ def _reduced_by(
         B2, D12 = B2 @ Vt.T, D12 @ Vt.T
         controls = Vt @ controls
         W, reach, _ = _svd(B2[:, priced:])
-        free = int((reach > _REDUCTION_POLICY.unseen).sum())
-        states = _states(probe.frequencies, A, B2 @ controls) if free else controls
+        free = int((reach > _UNSEEN).sum())
+        states = _states(points, A, B2 @ controls) if free else controls
         B2, D12, controls = B2[:, :priced], D12[:, :priced], controls[:, :priced]
         if free:
             # The states that cost nothing become controls of the others, at the price of z.
@@ -354,51 +442,12 @@ def _reduced_by(
             D12 = np.hstack([D12, C @ at_will])
             A, B1, C = left.T @ A @ left, left.T @ B1, C @ left
             basis = left if basis is None else basis @ left
-            nothing = _REDUCTION_POLICY.rounding * max(
-                np.abs(A).max(initial=0), np.abs(C).max(initial=0)
-            )
+            nothing = _ROUNDING * max(np.abs(A).max(initial=0), np.abs(C).max(initial=0))
     nu = D12.shape[1]
     turn = np.vstack([U[:, nu:].T, U[:, :nu].T])
     price = np.vstack([np.zeros((len(D12) - nu, nu)), np.eye(nu)])
-    half = RiccatiEquation(A, B1, B2 @ Vt.T / s[:nu], turn @ C, turn @ D11, price, basis)
-    return half, C @ _states(probe.frequencies, A, B2 @ controls) + D12 @ controls
-
-
-class _Probe(NamedTuple):
-    """What the controls do to z at complex frequencies in the right half plane.
-
-    Every reduction keeps it: the new controls follow from the old ones, and z from the new.
-    """
-
-    frequencies: Gains  # (points,)
-    gain: Gains  # (points, nz, nu)
-    unit: Gains  # (points, nu, nu), each control its own
-
-    @classmethod
-    def of(cls, A: Matrix, B2: Matrix, C: Matrix, D12: Matrix) -> _Probe:
-        """Take frequencies all over those of the plant, away from both axes."""
-        rates = np.abs(np.linalg.eigvals(A))
-        fastest = float(rates.max(initial=0.0)) or 1.0
-        slowest = float(rates[rates > _REDUCTION_POLICY.unseen * fastest].min(initial=fastest))
-        size = np.geomspace(
-            slowest / _REDUCTION_POLICY.beyond,
-            fastest * _REDUCTION_POLICY.beyond,
-            _REDUCTION_POLICY.points,
-        )
-        points = size * (0.6 + 0.8j)
-        unit = np.broadcast_to(
-            np.eye(B2.shape[1], dtype=complex), (len(points), *[B2.shape[1]] * 2)
-        )
-        return cls(points, C @ _states(points, A, B2 @ unit) + D12, unit)
-
-    def is_kept_by(self, gain: Gains) -> bool:
-        """Tell whether a gain from the same controls to the same z is this one."""
-        size = np.linalg.norm(self.gain, axis=1, keepdims=True)
-        unit = np.where(size > 0, size, 1.0)
-        change = (
-            (gain - self.gain) / unit @ np.linalg.pinv(self.gain / unit, _REDUCTION_POLICY.unseen)
-        )
-        return bool(np.linalg.norm(change, axis=(1, 2)).max() <= _REDUCTION_POLICY.changed)
+    half = RiccatiEquation(A, B1, B2 @ Vt.T / s[:nu], turn @ C, turn @ plant.D11, price, basis)
+    return half, C @ _states(points, A, B2 @ controls) + D12 @ controls
 
 
 def _states(points: Gains, A: Matrix, into: Gains) -> Gains:
@@ -406,39 +455,17 @@ def _states(points: Gains, A: Matrix, into: Gains) -> Gains:
     return np.linalg.solve(points[:, None, None] * np.eye(len(A)) - A, into)
 
 
-@dataclass(frozen=True)
-class GammaPolicy:
-    """Thresholds of the search for gamma.
-
-    Attributes
-    ----------
-    growth, drop : float
-        How far gamma is raised until it is feasible, and lowered while nothing is known below.
-    most_steps : int
-        Attempts of one search; bisection from 1e12 to 1e-4 takes 50.
-    least : float
-        Relative size of a lower end that says nothing.
-    zero : float
-        An infimum so far below the first feasible gamma counts as zero: AC1, AC12 and UWV of
-        COMPleib reach 1e-14 before rounding ends the descent.
-    hardly : float
-        How little a plant with zeros on the axis is regularised for an estimate: less, and
-        rounding decides (the Riccati solutions hold 1 / hardly^2).
-    beside : float
-        By how much the axis is moved for another: less than the poles of weights, 1e-5, and more
-        than rounding moves double zeros, 1e-8.
-    """
-
-    growth: float = 8.0
-    drop: float = 1e-2
-    most_steps: int = 60
-    least: float = 1e-12
-    zero: float = 1e-10
-    hardly: float = 1e-6
-    beside: float = 1e-6
-
-
-_POLICY = GammaPolicy()
+# How far gamma is raised until it is feasible, and lowered while nothing is known below.
+_GROWTH, _DROP = 8.0, 1e-2
+# Attempts of one search; bisection from 1e12 to 1e-4 takes 50.
+_MOST_STEPS = 60
+# An infimum so far below the first feasible gamma counts as zero: AC1, AC12 and UWV of COMPleib
+# reach 1e-14 before rounding ends the descent.
+_ZERO = 1e-10
+# How little a plant with zeros on the axis is regularised for an estimate: less, and rounding
+# decides (the Riccati solutions hold 1 / _HARDLY^2). By how much the axis is moved for another:
+# less than the poles of weights, 1e-5, and more than rounding moves double zeros, 1e-8.
+_HARDLY, _BESIDE = 1e-6, 1e-6
 
 
 class GammaBracket(NamedTuple):
@@ -491,41 +518,34 @@ def estimated_lower_bound(
     plant: PlantMatrices, tolerance: float, budget: Budget
 ) -> LowerBound | None:
     """Estimate the infimum in double precision, as :func:`lower_bound` without its proof."""
+
+    def infimum(of: PlantMatrices, equations: Any = riccati_pair) -> GammaBracket | None:
+        halves = equations(of)
+        return None if halves is None else search_gamma(halves, 1.0, tolerance, budget)
+
     regular = has_full_rank(plant)
-    halves = _regular_riccati_pair if regular else reduced_riccati_pair
-    found = [_infimum(halves, plant, tolerance, budget)]
+    found = [infimum(plant)]
     if not regular or found == [None]:
         # Zeros on the axis are the commonest reason to fail; with it moved they lie beside it.
-        beside = shifted(plant, -_POLICY.beside)
-        found.append(_infimum(halves, beside, tolerance, budget))
+        found.append(infimum(shifted(plant, -_BESIDE)))
     known = [bracket.lower for bracket in found if bracket is not None]
     how = "estimated by Riccati equations in double precision"
     if known:
         return LowerBound(min(known), how, False, found[0] if regular else None)
-    bracket = _infimum(reduced_riccati_pair, regularise(plant, _POLICY.hardly), tolerance, budget)
-    how += f" of a plant with a price and a noise of {_POLICY.hardly:.0e}"
+    bracket = infimum(regularise(plant, _HARDLY), reduced_riccati_pair)
+    how += f" of a plant with a price and a noise of {_HARDLY:.0e}"
     return None if bracket is None else LowerBound(bracket.lower, how, False)
+
+
+def riccati_pair(plant: PlantMatrices) -> RiccatiPair | None:
+    """Return the two equations of a plant, reduced where D12 or D21 lacks rank."""
+    return normalise(plant).halves if has_full_rank(plant) else reduced_riccati_pair(plant)
 
 
 def is_out_of_reach(plant: PlantMatrices, gamma: float) -> bool:
     """Tell whether the equations of a plant have no solution in doubles for a norm."""
-    halves = (_regular_riccati_pair if has_full_rank(plant) else reduced_riccati_pair)(plant)
+    halves = riccati_pair(plant)
     return halves is not None and not halves.attempt(gamma).feasible
-
-
-def _infimum(
-    halves: Callable[[PlantMatrices], RiccatiPair | None],
-    plant: PlantMatrices,
-    tolerance: float,
-    budget: Budget,
-) -> GammaBracket | None:
-    found = halves(plant)
-    return None if found is None else search_gamma(found, 1.0, tolerance, budget)
-
-
-def _regular_riccati_pair(plant: PlantMatrices) -> RiccatiPair:
-    """Return the equations of a plant whose D12 and D21 have full rank."""
-    return normalise(plant).halves
 
 
 def search_gamma(
@@ -561,29 +581,50 @@ def search_gamma(
     GammaBracket or None
         None if no feasible gamma was found.
     """
-    bracket = known or _first_feasible(halves, start, budget)
-    if bracket is None:
-        return None
-    upper, lower, best, count = bracket
+
+    def attempt(gamma: float) -> Attempt:
+        budget.spend(step_cost(halves.states))
+        return halves.attempt(gamma)
+
+    def width() -> float:
+        return float(np.log(upper / max(lower, upper * 1e-12)))
+
+    if known is None:
+        # Gamma is raised until both equations can be solved.
+        floor = halves.floor
+        lower, upper = floor, max(start, floor * (1 + 1e-6))
+        for count in range(1, _MOST_STEPS):  # noqa: B007
+            best = attempt(upper)
+            if best.feasible:
+                break
+            # Above the optimum the coupling is smaller, so that it is an upper bound here.
+            growth = _GROWTH if best.coupling is None else best.coupling / upper * 1.05
+            lower, upper = upper, upper * min(_GROWTH, growth)
+            if budget.over or not np.isfinite(upper):
+                return None
+        else:
+            return None
+        lower = max(lower, best.coupling or 0.0)
+    else:
+        upper, lower, best, count = known
     if shortcut and lower < upper * (1 - shortcut) and not budget.over:
-        found = _attempt(halves, upper * (1 - shortcut), budget)
+        gamma = upper * (1 - shortcut)
+        found = attempt(gamma)
         count += 1
         if not found.feasible:
-            return GammaBracket(upper, max(lower, upper * (1 - shortcut)), best, count)
-        upper, best = upper * (1 - shortcut), found
+            return GammaBracket(upper, max(lower, gamma), best, count)
+        upper, best = gamma, found
         lower = max(lower, best.coupling or 0.0)
     points = [(upper, (best.coupling or 0.0) - upper)]
-    zero = upper * _POLICY.zero
+    zero = upper * _ZERO
     halve = True
-    while (
-        upper > max(lower * (1 + tolerance), zero)
-        and count < _POLICY.most_steps
-        and not budget.over
-    ):
-        width = _width(lower, upper)
+    while upper > max(lower * (1 + tolerance), zero) and count < _MOST_STEPS and not budget.over:
+        before = width()
         guess = None if halve else _secant(points, lower, upper, tolerance)
-        trial = _middle(lower, upper) if guess is None else guess
-        found = _attempt(halves, trial, budget)
+        # Halve the bracket on the logarithmic scale, or drop far if nothing is known below.
+        middle = upper * max(np.sqrt(lower / upper), _DROP)
+        trial = middle if guess is None else guess
+        found = attempt(trial)
         count += 1
         if found.feasible:
             upper, best = trial, found
@@ -592,44 +633,8 @@ def search_gamma(
             lower = max(lower, trial)
         if found.coupling is not None:
             points.append((trial, found.coupling - trial))
-        halve = _width(lower, upper) > 0.5 * width
+        halve = width() > 0.5 * before
     return GammaBracket(upper, lower, best, count)
-
-
-def _first_feasible(halves: RiccatiPair, start: float, budget: Budget) -> GammaBracket | None:
-    """Raise gamma until both equations can be solved."""
-    floor = halves.floor
-    lower, upper = floor, max(start, floor * (1 + 1e-6))
-    for count in range(1, _POLICY.most_steps):
-        found = _attempt(halves, upper, budget)
-        if found.feasible:
-            return GammaBracket(upper, max(lower, found.coupling or 0.0), found, count)
-        if budget.over:
-            return None
-        lower = upper
-        # Above the optimum the coupling is smaller, so that it is an upper bound here.
-        upper *= (
-            _POLICY.growth
-            if found.coupling is None
-            else min(_POLICY.growth, found.coupling / upper * 1.05)
-        )
-        if not np.isfinite(upper):
-            return None
-    return None
-
-
-def _attempt(halves: RiccatiPair, gamma: float, budget: Budget) -> Attempt:
-    budget.spend(step_cost(halves.states))
-    return halves.attempt(gamma)
-
-
-def _width(lower: float, upper: float) -> float:
-    return float(np.log(upper / max(lower, upper * _POLICY.least)))
-
-
-def _middle(lower: float, upper: float) -> float:
-    """Halve the bracket on the logarithmic scale, or drop far if nothing is known below."""
-    return upper * max(np.sqrt(lower / upper), _POLICY.drop)
 
 
 def _secant(

@@ -124,14 +124,11 @@ class PreciseRiccatiPair:
         level = flint.arb(gamma)
         if any(half.is_below_floor(level) for half in (*self.at_infinity, *self.halves)):
             return True
-        solutions = []
-        for half in self.halves:
-            X = half.solution(level)
-            if X is None:
-                return True
-            solutions.append(X)
-        product = solutions[0] * solutions[1]
-        return has_eigenvalue_below(-1 * product, -(level**2) * (1 + _MARGIN))
+        X = self.halves[0].solution(level)
+        Y = None if X is None else self.halves[1].solution(level)
+        if X is None or Y is None:
+            return True
+        return has_eigenvalue_below(-1 * (X * Y), -(level**2) * (1 + _MARGIN))
 
 
 def _mapped(
@@ -141,17 +138,9 @@ def _mapped(
     share = 1 / flint.arb(_BEYOND)
     moved = A - identity(A.nrows()) * _BESIDE
     back = (identity(A.nrows()) - moved * share).inv()
-    into1, into2 = back * B1, back * B2
-    return (
-        back * moved,
-        into1,
-        into2,
-        C1 * back,
-        C2 * back,
-        D11 + C1 * into1 * share,
-        D12 + C1 * into2 * share,
-        D21 + C2 * into1 * share,
-    )
+    B1, B2 = back * B1, back * B2
+    direct = D11 + C1 * B1 * share, D12 + C1 * B2 * share, D21 + C2 * B1 * share
+    return (back * moved, B1, B2, C1 * back, C2 * back, *direct)
 
 
 def _halves(
@@ -224,20 +213,31 @@ def proven_lower_bound(plant: PlantMatrices, guess: float, tolerance: float) -> 
     float
         Zero where nothing could be proven in the time there is.
     """
+    bits, known = list(_BITS), None
+
+    def is_out_of_reach(gamma: float) -> bool:
+        """Tell whether surely no controller has this norm, in as many bits as norms have needed."""
+        nonlocal known
+        while bits:
+            with precision(bits[0]):
+                try:
+                    known = known or PreciseRiccatiPair.of(plant)
+                    return known.is_out_of_reach(gamma)
+                except (UndecidedError, ZeroDivisionError):
+                    bits.pop(0)
+                    known = None
+        return False
+
     lower, upper = 0.0, math.inf
-    trials = _PrecisionTrials(plant)
     step = _FIRST * tolerance
     trial = max(guess, _LEAST) / (1 + step)
     for _ in range(_STEPS):
         try:
             check_deadline()
-            out_of_reach = trials.are_out_of_reach(trial)
+            out_of_reach = is_out_of_reach(trial)
         except DeadlineError:
             break
-        if out_of_reach:
-            lower = trial
-        else:
-            upper = trial
+        lower, upper = (trial, upper) if out_of_reach else (lower, trial)
         if upper <= max(lower * (1 + tolerance), _LEAST) or lower >= _MOST:
             break
         if lower > 0 and upper < math.inf:
@@ -247,24 +247,3 @@ def proven_lower_bound(plant: PlantMatrices, guess: float, tolerance: float) -> 
         trial = lower * (1 + step) ** 2 if lower else upper / (1 + step)
         step *= _GROWTH
     return lower * (1 - _GIVEN_AWAY)
-
-
-class _PrecisionTrials:
-    """A plant in as many bits as its norms have needed."""
-
-    def __init__(self, plant: PlantMatrices) -> None:
-        self._plant = plant
-        self._bits = list(_BITS)
-        self._long: PreciseRiccatiPair | None = None
-
-    def are_out_of_reach(self, gamma: float) -> bool:
-        """Tell whether surely no controller has this norm."""
-        while self._bits:
-            with precision(self._bits[0]):
-                try:
-                    self._long = self._long or PreciseRiccatiPair.of(self._plant)
-                    return self._long.is_out_of_reach(gamma)
-                except (UndecidedError, ZeroDivisionError):
-                    self._bits.pop(0)
-                    self._long = None
-        return False

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import linalg
@@ -27,8 +27,18 @@ from robustpolish.synthesis.problem.matrices import (
     with_small_penalty,
 )
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
-from robustpolish.synthesis.state_feedback.engine import POLICY, StateEngine, StateGain
-from robustpolish.synthesis.state_feedback.riccati import lqr_gain
+from robustpolish.synthesis.state_feedback.riccati import StateEngine, StateGain, central_state_gain
+
+# Tolerances of interior-point solvers; the second where the first makes them break down.
+SOLVER_TOLERANCE, EASED_TOLERANCE = 1e-9, 1e-7
+# One round of inequalities each, with this disturbance on all states over the one that is there,
+# for the H2 norm. Without it Y is singular where w excites little (one axis of the bearing at
+# rest), and without a pole region the optimal gain does not depend on it.
+_NOISE = (1e-1, 1e-2, 1e-3, 1e-4, 1e-4)
+# Eigenvalues below this share of the largest are rounding errors of a solver.
+_SMALLEST_SHARE = 1e-13
+# With more slack than this the gain of least effort is taken as it is.
+_COARSE_SLACK = 1e-2
 
 # Coordinates in which the inequalities of one solve are well conditioned.
 
@@ -99,7 +109,7 @@ class Coordinates:
         values, vectors = np.linalg.eigh((Y + Y.T) / 2)
         if not values[-1] > 0:
             raise linalg.LinAlgError("Y is not positive")
-        values = np.maximum(values, values[-1] * POLICY.smallest_share)
+        values = np.maximum(values, values[-1] * _SMALLEST_SHARE)
         step = vectors * np.sqrt(values)
         back = (vectors / np.sqrt(values)).T
         gains = np.linalg.norm(M @ back.T, axis=1)
@@ -108,7 +118,7 @@ class Coordinates:
         if even_out and not q.discrete:
             S = back @ (q.A @ Y + q.B2 @ M) @ back.T
             rates, directions = np.linalg.eigh(-(S + S.T))
-            rates = np.maximum(rates, np.abs(rates).max() * POLICY.smallest_share)
+            rates = np.maximum(rates, np.abs(rates).max() * _SMALLEST_SHARE)
             E = directions / np.sqrt(rates)
         T, V = self.T @ step, self.V * size
         if not all(np.isfinite(np.linalg.inv(M)).all() for M in (T, V)):
@@ -124,81 +134,45 @@ class Coordinates:
 
 
 def hinf_inequality(
-    program: SemidefiniteProgram,
-    p: PlantMatrices,
-    Y: Affine,
-    M: Affine,
-    square: Affine,
-    congruence: Matrix,
+    program: SemidefiniteProgram, p: PlantMatrices, Y: Affine, M: Affine, square: Affine, E: Matrix
 ) -> None:
     """Require the squared H-infinity norm to be below `square`, a scalar expression.
 
-    `congruence` multiplies the rows and columns of the states; it changes the numbers
+    The congruence `E` multiplies the rows and columns of the states; it changes the numbers
     that the solver sees, not the set of solutions.
     """
     S, Z = p.A @ Y + p.B2 @ M, p.C1 @ Y + p.D12 @ M
-    nw, nz = p.nw, p.nz
-    E = congruence
-    bound = square.times(np.eye(nw))
+    bound, eye = square.times(np.eye(p.nw)), np.eye(p.nz)
     if p.discrete:
-        rows = [
-            [E.T @ Y @ E, E.T @ S, E.T @ p.B1, None],
-            [Y, None, Z.T],
-            [bound, p.D11.T],
-            [np.eye(nz)],
-        ]
+        rows = [[E.T @ Y @ E, E.T @ S, E.T @ p.B1, None], [Y, None, Z.T], [bound, p.D11.T], [eye]]
     else:
         # The negative of (10.19), with the sign of the rows of the states turned.
-        rows = [
-            [-(E.T @ (S + S.T) @ E), E.T @ p.B1, E.T @ Z.T],
-            [bound, -p.D11.T],
-            [np.eye(nz)],
-        ]
+        rows = [[-(E.T @ (S + S.T) @ E), E.T @ p.B1, E.T @ Z.T], [bound, -p.D11.T], [eye]]
     program.positive(symmetric_block(rows))
 
 
 def h2_inequality(
-    program: SemidefiniteProgram,
-    p: PlantMatrices,
-    Y: Affine,
-    M: Affine,
-    congruence: Matrix,
+    program: SemidefiniteProgram, p: PlantMatrices, Y: Affine, M: Affine, E: Matrix
 ) -> Affine:
-    """Return a scalar expression that is at least the squared H2 norm."""
-    S, E = p.A @ Y + p.B2 @ M, congruence
-    paid, free = _split_by_control_penalty(p)
-    nw = p.nw
-    Z = paid.C1 @ Y + paid.D12 @ M
-    W = program.symmetric(paid.nz)
-    if p.discrete:
-        program.positive(
-            symmetric_block([[E.T @ Y @ E, E.T @ S, E.T @ p.B1], [Y, None], [np.eye(nw)]])
-        )
-        program.positive(symmetric_block([[W, Z, paid.D11], [Y, None], [np.eye(nw)]]))
-    else:
-        lyapunov = -(E.T @ (S + S.T) @ E)
-        program.positive(symmetric_block([[lyapunov, E.T @ p.B1], [np.eye(nw)]]))
-        program.positive(symmetric_block([[W, Z], [Y]]))
-    rest = (free.C1 @ Y @ free.C1.T).trace + np.trace(free.D11 @ free.D11.T)
-    return W.trace + rest
+    """Return a scalar expression that is at least the squared H2 norm.
 
-
-def _split_by_control_penalty(
-    p: PlantMatrices,
-) -> tuple[PlantMatrices, PlantMatrices]:
-    """Turn z so that u reaches only its first part: the rest of the trace is linear in Y.
-
-    The condition stays (10.28); the solver has fewer and better scaled variables.
+    z is turned so that u reaches only its first part: the rest of the trace is linear in Y. The
+    condition stays (10.28); the solver has fewer and better scaled variables.
     """
     factors: Any = linalg.qr(p.D12, pivoting=True)
     Q, size = factors[0], np.abs(np.diag(factors[1]))
     rank = int(np.sum(size > np.finfo(float).eps * max(p.D12.shape) * size.max(initial=0.0)))
-    turned = p.replace(C1=Q.T @ p.C1, D11=Q.T @ p.D11, D12=Q.T @ p.D12)
-
-    def rows(part: slice) -> PlantMatrices:
-        return turned.replace(C1=turned.C1[part], D11=turned.D11[part], D12=turned.D12[part])
-
-    return rows(slice(0, rank)), rows(slice(rank, None))
+    C, D11, D12 = Q.T @ p.C1, Q.T @ p.D11, Q.T @ p.D12
+    S, Z, eye = p.A @ Y + p.B2 @ M, C[:rank] @ Y + D12[:rank] @ M, np.eye(p.nw)
+    W = program.symmetric(rank)
+    if p.discrete:
+        program.positive(symmetric_block([[E.T @ Y @ E, E.T @ S, E.T @ p.B1], [Y, None], [eye]]))
+        program.positive(symmetric_block([[W, Z, D11[:rank]], [Y, None], [eye]]))
+    else:
+        program.positive(symmetric_block([[-(E.T @ (S + S.T) @ E), E.T @ p.B1], [eye]]))
+        program.positive(symmetric_block([[W, Z], [Y]]))
+    free, direct = C[rank:], D11[rank:]
+    return W.trace + ((free @ Y @ free.T).trace + np.trace(direct @ direct.T))
 
 
 def region_inequalities(
@@ -226,12 +200,7 @@ def region_matrix(L: Matrix, M: Matrix, Y: Affine, S: Affine) -> Affine:
 
 
 def gain_inequality(
-    program: SemidefiniteProgram,
-    Y: Affine,
-    M: Affine,
-    square: Affine,
-    left: Matrix,
-    right: Matrix,
+    program: SemidefiniteProgram, Y: Affine, M: Affine, square: Affine, left: Matrix, right: Matrix
 ) -> None:
     """Require the largest singular value of left M inv(Y) right to be below sqrt(square).
 
@@ -249,34 +218,7 @@ def gain_inequality(
 # One semidefinite program of state feedback: stated in coordinates, solved, verified.
 
 
-@dataclass(frozen=True, eq=False)
-class Demand:
-    """What one program is asked for besides the smallest norm.
-
-    Attributes
-    ----------
-    noise : float
-        For the H2 norm: disturbance on all states, as a share of the one that is there.
-    fixed : ndarray or None
-        A gain: only its Lyapunov matrix is sought.
-    held : (ndarray, ndarray) or None
-        left and right: the largest singular value of left F right is kept below 1, by the
-        condition that is exact where Y is the identity of the coordinates.
-    limit : float or None
-        The norm is kept below it, and the effort F Y F' minimised instead.
-    gain : float or None
-        With `limit`: the gain over this size is minimised, not the effort.
-    """
-
-    noise: float = 0.0
-    fixed: Matrix | None = None
-    held: tuple[Matrix, Matrix] | None = None
-    limit: float | None = None
-    gain: float | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class SolvedProgram:
+class SolvedProgram(NamedTuple):
     """The gain of one program and what the next one needs of it.
 
     Attributes
@@ -324,33 +266,49 @@ class StatePrograms:
 
     def solve(
         self,
-        coordinates: Coordinates,
-        demand: Demand,
+        c: Coordinates,
         step: str,
-        tolerance: float = POLICY.solver_tolerance,
+        tolerance: float = SOLVER_TOLERANCE,
+        *,
+        noise: float = 0.0,
+        fixed: Matrix | None = None,
+        held: tuple[Matrix, Matrix] | None = None,
+        limit: float | None = None,
+        size: float | None = None,
     ) -> SolvedProgram | None:
-        """Solve one program and judge its gain by its loop.
+        """Solve one program for the smallest norm and judge its gain by its loop.
 
         Parameters
         ----------
-        coordinates : Coordinates
-        demand : Demand
+        c : Coordinates
         step : str
             What the history says about it.
         tolerance : float, optional
             For the solver.
+        noise : float
+            For the H2 norm: disturbance on all states, as a share of the one that is there.
+        fixed : ndarray or None
+            A gain: only its Lyapunov matrix is sought.
+        held : (ndarray, ndarray) or None
+            left and right: the largest singular value of left F right is kept below 1, by the
+            condition that is exact where Y is the identity of the coordinates.
+        limit : float or None
+            The norm is kept below it, and the effort F Y F' minimised instead.
+        size : float or None
+            With `limit`: the gain over this size is minimised, not the effort.
 
         Returns
         -------
         SolvedProgram or None
             None if the solver gave nothing usable.
         """
-        p, engine, c = self.plant, self.engine, coordinates
+        p, engine = self.plant, self.engine
         hinf = engine.norm == "hinf"
-        q = c.apply(p if hinf else with_noise(p, demand.noise))
+        q = c.apply(p if hinf else with_noise(p, noise))
         program = SemidefiniteProgram()
-        Y, M = _variables(program, c, demand.fixed, p)
-        limit = demand.limit
+        Y: Affine = program.symmetric(p.nx)
+        free = fixed is None
+        M = program.matrix(p.nu, p.nx) if free else np.linalg.solve(c.V, fixed @ c.T) @ Y
         if hinf:
             square = program.scalar() if limit is None else Affine.of((limit / c.unit) ** 2)
             hinf_inequality(program, q, Y, M, square, c.E)
@@ -358,14 +316,20 @@ class StatePrograms:
             square = h2_inequality(program, q, Y, M, c.E)
         region_inequalities(program, q, Y, M, engine.regions)
         # The inequality of the effort holds Y among its blocks: twice would double the time.
-        if limit is None or demand.gain is not None:
+        if limit is None or size is not None:
             program.positive(Y)
-        if demand.held is not None:
-            left, right = demand.held[0] @ c.V, np.linalg.inv(c.T) @ demand.held[1]
+        if held is not None:
+            left, right = held[0] @ c.V, np.linalg.inv(c.T) @ held[1]
             gain_inequality(program, Y, M, Affine.of(1.0), left, right)
-        program.minimise(
-            square if limit is None else _size_objective(program, Y, M, c, demand.gain)
-        )
+        objective = square
+        if limit is not None and size is None:
+            W = program.symmetric(p.nu)
+            program.positive(symmetric_block([[W, M], [Y]]))
+            objective = W.trace
+        elif limit is not None:
+            objective = program.scalar()
+            gain_inequality(program, Y, M, objective, c.V / size, np.linalg.inv(c.T))
+        program.minimise(objective)
         solver = ProgramSolver(engine.backend, engine.solver, self.budget, tolerance)
         solution = solver.solve(program)
         told = {"step": step, "solver_status": solution.status, "seconds": solution.elapsed}
@@ -385,28 +349,15 @@ class StatePrograms:
             following = replace(following, unit=achieved)
         return SolvedProgram(StateGain(F, claimed, achieved), c.T @ y @ c.T.T, following)
 
-
-def _variables(
-    program: SemidefiniteProgram, c: Coordinates, fixed: Matrix | None, p: PlantMatrices
-) -> tuple[Affine, Affine]:
-    Y = program.symmetric(p.nx)
-    if fixed is None:
-        return Y, program.matrix(p.nu, p.nx)
-    return Y, np.linalg.solve(c.V, fixed @ c.T) @ Y
-
-
-def _size_objective(
-    program: SemidefiniteProgram, Y: Affine, M: Affine, c: Coordinates, gain: float | None
-) -> Affine:
-    """Return what is to be small: the squared gain over `gain`, or the effort F Y F'."""
-    if gain is None:
-        W = program.symmetric(M.shape[0])
-        program.positive(symmetric_block([[W, M], [Y]]))
-        return W.trace
-    size = program.scalar()
-    right: Matrix = np.linalg.inv(c.T).astype(float)
-    gain_inequality(program, Y, M, size, c.V / gain, right)
-    return size
+    def first(
+        self, attempts: Sequence[tuple[Coordinates, float]], step: str, **demand: Any
+    ) -> SolvedProgram | None:
+        """Solve a program in several coordinates, with a tolerance each, until one is solved."""
+        for coordinates, tolerance in attempts:
+            solved = self.solve(coordinates, step, tolerance, **demand)
+            if solved is not None or self.budget.over:
+                return solved
+        return None
 
 
 # State feedback by linear matrix inequalities, solved again in better coordinates.
@@ -424,29 +375,33 @@ class LmiStateEngine(StateEngine):
         """Minimise the norm; see :class:`StateEngine`."""
         p = compressed_outputs(plant)
         programs = StatePrograms(p, self, budget, [])
-        first = state_gain_norm(p, lqr_gain(plant), self.norm)
+        first = state_gain_norm(p, central_state_gain(plant, math.inf), self.norm)
         start = Coordinates.plain(p, first if 0 < first < math.inf else 1.0)
         found = _iterate(programs, start)
         if (found is None or not found.agreed) and not budget.over:
             other = _iterate(programs, _coordinates_by_continuation(programs, start))
-            if found is None or (other is not None and other.better_than(found)):
+            if found is None or (
+                other is not None
+                and (
+                    other.best.gain.achieved < found.best.gain.achieved
+                    or other.agreed > found.agreed
+                )
+            ):
                 found = other
         if found is None:
             return None
         gain = found.best.gain
-        if self.norm == "h2":
-            # The smallest bound of (10.28) for this gain, without noise, is the Gramian's.
-            gain = replace(gain, claimed=gain.achieved)
+        if self.norm == "hinf":
+            near = 0.5 * gain.achieved < found.claimed < gain.achieved
+            gain = _reduce_gain(programs, found, found.claimed if near else gain.achieved)
+            claimed = max(gain.claimed, gain.achieved)
         else:
-            claimed = found.claimed
-            near = 0.5 * gain.achieved < claimed < gain.achieved
-            gain = _reduce_gain(programs, found, claimed if near else gain.achieved)
-        claimed = max(gain.claimed, gain.achieved)
+            # The smallest bound of (10.28) for this gain, without noise, is the Gramian's.
+            claimed = gain.achieved
         return replace(gain, claimed=claimed, history=tuple(programs.history))
 
 
-@dataclass(frozen=True, eq=False)
-class _LmiIteration:
+class _LmiIteration(NamedTuple):
     """The best of several rounds, the next coordinates, the last claim, and whether to trust."""
 
     best: SolvedProgram
@@ -454,27 +409,34 @@ class _LmiIteration:
     claimed: float
     agreed: bool
 
-    def better_than(self, other: _LmiIteration) -> bool:
-        less = self.best.gain.achieved < other.best.gain.achieved
-        return less or (self.agreed and not other.agreed)
-
 
 def _iterate(programs: StatePrograms, coordinates: Coordinates) -> _LmiIteration | None:
     """Solve again and again, each time in the coordinates that the last answer suggests."""
     engine, older = programs.engine, coordinates
     best: SolvedProgram | None = None
     agreed = False
-    claimed, tolerance = math.inf, POLICY.solver_tolerance
-    for number, noise in enumerate(POLICY.noise, start=1):
+    claimed, tolerance = math.inf, SOLVER_TOLERANCE
+    for number, noise in enumerate(_NOISE, start=1):
         if programs.budget.over:
             break
+        # Where the solver breaks down in new coordinates, more plainly, then in the old.
+        plain = coordinates.without_congruence()
+        attempts = [
+            (coordinates, tolerance),
+            (plain, max(tolerance, EASED_TOLERANCE)),
+            (replace(plain, T=older.T), SOLVER_TOLERANCE),
+        ]
         step = f"inequalities, round {number}"
-        solved = _solve_with_fallback(programs, coordinates, older, noise, tolerance, step)
+        solved = programs.first(attempts, step, noise=noise)
         if solved is None:
             break
         older, coordinates = coordinates, solved.next
         achieved, claimed = solved.gain.achieved, solved.gain.claimed
-        settled = best is not None and _has_converged(solved.gain, best.gain, engine)
+        # The gain agrees with the best so far, and its claim with its achievement; with noise the
+        # claim is for a larger norm.
+        close = 0.1 * engine.slack
+        settled = best is not None and abs(achieved / best.gain.achieved - 1) < close
+        settled = settled and (engine.norm == "h2" or abs(claimed / achieved - 1) < close)
         if achieved > claimed * (1 + engine.slack):
             # The solver went so near the edge that its gain is wrong: stay further inside.
             # Largest solver tolerance, over the slack, where gains next to the edge are wrong.
@@ -493,53 +455,23 @@ def _iterate(programs: StatePrograms, coordinates: Coordinates) -> _LmiIteration
     return _LmiIteration(best, coordinates, claimed, agreed)
 
 
-def _solve_with_fallback(
-    programs: StatePrograms,
-    coordinates: Coordinates,
-    older: Coordinates,
-    noise: float,
-    tolerance: float,
-    step: str,
-) -> SolvedProgram | None:
-    """Solve in new coordinates; where the solver breaks down, more plainly, then in the old."""
-    plain = coordinates.without_congruence()
-    attempts = (
-        (coordinates, tolerance),
-        (plain, max(tolerance, POLICY.eased_tolerance)),
-        (replace(plain, T=older.T), POLICY.solver_tolerance),
-    )
-    for attempt, eased in attempts:
-        solved = programs.solve(attempt, Demand(noise=noise), step, eased)
-        if solved is not None or programs.budget.over:
-            return solved
-    return None
-
-
 def _coordinates_by_continuation(programs: StatePrograms, coordinates: Coordinates) -> Coordinates:
     """Return coordinates for a hard problem from easier ones, in which u has a higher price."""
     # Easier problems by whose coordinates a hard one is approached.
     for price in (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6):
         easier = compressed_outputs(with_small_penalty(programs.plant, price))
-        unit = state_gain_norm(easier, lqr_gain(easier), programs.engine.norm)
+        gain = central_state_gain(easier, math.inf)
+        unit = state_gain_norm(easier, gain, programs.engine.norm)
         if not 0 < unit < math.inf or programs.budget.over:
             continue
         solved = replace(programs, plant=easier).solve(
             replace(coordinates, unit=unit),
-            Demand(noise=POLICY.noise[0]),
             f"inequalities with a price of {price:.0e}",
+            noise=_NOISE[0],
         )
         if solved is not None:
             coordinates = solved.next
     return coordinates
-
-
-def _has_converged(gain: StateGain, best: StateGain, engine: StateEngine) -> bool:
-    """Whether a gain agrees with the best so far, and its claim with its achievement."""
-    near = 0.1 * engine.slack
-    if not abs(gain.achieved / best.achieved - 1) < near:
-        return False
-    # With noise the claim is for a larger norm.
-    return engine.norm == "h2" or abs(gain.claimed / gain.achieved - 1) < near
 
 
 def _reduce_gain(programs: StatePrograms, found: _LmiIteration, estimate: float) -> StateGain:
@@ -550,28 +482,10 @@ def _reduce_gain(programs: StatePrograms, found: _LmiIteration, estimate: float)
     line in (Y, M), along which the inequalities hold, and the last point of that line within the
     slack is taken. `estimate` is where the solver sees the optimum: at most the norm of the best.
     """
-    best, slack = found.best.gain, programs.engine.slack
-    for base in dict.fromkeys((estimate, best.achieved)):
-        if programs.plant.nu == 0 or programs.budget.over:
-            break
-        end, limit = _least_effort(programs, found, base)
-        if end is None:
-            continue
-        if slack > POLICY.coarse_slack and end.gain.achieved <= limit * (1 + slack):
-            return replace(end.gain, claimed=max(limit, end.gain.achieved))
-        smaller = _line_search(programs, found.best, end, base)
-        if smaller is not best:
-            return smaller
-    return best
-
-
-def _least_effort(
-    programs: StatePrograms, found: _LmiIteration, base: float
-) -> tuple[SolvedProgram | None, float]:
-    slack, eased = programs.engine.slack, POLICY.eased_tolerance
+    best, slack, eased = found.best.gain, programs.engine.slack, EASED_TOLERANCE
     # Far from the optimum the gain itself can be minimised, near it only the effort.
-    size = float(np.linalg.norm(found.best.gain.F, 2)) or None
-    size = size if slack > POLICY.coarse_slack else None
+    coarse = slack > _COARSE_SLACK
+    size = (float(np.linalg.norm(best.F, 2)) or None) if coarse else None
     plain = found.coordinates.without_congruence()
     # The last resort is an inner point: the norm minimised with a loose tolerance.
     attempts = (
@@ -579,14 +493,24 @@ def _least_effort(
         (plain, 2, 10 * eased),
         (plain, 0, max(10 * slack, eased)),
     )
-    limit = base
-    for attempt, share, tolerance in attempts:
-        limit = base * (1 + share * slack)
-        demand = Demand(limit=limit, gain=size) if share else Demand()
-        solved = programs.solve(attempt, demand, "smallest effort near the optimum", tolerance)
-        if solved is not None and math.isfinite(solved.gain.achieved):
-            return solved, limit
-    return None, limit
+    for base in dict.fromkeys((estimate, best.achieved)):
+        if programs.plant.nu == 0 or programs.budget.over:
+            break
+        for attempt, share, tolerance in attempts:
+            limit = base * (1 + share * slack)
+            demand = {"limit": limit, "size": size} if share else {}
+            step = "smallest effort near the optimum"
+            end = programs.solve(attempt, step, tolerance, **demand)
+            if end is not None and math.isfinite(end.gain.achieved):
+                break
+        else:
+            continue
+        if coarse and end.gain.achieved <= limit * (1 + slack):
+            return replace(end.gain, claimed=max(limit, end.gain.achieved))
+        smaller = _line_search(programs, found.best, end, base)
+        if smaller is not best:
+            return smaller
+    return best
 
 
 def _line_search(

@@ -1,28 +1,123 @@
-"""State feedback by Riccati equations: LQR for the H2 norm, a game for the H-infinity norm."""
+"""Regulators by Riccati equations: LQR, the game of the H-infinity norm, and LQG by duality."""
 
 from __future__ import annotations
 
 import math
+import warnings
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import control
 import numpy as np
 from scipy import linalg
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
-from robustpolish.base.budget import Budget
+from robustpolish.base.budget import Budget, step_cost
+from robustpolish.errors import InfeasibleError
+from robustpolish.linear.norms.h2 import h2_norm
+from robustpolish.synthesis.certificate import Norm
 from robustpolish.synthesis.problem.matrices import (
+    Controller,
     PlantMatrices,
+    close,
     is_regular,
+    stabilises,
     state_gain_norm,
     with_measured_states,
 )
-from robustpolish.synthesis.riccati.equations import (
+from robustpolish.synthesis.problem.pole_regions import PoleRegion
+from robustpolish.synthesis.problem.preflight import Status
+from robustpolish.synthesis.riccati.gamma import (
+    LowerBound,
+    lower_bound,
+    reduced_riccati_pair,
     solve_lyapunov,
     solve_riccati,
     symplectic_scaling,
 )
-from robustpolish.synthesis.riccati.gamma import lower_bound
-from robustpolish.synthesis.state_feedback.engine import POLICY, StateEngine, StateGain
+
+# Final width of the bisection on gamma over the slack that is given away afterwards.
+_BRACKET = 1e-2
+
+
+@dataclass(frozen=True, eq=False)
+class StateGain:
+    """A gain F of u = F x with a norm that was computed from its loop, and how it was found.
+
+    Attributes
+    ----------
+    F : ndarray, shape (nu, nx)
+    claimed, achieved : float
+        What the search promises, and what the loop has.
+    lower_bound : float
+        No gain has a smaller norm; 0 says nothing.
+    status : str
+        As in :class:`robustpolish.results.Design`; a search that minimises a norm says
+        "suboptimal", because only the lower bound can tell that it is "optimal".
+    history : tuple of dict
+        One entry per step.
+    """
+
+    F: Matrix
+    claimed: float
+    achieved: float
+    lower_bound: float = 0.0
+    status: Status = "suboptimal"
+    history: tuple[dict[str, Any], ...] = ()
+
+
+@dataclass(frozen=True)
+class StateEngine(ABC):
+    """One way to minimise a norm over state feedbacks.
+
+    Attributes
+    ----------
+    norm : {"hinf", "h2"}
+    tolerance : float
+        Relative; a share of it is given away for a smaller gain.
+    regions : tuple of PoleRegion
+        Where the poles have to lie, in the plant's unit of time.
+    backend, solver : str, str or None
+        Who solves the inequalities, be it only those of a bound on the gain.
+    """
+
+    norm: Norm
+    tolerance: float = 1e-4
+    regions: tuple[PoleRegion, ...] = ()
+    backend: str = "cvxpy"
+    solver: str | None = None
+
+    @abstractmethod
+    def search(self, plant: PlantMatrices, budget: Budget) -> StateGain | None:
+        """Minimise the norm of a scaled plant whose D12 has full column rank.
+
+        Parameters
+        ----------
+        plant : PlantMatrices
+            Its states are taken as measured.
+        budget : Budget
+            The search ends when it is over.
+
+        Returns
+        -------
+        StateGain or None
+            None if no stabilising gain was found.
+        """
+
+    @property
+    def slack(self) -> float:
+        """Relative distance from the optimum that is given away for a smaller gain.
+
+        The gain often grows without limit towards the optimum (force actuation, H-infinity: 1.7e8
+        at 2e-5 from the optimum).
+        """
+        return 0.2 * self.tolerance
+
+
+def gain_work(states: int) -> float:
+    """Return the work of one Riccati equation and the norm of its loop."""
+    return step_cost(2 * states)
 
 
 class RiccatiStateEngine(StateEngine):
@@ -34,16 +129,34 @@ class RiccatiStateEngine(StateEngine):
     def search(self, plant: PlantMatrices, budget: Budget) -> StateGain | None:
         """Minimise the norm; see :class:`StateEngine`."""
         if self.norm == "h2":
-            budget.spend(POLICY.gain_work(plant.nx))
-            F = lqr_gain(plant)
+            budget.spend(gain_work(plant.nx))
+            F = central_state_gain(plant, math.inf)
             achieved = state_gain_norm(plant, F, "h2")
             if F is None or not math.isfinite(achieved):
                 return None
             step = {"step": "linear-quadratic regulator", "achieved": achieved}
             return StateGain(F, achieved, achieved, history=(step,))
-        best, upper, lower = minimise_hinf(plant, POLICY.bracket * self.slack, budget)
-        if best is None:
+        best = central_state_gain(plant, math.inf)
+        upper = state_gain_norm(plant, best, "hinf")
+        lower = float(np.linalg.norm(plant.D11, 2)) if plant.D11.size else 0.0
+        if best is None or not math.isfinite(upper):
             return None
+        # Bisection on gamma, which believes only the norms of loops.
+        step, width = 2.0, _BRACKET * self.slack
+        while upper > lower * (1 + width) and not budget.over:
+            # Downwards in growing steps until the first failure, then halving the bracket.
+            gamma = math.sqrt(upper * lower) if lower > upper / step else upper / step
+            step = step**2 if step < 1e8 else step
+            budget.spend(gain_work(plant.nx))
+            F = central_state_gain(plant, gamma)
+            achieved = state_gain_norm(plant, F, "hinf")
+            # Next to the optimum rounding errors of X can leave a better gain a little above gamma.
+            if F is None or not achieved < upper * (1 - 0.1 * width):
+                lower, step = gamma, math.inf
+                continue
+            best, upper = F, achieved
+            if upper <= 0:
+                break
         history = ({"step": "bisection on gamma", "achieved": upper, "no_gain_found_at": lower},)
         # The gain often grows without limit towards the optimum, so a little is given away.
         # Multiples of the slack at which the Riccati equation is solved in the end: next to the
@@ -57,13 +170,10 @@ class RiccatiStateEngine(StateEngine):
         return StateGain(best, upper, state_gain_norm(plant, best, "hinf"), history=history)
 
 
-def lqr_gain(plant: PlantMatrices) -> Matrix | None:
-    """Return the gain that minimises the H2 norm; D12 needs full column rank."""
-    return central_state_gain(plant, math.inf)
-
-
 def central_state_gain(plant: PlantMatrices, gamma: float) -> Matrix | None:
     r"""Return the central state feedback for an H-infinity norm below `gamma`, or None.
+
+    With an infinite `gamma` it is the linear-quadratic regulator, which minimises the H2 norm.
 
     With W = (gamma^2 I - D11' D11)^-1 and N = I + D11 W D11' the worst disturbance is
     eliminated first, because u = F x does not see w; what is left is a Riccati equation in
@@ -76,14 +186,13 @@ def central_state_gain(plant: PlantMatrices, gamma: float) -> Matrix | None:
     if plant.nu == 0:
         return np.zeros((0, plant.nx))
     if plant.discrete:
-        return _discrete_central_gain(plant, gamma)
+        found = discrete_regulator(plant, gamma)
+        return None if found is None else found[0]
     game = _HinfRiccati.of(plant, gamma)
-    if game is None:
+    X = None if game is None else solve_riccati(game.A, game.R, game.Q)
+    if game is None or X is None:
         return None
-    solution = solve_riccati(game.A, game.R, game.Q)
-    if solution is None:
-        return None
-    return -(game.per_x @ _refined(game.A, game.R, game.Q, solution.X) + game.rest)
+    return -(game.per_x @ _refined(game.A, game.R, game.Q, X) + game.rest)
 
 
 class _HinfRiccati(NamedTuple):
@@ -140,65 +249,23 @@ def _refined(A: Matrix, R: Matrix, Q: Matrix, X: Matrix) -> Matrix:
     return X
 
 
-def _discrete_central_gain(p: PlantMatrices, gamma: float) -> Matrix | None:
+def discrete_regulator(p: PlantMatrices, gamma: float) -> tuple[Matrix, Matrix, Matrix] | None:
+    """Return the central gain in discrete time, X, and the weight of u and w, D'D + B'XB."""
     nw = 0 if math.isinf(gamma) else p.nw
-    B1, D11 = p.B1[:, :nw], p.D11[:, :nw]
-    B, D = np.hstack([p.B2, B1]), np.hstack([p.D12, D11])
+    B, D = np.hstack([p.B2, p.B1[:, :nw]]), np.hstack([p.D12, p.D11[:, :nw]])
     R = D.T @ D
     R[p.nu :, p.nu :] -= gamma**2 * np.eye(nw) if nw else 0.0
-    try:
-        X = linalg.solve_discrete_are(p.A, B, p.C1.T @ p.C1, (R + R.T) / 2, s=p.C1.T @ D)
-        quadratic = R + B.T @ X @ B
-        if nw and np.linalg.eigvalsh(quadratic[p.nu :, p.nu :])[-1] >= 0:
+    with warnings.catch_warnings():
+        # An ill-conditioned answer shows in the norm of the loop.
+        warnings.simplefilter("ignore")
+        try:
+            X = linalg.solve_discrete_are(p.A, B, p.C1.T @ p.C1, (R + R.T) / 2, s=p.C1.T @ D)
+            weight = R + B.T @ X @ B
+            if nw and np.linalg.eigvalsh(weight[p.nu :, p.nu :])[-1] >= 0:
+                return None
+            return -np.linalg.solve(weight, B.T @ X @ p.A + D.T @ p.C1)[: p.nu], X, weight
+        except (linalg.LinAlgError, ValueError):
             return None
-        return -np.linalg.solve(quadratic, B.T @ X @ p.A + D.T @ p.C1)[: p.nu]
-    except (linalg.LinAlgError, ValueError):
-        return None
-
-
-def minimise_hinf(
-    plant: PlantMatrices, tolerance: float, budget: Budget
-) -> tuple[Matrix | None, float, float]:
-    """Bisect on gamma, believing only the norms of loops.
-
-    Parameters
-    ----------
-    plant : PlantMatrices
-        D12 with full column rank.
-    tolerance : float
-        Relative width of the final bracket.
-    budget : Budget
-        The bisection ends when it is over.
-
-    Returns
-    -------
-    F : ndarray or None
-        The gain with the smallest norm seen; None if none stabilises.
-    upper, lower : float
-        Norm achieved by F, and the largest gamma at which no gain was found.
-    """
-    best = central_state_gain(plant, math.inf)
-    upper = state_gain_norm(plant, best, "hinf")
-    lower = float(np.linalg.norm(plant.D11, 2)) if plant.D11.size else 0.0
-    if not math.isfinite(upper):
-        return None, upper, lower
-    step = 2.0
-    while upper > lower * (1 + tolerance) and not budget.over:
-        # Downwards in growing steps until the first failure, then halving the bracket.
-        gamma = math.sqrt(upper * lower) if lower > upper / step else upper / step
-        step = step**2 if step < 1e8 else step
-        budget.spend(POLICY.gain_work(plant.nx))
-        F = central_state_gain(plant, gamma)
-        achieved = state_gain_norm(plant, F, "hinf")
-        # Next to the optimum rounding errors of X can leave a better gain a little above gamma.
-        if achieved < upper * (1 - 0.1 * tolerance):
-            best, upper = F, achieved
-            if upper <= 0:
-                break
-        else:
-            lower = gamma
-            step = math.inf
-    return best, upper, lower
 
 
 def state_norm_lower_bound(
@@ -232,13 +299,13 @@ def state_norm_lower_bound(
         return least
     if not is_regular(plant):
         if norm == "hinf" and not plant.discrete:
-            found = lower_bound(with_measured_states(plant), POLICY.bracket * tolerance, budget)
+            found = lower_bound(with_measured_states(plant), _BRACKET * tolerance, budget)
             if found is not None and found.proven:
                 return min(max(least, found.value), achieved)
         return least
-    budget.spend(POLICY.gain_work(plant.nx))
+    budget.spend(gain_work(plant.nx))
     if norm == "h2":
-        optimum = state_gain_norm(plant, lqr_gain(plant), "h2")
+        optimum = state_gain_norm(plant, central_state_gain(plant, math.inf), "h2")
         return min(optimum, achieved) if math.isfinite(optimum) else least
     # Zeros on the axis leave every gamma without a solution.
     # A lower bound is looked for below the norm by this share of the tolerance, then by a
@@ -248,7 +315,7 @@ def state_norm_lower_bound(
         gamma = achieved * (1 - share)
         if gamma <= least:
             break
-        budget.spend(POLICY.gain_work(plant.nx))
+        budget.spend(gain_work(plant.nx))
         if _is_infeasible_at(plant, gamma):
             return gamma
         share *= 1.5
@@ -262,7 +329,7 @@ def _is_infeasible_at(plant: PlantMatrices, gamma: float) -> bool:
     if and only if U'V is, also where U is singular and X infinite.
     """
     if plant.discrete:
-        F = _discrete_central_gain(plant, gamma)
+        F = central_state_gain(plant, gamma)
         return not state_gain_norm(plant, F, "hinf") <= gamma
     game = _HinfRiccati.of(plant, gamma)
     if game is None:
@@ -289,3 +356,105 @@ def _is_infeasible_at(plant: PlantMatrices, gamma: float) -> bool:
     # asymmetry. Next to an optimum that needs infinite gain only that tells on which side gamma
     # is: the random plants 1 and 3 had "optimal" designs 5e-4 above the optimum.
     return bool(least < -10.0 * max(error, np.finfo(float).eps))
+
+
+# The H2 optimum of output feedback (LQG): a regulator of the plant and one of its dual; and the
+# infimum of singular problems.
+
+_HOW = "by Riccati equations in double precision"
+
+# How much of D11 may be left, relative, where a static controller cancels it.
+_CANCELLED = 1e-9
+
+
+def cancel_feedthrough(plant: PlantMatrices) -> tuple[PlantMatrices, Matrix]:
+    """Close a static controller that makes the feedthrough from w to z zero; return it as well.
+
+    Raises
+    ------
+    InfeasibleError
+        If none does, so that the H2 norm of every loop is infinite.
+    """
+    P = plant
+    F = np.zeros((P.B2.shape[1], P.C2.shape[0]))
+    if plant.discrete or not P.D11.any():
+        return plant, F
+    F = -np.linalg.pinv(P.D12, rcond=1e-12) @ P.D11 @ np.linalg.pinv(P.D21, rcond=1e-12)
+    rest = P.D11 + P.D12 @ F @ P.D21
+    if np.abs(rest).max() > _CANCELLED * np.abs(P.D11).max():
+        raise no_finite_h2_norm()
+    return P.with_inner_loop(F).replace(D11=np.zeros_like(P.D11)), F
+
+
+def no_finite_h2_norm() -> InfeasibleError:
+    """Return the error for a feedthrough that passes white noise whatever the controller does."""
+    return InfeasibleError(
+        "The H2 norm of every loop is infinite: no controller cancels the feedthrough D11 from "
+        "w to z. Filter w or z so that D11 vanishes, or use norm='hinf'."
+    )
+
+
+def h2_lower_bound(plant: PlantMatrices) -> LowerBound | None:
+    """Bound the H2 norm of every stabilising controller's loop from below.
+
+    Stoorvogel, "The singular H2 control problem", Automatica 28 (1992) 627-631: the square of the
+    infimum is tr(B1' X B1) + tr((A'X + XA + C1'C1) Y), X and Y as for the H-infinity norm with
+    gamma = infinity.
+
+    Parameters
+    ----------
+    plant : PlantMatrices
+        Scaled, without D22, and without D11 if continuous.
+
+    Returns
+    -------
+    LowerBound or None
+        None where the equations have no solution in double precision.
+    """
+    if plant.discrete:
+        K = lqg(plant)
+        if K is None:
+            return None
+        return LowerBound(float(h2_norm(control.StateSpace(*close(plant, K), True))), _HOW)
+    P, halves = plant, reduced_riccati_pair(plant)
+    if halves is None:
+        return None
+    X, Y = halves.control.solve(np.inf), halves.measurement.solve(np.inf)
+    if X is None or Y is None:
+        return None
+    square = np.trace(P.B1.T @ X @ P.B1) + np.trace((P.A.T @ X + X @ P.A + P.C1.T @ P.C1) @ Y)
+    return LowerBound(float(np.sqrt(max(square, 0.0))), _HOW)
+
+
+def lqg(plant: PlantMatrices) -> Controller | None:
+    """Return the optimal controller of a regular plant; None if it is not regular.
+
+    Zhou, Doyle, Glover, "Robust and Optimal Control" (1996), theorem 14.7, in continuous time. In
+    discrete time the measurement of the same instant is used: Chen and Francis,
+    "Optimal Sampled-Data Control Systems" (1995), section 6.6.
+    """
+    P = plant
+    if plant.discrete:
+        found = [discrete_regulator(half, np.inf) for half in (P, P.dual)]
+        control, estimate = found
+        if not (control and estimate and max(np.linalg.cond(each[2]) for each in found) <= 1e14):
+            return None
+        (F, X, R), (Lt, Y, St) = control, estimate
+        F0 = -np.linalg.solve(R, P.B2.T @ X @ P.B1 + P.D12.T @ P.D11)
+        L0 = np.linalg.solve(St, (F @ Y @ P.C2.T + F0 @ P.D21.T).T).T
+        A = P.A + P.B2 @ F + Lt.T @ P.C2 - P.B2 @ L0 @ P.C2
+        return Controller(A, -(Lt.T - P.B2 @ L0), F - L0 @ P.C2, L0)
+    F, Lt = _regulator(P), _regulator(P.dual)
+    if F is None or Lt is None:
+        return None
+    A = P.A + P.B2 @ F + Lt.T @ P.C2
+    return Controller(A, -Lt.T, F, np.zeros((P.nu, P.ny)))
+
+
+def _regulator(plant: PlantMatrices) -> Matrix | None:
+    """Return the gain of the regulator, where every control has a price to working accuracy."""
+    s = np.linalg.svd(plant.D12, compute_uv=False)
+    if plant.nz < plant.nu or not s.size or s[-1] < 1e-10 * max(s[0], 1.0):
+        return None
+    F = central_state_gain(plant, np.inf)
+    return F if F is not None and stabilises(plant, F) else None

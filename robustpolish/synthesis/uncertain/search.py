@@ -83,7 +83,9 @@ def k_step(plant: PlantMatrices, unit: float, budget: Budget) -> Controller:
     bound = estimated_lower_bound(even, _TOLERANCE, budget)
     enough = 0.0 if bound is None else bound.value * (1 + _BACK_OFF)
     task = Task(even, "hinf", has_full_rank(even), _BACK_OFF / 2, bound, NormTarget(enough, np.inf))
-    found = RegularisedRiccati(_SETTINGS).search(task, budget).candidates
+    engine = RegularisedRiccati(_SETTINGS, task, budget)
+    engine.search()
+    found = engine.candidates
     if not found:
         raise SolverError("The Riccati equations of the scaled plant have no solution in doubles.")
     return min(found, key=lambda candidate: candidate.achieved).controller

@@ -1,13 +1,18 @@
 """What a design shows: its gain, its card, its plots."""
 
 import dataclasses
+import itertools
 
 import control
 import numpy as np
 import pytest
 
 import robustpolish as rp
+from robustpolish.synthesis.problem.preflight import worst_status
+from tests.implementation.designs import servo_design
 from tests.plotting.legends import names
+
+ORDER = ("time_limit", "suboptimal", "infimum_not_attained", "optimal")
 
 
 def mass():
@@ -91,3 +96,40 @@ def test_the_regions_that_were_demanded_are_drawn(design):
     drawn = names(told.plot_poles(regions=other))
     assert f"outside {other}" in drawn
     assert f"outside {slow}" not in drawn
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda K: rp.compare_controllers({"PD": K}, rp.simulate_brush(duration=0.02)),
+        lambda K: rp.simulation.check_robustness(K, None),
+        lambda K: rp.monte_carlo(K, {}),
+        lambda K: rp.synthesis.largest_period(K),
+    ],
+)
+def test_a_transfer_function_is_not_a_design_yet(use):
+    with pytest.raises(rp.InvalidInputError, match=r"got TransferFunction.*given_controller"):
+        use(control.tf([-1.0, -3.0], [0.01, 1.0]))
+
+
+@pytest.mark.parametrize("pair", list(itertools.combinations(ORDER, 2)))
+def test_the_status_that_says_less_wins_in_any_order(pair):
+    assert worst_status(pair) == worst_status(reversed(pair)) == pair[0]
+
+
+def test_delays_and_filters_shorten_the_largest_period():
+    design = servo_design()
+    plain = rp.synthesis.largest_period(design)
+    for option in ({"delay_periods": 1.0}, {"delay": 0.1}, {"anti_aliasing": 1.0}):
+        assert 0 < rp.synthesis.largest_period(design, **option) < plain
+    for method in ("zoh", "foh", "bilinear"):
+        assert 0 < rp.synthesis.largest_period(design, method=method) < 1
+    for name, value in (
+        ("delay", -1.0),
+        ("delay_periods", -1.0),
+        ("method", "x"),
+        ("method", "matched"),
+        ("prewarp_hz", 0.0),
+    ):
+        with pytest.raises(rp.InvalidInputError, match=name):
+            rp.synthesis.largest_period(design, **{name: value})

@@ -10,7 +10,7 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.base.saved import read_saved, write_saved
-from robustpolish.synthesis.design import design_content, design_fields
+from robustpolish.synthesis.design import design_content, design_from
 
 
 def plant(dt=0.0):
@@ -154,9 +154,9 @@ def test_details_of_every_kind_come_back(regulator, tmp_path):
     unknown = {"function": len, "list of such": [len], "words": np.array(["a"])}
     told = dataclasses.replace(regulator, details={**details, **unknown}, history=(details,))
     write_saved(path, "design", design_content(told))
-    fields = design_fields(read_saved(path, "design"))
-    assert set(fields["history"][0]) == set(details)
-    again = fields["details"]
+    design = design_from(read_saved(path, "design"))
+    assert set(design.history[0]) == set(details)
+    again = design.details
     assert set(again) == set(details)
     for name in ("gain", "poles", "pole"):
         np.testing.assert_array_equal(again[name], details[name])

@@ -8,13 +8,10 @@ from hard_plants import random_plant
 
 from robustpolish.synthesis.problem.matrices import (
     PlantMatrices,
-    compressed_outputs,
-    in_states,
     is_regular,
     minimum_effort_problem,
     stabilises,
     state_gain_norm,
-    with_measured_states,
     with_noise,
     with_small_penalty,
 )
@@ -59,10 +56,7 @@ def test_no_gain_no_norm_and_no_signal_no_norm_either():
     [
         (lambda p: with_small_penalty(p, 2.0), math.sqrt(10 + 36 + 4e-6)),
         (lambda p: with_noise(p, 0.5), math.sqrt(10 * 1.25)),
-        (
-            lambda _: with_noise(DEAF, 0.5),
-            math.sqrt(2.5),
-        ),
+        (lambda _: with_noise(DEAF, 0.5), math.sqrt(2.5)),
         (lambda p: minimum_effort_problem(p, 4.0), 5.0),
     ],
 )
@@ -82,20 +76,3 @@ def test_every_control_needs_a_price():
     # One performance output cannot price two controls.
     assert not is_regular(two.replace(C1=two.C1[:1], D11=two.D11[:1], D12=two.D12[:1]))
     assert is_regular(two.replace(B2=np.zeros((3, 0)), D12=np.zeros((3, 0))))
-
-
-def test_other_states_and_fewer_outputs_keep_the_norms():
-    plant = with_measured_states(PlantMatrices.of(random_plant(3, 1, unstable=0)))
-    rng = np.random.default_rng(0)
-    gain, T = 0.01 * rng.standard_normal((2, 3)), rng.standard_normal((3, 3))
-    turn = rng.standard_normal((20, 3))
-    tall = plant.replace(C1=turn @ plant.C1, D11=turn @ plant.D11, D12=turn @ plant.D12)
-    short = compressed_outputs(tall)
-    assert short.nz == 3 + 3 + 2
-    assert compressed_outputs(plant) is plant
-    norm = state_gain_norm(tall, gain, "hinf")
-    assert math.isfinite(norm)
-    assert state_gain_norm(short, gain, "hinf") == pytest.approx(norm, rel=1e-6)
-    other = in_states(tall, T)
-    assert state_gain_norm(other, gain @ T, "hinf") == pytest.approx(norm, rel=1e-6)
-    np.testing.assert_array_equal(other.C2, np.eye(3))

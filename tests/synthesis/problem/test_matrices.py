@@ -4,16 +4,25 @@ import control
 import numpy as np
 import pytest
 from hard_plants import random_plant
+from small_plants import oscillator, static_plant
 
+import robustpolish as rp
 from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.problem.matrices import (
     Controller,
     PlantMatrices,
     absorb_d22,
+    augmented,
     balanced,
     balancing_scale,
+    channel,
     close,
+    close_static_loop,
+    controller_loop,
     regularise,
+    to_continuous,
+    to_discrete,
 )
 
 POINTS = (0.0, 1j, 0.5 - 3j)
@@ -97,11 +106,162 @@ def test_scales_are_powers_of_two_and_ones_where_nothing_can_be_scaled():
     assert balancing_scale(np.zeros((0, 0))).size == 0
 
 
-def test_fingerprints_tell_parts_apart():
-    plant = PlantMatrices.of(random_plant(3, 0))
-    same = PlantMatrices.of(random_plant(3, 0))
-    assert plant.fingerprint == same.fingerprint
-    assert plant.fingerprint != plant.replace(discrete=True).fingerprint
-    assert plant.fingerprint != plant.replace(A=np.nextafter(plant.A, 1.0)).fingerprint
-    nothing = plant.replace(C1=np.zeros((0, 3)), D12=np.zeros((0, 2)))
-    assert nothing.fingerprint != nothing.replace(C1=np.zeros((0, 2))).fingerprint
+def test_signals_come_in_the_order_asked_for():
+    plant = oscillator().replace(D11=[[1.0, 2.0], [3.0, 4.0]])
+    turned = channel(plant, ["noise", "force"], ["price", "x"])
+    np.testing.assert_array_equal(turned.D11, [[4.0, 3.0], [2.0, 1.0]])
+    np.testing.assert_array_equal(turned.D21, [[0.2, 0.0]])
+    np.testing.assert_array_equal(turned.D12, [[0.5], [0.0]])
+    assert turned.disturbance_names == ("noise", "force")
+
+
+def test_one_name_is_a_channel_of_the_same_loop():
+    plant = oscillator()
+    part = channel(plant, "force", "x")
+    assert (part.nw, part.nz) == (1, 1)
+    for name in ("A", "B2", "C2", "D22"):
+        np.testing.assert_array_equal(getattr(part, name), getattr(plant, name))
+    whole, loop = (p.closed_loop([[-0.5]])(2j) for p in (plant, part))
+    assert loop == pytest.approx(whole[0, 0])
+
+
+@pytest.mark.parametrize(
+    ("disturbances", "performance", "argument"),
+    [
+        ("wind", "x", "disturbances"),
+        (["force", "force"], "x", "disturbances"),
+        ("force", ["x", "y"], "performance"),
+        ("force", [], "performance"),
+    ],
+)
+def test_unknown_repeated_or_missing_names_are_refused(disturbances, performance, argument):
+    known = "force, noise" if argument == "disturbances" else "x, price"
+    with pytest.raises(rp.InvalidInputError, match=f"^{argument}: got .* names out of {known}"):
+        channel(oscillator(), disturbances, performance)
+
+
+PLACES = (0.0, 1j, 0.5 - 3j)
+
+
+def same_as(loop, system):
+    assert loop is not None
+    for s in PLACES:
+        own = control.StateSpace(loop.A, loop.B, loop.C, loop.D)(s)
+        np.testing.assert_allclose(own, system(s), rtol=1e-8)
+
+
+def drawn(*shape, seed=0):
+    return np.random.default_rng(seed).standard_normal(shape)
+
+
+@pytest.mark.parametrize("feedthrough", [False, True])
+def test_a_static_loop_is_that_of_the_plant(feedthrough):
+    plant, K = random_plant(4, 0, feedthrough=feedthrough), drawn(2, 2)
+    same_as(close_static_loop(PlantMatrices.of(plant), K), plant.closed_loop(K))
+
+
+@pytest.mark.parametrize("feedthrough", [False, True])
+@pytest.mark.parametrize("order", [0, 2])
+def test_a_static_gain_around_integrators_is_a_dynamic_controller(order, feedthrough):
+    plant, K = random_plant(3, 1, feedthrough=feedthrough), drawn(order + 2, order + 2)
+    parts = K[:order, :order], K[:order, order:], K[order:, :order], K[order:, order:]
+    loop = close_static_loop(augmented(PlantMatrices.of(plant), order), K)
+    same_as(loop, plant.closed_loop(control.StateSpace(*parts)))
+
+
+def test_a_controller_alone_is_measured_between_weights():
+    K, left, right = drawn(4, 5), drawn(3, 2, seed=1), drawn(3, 1, seed=2)
+    loop = close_static_loop(controller_loop(2, left, right, discrete=True), K)
+    assert loop is not None
+    assert loop.plant.discrete
+    alone = control.StateSpace(K[:2, :2], K[:2, 2:], K[2:, :2], K[2:, 2:], True)
+    for z in (1.0, 1j):
+        own = control.StateSpace(loop.A, loop.B, loop.C, loop.D, True)(z)
+        np.testing.assert_allclose(own, left @ alone(z) @ right, rtol=1e-9)
+
+
+def test_a_loop_that_is_not_well_posed_is_none():
+    plant = PlantMatrices.of(random_plant(3, 0)).replace(D22=np.diag([0.5, 0.0]))
+    assert close_static_loop(plant, np.diag([2.0, 1.0])) is None
+    assert close_static_loop(plant, np.diag([np.nan, 1.0])) is None
+    assert close_static_loop(plant, np.diag([1.0, 1.0])) is not None
+
+
+def test_stability_is_strict_in_continuous_and_discrete_time():
+    for discrete, stable, marginal in ((False, -0.5, 0.0), (True, -0.999, -1.0)):
+        for pole, expected in ((stable, True), (marginal, False), (np.inf, False)):
+            plant = static_plant(np.diag([pole, 0.1 * stable]), [[1.0], [0]], [[1.0, 0]], discrete)
+            loop = close_static_loop(plant, np.zeros((1, 1)))
+            assert loop is not None
+            assert loop.stable == expected
+
+
+def test_a_gradient_comes_back_through_the_feedthrough():
+    plant, K = PlantMatrices.of(random_plant(3, 2)), 0.3 * drawn(2, 2)
+    weight = drawn(2, 2, seed=5)
+
+    def objective(K):
+        return float(np.sum(weight * (K @ np.linalg.inv(np.eye(2) - plant.D22 @ K))))
+
+    loop = close_static_loop(plant, K)
+    assert loop is not None
+    step = 1e-6
+    for i, j in np.ndindex(2, 2):
+        move = np.zeros((2, 2))
+        move[i, j] = step
+        slope = (objective(K + move) - objective(K - move)) / (2 * step)
+        assert loop.back(weight)[i, j] == pytest.approx(slope, rel=1e-6)
+    # Without D22 there is nothing to come back through.
+    bare = close_static_loop(plant.without_d22(), K)
+    assert bare is not None
+    assert bare.back(weight) is weight
+
+
+def sampled(seed, eigenvalues=None):
+    plant = random_plant(4, seed)
+    A = plant.A / np.abs(np.linalg.eigvals(plant.A)).max() * 1.1
+    if eigenvalues is not None:
+        A = np.linalg.solve(plant.A, np.diag(eigenvalues) @ plant.A)
+    names = ("B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
+    matrices = (getattr(plant, name) for name in names)
+    return GeneralizedPlant.from_matrices(A, *matrices, dt=0.1)
+
+
+def small_controller():
+    rng = np.random.default_rng(3)
+    return Controller(*(rng.standard_normal((2, 2)) for _ in range(4)))
+
+
+def images(plant):
+    gain = np.ones((plant.nu, plant.ny))
+    return to_continuous(plant, np.ones(plant.nx), gain)
+
+
+@pytest.mark.parametrize("eigenvalues", [None, (-1.0, 0.5, 0.2, -0.3), (-1.0, -1.0, 0.9, 2.0)])
+def test_loops_with_both_respond_alike(eigenvalues):
+    plant, K = sampled(1, eigenvalues), small_controller()
+    image, feedback = images(plant)
+    assert not image.is_discrete
+    assert feedback.any() == (eigenvalues is not None)  # only a pole at -1 has to be moved
+    discrete = to_discrete(K, feedback, plant.D22)
+    assert discrete is not None
+    own = plant.closed_loop(control.StateSpace(*discrete, plant.dt))
+    loop = image.closed_loop(control.StateSpace(*K))
+    for angle in (0.3, 1.0, 2.5):
+        z = np.exp(1j * angle)
+        np.testing.assert_allclose(own(z), loop((z - 1) / (z + 1)), rtol=1e-6)
+
+
+def test_a_controller_with_a_pole_at_one_has_no_sampled_one():
+    K = small_controller()
+    pole = K._replace(A=np.diag([1.0, -3.0]))
+    assert to_discrete(pole, np.zeros((2, 2)), np.zeros((2, 2))) is None
+
+
+def test_a_static_controller_only_gets_the_feedback_added():
+    nothing = np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0))
+    feedback = np.diag([0.1, -0.2])
+    found = to_discrete(Controller(*nothing, np.eye(2)), feedback, np.zeros((2, 2)))
+    assert found is not None
+    np.testing.assert_array_equal(found.D, np.eye(2) + feedback)
+    assert found.A.shape == (0, 0)

@@ -1,10 +1,21 @@
 """Riccati and Lyapunov equations: right where SciPy is, and None where there is no solution."""
 
+import control
 import numpy as np
 import pytest
+from hard_plants import random_plant
+from published_plants import scherer_1997
 from scipy import linalg
+from small_plants import oscillator
 
-from robustpolish.synthesis.riccati.equations import (
+from robustpolish.base.budget import Budget
+from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.synthesis.problem.matrices import PlantMatrices, close
+from robustpolish.synthesis.riccati.gamma import (
+    central_controller,
+    has_full_rank,
+    normalise,
+    search_gamma,
     solve_lyapunov,
     solve_riccati,
     symplectic_scaling,
@@ -26,8 +37,7 @@ def test_the_regulator_in_any_units(seed, decades):
     found = solve_riccati(
         A * unit / unit[:, None], -(B @ B.T) / unit / unit[:, None], Q * unit * unit[:, None]
     )
-    assert found is not None
-    back = found.X / unit / unit[:, None]
+    back = found / unit / unit[:, None]
     np.testing.assert_allclose(back, expected, rtol=1e-7, atol=1e-7 * np.abs(expected).max())
 
 
@@ -35,9 +45,7 @@ def test_a_game_with_an_indefinite_quadratic_term():
     # q x^2 - 2 x + 1 = 0 has solutions as long as q <= 1; the smaller one stabilises.
     for quadratic in (0.75, -3.0):
         found = solve_riccati(-np.eye(1), np.array([[quadratic]]), np.eye(1))
-        assert found is not None
-        assert found.X.item() == pytest.approx((1 - np.sqrt(1 - quadratic)) / quadratic)
-        assert found.separation == pytest.approx(1.0)
+        assert found.item() == pytest.approx((1 - np.sqrt(1 - quadratic)) / quadratic)
     assert solve_riccati(-np.eye(1), np.array([[1.25]]), np.eye(1)) is None
 
 
@@ -51,8 +59,7 @@ def test_no_solution_no_answer():
     assert solve_riccati(one, -one, np.array([[np.nan]])) is None
     nothing = np.zeros((0, 0))
     empty = solve_riccati(nothing, nothing, nothing)
-    assert empty is not None
-    assert empty.X.shape == (0, 0)
+    assert empty.shape == (0, 0)
 
 
 def test_the_scaling_is_symplectic_and_evens_out():
@@ -82,10 +89,80 @@ def test_gramians_of_stable_systems_in_any_units():
     expected = linalg.solve_continuous_lyapunov(A.T, -Q)
     for size in (1e-200, 1.0, 1e200):
         found = solve_lyapunov(A, size * Q)
-        assert found is not None
         np.testing.assert_allclose(found / size, expected, rtol=1e-8)
         np.testing.assert_array_equal(found, found.T)
     damped = solve_lyapunov(np.diag([-1e-9, -1.0]), np.eye(2))
-    assert damped is not None
     np.testing.assert_allclose(damped, np.diag([5e8, 0.5]))
     assert solve_lyapunov(A, np.full((5, 5), np.inf)) is None
+
+
+def norm_of(plant, K):
+    return float(hinf_norm(control.StateSpace(*close(plant, K))))
+
+
+def test_the_coupling_falls_and_crosses_gamma_at_the_published_optimum():
+    halves = normalise(PlantMatrices.of(scherer_1997())).halves
+    assert halves.states == 3
+    attempts = {gamma: halves.attempt(gamma) for gamma in (9.4, 9.51, 20.0, 1e6)}
+    assert [found.feasible for found in attempts.values()] == [False, True, True, True]
+    couplings = [found.coupling for found in attempts.values() if found.coupling is not None]
+    assert couplings == sorted(couplings, reverse=True)
+    assert attempts[9.51].coupling == pytest.approx(9.51, rel=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("share", [1.001, 1.5, 100.0])
+def test_the_central_controller_keeps_its_bound_with_feedthrough(seed, share):
+    plant = PlantMatrices.of(random_plant(4, seed, singular=False)).without_d22()
+    normal = normalise(plant)
+    bracket = search_gamma(normal.halves, 1.0, 1e-6, Budget())
+    assert bracket is not None
+    gamma = share * bracket.upper
+    found = normal.halves.attempt(gamma)
+    assert found.X is not None
+    assert found.Y is not None
+    K = central_controller(normal, gamma, found.X, found.Y)
+    assert bracket.lower * (1 - 1e-6) <= norm_of(plant, K) < gamma
+
+
+def test_next_to_the_floor_the_feedthrough_is_that_of_parrott():
+    # Hardly any dynamics: D11 + [0, 0; 0, Dk] can be made as small as its first row or column.
+    one, small = np.eye(1), 1e-6 * np.ones((1, 2))
+    plant = PlantMatrices(
+        A=-one,
+        B1=small,
+        B2=one,
+        C1=small.T,
+        C2=one,
+        D11=np.array([[1.0, 2.0], [3.0, 4.0]]),
+        D12=np.array([[0.0], [1.0]]),
+        D21=np.array([[0.0, 1.0]]),
+        D22=np.zeros((1, 1)),
+    )
+    normal, gamma = normalise(plant), 1.001 * np.sqrt(10)
+    assert normal.halves.floor == pytest.approx(np.sqrt(10))
+    found = normal.halves.attempt(gamma)
+    assert found.X is not None
+    assert found.Y is not None
+    K = central_controller(normal, gamma, found.X, found.Y)
+    assert np.sqrt(10) * (1 - 1e-9) < norm_of(plant, K) < gamma
+    assert K.D.item() == pytest.approx(-4 - 3 * 2 / (gamma**2 - 1), rel=1e-6)
+
+
+def test_below_the_norm_of_the_feedthrough_nothing_is_tried():
+    # z1 = 3 w1 is reached neither by u nor by y.
+    plant = PlantMatrices.of(oscillator()).replace(D11=np.diag([3.0, 0.0]))
+    halves = normalise(plant).halves
+    assert halves.floor == pytest.approx(3.0)
+    assert halves.attempt(2.9) == (False, None, None, None)
+    assert halves.attempt(30.0).feasible
+
+
+def test_ranks_do_not_depend_on_units():
+    plant = PlantMatrices.of(random_plant(3, 0, singular=False))
+    units = np.diag([1e9, 1e-9])
+    assert has_full_rank(plant)
+    assert has_full_rank(plant.replace(D12=plant.D12 @ units, D21=units @ plant.D21))
+    assert not has_full_rank(PlantMatrices.of(random_plant(3, 0, singular=True)))
+    assert not has_full_rank(plant.replace(D12=plant.D12[:, [0, 0]]))
+    assert not has_full_rank(plant.replace(D12=plant.D12[:1]))

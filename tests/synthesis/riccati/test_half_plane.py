@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
+from robustpolish.base.budget import DeadlineError
 from robustpolish.linear.arithmetic.balls import precision
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.riccati.lower_bound import PreciseRiccatiPair
+from robustpolish.synthesis.riccati import lower_bound as proof
+from robustpolish.synthesis.riccati.lower_bound import PreciseRiccatiPair, proven_lower_bound
 
 
 def out_of_reach(plant, gamma, bits=768):
@@ -68,3 +70,37 @@ def test_with_more_controls_than_outputs_the_rest_is_free():
         [[1.0, 1.0], [0.0, 2.0]], np.eye(2), np.eye(2), [[1.0, 1.0]], np.eye(2)
     )
     assert not out_of_reach(plant, 1e-6)
+
+
+def double_integrator():
+    return PlantMatrices.of(
+        rp.GeneralizedPlant.from_matrices(
+            [[0.0, 1.0], [0.0, 0.0]],
+            [[0.0, 0.0], [1.0, 0.0]],
+            [[0.0], [1.0]],
+            [[1.0, 0.0], [0.0, 0.0]],
+            [[1.0, 0.0]],
+            D12=[[0.0], [1.0]],
+            D21=[[0.0, 1.0]],
+        )
+    )
+
+
+@pytest.mark.parametrize("guess", [0.0, 1e-20, 1.0, 2.6, 1e20])
+def test_a_wrong_guess_takes_longer_only(guess):
+    found = proven_lower_bound(double_integrator(), guess, 1e-3)
+    assert found == pytest.approx(proven_lower_bound(double_integrator(), 2.58, 1e-4), rel=1.2e-3)
+
+
+def test_when_the_time_is_over_what_was_proven_is_returned(monkeypatch):
+    full = proven_lower_bound(double_integrator(), 2.0, 1e-3)
+    looks = [True, True, True]
+
+    def look():
+        if not looks:
+            raise DeadlineError
+        looks.pop()
+
+    monkeypatch.setattr(proof, "check_deadline", look)
+    assert 1.9 < proven_lower_bound(double_integrator(), 2.0, 1e-3) < 0.999 * full
+    assert proven_lower_bound(double_integrator(), 2.0, 1e-3) == 0

@@ -1,0 +1,158 @@
+"""From what engines find to one certified controller: gains preferred, modes removed, lies refused.
+
+An engine that finds what it is told stands for those of the package.
+"""
+
+import control
+import numpy as np
+import pytest
+from hard_plants import heat_rod
+from output_tasks import unstable_lag
+
+import robustpolish as rp
+from robustpolish.base.budget import Budget
+from robustpolish.synthesis import driver
+from robustpolish.synthesis.engine import Candidate, Engine, Settings
+from robustpolish.synthesis.problem.matrices import Controller
+from robustpolish.synthesis.problem.preflight import check_solvability
+
+
+def priced_lag(price=1.0, unit=1.0):
+    """X' = -x + w + u, z = unit (x, price u), y = x.
+
+    With u = k y the H-infinity norm is sqrt(1 + (price k)^2) / (1 - k), which for a price of 1 is
+    least at k = -1, where it is sqrt(1/2); without a price it falls without end.
+    """
+    plant = unstable_lag(price, noise=0.0, a=-1.0).part(
+        states=[0], disturbances=[0], controls=[0], performance=[0, 1], measurements=[0]
+    )
+    return plant.replace(C1=unit * plant.C1, D12=unit * plant.D12)
+
+
+def norm_of(k, price=1.0):
+    return np.sqrt(1 + (price * k) ** 2) / (1 - k)
+
+
+def gain(k):
+    none = np.zeros
+    return Controller(none((0, 0)), none((0, 1)), none((1, 0)), np.array([[float(k)]]))
+
+
+def chosen(plant, *found, norm="hinf", falling=False, enough=0.0, work=np.inf, tolerance=0.01):
+    """Choose among controllers in the plant's units; a pair tells a false norm of the second."""
+
+    class ByHand(Engine):
+        method = backend = "by hand"
+
+        def search(self):
+            unit = self.problem.scaled
+            for each in found:
+                claim, K = each if len(each) == 2 else (np.inf, each)
+                K = Controller(
+                    K.A * unit.time,
+                    K.B * unit.time * unit.measurement,
+                    K.C / unit.control[:, None],
+                    K.D * unit.measurement / unit.control[:, None],
+                )
+                lie = Candidate(K, claim, claim, "a lie") if np.isfinite(claim) else None
+                self.candidates.append(lie or self.checked(K, claim, "by hand"))
+            self.falling = falling
+
+    settings = Settings(norm, "by hand", "none", None, tolerance, engines=(ByHand,))
+    search = driver.PartSearch(plant, settings, check_solvability(plant), Budget(work))
+    return search.choose(enough)
+
+
+def test_within_the_tolerance_the_smaller_gain_wins_in_the_units_of_the_plant():
+    unit = 1e4
+    # 0.9 % above the optimum, at it, and 5 % above it.
+    assert norm_of(-0.76) < 1.0099 * np.sqrt(0.5) < norm_of(-0.5)
+    found = chosen(priced_lag(unit=unit), *map(gain, (-0.76, -1.0, -0.5)))
+    assert found.controller.D.item() == pytest.approx(-0.76)
+    assert found.status == "optimal"
+    assert found.certificate.valid
+    assert found.certificate.achieved == pytest.approx(unit * norm_of(-0.76), rel=1e-6)
+    assert found.bound.value == pytest.approx(unit * np.sqrt(0.5), rel=1e-3)
+
+
+def test_the_status_says_what_is_known():
+    assert chosen(priced_lag(), gain(-0.5)).status == "suboptimal"
+    free = chosen(priced_lag(price=0.0), gain(-3.0), falling=True)
+    assert free.status == "infimum_not_attained"
+
+
+def test_a_falling_search_need_not_go_below_what_is_enough():
+    gains = [gain(-k) for k in (9.0, 99.0, 9999.0)]  # norms 1e-1, 1e-2, 1e-4
+    best = chosen(priced_lag(price=0.0), *gains, falling=True)
+    modest = chosen(priced_lag(price=0.0), *gains, falling=True, enough=0.02)
+    assert best.certificate.achieved == pytest.approx(1e-4)
+    assert modest.certificate.achieved == pytest.approx(1e-2)
+
+
+def test_lies_are_found_out_and_the_honest_candidate_is_taken():
+    lie = (0.1, gain(2.0))  # which does not stabilise
+    found = chosen(priced_lag(), lie, gain(-1.0))
+    assert found.controller.D.item() == pytest.approx(-1.0)
+    with pytest.raises(rp.SolverError, match=r"No certified controller was found: .*stable"):
+        chosen(priced_lag(), lie)
+
+
+def test_modes_that_do_nothing_are_removed():
+    # A fast lag that is cancelled by the feedthrough at rest, and a mode that u does not see.
+    B, C = np.array([[1e3], [1.0]]), np.array([[1.0, 0.0]])
+    long = Controller(np.diag([-1e6, -3.0]), B, C, -np.eye(1))
+    found = chosen(priced_lag(), long)
+    assert found.controller.nstates == 0
+    assert found.controller.D.item() == pytest.approx(-1.0, rel=2e-3)
+    assert chosen(priced_lag(), long, work=1e-9).controller.nstates == 2  # without work none is
+
+
+def test_many_modes_are_removed_by_halves():
+    n = 30
+    A = -np.diag([1.0, *np.linspace(2.0, 40.0, n)])
+    C = np.hstack([[[-1.0]], np.zeros((1, n))])
+    found = chosen(priced_lag(), Controller(A, np.ones((n + 1, 1)), C, np.zeros((1, 1))))
+    assert found.controller.nstates <= n / 2 + 1
+    # The loop with u = -y / (s + 1) is the same.
+    whole = rp.given_controller(priced_lag(), control.tf([-1.0], [1.0, 1.0]))
+    assert found.certificate.achieved <= 1.02 * whole.certificate.achieved
+
+
+@pytest.mark.parametrize(("norm", "expected"), [("hinf", 4.0), ("h2", np.sqrt(16 / 7))])
+def test_discrete_loops_are_judged_by_the_unit_circle(norm, expected):
+    # x+ = 2 x + w + u with u = -5/4 x: z = x has 1/(1 - 3/4) and 1/(1 - 9/16).
+    ones = [[1.0]]
+    plant = rp.GeneralizedPlant.from_matrices([[2.0]], ones, ones, ones, ones, dt=1.0)
+    found = rp.certify(plant, [[-1.25]], norm)
+    assert found.achieved == pytest.approx(expected, rel=1e-3)
+    assert not rp.certify(plant, [[-3.0]], norm).valid
+
+
+def priced_rod(points=80):
+    return rp.output_feedback(heat_rod(points), control_weight=1e-3, measurement_noise=1e-3)
+
+
+@pytest.mark.slow
+def test_a_large_plant_gets_a_short_controller():
+    design = priced_rod(105)
+    assert design.certificate.valid
+    assert design.controller.nstates <= 52
+    assert design.closed_loop.nstates == 105 + design.controller.nstates
+    assert "of the 105 states" in design.message
+    assert "Hankel bound" in design.message
+    assert design.lower_bound is None  # that of the shorter plant proves nothing of this one
+    assert design.status == "suboptimal"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("HARMLESS", -1.0), ("is_out_of_reach", lambda plant, gamma: False)],
+    ids=["it does harm", "the bound does not hold"],
+)
+def test_all_states_are_searched_where_fewer_will_not_do(name, value, monkeypatch):
+    monkeypatch.setattr(driver, "TRUNCATED_STATES", 79)
+    monkeypatch.setattr(driver, name, value)
+    design = priced_rod()
+    assert design.certificate.valid
+    assert "Hankel" not in design.message
