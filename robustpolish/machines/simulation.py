@@ -373,7 +373,7 @@ def _cached_kernel_matrices(
 
 def build_system(model: MechanicalData, step: float) -> NonlinearSystem:
     """Build the system of a model, for substeps of `step` seconds."""
-    effects, _, G, H, motion = effect_ports(model)
+    effects, _, (G, H, motion) = effect_ports(model)
     layout, values = [], []
     port = state = parameter = 0
     for effect in effects:
