@@ -634,6 +634,7 @@ def design_by_parts(
     )
     # No part has to be much better than the one that decides the norm of the whole.
     enough = 0.01 * max((s.best for s in searched.values()), default=0.0)
+    reasons: list[str] = []
     # A static gain is certified with the whole alone, and part by part only where that fails.
     for prove in (False, True) if full_state and len(parts) > 1 else (True,):
         choices = {key: search.choose(enough, prove) for key, search in searched.items()}
@@ -647,7 +648,7 @@ def design_by_parts(
         # The whole loop of a single part has been certified with it.
         alone = [part.plant.nx for part, c in zip(parts, chosen, strict=True) if c] == [plant.nx]
         certificate = done[0].certificate if alone and not idle else None
-        reasons: list[str] = []
+        reasons = []
         if certificate is None or plant.delays:
             # Norms that the loops of the parts keep.
             kept = (c.certificate.claimed or 0.0 if c.certificate else c.claim for c in done)

@@ -63,11 +63,11 @@ def reduce_in_gap_metric(K: control.StateSpace, order: int) -> SystemMatrices:
         If the factors could not be computed or truncated.
     """
     A, B, C, D = coprime(loop_plant("controller", K)).right()
-    gramians = solve_lyapunov(A.T, B @ B.T), solve_lyapunov(A, C.T @ C)
-    if gramians[0] is None or gramians[1] is None:
+    reach, seen = solve_lyapunov(A.T, B @ B.T), solve_lyapunov(A, C.T @ C)
+    if reach is None or seen is None:
         raise SolverError("The controller's coprime factors could not be balanced; reduce less.")
     # Roots R with R R' of the positive semidefinite Gramians.
-    pairs = [np.linalg.eigh(gramian) for gramian in gramians]
+    pairs = [np.linalg.eigh(gramian) for gramian in (reach, seen)]
     into, out = (vectors * np.sqrt(np.maximum(values, 0.0)) for values, vectors in pairs)
     U, sizes, Vh = np.linalg.svd(out.T @ into)
     if order and sizes[order - 1] <= np.finfo(float).eps * len(A) * sizes[0]:
@@ -296,7 +296,7 @@ def limits_in_words(plant: SystemMatrices, wanted: TargetLoop) -> str:
         zeros = linalg.eigvals(P, N)
         finite = np.isfinite(zeros)
         zeros = zeros[finite & (np.abs(np.where(finite, zeros, 0)) < 1e6 * np.linalg.norm(A))]
-    poles = np.linalg.eigvals(A).astype(complex)
+    poles: Any = np.linalg.eigvals(A).astype(complex)
     if wanted.dt:  # as continuous rates in rad/s
         poles, zeros = (np.log(v[v != 0]) / step_of(wanted.dt) for v in (poles, zeros))
     text = ""

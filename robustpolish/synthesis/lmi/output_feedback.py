@@ -225,8 +225,8 @@ def solve_projected(
     identity, halves = np.eye(plant.nx), []
     *sizes, level = near or (identity, identity, gamma)
     for half, size in zip((plant, plant.dual), sizes, strict=True):
-        basis = linalg.null_space(np.hstack([half.B2.T, half.D12.T]))
-        basis = linalg.block_diag(basis, np.eye(half.nw))
+        free = linalg.null_space(np.hstack([half.B2.T, half.D12.T]))
+        basis: Matrix = np.asarray(linalg.block_diag(free, np.eye(half.nw)))
         known = _projected(half, Affine.of(size), level).at(np.zeros(0))
         stretch = _row_balanced if near is None else _slack_normalised
         halves.append((half, stretch(basis, known)))

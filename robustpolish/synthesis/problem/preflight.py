@@ -331,7 +331,8 @@ def unstable_fixed_modes(
         One of each complex pair; what it lacks is a gain of the structure that moves it.
     """
     found = np.linalg.eig(loop.A)
-    values, vectors = np.asarray(found[0], complex), np.asarray(found[1])
+    values: Any = np.asarray(found[0], complex)
+    vectors = np.asarray(found[1])
     size = float(np.linalg.norm(loop.A, 2)) if loop.A.size else 0.0
     margin = np.abs(values) - 1 if loop.discrete else np.real(values)
     suspects = np.flatnonzero((margin >= -_MOVED * size) & (values.imag >= 0)).tolist()
@@ -344,7 +345,9 @@ def unstable_fixed_modes(
             ]
     leaders = np.abs(vectors).argmax(axis=0) if suspects else ()
     return tuple(
-        FixedMode(complex(values[i] / unit_of_time), states[leaders[i]], "immovable", 0.0, True)
+        FixedMode(
+            complex(values[i] / unit_of_time), states[int(leaders[i])], "immovable", 0.0, True
+        )
         for i in suspects
     )
 

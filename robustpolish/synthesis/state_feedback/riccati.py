@@ -435,11 +435,12 @@ def lqg(plant: PlantMatrices) -> Controller | None:
     """
     P = plant
     if plant.discrete:
-        found = [discrete_regulator(half, np.inf) for half in (P, P.dual)]
-        control, estimate = found
-        if not (control and estimate and max(np.linalg.cond(each[2]) for each in found) <= 1e14):
+        gain, estimate = (discrete_regulator(half, np.inf) for half in (P, P.dual))
+        if gain is None or estimate is None:
             return None
-        (F, X, R), (Lt, Y, St) = control, estimate
+        (F, X, R), (Lt, Y, St) = gain, estimate
+        if max(np.linalg.cond(R), np.linalg.cond(St)) > 1e14:
+            return None
         F0 = -np.linalg.solve(R, P.B2.T @ X @ P.B1 + P.D12.T @ P.D11)
         L0 = np.linalg.solve(St, (F @ Y @ P.C2.T + F0 @ P.D21.T).T).T
         A = P.A + P.B2 @ F + Lt.T @ P.C2 - P.B2 @ L0 @ P.C2

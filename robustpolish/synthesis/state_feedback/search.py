@@ -85,7 +85,8 @@ class StateSearch(Engine):
     def __init__(self, settings: Settings, problem: Task, budget: Budget) -> None:
         super().__init__(settings, problem, budget)
         assert problem.scaled is not None
-        self.plant, self.scaled, self.norm = problem.plant, problem.scaled, problem.norm
+        self.plant, self.scaled = problem.plant, problem.scaled
+        self.norm: Norm = problem.norm
         self.tolerance = settings.relaxations[0] * settings.tolerance
         self.method, kind = settings.method, RiccatiStateEngine
         if settings.method == "lmi":
