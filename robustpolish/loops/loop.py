@@ -49,11 +49,11 @@ class BreakableLoop:
     plant: GeneralizedPlant
     controller: control.StateSpace
 
-    def wired(self, ports: Ports, inputs: Sequence[str], outputs: Sequence[str]) -> Any:
+    def _wired(self, ports: Ports, inputs: Sequence[str], outputs: Sequence[str]) -> Any:
         """Return the loop from where signals enter to where they leave, by their names."""
         raise NotImplementedError
 
-    def responding(self, ports: Ports, names: Sequence[str]) -> SystemResponse | LineResponse:
+    def _responding(self, ports: Ports, names: Sequence[str]) -> SystemResponse | LineResponse:
         """Return it over frequency."""
         raise NotImplementedError
 
@@ -114,7 +114,7 @@ class BreakableLoop:
         control.StateSpace or control.FrequencyResponseData
         """
         ports = Ports.closed(len(self.signals), inputs, outputs)
-        return self.wired(ports, self._named(inputs), self._named(outputs))
+        return self._wired(ports, self._named(inputs), self._named(outputs))
 
     def around(self, at: Sequence[int], weight: float = 1.0, less: float = 0.0) -> Any:
         """Return weight * S - less * 1 at some signals, such as S - T = 2 S - 1.
@@ -130,7 +130,7 @@ class BreakableLoop:
         control.StateSpace or control.FrequencyResponseData
         """
         names = self._named(at)
-        return self.wired(Ports.closed(len(self.signals), at, at, weight, less), names, names)
+        return self._wired(Ports.closed(len(self.signals), at, at, weight, less), names, names)
 
     def opened(self, place: Place | None, signals: Sequence[int] | None = None) -> Any:
         """Return the loop transfer function where it is broken, the rest being closed.
@@ -149,7 +149,7 @@ class BreakableLoop:
         """
         broken = self.broken(place, signals)
         names = self._named(broken)
-        return self.wired(Ports.opened(len(self.signals), broken), names, names)
+        return self._wired(Ports.opened(len(self.signals), broken), names, names)
 
     def broken(self, place: Place | None, signals: Sequence[int] | None = None) -> list[int]:
         """Return the signals that :meth:`opened` breaks."""
@@ -168,7 +168,7 @@ class BreakableLoop:
         SystemResponse or LineResponse
         """
         broken = self.at(place, signals)
-        return self.responding(Ports.opened(len(self.signals), broken), self._named(broken))
+        return self._responding(Ports.opened(len(self.signals), broken), self._named(broken))
 
     def response_around(self, at: Sequence[int], weight: float = 1.0, less: float = 0.0) -> Any:
         """Return :meth:`around` over frequency, delays as they are.
@@ -183,7 +183,7 @@ class BreakableLoop:
         SystemResponse or LineResponse
         """
         ports = Ports.closed(len(self.signals), at, at, weight, less)
-        return self.responding(ports, self._named(at))
+        return self._responding(ports, self._named(at))
 
     def peak(self, at: Sequence[int], weight: float = 1.0, less: float = 0.0) -> HinfNorm:
         """Return the norm of :meth:`around`, proven if that is affordable, and remember it.
@@ -320,7 +320,7 @@ class Loop(BreakableLoop):
         """From (disturbance at u, noise at y) to (u, y): S and KS above, GS and S below."""
         return super().closed
 
-    def wired(
+    def _wired(
         self, ports: Ports, inputs: Sequence[str], outputs: Sequence[str]
     ) -> control.StateSpace:
         """Return the loop from where signals enter to where they leave, by their names."""
@@ -331,9 +331,9 @@ class Loop(BreakableLoop):
         matrices = connected(self.plant_matrices, self.controller_matrices, ports)
         return named_system(matrices, self.dt, inputs, outputs, [*own, *others])
 
-    def responding(self, ports: Ports, names: Sequence[str]) -> SystemResponse:
+    def _responding(self, ports: Ports, names: Sequence[str]) -> SystemResponse:
         """Return it over frequency, delays as they are."""
-        system, exact = self.wired(ports, names, names), self.delayed
+        system, exact = self._wired(ports, names, names), self.delayed
         if exact is None:
             return SystemResponse(system, self.rates)
         values = functools.partial(exact.values, ports)

@@ -88,7 +88,7 @@ class MeasuredLoop(BreakableLoop):
         """Whether the controller is discrete."""
         return bool(self.dt)
 
-    def wired(
+    def _wired(
         self, ports: Ports, inputs: Sequence[str], outputs: Sequence[str]
     ) -> control.FrequencyResponseData:
         """Return the loop line by line, from where signals enter to where they leave."""
@@ -96,9 +96,9 @@ class MeasuredLoop(BreakableLoop):
         names = {"inputs": list(inputs), "outputs": list(outputs)}
         return control.FrequencyResponseData(values, self.omega, **names)
 
-    def responding(self, ports: Ports, names: Sequence[str]) -> LineResponse:
+    def _responding(self, ports: Ports, names: Sequence[str]) -> LineResponse:
         """Return it with what its lines tell."""
-        return LineResponse(self.wired(ports, names, names), self.unstable_poles)
+        return LineResponse(self._wired(ports, names, names), self.unstable_poles)
 
     @cached_property
     def stability(self) -> Stability:
