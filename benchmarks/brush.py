@@ -76,7 +76,7 @@ def rows(quick: bool) -> Iterator[Row]:
             if theirs <= own:
                 break
         yield Row(
-            "brush", f"brush of {stiffness:g} N/m, {seconds:g} s at 20 kHz", "rp.simulate_brush, "
-            "one pass", ours, f"solve_ivp RK45, rtol {rtol:g}", spent,
+            "brush", f"brush of {stiffness:g} N/m, {seconds:g} s at 20 kHz",
+            "rp.polishing.simulate_brush, one pass", ours, f"solve_ivp RK45, rtol {rtol:g}", spent,
             f"impulses err by {own:.0e}, RK45's by {theirs:.0e} (the rim's nodes: {nodes:.0e})",
         )  # fmt: skip

@@ -134,7 +134,7 @@ def under_the_brush(designs: Mapping[str, rp.results.Design]) -> str:
     norms |= {name: design.certificate.achieved for name, design in designs.items()}
     cells = {name: [f"{value:.4g}"] for name, value in norms.items()}
     for run in (1, 4):
-        load = rp.simulate_brush(run=run)
+        load = rp.polishing.simulate_brush(run=run)
         table = rp.compare_controllers(designs, load, signals=("x", "y", "z")).table
         for row in table["row"].to_numpy():
             deviation = table["deviation"].sel(row=row).to_numpy()

@@ -39,7 +39,7 @@ def impact_law() -> str:
     """Ask the solver of the listing to be more and more careful."""
     lines = ["| tolerance | steps | largest F_z [N] |", "|---:|---:|---:|"]
     for tolerance in (1e-3, 1e-4, 1e-5):
-        listed = rp.simulate_brush("listing", 1, 0.05, tolerance=tolerance)
+        listed = rp.polishing.simulate_brush("listing", 1, 0.05, tolerance=tolerance)
         largest = float(abs(listed["F_z"]).max())
         lines.append(f"| {tolerance:.0e} | {listed.attrs['steps']} | {largest:.1f} |")
     return "\n".join(lines)
@@ -47,7 +47,7 @@ def impact_law() -> str:
 
 def mean_of_the_contact(simulator: Literal["physical", "listing"]) -> str:
     """Return what the mould carries on average over the first 0.4 s of run 1."""
-    return f"{float(rp.simulate_brush(simulator, 1, 0.4)['F_z'].mean()):.1f} N"
+    return f"{float(rp.polishing.simulate_brush(simulator, 1, 0.4)['F_z'].mean()):.1f} N"
 
 
 def critical_springs(stiffness: float, mass: float = 0.2) -> control.StateSpace:
@@ -68,7 +68,7 @@ def coupled() -> str:
     ]
     for damping in (50.0, 1.0):
         parameters = rp.polishing.BrushParameters(contact_damping=damping)
-        brush = rp.simulate_brush(duration=0.1, parameters=parameters, tolerance=5e-3)
+        brush = rp.polishing.simulate_brush(duration=0.1, parameters=parameters, tolerance=5e-3)
         for stiffness in (1e4, 1e5, 1e6, 1e7, 1e8):
             found = rp.polishing.compare_coupled(critical_springs(stiffness), brush)
             lines.append(
@@ -101,7 +101,7 @@ def with_brush() -> str:
 def audits() -> str:
     """Measure the free disc's energy and momentum, and a record that goes round."""
     energy, momentum = free_disc()
-    brush = rp.simulate_brush(run=1, duration=0.1, sample_rate=40e3)
+    brush = rp.polishing.simulate_brush(run=1, duration=0.1, sample_rate=40e3)
     names = {name: name for name in ("F_x", "F_y", "F_z")}
     kilo = xr.Dataset(
         {name: ("time", brush[name].to_numpy() / 1e3, {"units": "kN"}) for name in names},

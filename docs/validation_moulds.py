@@ -74,8 +74,8 @@ def trough() -> str:
     )
     told = []
     for run in (1, 4):
-        wanted = rp.simulate_brush(run=run, duration=0.2)
-        found = rp.simulate_brush(run=run, duration=0.2, surface=mould)
+        wanted = rp.polishing.simulate_brush(run=run, duration=0.2)
+        found = rp.polishing.simulate_brush(run=run, duration=0.2, surface=mould)
         gap = max(float(np.abs(found[f] - wanted[f]).max()) for f in ("F_x", "F_y", "F_z"))
         told.append(f"{gap:.1g} N in run {run}")
     return " and ".join(told)
@@ -85,7 +85,7 @@ def spiral() -> str:
     """Return what five seconds along a spiral on an STL mesh cost and take off."""
     mould = _from_mesh()
     path = rp.polishing.ToolPath.spiral((0.0, 0.0), 0.016, 0.0025, speed=0.04, over=mould)
-    rp.simulate_brush(duration=0.001, surface=mould, path=path)  # compiled code is loaded
+    rp.polishing.simulate_brush(duration=0.001, surface=mould, path=path)  # compiled code is loaded
     lines = [
         "| run | CPU time of 5 s [s] | mean F_z [N] | passes agree within "
         "| volume taken off [mm^3] | Preston's [mm^3] |",
@@ -93,7 +93,7 @@ def spiral() -> str:
     ]
     for run in (1, 4):
         start = time.process_time()
-        signals = rp.simulate_brush(run=run, duration=5.0, surface=mould, path=path)
+        signals = rp.polishing.simulate_brush(run=run, duration=5.0, surface=mould, path=path)
         spent = time.process_time() - start
         volume = 1e9 * float(rp.polishing.removal_map(signals, mould).sum()) * 5e-4**2
         way = float(signals["contact_force"].sum("point").mean()) * 5.0 * 100 * np.pi * 0.010

@@ -154,15 +154,6 @@ from .plants.weights import (
 from .polishing.air_bearing import (
     air_bearing as air_bearing,
 )
-from .polishing.design import (
-    design_against_brush as design_against_brush,
-)
-from .polishing.monte_carlo import (
-    monte_carlo as monte_carlo,
-)
-from .polishing.simulate import (
-    simulate_brush as simulate_brush,
-)
 from .robust.questions import (
     robust_performance as robust_performance,
 )
@@ -276,7 +267,6 @@ __all__ = [
     "compare_methods",
     "controllability",
     "datasets",
-    "design_against_brush",
     "design_machine",
     "diagnose",
     "effect",
@@ -297,7 +287,6 @@ __all__ = [
     "mixed_sensitivity",
     "mixed_state_feedback",
     "modes",
-    "monte_carlo",
     "observability",
     "observer_feedback",
     "output_feedback",
@@ -320,7 +309,6 @@ __all__ = [
     "show_versions",
     "signals",
     "simulate",
-    "simulate_brush",
     "simulation",
     "singular_values",
     "state_feedback",

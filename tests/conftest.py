@@ -34,7 +34,7 @@ def shared() -> Path:
 @pytest.fixture(scope="session")
 def buildable_job() -> BuildableBrushDesign:
     """The default design against the brush, of one relaxed limit instead of four."""
-    job = rp.design_against_brush(duration=0.02)
+    job = rp.polishing.design_against_brush(duration=0.02)
     assert isinstance(job, BuildableBrushDesign)
     all_relaxed = limits_of_hardware.relaxed_hardware
     with pytest.MonkeyPatch.context() as patch:

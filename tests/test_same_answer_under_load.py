@@ -66,7 +66,7 @@ import json
 import numpy as np
 import robustpolish as rp
 
-found = rp.design_against_brush(duration=0.5, realisation="ideal")
+found = rp.polishing.design_against_brush(duration=0.5, realisation="ideal")
 arrays = {
     "gain": found.design.controller.D,
     "norm": found.closed_loop_norm.value,

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 FILE = Path(__file__).with_name("slow.txt")
-SLOW, LONG = 1.0, 60.0
+SLOW, LONG = 1.0, 5.0
 """Seconds of the processor from which a test is slow, and from which it is long."""
 _HEAD = "# Tests that take more than a second of the processor; `make times` measures them.\n"
 

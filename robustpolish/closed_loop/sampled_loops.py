@@ -248,7 +248,7 @@ class Replay:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SampledLoops(Displayed):
-    """Loops with drawn numbers, from :func:`robustpolish.monte_carlo`.
+    """Loops with drawn numbers, from :func:`robustpolish.polishing.monte_carlo`.
 
     Attributes
     ----------
@@ -266,7 +266,7 @@ class SampledLoops(Displayed):
     >>> import robustpolish as rp
     >>> plant = rp.air_bearing(actuation="force")
     >>> design = rp.state_feedback(plant, method="riccati", control_weight=1e-7)
-    >>> study = rp.monte_carlo(
+    >>> study = rp.polishing.monte_carlo(
     ...     design, {"brush_mass": ("normal", 0.2, 0.01)}, samples=59, executor="serial")
     >>> low, high = study.share_limits("norm", study.nominal["norm"] * 1.5)
     >>> round(low, 3), high, study.share("norm", study.nominal["norm"] * 1.5)
@@ -483,7 +483,7 @@ def sample_loops(
 ) -> SampledLoops:
     """Close a design's loop around machines and loads whose numbers are drawn.
 
-    What :func:`robustpolish.monte_carlo` does, for any machine and any load.
+    What :func:`robustpolish.polishing.monte_carlo` does, for any machine and any load.
 
     Parameters
     ----------
@@ -497,7 +497,7 @@ def sample_loops(
     load_is_drawn : bool
         Whether the load has numbers among those that are drawn; else it is made once.
     figures, samples, seed, executor, file, progress : optional
-        As for :func:`robustpolish.monte_carlo`.
+        As for :func:`robustpolish.polishing.monte_carlo`.
 
     Returns
     -------

@@ -41,9 +41,9 @@ def simulate(
         it is.
     disturbance : xarray.Dataset
         Variables over `time` (s, uniform) named as disturbances w, such as the forces of
-        :func:`robustpolish.simulate_brush`; other variables are ignored, and disturbances that are
-        not given are zero, as in :meth:`~robustpolish.results.SampledDesign.simulate`. One has to
-        be given.
+        :func:`robustpolish.polishing.simulate_brush`; other variables are ignored, and disturbances
+        that are not given are zero, as in :meth:`~robustpolish.results.SampledDesign.simulate`. One
+        has to be given.
 
     Returns
     -------
@@ -214,7 +214,8 @@ class ControllerComparison(Displayed):
     Examples
     --------
     >>> import robustpolish as rp
-    >>> comparison = rp.design_against_brush(duration=0.02, realisation="ideal").comparison
+    >>> design = rp.polishing.design_against_brush(duration=0.02, realisation="ideal")
+    >>> comparison = design.comparison
     >>> header, body = comparison.rows()
     >>> header[:2], [row[0] for row in body]
     (('', 'max |x| [m]'), ['without control', 'with control'])
@@ -246,7 +247,8 @@ class ControllerComparison(Displayed):
         Examples
         --------
         >>> import robustpolish as rp
-        >>> comparison = rp.design_against_brush(duration=0.02, realisation="ideal").comparison
+        >>> design = rp.polishing.design_against_brush(duration=0.02, realisation="ideal")
+        >>> comparison = design.comparison
         >>> comparison.shown_rows()[0][1]
         'max |x| [µm]'
         """
@@ -303,7 +305,7 @@ class ControllerComparison(Displayed):
         Examples
         --------
         >>> import robustpolish as rp
-        >>> job = rp.design_against_brush(duration=0.02, realisation="ideal")
+        >>> job = rp.polishing.design_against_brush(duration=0.02, realisation="ideal")
         >>> job.comparison.plot(signal="y").get_ylabel()
         'y [µm]'
         """
@@ -357,7 +359,7 @@ def compare_controllers(
     >>> import robustpolish as rp
     >>> plant = rp.air_bearing(actuation="force")
     >>> designs = {"cheap": rp.state_feedback(plant, control_weight=1e-7)}
-    >>> load = rp.simulate_brush(duration=0.02)
+    >>> load = rp.polishing.simulate_brush(duration=0.02)
     >>> comparison = rp.compare_controllers(designs, load, signals=("x", "y"))
     >>> bool(comparison.table["improvement"].sel(row="cheap", signal="y") > 90)
     True

@@ -361,7 +361,7 @@ class BuildableBrushDesign(BrushDesign):
     Examples
     --------
     >>> import robustpolish as rp
-    >>> job = rp.design_against_brush(duration=0.01)
+    >>> job = rp.polishing.design_against_brush(duration=0.01)
     >>> job.sampled.certificate.valid, job.loop.buildable
     (True, True)
     >>> bool(job.loop.disk_margin.gain_db > 6), bool(job.ideal_loop.delay_margin < 1e-6)

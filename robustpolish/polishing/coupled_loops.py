@@ -179,7 +179,7 @@ def simulate_coupled(
         signs as in (8.45), and outputs x, y, z, the displacements of the brush (m).
     brush : xarray.Dataset
         What the physical brush did on a rigid machine, from
-        :func:`robustpolish.simulate_brush`; tells parameters, path, start and samples.
+        :func:`robustpolish.polishing.simulate_brush`; tells parameters, path, start and samples.
     tolerance : float, optional
         Largest difference of the contact impulse over 10 ms between the last two passes,
         relative to that of the polishing force.
@@ -189,10 +189,10 @@ def simulate_coupled(
     Returns
     -------
     xarray.Dataset
-        All outputs of the loop, and what :func:`~robustpolish.simulate_brush` returns: the forces
-        F_x, F_y, F_z that act between brush and machine, tilts, contacts. `tool_x`, `tool_y` and
-        `tool_z` are where the joint is, `surface_height` and `elevation` are those of the path.
-        The loop begins at rest under the first load.
+        All outputs of the loop, and what :func:`~robustpolish.polishing.simulate_brush` returns:
+        the forces F_x, F_y, F_z that act between brush and machine, tilts, contacts. `tool_x`,
+        `tool_y` and `tool_z` are where the joint is, `surface_height` and `elevation` are those
+        of the path. The loop begins at rest under the first load.
 
     Raises
     ------
@@ -215,7 +215,7 @@ def simulate_coupled(
     Examples
     --------
     >>> import robustpolish as rp
-    >>> brush = rp.simulate_brush(run=1, duration=0.05)
+    >>> brush = rp.polishing.simulate_brush(run=1, duration=0.05)
     >>> coupled = rp.polishing.simulate_coupled(rp.air_bearing(), brush)
     >>> coupled["y"].attrs["units"], coupled.sizes["time"] == brush.sizes["time"]
     ('m', True)
@@ -271,7 +271,7 @@ class CoupledComparison(Displayed):
     Examples
     --------
     >>> import robustpolish as rp
-    >>> brush = rp.simulate_brush(run=1, duration=0.05)
+    >>> brush = rp.polishing.simulate_brush(run=1, duration=0.05)
     >>> comparison = rp.polishing.compare_coupled(rp.air_bearing(), brush)
     >>> comparison.coupled.attrs["simulator"], comparison.replay_is_good_enough()
     ('coupled', False)
@@ -332,7 +332,7 @@ class CoupledComparison(Displayed):
         Examples
         --------
         >>> import robustpolish as rp
-        >>> brush = rp.simulate_brush(run=1, duration=0.02)
+        >>> brush = rp.polishing.simulate_brush(run=1, duration=0.02)
         >>> rp.polishing.compare_coupled(rp.air_bearing(), brush).plot(signal="F_y").get_ylabel()
         'F_y [N]'
         """
@@ -370,7 +370,7 @@ def compare_coupled(
     design : Design, GeneralizedPlant or control.StateSpace
         As in :func:`robustpolish.polishing.simulate_coupled`.
     brush : xarray.Dataset
-        From :func:`robustpolish.simulate_brush`.
+        From :func:`robustpolish.polishing.simulate_brush`.
     tolerance : float, optional
         As in :func:`robustpolish.polishing.simulate_coupled`.
     max_passes : int, optional
@@ -398,7 +398,8 @@ def compare_coupled(
     ...     A, B, np.kron(np.eye(3), [[1.0, 0.0]]), 0, inputs=["F_x", "F_y", "F_z"],
     ...     outputs=["x", "y", "z"],
     ... )
-    >>> comparison = rp.polishing.compare_coupled(stiff, rp.simulate_brush(run=1, duration=0.1))
+    >>> forces = rp.polishing.simulate_brush(run=1, duration=0.1)
+    >>> comparison = rp.polishing.compare_coupled(stiff, forces)
     >>> comparison.stiffness_ratio > 100, comparison.replay_is_good_enough(0.01)
     (True, True)
     """

@@ -41,7 +41,7 @@ def design_against_brush(
     run : {1, 2, 3, 4}, optional
         Contact stiffness of the brush (table 9.2).
     simulator : {"physical", "listing"}, optional
-        As in :func:`robustpolish.simulate_brush`.
+        As in :func:`robustpolish.polishing.simulate_brush`.
     realisation : {"buildable", "ideal"}, optional
         "buildable": two gap sensors, two actuators, a computer with its delay and samples, as
         `hardware` says. "ideal": the thesis's state feedback, which measures twelve states
@@ -75,7 +75,7 @@ def design_against_brush(
     Examples
     --------
     >>> import robustpolish as rp
-    >>> job = rp.design_against_brush(duration=0.05, realisation="ideal")
+    >>> job = rp.polishing.design_against_brush(duration=0.05, realisation="ideal")
     >>> job.design.certificate.valid
     True
     >>> bool(job.comparison.table["improvement"].sel(row="with control", signal="y") > 90)

@@ -53,7 +53,7 @@ class BrushDesign(Displayed):
     Examples
     --------
     >>> import robustpolish as rp
-    >>> job = rp.design_against_brush(duration=0.02, realisation="ideal")
+    >>> job = rp.polishing.design_against_brush(duration=0.02, realisation="ideal")
     >>> job.verdict().split(":")[0]
     'The controller is certified'
     """
@@ -83,7 +83,7 @@ class BrushDesign(Displayed):
         Examples
         --------
         >>> import robustpolish as rp
-        >>> job = rp.design_against_brush(duration=0.02, realisation="ideal")
+        >>> job = rp.polishing.design_against_brush(duration=0.02, realisation="ideal")
         >>> "H-infinity norm" in job.verdict()
         True
         """
@@ -122,7 +122,8 @@ class BrushDesign(Displayed):
         Examples
         --------
         >>> import robustpolish as rp
-        >>> rp.design_against_brush(duration=0.02, realisation="ideal").plot().get_xlabel()
+        >>> design = rp.polishing.design_against_brush(duration=0.02, realisation="ideal")
+        >>> design.plot().get_xlabel()
         'time [ms]'
         """
         return self.comparison.plot(ax, signal=signal)

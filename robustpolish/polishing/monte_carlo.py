@@ -102,7 +102,7 @@ def monte_carlo(
     >>> import robustpolish as rp
     >>> plant = rp.air_bearing(actuation="force")
     >>> design = rp.state_feedback(plant, method="riccati", control_weight=1e-7)
-    >>> study = rp.monte_carlo(
+    >>> study = rp.polishing.monte_carlo(
     ...     design, {"brush_mass": (0.18, 0.22), "brush.friction": ("normal", 0.35, 0.03)},
     ...     duration=0.01, samples=20, executor="serial")
     >>> study.failures, study.dataset["peak_y"].attrs["units"]

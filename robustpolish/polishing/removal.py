@@ -27,7 +27,7 @@ def plot_polishing(signals: xr.Dataset, surface: PolishedSurface, ax: Any = None
     Parameters
     ----------
     signals : xarray.Dataset
-        A run of :func:`robustpolish.simulate_brush`.
+        A run of :func:`robustpolish.polishing.simulate_brush`.
     surface : Surface or Mould
         The one of that run.
     ax : mpl_toolkits.mplot3d.Axes3D, optional
@@ -40,7 +40,7 @@ def plot_polishing(signals: xr.Dataset, surface: PolishedSurface, ax: Any = None
     --------
     >>> import matplotlib.pyplot as plt
     >>> import robustpolish as rp
-    >>> signals = rp.simulate_brush(duration=0.05)
+    >>> signals = rp.polishing.simulate_brush(duration=0.05)
     >>> rp.polishing.plot_polishing(signals, rp.polishing.Surface()).get_zlabel()
     'z [mm]'
     >>> plt.close("all")
@@ -85,7 +85,7 @@ def removal_map(
     Parameters
     ----------
     signals : xarray.Dataset
-        A run of the physical simulator of :func:`robustpolish.simulate_brush`.
+        A run of the physical simulator of :func:`robustpolish.polishing.simulate_brush`.
     surface : Surface or Mould
         The one of that run.
     preston : float
@@ -107,7 +107,7 @@ def removal_map(
     Examples
     --------
     >>> import robustpolish as rp
-    >>> signals = rp.simulate_brush(duration=0.05)
+    >>> signals = rp.polishing.simulate_brush(duration=0.05)
     >>> depth = rp.polishing.removal_map(signals, rp.polishing.Surface())
     >>> depth.dims, depth.attrs["units"]
     (('x', 'y'), 'm')

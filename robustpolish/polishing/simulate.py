@@ -337,7 +337,7 @@ def simulate_brush(
     Examples
     --------
     >>> import robustpolish as rp
-    >>> signals = rp.simulate_brush(run=2, duration=0.02)
+    >>> signals = rp.polishing.simulate_brush(run=2, duration=0.02)
     >>> signals.sizes["time"], signals.F_z.attrs["units"], signals.attrs["converged"]
     (401, 'N', 1)
     >>> bool((signals.contact_force >= 0).all())

@@ -182,7 +182,6 @@ def _read(terminal):
     return shown.decode()
 
 
-@pytest.mark.slow
 def test_a_terminal_shows_the_stage_in_a_bar_that_goes_away():
     process, terminal = _on_a_terminal(seconds=0.8)
     out, _ = process.communicate()
@@ -193,7 +192,6 @@ def test_a_terminal_shows_the_stage_in_a_bar_that_goes_away():
     assert out == b""
 
 
-@pytest.mark.slow
 def test_ctrl_c_ends_a_command_at_once():
     process, terminal = _on_a_terminal(seconds=60)
     time.sleep(0.3)
@@ -283,7 +281,7 @@ model, data = rp.datasets.sticky_slide()
 assert rp.diagnose(model, data.isel(time=slice(0, 800))).effects
 plant = rp.air_bearing(actuation="force")
 design = rp.state_feedback(plant, control_weight=1e-7)
-load = rp.simulate_brush(run=1, duration=0.02)
+load = rp.polishing.simulate_brush(run=1, duration=0.02)
 rp.compare_controllers({"a": design}, load, signals=["x"])
 rp.loop_analysis(design)
 chain = np.diag(-np.arange(1.0, 21.0)) + 3 * np.eye(20, k=1) - 3 * np.eye(20, k=-1)

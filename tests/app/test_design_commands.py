@@ -36,7 +36,6 @@ def test_design_saves_a_report_and_prints_json_alone(tmp_path):
     assert "--force" in run(*arguments, code=2).stderr
 
 
-@pytest.mark.slow
 def test_design_replaces_by_force_and_prints_words(tmp_path):
     report = tmp_path / "report.html"
     report.write_text("mine")
@@ -46,7 +45,6 @@ def test_design_replaces_by_force_and_prints_words(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
 
 
-@pytest.mark.slow
 def test_by_default_it_designs_what_can_be_built(tmp_path, buildable_job, monkeypatch):
     asked = []
 
@@ -117,7 +115,6 @@ def machine_file(tmp_path, monkeypatch):
     return str(path)
 
 
-@pytest.mark.slow
 def test_from_a_file_to_code(machine_file, tmp_path):
     out = tmp_path / "out"
     result = run(

@@ -296,7 +296,6 @@ def test_what_cannot_be_sampled_or_controlled():
         rp.design_machine(text, controls=["F"], measurements=["x"])
 
 
-@pytest.mark.slow
 def test_state_feedback_and_prescribed_order():
     whole = rp.design_machine(MODEL, controls=["F"], full_state=True, control_weight=1e-6)
     assert whole.design.gain is not None

@@ -196,7 +196,6 @@ def test_inputs_are_never_overwritten(folder):
     assert (folder / "data.csv").read_text() == CSV
 
 
-@pytest.mark.slow
 def test_damaged_input_ends_in_a_message():
     """Whatever is done to the files: code 0 or 2, never a traceback, and JSON whole or absent."""
     codes = Counter()
@@ -294,7 +293,6 @@ def diagnosed(tmp_path_factory):
     return folder, content(folder / "out.json"), result.output
 
 
-@pytest.mark.slow
 def test_the_json_that_programs_rely_on_diagnose(diagnosed):
     folder, told, output = diagnosed
     assert told["verdict"] == "missing_effect"
@@ -318,7 +316,6 @@ def test_the_json_that_programs_rely_on_diagnose(diagnosed):
     assert found["rmse"] < 1.2 * NOISE["x"]
 
 
-@pytest.mark.slow
 def test_the_report_says_where_which_how_much_and_what_to_check(diagnosed):
     page = (diagnosed[0] / "report.html").read_text()
     titles = (
@@ -329,7 +326,6 @@ def test_the_report_says_where_which_how_much_and_what_to_check(diagnosed):
     assert places == sorted(places)
 
 
-@pytest.mark.slow
 def test_several_files_make_one_diagnosis(folder):
     for name, part in (("first", slice(0, 1200)), ("second", slice(1200, 2400))):
         (folder / f"{name}.csv").write_text(written(SEEN.isel(time=part)))

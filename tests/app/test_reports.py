@@ -102,7 +102,6 @@ def test_the_report_and_summary_of_an_ideal_design(job, tmp_path):
         np.testing.assert_array_equal(saved["y"], job.comparison.responses["with control"]["y"])
 
 
-@pytest.mark.slow
 def test_sections_of_a_controller_that_can_be_built(buildable_job):
     section = buildability_section(buildable_job)
     words = " ".join(section.text)
@@ -151,7 +150,6 @@ def test_sections_of_a_controller_that_can_be_built(buildable_job):
     assert len(section.pictures) == 1
 
 
-@pytest.mark.slow
 def test_the_whole_report_its_summary_and_files(buildable_job, tmp_path):
     found = json.loads(to_json(buildable_summary(buildable_job)))
     assert found["good"] is True

@@ -11,7 +11,7 @@ from robustpolish.machines.simulation import simulate_model as simulate
 from tests import browser as chromium
 from tests import made_up
 
-pytestmark = [*chromium.marks, pytest.mark.slow]
+pytestmark = chromium.marks
 WIDTHS = chromium.WIDTHS
 
 

@@ -87,7 +87,6 @@ def bits(threads):
     return done.stdout
 
 
-@pytest.mark.slow
 def test_a_design_has_the_same_bits_on_one_and_two_threads():
     one = bits("1")
     assert len(one.strip()) == 64
@@ -215,7 +214,6 @@ def test_compiling_takes_no_time_of_a_limit(clock):
             check_deadline()
 
 
-@pytest.mark.slow
 def test_without_a_complete_certificate_there_is_no_design(monkeypatch):
     plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
     monkeypatch.setattr(long_calls, "GRACE", -100.0)
@@ -325,7 +323,6 @@ class Client(nbclient.NotebookClient):
         return super().process_message(msg, cell, cell_index)
 
 
-@pytest.mark.slow
 def test_a_bar_in_a_notebook_leaves_no_red_strip(monkeypatch):
     monkeypatch.delenv("TQDM_DISABLE", raising=False)
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(CELL)])

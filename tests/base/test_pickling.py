@@ -86,7 +86,6 @@ def test_balls_that_are_not_numbers(copied, value):
     assert parts(copied(flint.arb(value))) == parts(flint.arb(value))
 
 
-@pytest.mark.slow
 def test_a_design_goes_to_another_process(tmp_path):
     plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
     design = rp.given_controller(plant, [[-3.0]])

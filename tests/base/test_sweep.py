@@ -38,7 +38,6 @@ def test_samples_become_one_dimension():
     assert rp.sweep(functions.product, table, executor="serial").identical(found)
 
 
-@pytest.mark.slow
 def test_processes_give_the_same_bits_as_this_process():
     here = rp.sweep(functions.drawn, NUMBERS, executor="serial", seed=4)
     assert rp.sweep(functions.drawn, NUMBERS, seed=4).identical(here)

@@ -48,7 +48,7 @@ def push():
 
 
 def test_norms_and_peaks_are_those_of_loops_built_by_hand(design, push):
-    study = rp.monte_carlo(
+    study = rp.polishing.monte_carlo(
         design, SPREAD, machine=machine(), plant_of=with_state, disturbance=push,
         figures=roughness, samples=5, executor="serial",
     )  # fmt: skip
@@ -69,12 +69,12 @@ def test_norms_and_peaks_are_those_of_loops_built_by_hand(design, push):
 
 def test_threads_and_further_names_change_no_draw(design):
     options = {"machine": machine(), "plant_of": with_state, "samples": 8, "seed": 3}
-    here = rp.monte_carlo(design, SPREAD, executor="serial", **options)
+    here = rp.polishing.monte_carlo(design, SPREAD, executor="serial", **options)
     with ThreadPoolExecutor(3) as threads:
-        there = rp.monte_carlo(design, SPREAD, executor=threads, **options)
+        there = rp.polishing.monte_carlo(design, SPREAD, executor=threads, **options)
     assert there.dataset.identical(here.dataset)
     wider = {**SPREAD, "damper[0].damping": (3.0, 5.0)}
-    more = rp.monte_carlo(design, wider, executor="serial", **options)
+    more = rp.polishing.monte_carlo(design, wider, executor="serial", **options)
     assert np.array_equal(more.dataset[MASS], here.dataset[MASS])
     assert not np.array_equal(more.dataset.norm, here.dataset.norm)
 
@@ -83,23 +83,23 @@ def test_threads_and_further_names_change_no_draw(design):
 def test_processes_give_the_same_bits_with_brush_and_machine_drawn(bearing):
     drawn = {"brush_mass": ("normal", 0.2, 0.02), "brush.friction": (0.2, 0.4)}
     options = {"duration": 0.005, "samples": 20, "seed": 3}
-    here = rp.monte_carlo(bearing, drawn, executor="serial", **options)
-    assert rp.monte_carlo(bearing, drawn, **options).dataset.identical(here.dataset)
+    here = rp.polishing.monte_carlo(bearing, drawn, executor="serial", **options)
+    assert rp.polishing.monte_carlo(bearing, drawn, **options).dataset.identical(here.dataset)
 
 
 def test_a_study_goes_on_from_its_file(design, tmp_path):
     own = {"machine": machine(), "plant_of": with_state, "executor": "serial", "samples": 6}
     file = tmp_path / "study.jsonl"
-    whole = rp.monte_carlo(design, SPREAD, file=file, **own)
+    whole = rp.polishing.monte_carlo(design, SPREAD, file=file, **own)
     content = file.read_bytes()
     file.write_bytes(content[: 2 * len(content) // 3])
-    again = rp.monte_carlo(design, SPREAD, file=file, **own)
+    again = rp.polishing.monte_carlo(design, SPREAD, file=file, **own)
     assert again.dataset.identical(whole.dataset)
     assert file.read_bytes() == content
 
 
 def test_the_brush_is_run_with_what_was_drawn(bearing):
-    study = rp.monte_carlo(
+    study = rp.polishing.monte_carlo(
         bearing,
         {"run": [1, 2], "brush.friction": (0.2, 0.4), "surface.across": (2.0, 2.5)},
         duration=0.005, samples=3, executor="serial",
@@ -111,7 +111,7 @@ def test_the_brush_is_run_with_what_was_drawn(bearing):
             friction=drawn["brush.friction"],
             surface=rp.polishing.Surface(across=drawn["surface.across"]),
         )
-        load = rp.simulate_brush(duration=0.005, parameters=brush)
+        load = rp.polishing.simulate_brush(duration=0.005, parameters=brush)
         response = rp.simulate(bearing, load)
         assert float(study.dataset.peak_y[i]) == float(abs(response.y).max())
         assert float(study.dataset.peak_u_z[i]) == float(abs(response.u_z).max())
@@ -120,7 +120,7 @@ def test_the_brush_is_run_with_what_was_drawn(bearing):
 
 
 def test_a_machine_that_cannot_be_is_a_failure_and_counts_as_worst(design):
-    study = rp.monte_carlo(
+    study = rp.polishing.monte_carlo(
         design, {MASS: [2.0, -1.0]}, machine=machine(), plant_of=with_state, samples=10,
         executor="serial",
     )  # fmt: skip
@@ -135,7 +135,7 @@ def test_a_machine_that_cannot_be_is_a_failure_and_counts_as_worst(design):
 
 def test_an_unstable_loop_has_infinite_figures(push):
     rod = rp.state_feedback(with_state(machine(-40.0)), method="riccati", control_weight=1e-1)
-    study = rp.monte_carlo(
+    study = rp.polishing.monte_carlo(
         rod, {STIFFNESS: [-40.0, -4e9]}, machine=machine(-40.0), plant_of=with_state,
         disturbance=push, figures=roughness, samples=6, executor="serial",
     )  # fmt: skip
@@ -159,9 +159,9 @@ def test_what_means_nothing_is_refused(design, bearing, push):
         (SPREAD, {"executor": "serial"}, "brush.NAME"),
     ]:
         with pytest.raises(rp.InvalidInputError, match=words):
-            rp.monte_carlo(design, distributions, **options)
+            rp.polishing.monte_carlo(design, distributions, **options)
     with pytest.raises(rp.InvalidInputError, match="plant_of"):
-        rp.monte_carlo(bearing, SPREAD, **own)
+        rp.polishing.monte_carlo(bearing, SPREAD, **own)
 
 
 # Percentiles, shares and replays of a study whose figures are known.
@@ -201,7 +201,7 @@ def test_failures_are_worse_than_everything_but_are_not_replayed():
 def test_a_replay_has_the_bits_of_the_study():
     plant = rp.air_bearing(actuation="force")
     design = rp.state_feedback(plant, method="riccati", control_weight=1e-7)
-    found = rp.monte_carlo(
+    found = rp.polishing.monte_carlo(
         design, {"brush_mass": (0.15, 0.25)}, duration=0.005, samples=4, executor="serial"
     )
     for sample in range(4):

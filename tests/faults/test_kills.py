@@ -65,7 +65,7 @@ def test_no_worker_outlives_a_killed_process(monkeypatch):
     assert "live on" in seen(job, Fault("time", 1000))[0]
 
 
-@pytest.mark.parametrize("count", [12, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [12, 300])
 def test_kills_of_a_folder_and_a_file(count):
     tally = kill([Job(folder_of_two, "results"), Job(single_file, "a.txt")], count)
     assert tally.complaints == []

@@ -79,7 +79,7 @@ QUICK = ("quadratic damping", "input delay", "gyroscopic")
     "name",
     [
         "wrong numbers, two masses, in motion",
-        *(pytest.param(name, marks=pytest.mark.slow) for name in QUICK),
+        *(name for name in QUICK),
     ],
 )
 def test_quick_cases_are_named_right(name):
@@ -148,9 +148,7 @@ def test_the_cases_cover_the_catalogue():
 # The plan of a hundred cases with several effects.
 
 
-@pytest.mark.parametrize(
-    "i", [0, 22, *(pytest.param(i, marks=pytest.mark.slow) for i in (19, 60, 80))]
-)
+@pytest.mark.parametrize("i", [0, 22, *(i for i in (19, 60, 80))])
 def test_every_effect_shows(i):
     case = several_case(i)
     assert sound(case)
@@ -373,7 +371,6 @@ def test_a_row_comes_back_and_a_broken_line_is_left_out(tmp_path):
 # The page.
 
 
-@pytest.mark.slow
 def test_several_effects_are_told_by_number():
     told = [
         (True, {"exact": 1, "missed": 0, "numbers": [["input_gain.gain", 1, 1.1, 0.1]]}),

@@ -41,7 +41,6 @@ def test_the_figures_are_those_of_their_definitions():
     np.testing.assert_allclose(result.measured["x"], y)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("colour", [0, 30])
 def test_the_band_holds_the_true_size_of_the_noise(colour):
     """Of 95 % bands about 95 % have to hold the truth, for white and for slow errors."""
@@ -396,7 +395,6 @@ def test_an_integrating_model_says_that_windows_judge_it_better():
     assert rp.compare(model, record(), window=0.5).notes == ()
 
 
-@pytest.mark.slow
 def test_a_chaotic_run_judges_nothing_and_says_so():
     model, data = double_well(300)
     result = rp.compare(model, data)

@@ -229,7 +229,6 @@ def test_a_damaged_covariance_is_refused(tmp_path):
         rp.results.Diagnosis.load(path)
 
 
-@pytest.mark.slow
 def test_a_loaded_diagnosis_says_how_uncertain_a_design_is(tmp_path):
     def plant_of(model):
         return model.without_effects().linearize(measured="state")

@@ -146,7 +146,7 @@ def started(model, shares, damping=0.3):
     [
         ("acceleration", (0.7, 1.3)),
         *(
-            pytest.param(quantity, shares, marks=pytest.mark.slow)
+            (quantity, shares)
             for quantity in ("displacement", "acceleration") for shares in STARTS
         ),
     ],
@@ -192,7 +192,6 @@ def test_a_fit_never_ends_above_its_start():
         assert again <= after
 
 
-@pytest.mark.slow
 def test_linear_effects_are_fitted_and_others_left_open():
     true = (
         two_masses()

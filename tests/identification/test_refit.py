@@ -64,7 +64,6 @@ def test_a_record_that_is_too_short_is_refused():
         rp.refit(oscillator(), record().isel(time=slice(0, 59)))
 
 
-@pytest.mark.slow
 def test_loops_that_stiffen_are_recovered():
     """Bouc-Wen with beta + gamma < 0: nothing yields, and the simulation stays finite."""
     true = {"force": 1.0, "stiffness": 150.0, "exponent": 1.0, "beta": 0.3, "gamma": -0.9}
@@ -199,7 +198,6 @@ def test_a_fit_that_moved_by_decades():
     assert "spring[0].stiffness from 400 to 4e+08, by 6.0 decades, as milliseconds" in said
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("cases", [all_cases, lambda: drawn_cases(2026)], ids=["hidden", "drawn"])
 def test_no_false_alarm_on_machines_with_missing_effects(cases):
     said = {}

@@ -131,7 +131,6 @@ def test_ports_open_the_place_of_an_effect():
         machines_in_ellipsoid(model, covariance(), 0.95, None, ["effect[1]"])
 
 
-@pytest.mark.slow
 def test_ellipsoid_holds_the_truth_as_often_as_it_says():
     truth = {"dof.x.mass": 1.0, "spring[0].stiffness": 400.0, "damper[0].damping": 1.0}
     clean, sizes = record(samples=1200), []

@@ -58,7 +58,6 @@ def test_a_delay_that_nothing_can_bear_is_named():
     assert rp.synthesis.largest_period(servo_design(), delay=5.0) == 0.0
 
 
-@pytest.mark.slow
 def test_the_largest_period_is_where_stability_is_lost():
     design = servo_design()
     for options in ({}, {"delay": 0.05}, {"anti_aliasing": 10.0}):

@@ -13,7 +13,7 @@ from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.linear.stability import stability
 
-QUICK, SLOW, FULL = 24, 70, 560
+SLOW, FULL = 70, 560
 
 
 def oscillators(rng, count):
@@ -189,8 +189,7 @@ def check_h2(G):
 
 
 def marked(seed):
-    slow = pytest.mark.slow if seed < SLOW else pytest.mark.long
-    return seed if seed < QUICK else pytest.param(seed, marks=slow)
+    return seed if seed < SLOW else pytest.param(seed, marks=pytest.mark.long)
 
 
 @pytest.mark.parametrize("seed", map(marked, range(FULL)))

@@ -32,7 +32,6 @@ def thesis():
     return design, rp.loop_analysis(design)
 
 
-@pytest.mark.slow
 def test_the_ideal_design_bears_a_fraction_of_a_microsecond(thesis):
     design, analysis = thesis
     assert 0.1e-6 < analysis.delay_margin < 0.3e-6
@@ -50,7 +49,6 @@ def test_the_ideal_design_bears_a_fraction_of_a_microsecond(thesis):
         assert text in analysis.explain()
 
 
-@pytest.mark.slow
 def test_the_ideal_design_with_delay_by_pade(thesis):
     design, analysis = thesis
     plant = design.plant
@@ -63,7 +61,6 @@ def test_the_ideal_design_with_delay_by_pade(thesis):
         )
 
 
-@pytest.mark.slow
 def test_the_ideal_design_cannot_be_sampled_at_a_megahertz(thesis):
     _, analysis = thesis
     assert 1e6 < analysis.sample_rate.lowest_stable_hz < analysis.sample_rate.needed_hz
@@ -154,7 +151,6 @@ def test_pictures_of_other_things_and_bad_names():
         rp.loop_analysis(SATELLITE, -np.eye(2), requirements={"disk": 1})
 
 
-@pytest.mark.slow
 def test_units_of_signals_change_no_margin():
     scale = np.diag([1e6, 1e-3])
     plant = control.ss(SATELLITE.A, SATELLITE.B @ scale, SATELLITE.C, 0)
@@ -247,7 +243,6 @@ def test_all_states_measured_is_told():
     assert "takes all 2 states as measured" in words(plant, [[-1.0, -2.0]])
 
 
-@pytest.mark.slow
 def test_delays_that_the_plant_keeps_are_named():
     plant = rp.GeneralizedPlant.from_matrices([[-1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
     assert "Padé" not in words(plant)
@@ -304,7 +299,6 @@ def test_noise_of_a_first_order_loop():
     assert found.step_rate == pytest.approx(2.0)
 
 
-@pytest.mark.slow
 def test_noise_by_simulation():
     analysis = machine()
     rng = np.random.default_rng(0)

@@ -16,7 +16,7 @@ def late(tau, order=3):
     return rp.GeneralizedPlant.from_loop(system).with_delay("u", tau, order=order)
 
 
-@pytest.mark.parametrize("tau", [0.2, pytest.param(0.75, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("tau", [0.2, 0.75])
 def test_delay_and_delay_margin_add_up(tau):
     free, delayed = textbook(), rp.loop_analysis(late(tau), -1)
     assert delayed.delay_margin + tau == pytest.approx(free.delay_margin, rel=1e-9)
@@ -50,7 +50,6 @@ def test_an_integrator_with_delay_by_hand():
     assert not found.disk_margin.proven
 
 
-@pytest.mark.slow
 def test_a_model_too_coarse_is_told():
     # A lag with much gain and a delay of many of its time constants: order 1 errs.
     lag: Any = control.tf([3.0], [1, 1], inputs="u", outputs="y")

@@ -294,7 +294,6 @@ def test_nothing_within_an_interval_reaches_the_level(omega, share):
     assert max(sizes) < share * value
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("where", ["inputs", "outputs", "inputs and outputs"])
 def test_disks_do_not_depend_on_the_order_of_models(where):
     one, other = (simultaneous_margins(late_loop(3, order), where) for order in (1, 6))
@@ -366,7 +365,6 @@ def test_a_peak_between_the_points_is_found():
     assert found.frequency == pytest.approx(omega, rel=1e-4)
 
 
-@pytest.mark.slow
 def test_two_signals_have_their_best_scales_in_closed_form():
     rng = np.random.default_rng(5)
     for _ in range(30):

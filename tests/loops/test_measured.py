@@ -25,7 +25,7 @@ def measured(plant, lines=LINES):
         (1 / (s - 1), -3, 1),
         (1 / s**2, -control.ss((s + 1) / (0.1 * s + 1)), 0),
         (1 / (s + 1), -control.ss(5 / s), 0),
-        pytest.param(SATELLITE, -np.eye(2), 0, marks=pytest.mark.slow),
+        (SATELLITE, -np.eye(2), 0),
     ],
 )
 def test_figures_are_those_of_the_model(plant, controller, unstable):

@@ -97,7 +97,6 @@ def swinging(noise=0.0, friction=0.0, seed=0):
     return xr.Dataset(data, {"time": time})
 
 
-@pytest.mark.slow
 def test_a_record_of_a_pendulum_gives_its_coupling():
     """In units of the larger inertia, which a decay shows no size of."""
     data = swinging(noise=0.005)
@@ -273,7 +272,6 @@ def beam(cubic=0.0):
     return xr.Dataset({k: ("time", v) for k, v in columns.items()}, {"time": TIME})
 
 
-@pytest.mark.slow
 def test_a_sum_of_modes_is_simulated():
     model = rp.MechanicalModel.from_toml(BEAM)
     found = rp.compare(model, beam())

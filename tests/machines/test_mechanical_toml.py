@@ -261,7 +261,6 @@ names = st.text(min_size=1, max_size=6).filter(lambda s: s.strip() and s != "gro
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 
 
-@pytest.mark.slow
 def test_any_names_and_numbers_survive():
     outcomes = Counter()
 

@@ -133,7 +133,6 @@ def noisy(model, share=0.005):
     return data.assign(x=("time", x + noise, {"units": "m"}))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("known", [{}, {"w": 0.02}])
 def test_it_is_refitted_but_for_what_is_known(known):
     kind = rp.effect("f = -F*tanh(v/w)", parameters={"F": "N", "w": "m/s"}, known=known)
@@ -145,7 +144,6 @@ def test_it_is_refitted_but_for_what_is_known(known):
     assert fitted.values["w"] == (0.02 if known else pytest.approx(0.02, rel=0.1))
 
 
-@pytest.mark.slow
 def test_one_that_nobody_registered_gets_its_first_values_from_a_screening():
     """As of a model from a file: no numbers, and no diagnosis knows the kind."""
     true = made_up.model().with_effect(fifth(), "x", {"k": 1e16})
@@ -226,7 +224,6 @@ def test_channel_names_that_are_taken_are_refused():
         made_up.model().with_effect(itself, "x", {"c": 1.0})
 
 
-@pytest.mark.slow
 def test_a_diagnosis_finds_what_follows_a_voltage():
     kind = damper()
     data = driven(6000)

@@ -400,7 +400,6 @@ def test_gains_and_poles_are_those_of_the_rotor():
         assert np.abs(poles - mode.eigenvalue).min() < 1e-8 * abs(mode.eigenvalue)
 
 
-@pytest.mark.slow
 def test_a_controller_for_the_reduced_rotor_is_certified_and_holds_on_the_whole():
     places = {"loads": {"disc": 0.5}, "actuators": ENDS}
     rotor = RotorModel(DAMPED.shaft, DAMPED.discs, DAMPED.bearings, internal_damping=1e-5)

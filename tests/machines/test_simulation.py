@@ -237,7 +237,6 @@ def test_a_width_that_steps_resolve_creeps():
     assert (x[-1] - x[-101]) / 0.1 == pytest.approx(0.01 * np.arctanh(0.5), rel=1e-5)
 
 
-@pytest.mark.slow
 def test_many_small_steps_that_hold_by_force_agree():
     """Two driven masses, against steps a hundred times smaller that only ask what holds."""
     model = rp.MechanicalModel(

@@ -309,7 +309,6 @@ def study():
     return rp.polishing.force_study()
 
 
-@pytest.mark.slow
 def test_what_changes_the_force_and_what_does_not(study):
     """States weighted 1/S too much: 1e5 for 1e-5 s, as the errors of reading find."""
     factor = study.table["factor"]
@@ -330,9 +329,8 @@ def test_what_changes_the_force_and_what_does_not(study):
         assert float(row["impulse"]) < 1.0
 
 
-@pytest.mark.slow
 def test_base_row_is_the_listing(study):
-    signals = rp.simulate_brush("listing", 1, 0.1)
+    signals = rp.polishing.simulate_brush("listing", 1, 0.1)
     beyond = np.stack([signals.F_x, signals.F_y, signals.F_z - signals.F_p])
     assert float(study.table["peak"][0]) == pytest.approx(np.linalg.norm(beyond, axis=0).max())
 

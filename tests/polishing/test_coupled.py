@@ -80,7 +80,7 @@ def test_a_step_is_exact_for_forces_that_are_cubic_in_time():
 
 @pytest.fixture(scope="module")
 def guided():
-    return guided_brush(rp.simulate_brush(run=2, duration=0.02))
+    return guided_brush(rp.polishing.simulate_brush(run=2, duration=0.02))
 
 
 def test_steps_are_of_fourth_order(guided):

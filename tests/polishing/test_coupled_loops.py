@@ -57,7 +57,7 @@ def test_loops_that_do_not_fit_are_refused():
 
 @pytest.fixture(scope="module")
 def brush():
-    return rp.simulate_brush(run=2, duration=0.1)
+    return rp.polishing.simulate_brush(run=2, duration=0.1)
 
 
 def test_on_a_rigid_machine_nothing_changes(brush):
@@ -93,7 +93,7 @@ def test_bad_arguments_are_named(brush):
         "brush: got dict": ({}, {}),
         "max_passes": (brush, {"max_passes": 1}),
         "tolerance": (brush, {"tolerance": 0.0}),
-        "run of the physical brush": (rp.simulate_brush("listing", 1, 0.01), {}),
+        "run of the physical brush": (rp.polishing.simulate_brush("listing", 1, 0.01), {}),
     }.items():
         with pytest.raises(InvalidInputError, match=message):
             rp.polishing.simulate_coupled(springs(1e6), run, **options)
@@ -108,7 +108,7 @@ def test_bad_arguments_are_named(brush):
 def gentle_brush():
     """Soft contact with little damping: then stiffness is what matters."""
     gentle = rp.polishing.BrushParameters(contact_damping=1.0)
-    return rp.simulate_brush(duration=0.1, parameters=gentle, tolerance=5e-3)
+    return rp.polishing.simulate_brush(duration=0.1, parameters=gentle, tolerance=5e-3)
 
 
 @pytest.mark.long
@@ -133,7 +133,7 @@ def test_they_part_as_the_machine_softens(gentle_brush):
 def test_contact_damps_what_replay_lets_ring():
     """The thesis's machine hardly damps 194 Hz; the spinning rim's friction and contact do."""
     comparison = rp.polishing.compare_coupled(
-        rp.air_bearing(), rp.simulate_brush(run=1, duration=0.3)
+        rp.air_bearing(), rp.polishing.simulate_brush(run=1, duration=0.3)
     )
     late = [
         run["y"].sel(time=slice(0.2, None)) for run in (comparison.replayed, comparison.coupled)

@@ -17,7 +17,7 @@ from tests import made_up
 @pytest.fixture(scope="module")
 def job():
     told = []
-    made = rp.design_against_brush(
+    made = rp.polishing.design_against_brush(
         run=2, duration=0.01, dissipation=0.01, realisation="ideal", tell=told.append
     )
     return made, told
@@ -56,7 +56,6 @@ def test_the_verdict_names_norms_and_gains():
 # The controller that can be built: margins, sampling, slower actuators, and what reality costs.
 
 
-@pytest.mark.slow
 def test_the_default_keeps_its_margins_with_delay_and_sampling(buildable_job):
     assert buildable_job.good
     assert buildable_job.sampled.certificate.valid
@@ -73,7 +72,6 @@ def test_the_default_keeps_its_margins_with_delay_and_sampling(buildable_job):
     assert buildable_job.ideal_loop.delay_margin < 1e-6 < buildable_job.loop.delay_margin
 
 
-@pytest.mark.slow
 def test_it_bears_slower_actuators_and_is_unstable_beyond(buildable_job):
     assert all(found.valid for found in buildable_job.survived.values())
     slow = rp.polishing.PolishingHardware(actuator_bandwidth_hz=1400.0)
@@ -101,7 +99,6 @@ def test_it_bears_slower_actuators_and_is_unstable_beyond(buildable_job):
         assert found.stable is stable
 
 
-@pytest.mark.slow
 def test_it_gains_within_its_limits_and_says_so(buildable_job):
     improvement = buildable_job.comparison.table["improvement"].sel(row="with control")
     assert float(improvement.sel(signal="y")) > 60
@@ -140,14 +137,15 @@ def test_one_limit_is_relaxed_at_a_time_and_options_do_not_mix():
     assert found["ideal sensors"].actuator_limit == hardware.actuator_limit
     assert found["ten times the sampling"].period == pytest.approx(hardware.period / 10)
     with pytest.raises(rp.InvalidInputError, match="hardware"):
-        rp.design_against_brush(control_weight=1e-7, hardware=rp.polishing.PolishingHardware())
+        rp.polishing.design_against_brush(
+            control_weight=1e-7, hardware=rp.polishing.PolishingHardware()
+        )
     with pytest.raises(rp.InvalidInputError, match="realisation"):
-        rp.design_against_brush(realisation="dream")
+        rp.polishing.design_against_brush(realisation="dream")
     with pytest.raises(rp.InvalidInputError, match="gain_bound"):
-        rp.design_against_brush(realisation="buildable", gain_bound=1e6)
+        rp.polishing.design_against_brush(realisation="buildable", gain_bound=1e6)
 
 
-@pytest.mark.slow
 def test_the_rows_lie_between_no_control_and_the_ideal(buildable_job):
     rows = {row.what: row for row in buildable_job.limits}
     assert list(rows) == [

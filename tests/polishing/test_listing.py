@@ -86,7 +86,6 @@ def test_every_motion_mistake_can_be_switched() -> None:
     assert ListingDefects.none().names() == ()
 
 
-@pytest.mark.slow
 def test_impact_law_is_not_well_posed() -> None:
     """On the guard both fields point inward: impacts multiply as the tolerance falls."""
     coarse, fine = (

@@ -20,8 +20,8 @@ def test_a_mould_of_the_trough_gives_the_trough(run, tolerance):
         "0.5*a*x**2 + 0.5*b*y**2", x=(-0.01, 0.05), y=(-0.02, 0.02),
         parameters={"a": bends[0], "b": bends[1]},
     )  # fmt: skip
-    wanted = rp.simulate_brush(run=run, duration=0.05)
-    found = rp.simulate_brush(run=run, duration=0.05, surface=trough)
+    wanted = rp.polishing.simulate_brush(run=run, duration=0.05)
+    found = rp.polishing.simulate_brush(run=run, duration=0.05, surface=trough)
     for name in ("F_x", "F_y", "F_z", "theta", "psi", "tool_z", "elevation"):
         largest = float(np.abs(wanted[name]).max())
         np.testing.assert_allclose(found[name], wanted[name], atol=tolerance * max(largest, 1e-3))
@@ -33,7 +33,7 @@ def test_the_tool_follows_its_path_and_the_mould_carries_the_force():
     side = (-moulds.HALF, moulds.HALF)
     mould = rp.polishing.Mould.from_formula(moulds.FORMULA, x=side, y=side)
     path = rp.polishing.ToolPath.spiral((0.0, 0.0), 0.012, 0.003, speed=0.04, over=mould)
-    signals = rp.simulate_brush(duration=0.3, surface=mould, path=path)
+    signals = rp.polishing.simulate_brush(duration=0.3, surface=mould, path=path)
     time_ = signals["time"].values
     x, y = path.position(time_)
     np.testing.assert_allclose(signals["tool_x"], x, atol=1e-15)
@@ -50,9 +50,9 @@ def test_five_seconds_along_a_spiral_on_an_stl_take_less_than_ten(tmp_path, run)
     file = moulds.write_stl(tmp_path / "mould.stl", *moulds.triangles(scale=1e3))
     mould = rp.polishing.Mould.from_stl(file, unit="mm")
     path = rp.polishing.ToolPath.spiral((0.0, 0.0), 0.015, 0.0025, speed=0.04, over=mould)
-    rp.simulate_brush(duration=0.001, surface=mould, path=path)  # compiles
+    rp.polishing.simulate_brush(duration=0.001, surface=mould, path=path)  # compiles
     start = time.process_time()
-    signals = rp.simulate_brush(run=run, duration=5.0, surface=mould, path=path)
+    signals = rp.polishing.simulate_brush(run=run, duration=5.0, surface=mould, path=path)
     depth = rp.polishing.removal_map(signals, mould)
     plot_over_plane(depth)
     spent = time.process_time() - start
@@ -71,14 +71,14 @@ SPIRAL = rp.polishing.ToolPath.spiral((0.0, 0.0), 0.012, 0.003, speed=0.04)
 
 def refused(message, **arguments):
     with pytest.raises(rp.InvalidInputError, match=message):
-        rp.simulate_brush(duration=0.01, **arguments)
+        rp.polishing.simulate_brush(duration=0.01, **arguments)
 
 
 def test_paths_and_bulges_that_are_refused():
     small = rp.polishing.Mould.from_formula("x**2 + y**2", x=(-0.02, 0.02), y=(-0.02, 0.02))
     refused("leaves the mould by 3.18 mm around x = 12 mm", surface=small, path=SPIRAL)
     with pytest.raises(rp.InvalidInputError, match="at least the duration"):
-        rp.simulate_brush(duration=10.0, path=SPIRAL)
+        rp.polishing.simulate_brush(duration=10.0, path=SPIRAL)
     refused(
         "bulges by 100 µm",
         surface=rp.polishing.Mould.from_formula("-x**2 - y**2", **AREA),
@@ -86,12 +86,14 @@ def test_paths_and_bulges_that_are_refused():
     )
     for text in ("3*y**2 - 2*x**2", "0*x", "0.1*x"):
         mould = rp.polishing.Mould.from_formula(text, **AREA)
-        assert rp.simulate_brush(duration=0.01, surface=mould, path=SPIRAL).attrs["converged"]
+        assert rp.polishing.simulate_brush(duration=0.01, surface=mould, path=SPIRAL).attrs[
+            "converged"
+        ]
     mould = rp.polishing.Mould.from_formula("x**2 + y**2", **AREA)
     with pytest.raises(rp.InvalidInputError, match="physical simulator"):
-        rp.simulate_brush("listing", duration=0.01, surface=mould, path=SPIRAL)
+        rp.polishing.simulate_brush("listing", duration=0.01, surface=mould, path=SPIRAL)
     with pytest.raises(rp.InvalidInputError, match="physical simulator"):
-        rp.simulate_brush("listing", duration=0.01, path=SPIRAL)
+        rp.polishing.simulate_brush("listing", duration=0.01, path=SPIRAL)
 
 
 # Curvature of a mould against the radius of the brush.
@@ -128,7 +130,7 @@ def test_bulges_are_told_apart_from_saddles():
 
 @pytest.mark.parametrize("disc", ["two-angle", "three-angle"])
 def test_the_volume_is_force_times_way(disc):
-    signals = rp.simulate_brush(duration=0.2, disc=disc)
+    signals = rp.polishing.simulate_brush(duration=0.2, disc=disc)
     depth = rp.polishing.removal_map(signals, rp.polishing.Surface(), preston=1e-12, cell=1e-3)
     force = signals["contact_force"].sum("point")
     spin = signals["omega_z"] if disc == "three-angle" else signals.attrs["spin"]
@@ -139,7 +141,7 @@ def test_the_volume_is_force_times_way(disc):
 
 
 def test_in_a_groove_it_is_taken_off_at_both_sides():
-    signals = rp.simulate_brush(duration=0.1)
+    signals = rp.polishing.simulate_brush(duration=0.1)
     depth = rp.polishing.removal_map(signals, rp.polishing.Surface())
     profile = depth.sum("x")
     # The middle is 3.5 of 24 mm; the rim touches at both sides of it.
@@ -159,7 +161,7 @@ def test_even_forces_take_off_their_volume_and_inputs_are_checked():
     assert float(lifted.sum()) == pytest.approx(0.5 * float(even.sum()), rel=0.01)
     with pytest.raises(rp.InvalidInputError, match="physical simulator"):
         rp.polishing.removal_map(
-            rp.simulate_brush("listing", duration=0.001), rp.polishing.Surface()
+            rp.polishing.simulate_brush("listing", duration=0.001), rp.polishing.Surface()
         )
     with pytest.raises(rp.InvalidInputError, match="one number for each time"):
         rp.polishing.removal_of_force(SPIRAL, [0.0, 1.0], [1.0])
@@ -170,12 +172,12 @@ def test_even_forces_take_off_their_volume_and_inputs_are_checked():
 
 def test_the_path_has_the_colour_of_the_contact_force():
     mould = rp.polishing.Mould.from_formula("x**2 + 2*y**2", **AREA)
-    signals = rp.simulate_brush(duration=0.05, surface=mould, path=SPIRAL)
+    signals = rp.polishing.simulate_brush(duration=0.05, surface=mould, path=SPIRAL)
     ax = rp.polishing.plot_polishing(signals, mould)
     line = ax.collections[1]
     np.testing.assert_allclose(line.get_array(), signals["contact_force"].sum("point").values[:-1])
     assert ax.get_xlabel() == "x [mm]"
     rp.polishing.plot_polishing(
-        rp.simulate_brush("listing", duration=0.001), rp.polishing.Surface.as_published()
+        rp.polishing.simulate_brush("listing", duration=0.001), rp.polishing.Surface.as_published()
     )
     plt.close("all")

@@ -108,7 +108,6 @@ def test_forces_balance_and_angles_and_rates_belong_together(default_run):
         assert float(abs(slope - rate).max()) < 1e-3 * float(abs(rate).max())
 
 
-@pytest.mark.slow
 def test_magnitudes_of_dissipative_contact() -> None:
     """With damping 50 s/m about 10 N at every stiffness, and not the thesis's thousands."""
     for run in (1, 2, 3, 4):
@@ -144,7 +143,6 @@ def test_energy_balance_without_drive(run: int) -> None:
     assert float(abs(balance).max()) < 2e-3 * scale
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("run", [1, 4])
 def test_passes_converge_and_report_their_accuracy(run: int) -> None:
     """Impulses and peaks settle as steps are halved and rim points doubled."""
@@ -203,7 +201,6 @@ def test_little_damping_rattles_and_a_disc_that_tips_over_is_an_error():
         simulate_brush(run=2, parameters=replace(sticky, feed=0.3, rotation_rate=0.0))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("run", "rim_points"), [(1, 192), (4, 4096)])
 def test_five_seconds_take_two_passes_of_two_steps_per_sample(run: int, rim_points: int) -> None:
     """The work, which is the same on every machine; it was 5 s of an idle core at most."""

@@ -48,7 +48,6 @@ def test_the_table_says_that_the_loads_differ():
 # The thesis's plant with displacements measured: every structure is certified and helps.
 
 
-@pytest.mark.slow
 def test_three_axes_have_the_norm_of_all_twelve_states():
     plant = rp.air_bearing(actuation="force", measured="displacement")
     # Up to its tolerance a design gives norm away for a smaller gain, so that is made small here.
@@ -63,7 +62,6 @@ def test_three_axes_have_the_norm_of_all_twelve_states():
     assert whole.certificate.achieved == pytest.approx(parts.certificate.achieved, rel=1e-5)
 
 
-@pytest.mark.slow
 def test_displacement_actuation_cannot_hold_a_steady_force_along_the_spindle():
     """In doubles c_Z is nothing, so that the spring k_A alone carries a steady force."""
     plant = rp.air_bearing(actuation="displacement", measured="displacement")
@@ -88,7 +86,7 @@ def test_every_structure_calms_the_brush(actuation):
     assert dynamic < static
     assert ours < printed
     for run in (1, 4):
-        load = rp.simulate_brush(run=run)
+        load = rp.polishing.simulate_brush(run=run)
         table = rp.compare_controllers(designs, load, signals=("x", "y", "z")).table
         improved = table["improvement"].sel(signal=["x", "y"]).isel(row=slice(1, None))
         assert (improved > 40).all()

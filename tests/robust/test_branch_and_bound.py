@@ -65,7 +65,7 @@ def routh(centre, L):
 @pytest.mark.parametrize(
     "seed",
     [
-        pytest.param(0, marks=pytest.mark.slow),
+        0,
         *(pytest.param(k, marks=pytest.mark.long) for k in (1, 2, 3)),
     ],
 )
@@ -107,7 +107,6 @@ def test_worst_gain_over_an_ellipsoid():
     assert np.linalg.norm(list(worst.witness.values())) <= 1 + 1e-12
 
 
-@pytest.mark.slow
 def test_light_damping():
     # scalings alone leave a third between the bounds
     loop = chain()
@@ -123,7 +122,7 @@ def test_light_damping():
     assert 1 < margin.lower <= margin.upper <= 1.00201 * margin.lower
 
 
-@pytest.mark.parametrize("claimed", [pytest.param(1.05, marks=pytest.mark.slow), 1.5])
+@pytest.mark.parametrize("claimed", [1.05, 1.5])
 def test_a_size_that_nothing_has_is_not_proven(claimed, monkeypatch):
     # branching is told of a witness that does not exist, far above the true one
     monkeypatch.setattr(branch, "_WORK", 2e7)
@@ -138,7 +137,6 @@ def test_a_size_that_nothing_has_is_not_proven(claimed, monkeypatch):
 SEED = 122
 
 
-@pytest.mark.slow
 def test_both_bounds_are_drawn_together():
     system = random_loop(SEED)
     margin = rp.robust_stability(system)
@@ -157,7 +155,6 @@ def spring():
     return rp.feedback(plant * (1 + first), 0.5 * (1 + second))
 
 
-@pytest.mark.slow
 def test_nothing_is_proven_beyond_a_witness():
     loop, margin = LoopModel.of(spring()), rp.robust_stability(spring())
     size = margin.upper * loop.gain
@@ -265,7 +262,7 @@ def check(seed):
     assert np.min(np.abs(at.real)) <= 1e-8 * np.abs(at).max()
 
 
-@pytest.mark.parametrize("seeds", [range(10), pytest.param(range(10, 100), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [range(10), range(10, 100)])
 def test_hundred_cases_are_exact(seeds):
     for seed in seeds:
         check(seed)

@@ -63,7 +63,6 @@ def test_the_machine_at_the_witness_is_on_the_boundary(margin):
     assert abs(nearest.real) < 1e-6 * abs(nearest)
 
 
-@pytest.mark.slow
 def test_the_worst_machine_has_the_worst_gain():
     c = rp.uncertain.real("c", 0.4, percent=50)
     gain = rp.uncertain.complex("gain", 1.0, radius=0.2)

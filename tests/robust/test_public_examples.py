@@ -57,7 +57,6 @@ def check_witness(loop, margin):
             assert rp.hinf_norm(value).value <= margin.upper * (1 + 1e-12)
 
 
-@pytest.mark.slow
 def test_distillation_column():
     seconds, margin = spent(lambda: rp.robust_performance(column()))
     low, high = margin.mu
@@ -113,7 +112,6 @@ def test_slicot_agrees_on_random_structures(seed):
     assert mu.upper == pytest.approx(bound, rel=1e-3)
 
 
-@pytest.mark.slow
 def test_a_grid_misses_what_intervals_do_not():
     slycot = pytest.importorskip("slycot")
     loop = carts()

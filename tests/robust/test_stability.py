@@ -24,7 +24,7 @@ def check_random(seed):
 def batches(quick, slow, last):
     """Yield seeds one by one, then ranges of 50 that take long."""
     yield from (range(k, k + 1) for k in range(quick))
-    yield pytest.param(range(quick, slow), marks=pytest.mark.slow)
+    yield range(quick, slow)
     yield from (pytest.param(range(k, k + 50), marks=pytest.mark.long)
                 for k in range(slow, last, 50))  # fmt: skip
 
@@ -108,7 +108,6 @@ def test_a_loop_that_stops_being_well_posed():
         rp.feedback(control.ss([], [], [], [[-1.0]]) * (1 + 0 * d), 1)
 
 
-@pytest.mark.slow
 def test_a_number_that_only_adds_damping_both_ways():
     # (s + 1)(s + 2) + k^2: stable for all k, which is shown up to a thousand times what k may be
     k = rp.uncertain.real("k", 1, percent=50)

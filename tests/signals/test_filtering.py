@@ -117,7 +117,7 @@ def forces(asked, **more):
 
 def test_a_file_is_replayed_into_a_loop(tmp_path):
     """What simulate_brush made, written and read as a recorder would, moves the loop alike."""
-    brush = rp.simulate_brush(run=1, duration=0.05, sample_rate=40e3)
+    brush = rp.polishing.simulate_brush(run=1, duration=0.05, sample_rate=40e3)
     frame = pd.DataFrame(
         {"time [ms]": 1e3 * brush.time + 20.0, "side [kN]": -1e-3 * brush.F_y, "up [N]": brush.F_z}
     )

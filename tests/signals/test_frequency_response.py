@@ -267,7 +267,6 @@ def test_segments_that_overlap_count_as_fewer(overlap):
     assert 190 < response.attrs["averages"] < 430  # Hann, 75 %: 2.1 times as many
 
 
-@pytest.mark.slow
 def test_noise_on_the_input_biases_h1_only():
     data = record(noise=0.0, input_noise=0.5, samples=200000)
     sizes = {}

@@ -307,7 +307,6 @@ def test_designs_are_checked_with_exact_delays(norm, split, tmp_path):
     assert rp.load(tmp_path / "design.json").certificate.exact_delays.stability
 
 
-@pytest.mark.slow
 def test_other_methods_are_checked_too():
     design = rp.static_output_feedback(plant_d(2, 0.2))
     assert design.certificate.exact_delays.stability

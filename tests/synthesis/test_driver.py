@@ -132,7 +132,6 @@ def priced_rod(points=80):
     return rp.output_feedback(heat_rod(points), control_weight=1e-3, measurement_noise=1e-3)
 
 
-@pytest.mark.slow
 def test_a_large_plant_gets_a_short_controller():
     design = priced_rod(105)
     assert design.certificate.valid
@@ -144,7 +143,6 @@ def test_a_large_plant_gets_a_short_controller():
     assert design.status == "suboptimal"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "value"),
     [("HARMLESS", -1.0), ("is_out_of_reach", lambda plant, gamma: False)],

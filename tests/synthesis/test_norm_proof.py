@@ -153,7 +153,6 @@ def test_a_discrete_loop_with_high_gain_is_proven():
     assert np.isfinite(certificate.bound), certificate.reasons
 
 
-@pytest.mark.slow
 @pytest.mark.shared
 def test_the_heat_exchanger_of_compleib_is_certified(shared):
     data = np.load(shared / "data" / "compleib" / "compleib_larger.npz")
@@ -259,7 +258,7 @@ def oscillators(frequencies, damping):
 
 
 # From 12 states on exact arithmetic is left out at first, from 60 on altogether.
-@pytest.mark.parametrize("count", [1, 8, pytest.param(31, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [1, 8, 31])
 def test_the_peak_of_a_resonance(count):
     damping, reasons = 0.01, []
     loop = oscillators(np.linspace(30.0, 50.0, count), damping)

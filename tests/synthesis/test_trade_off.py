@@ -27,7 +27,6 @@ def test_the_weights_come_in_order_and_each_once():
     assert found.control_weight.values.tolist() == [0.2, 1.0]
 
 
-@pytest.mark.slow
 def test_workers_find_the_same_to_the_last_bit():
     alone = rp.trade_off(lag(), [0.5, 1.0, 2.0])
     shared = rp.trade_off(lag(), [0.5, 1.0, 2.0], executor=None, progress=False)

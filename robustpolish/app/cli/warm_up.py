@@ -53,8 +53,8 @@ def norms() -> None:
 
 def brush_on_a_trough() -> None:
     """Run all discs, and the machine that yields."""
-    run = rp.simulate_brush(duration=SECONDS)
-    rp.simulate_brush(duration=SECONDS, disc="three-angle", start="landing")
+    run = rp.polishing.simulate_brush(duration=SECONDS)
+    rp.polishing.simulate_brush(duration=SECONDS, disc="three-angle", start="landing")
     machine = rp.air_bearing()
     rp.simulate(machine, run)
     rp.polishing.simulate_coupled(machine, run)
@@ -64,7 +64,7 @@ def brush_on_a_mould() -> None:
     """Run the disc along a path on splines, and draw a mesh of two triangles."""
     bowl = rp.polishing.Mould.from_formula("x**2 / 0.1", x=(-0.06, 0.06), y=(-0.06, 0.06))
     path = rp.polishing.ToolPath.through([[0.0, 0.0], [0.01, 0.0], [0.02, 0.0]], speed=0.01)
-    rp.simulate_brush(duration=SECONDS, surface=bowl, path=path)
+    rp.polishing.simulate_brush(duration=SECONDS, surface=bowl, path=path)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "sheet.stl"
         corners = [[0, 0, 0], [9, 0, 0], [9, 9, 3], [0, 9, 3]]
@@ -74,7 +74,7 @@ def brush_on_a_mould() -> None:
 
 def thesis() -> None:
     """Run the thesis's brush, and its response."""
-    brush = rp.simulate_brush("listing", run=1, duration=2 * SECONDS)
+    brush = rp.polishing.simulate_brush("listing", run=1, duration=2 * SECONDS)
     A = np.kron(np.eye(6), [[0.0, 1.0], [-1e4, -20.0]])
     listing_response(A, np.eye(12)[:, 8:], np.eye(12)[[10]], brush)
 

@@ -566,7 +566,7 @@ def listing_response(
     >>> import numpy as np
     >>> import robustpolish as rp
     >>> from robustpolish.polishing import listing_response
-    >>> brush = rp.simulate_brush("listing", run=1, duration=0.01)
+    >>> brush = rp.polishing.simulate_brush("listing", run=1, duration=0.01)
     >>> A = np.kron(np.eye(6), [[0.0, 1.0], [-1e4, -20.0]])
     >>> B1 = np.zeros((12, 4))
     >>> B1[11, 2] = 1.0

@@ -34,7 +34,6 @@ def test_every_plant_is_one_of_the_uncertain_system(kind):
     assert made == pytest.approx(P0[i] + 0.3 * w * (1 if kind == "additive" else P0[i]))
 
 
-@pytest.mark.slow
 def test_model_in_the_middle_is_chosen():
     found = rp.uncertain.cover(RIGS, order=3)
     tried = [rp.uncertain.cover(RIGS, plant, order=0).errors.max() for plant in RIGS]
@@ -63,7 +62,6 @@ def test_unequal_numbers_of_signals():
     assert rp.uncertain.cover(turned, tall, kind="additive", order=2).system.shape == (2, 1)
 
 
-@pytest.mark.slow
 def test_sampled_plants():
     plants = [control.sample_system(p, 0.01, "zoh") for p in RIGS]
     found = rp.uncertain.cover(plants, plants[2], order=3)
@@ -94,7 +92,6 @@ def test_measured_responses():
     )
 
 
-@pytest.mark.slow
 def test_loop_that_is_proven_for_the_cover_is_stable_for_the_family():
     found = rp.uncertain.cover(RIGS, RIGS[2], order=5)
     gain = 0.5
@@ -107,7 +104,6 @@ def test_loop_that_is_proven_for_the_cover_is_stable_for_the_family():
     assert any((control.feedback(4.5 * plant, 1).poles().real > 0).any() for plant in RIGS)
 
 
-@pytest.mark.slow
 def test_what_it_says():
     found = rp.uncertain.cover(RIGS, RIGS[2], order=3)
     text = str(found)

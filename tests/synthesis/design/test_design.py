@@ -101,9 +101,9 @@ def test_the_regions_that_were_demanded_are_drawn(design):
 @pytest.mark.parametrize(
     "use",
     [
-        lambda K: rp.compare_controllers({"PD": K}, rp.simulate_brush(duration=0.02)),
+        lambda K: rp.compare_controllers({"PD": K}, rp.polishing.simulate_brush(duration=0.02)),
         lambda K: rp.simulation.check_robustness(K, None),
-        lambda K: rp.monte_carlo(K, {}),
+        lambda K: rp.polishing.monte_carlo(K, {}),
         lambda K: rp.synthesis.largest_period(K),
     ],
 )

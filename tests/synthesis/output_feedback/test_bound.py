@@ -39,7 +39,6 @@ def realisations(plant):
     yield plant.replace(B1=P.B1[:, order], D11=P.D11[:, order], D21=P.D21[:, order])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "make",
     [

@@ -97,7 +97,6 @@ def test_zeros_on_the_axis_and_weights_over_six_decades():
         assert design.certificate.achieved == pytest.approx(0.8471, rel=5e-3)
 
 
-@pytest.mark.slow
 def test_the_axis_is_moved_where_no_controller_of_the_plant_itself_is_near():
     design = rp.output_feedback(flexible_structure(12), method="riccati", tolerance=1e-3)
     gammas = [entry["gamma"] for entry in design.history if "shift" in entry]

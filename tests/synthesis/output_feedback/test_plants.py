@@ -255,7 +255,6 @@ def test_a_plant_without_controls_is_refused():
         output_feedback(rp.GeneralizedPlant(system, 0, 0))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "make",
     [

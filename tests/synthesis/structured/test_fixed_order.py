@@ -18,7 +18,6 @@ def compleib(shared, name):
     raise KeyError(name)
 
 
-@pytest.mark.slow
 def test_more_states_never_do_worse_and_all_stay_above_the_bound():
     plant = oscillator()
     full = rp.output_feedback(plant)
@@ -38,7 +37,6 @@ def test_more_states_never_do_worse_and_all_stay_above_the_bound():
     assert norms[0] == pytest.approx(static.certificate.achieved, rel=1e-3)
 
 
-@pytest.mark.slow
 def test_a_static_gain_for_the_h2_norm():
     plant = two_masses(FULL)
     design = rp.output_feedback(plant, "h2", order=0, effort=0.1)
@@ -47,7 +45,6 @@ def test_a_static_gain_for_the_h2_norm():
     assert design.norm == "h2"
 
 
-@pytest.mark.slow
 def test_the_limit_counts_the_states_of_all_decoupled_parts():
     one = oscillator()
     both = GeneralizedPlant.from_matrices(

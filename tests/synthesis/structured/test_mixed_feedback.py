@@ -130,7 +130,6 @@ def two_lags():
     )  # fmt: skip
 
 
-@pytest.mark.slow
 def test_what_is_specified_is_certified_on_its_channel():
     channels = {"hinf_channel": (["w1"], ["z1", "p1"]), "h2_channel": ("w2", ["z2", "p2"])}
     design = rp.mixed_state_feedback(two_lags(), "hinf", h2_bound=0.65, **channels)
@@ -143,7 +142,6 @@ def test_what_is_specified_is_certified_on_its_channel():
     assert design.closed_loop.input_labels == ["w1"]
 
 
-@pytest.mark.slow
 def test_a_bound_on_the_other_norm_joins_the_parts():
     alone = rp.mixed_state_feedback(two_lags(), "h2")
     together = rp.mixed_state_feedback(two_lags(), "h2", hinf_bound=0.9)
@@ -153,7 +151,6 @@ def test_a_bound_on_the_other_norm_joins_the_parts():
         assert design.certificate.achieved == pytest.approx(best, rel=1e-3)
 
 
-@pytest.mark.slow
 def test_prices_belong_to_every_channel_and_regions_are_kept():
     plant = two_lags().part(
         states=[0, 1], disturbances=[0, 1], controls=[0, 1], performance=[0, 1], measurements=[0, 1]
@@ -170,7 +167,6 @@ def test_prices_belong_to_every_channel_and_regions_are_kept():
     assert design.certificate.achieved == pytest.approx(np.sqrt(5) / 3, rel=1e-3)
 
 
-@pytest.mark.slow
 def test_bound_on_the_other_norm_is_kept_and_costs():
     plant = oscillator()
     h2_best = rp.mixed_output_feedback(plant, "h2", time_limit=5)
@@ -184,7 +180,6 @@ def test_bound_on_the_other_norm_is_kept_and_costs():
     assert set(both.details["certificates"]) == {"h2", "hinf"}
 
 
-@pytest.mark.slow
 def test_channels_are_minimised_and_bounded_apart():
     plant = oscillator()
     design = rp.mixed_output_feedback(
@@ -209,7 +204,7 @@ def test_channels_are_minimised_and_bounded_apart():
             pytest.param(region, marks=pytest.mark.long)
             for region in (rp.HalfPlane(-0.6), rp.Disk(-2.0, 1.8), rp.Sector(0.8))
         ),
-        pytest.param([rp.HalfPlane(-0.4), rp.Sector(0.6)], marks=pytest.mark.slow),
+        [rp.HalfPlane(-0.4), rp.Sector(0.6)],
     ],
 )
 def test_poles_stay_in_their_region(region):
@@ -225,7 +220,6 @@ def test_gain_bound_holds_at_all_frequencies():
     assert float(rp.hinf_norm(design.controller)) <= 0.5 * (1 + 1e-6)
 
 
-@pytest.mark.slow
 def test_one_norm_alone_is_that_of_state_feedback():
     for norm in ("hinf", "h2"):
         plant = oscillator()
@@ -234,7 +228,6 @@ def test_one_norm_alone_is_that_of_state_feedback():
         assert mixed.certificate.achieved == pytest.approx(plain.certificate.achieved, rel=1e-3)
 
 
-@pytest.mark.slow
 def test_a_bound_on_the_other_norm_is_kept_by_state_feedback():
     plant = oscillator()
     best = rp.mixed_state_feedback(plant, "h2", time_limit=4)
@@ -247,7 +240,6 @@ def test_a_bound_on_the_other_norm_is_kept_by_state_feedback():
     assert set(both.details["certificates"]) == {"h2", "hinf"}
 
 
-@pytest.mark.slow
 def test_channels_poles_and_gain_together():
     plant = oscillator()
     region = rp.HalfPlane(-0.4)

@@ -38,7 +38,6 @@ TUNED = MU / (1 + MU) ** 2
 """Stiffness of the spring of Den Hartog's absorber; his optimum is sqrt(1 + 2 / MU)."""
 
 
-@pytest.mark.slow
 def test_den_hartogs_absorber():
     plant = with_stiffness(absorber(MU), [[-1 - TUNED, TUNED], [TUNED / MU, -TUNED / MU]])
     design = passive_feedback(plant, dampers=[("p", "q")], time_limit=8)
@@ -49,7 +48,6 @@ def test_den_hartogs_absorber():
     assert damper.coefficient == pytest.approx(2 * zeta * MU / (1 + MU), rel=0.06)
 
 
-@pytest.mark.slow
 def test_spring_and_damper_of_an_absorber_together():
     plant = with_stiffness(absorber(MU), [[-1.0, 0.0], [0.0, 0.0]])
     design = passive_feedback(plant, [("p", "q")], [("p", "q")], time_limit=8)
@@ -86,7 +84,6 @@ def test_parts_without_elements_are_left_alone():
     assert design.certificate.achieved > 1.5 * design.details["part_norms"][0]
 
 
-@pytest.mark.slow
 def test_elements_act_between_their_places():
     plant = air_bearing(actuation="force")
     design = passive_feedback(
@@ -103,7 +100,6 @@ def test_elements_act_between_their_places():
     assert "damper between x_m and x" in str(damper)
 
 
-@pytest.mark.slow
 def test_the_thesis_plant_gets_better():
     plant = air_bearing(actuation="force")
     open_loop = float(hinf_norm(plant.open_loop))
@@ -116,7 +112,6 @@ def test_the_thesis_plant_gets_better():
     assert design.certificate.achieved < bounded.certificate.achieved < open_loop
 
 
-@pytest.mark.slow
 def test_a_norm_that_nothing_bounds_is_told():
     everywhere = [(q, "ground") for q in ("x_m", "x", "y_m", "y", "z_m", "z")]
     # it ends by itself, on a busy machine later than on an idle one

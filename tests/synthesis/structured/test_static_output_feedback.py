@@ -52,7 +52,6 @@ def test_reaches_the_best_published_norms(shared, name):
     assert design.elapsed < 61.0
 
 
-@pytest.mark.slow
 @pytest.mark.shared
 @pytest.mark.parametrize("name", ["HE1", "AC4", "AC8"])
 def test_stops_at_a_target(shared, name):
@@ -61,7 +60,6 @@ def test_stops_at_a_target(shared, name):
     assert design.certificate.achieved <= 1.002 * PUBLISHED[name]
 
 
-@pytest.mark.slow
 @pytest.mark.shared
 def test_units_do_not_matter(shared):
     plant = compleib(shared, "HE1")
@@ -81,7 +79,6 @@ def test_units_do_not_matter(shared):
     assert design.certificate.achieved <= 1.002 * PUBLISHED["HE1"]
 
 
-@pytest.mark.slow
 def test_structure_is_kept_and_costs():
     plant = two_masses(FULL)
     free = static_output_feedback(plant, time_limit=4)
@@ -92,7 +89,6 @@ def test_structure_is_kept_and_costs():
     assert free.certificate.achieved <= diagonal.certificate.achieved * 1.001
 
 
-@pytest.mark.slow
 def test_state_measured_h2_equals_the_regulator():
     plant = two_masses(np.eye(4))
     design = static_output_feedback(plant, "h2", time_limit=4)
@@ -102,8 +98,6 @@ def test_state_measured_h2_equals_the_regulator():
     assert design.certificate.achieved == pytest.approx(best, rel=1e-4)
 
 
-@pytest.mark.slow
-@pytest.mark.slow
 @pytest.mark.parametrize("norm", ["hinf", "h2"])
 def test_discrete_time(norm):
     plant = two_masses(FULL)
@@ -115,7 +109,6 @@ def test_discrete_time(norm):
     assert design.controller.dt == 0.1
 
 
-@pytest.mark.slow
 def test_d22_is_part_of_the_loop():
     plant = two_masses(FULL)
     D22 = np.array([[0.3, 0.0], [0.2, -0.1]])
@@ -133,7 +126,6 @@ def test_d22_is_part_of_the_loop():
     )
 
 
-@pytest.mark.slow
 @pytest.mark.long
 def test_fixed_order_stabilises_where_no_static_gain_does():
     # A double integrator with its position measured needs a derivative.
@@ -148,7 +140,6 @@ def test_fixed_order_stabilises_where_no_static_gain_does():
     assert design.gain is None
 
 
-@pytest.mark.slow
 def test_gain_bound_and_price():
     plant = two_masses(FULL)
     free = static_output_feedback(plant, time_limit=3)
@@ -161,7 +152,6 @@ def test_gain_bound_and_price():
     assert dear.details["plain_norm"] <= dear.certificate.achieved
 
 
-@pytest.mark.slow
 def test_dynamic_gain_bound_holds_at_all_frequencies():
     plant = rp.air_bearing(actuation="force", measured="displacement")
     design = static_output_feedback(plant, order=1, gain_bound=1e5, time_limit=5)
@@ -169,7 +159,6 @@ def test_dynamic_gain_bound_holds_at_all_frequencies():
     assert float(hinf_norm(design.controller)) <= 1e5 * (1 + 1e-6)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("actuation", ["displacement", "force"])
 def test_thesis_plant_by_axes(actuation):
     plant = rp.air_bearing(actuation=actuation, measured="displacement")
@@ -285,7 +274,6 @@ def test_the_search_starts_at_what_was_given():
     assert "Raise time_limit" in late.message
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("norm", ["hinf", "h2"])
 def test_disturbances_that_reach_nothing_leave_an_optimum_of_zero(norm):
     # w moves x2; u, z and y have to do with x1 only.
@@ -296,7 +284,6 @@ def test_disturbances_that_reach_nothing_leave_an_optimum_of_zero(norm):
     assert "do not reach" in found.message
 
 
-@pytest.mark.slow
 def test_the_time_limit_holds():
     rng = np.random.default_rng(0)
     n = 20
@@ -317,7 +304,6 @@ def test_the_time_limit_holds():
     assert time.monotonic() - began < 6.0
 
 
-@pytest.mark.slow
 def some_gain_stabilises(plant):
     """Whether a loop with one of many gains from the one y to the one u is stable."""
     sizes = np.logspace(-4, 4, 4001)
@@ -328,7 +314,6 @@ def some_gain_stabilises(plant):
     return False
 
 
-@pytest.mark.slow
 def test_random_plants_never_get_a_false_answer():
     rng = np.random.default_rng(11)
     designed = 0

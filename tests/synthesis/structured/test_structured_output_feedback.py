@@ -18,7 +18,6 @@ def lag(numerator=1.0, denominator=(1.0, 1.0)):
     return rp.mixed_sensitivity(G, performance=rp.weight(1e3, 0.5, 0.5), effort=0.05)
 
 
-@pytest.mark.slow
 def test_pi_reaches_the_full_order_bound_of_a_lag():
     plant = lag()
     design = structured_output_feedback(plant, rp.tunable.pid("x", kind="PI", sign=-1))
@@ -61,7 +60,6 @@ def test_decentralised_gains_of_all_states_are_the_regulator():
     assert [found["pid_x"]["Kp"], found["pid_v"]["Kp"]] == pytest.approx(best[0], rel=1e-3)
 
 
-@pytest.mark.slow
 def test_unstable_starts_limits_and_shared_numbers():
     plant = two_masses([[1.0, 0.5, 0, 0], [0, 0, 1.0, 0.5]])
     k = rp.tunable.tunable("k", 0.0, low=-5.0, high=5.0)
@@ -81,7 +79,6 @@ def test_unstable_starts_limits_and_shared_numbers():
     assert design.certificate.achieved <= min(scanned) * (1 + 1e-4)
 
 
-@pytest.mark.slow
 def test_held_numbers_stay_and_bounds_hold():
     plant = lag()
     Kp = rp.tunable.tunable("Kp", 0.5, low=0.4, high=0.6)
@@ -95,7 +92,6 @@ def test_held_numbers_stay_and_bounds_hold():
     assert "held" in repr(design)
 
 
-@pytest.mark.slow
 def test_integral_action_that_nobody_asked_for_is_told():
     design = structured_output_feedback(oscillator(), rp.tunable.pid(sign=-1))
     assert design.certificate.valid
@@ -126,7 +122,6 @@ def test_fixed_order_on_a_discrete_plant():
     assert design.controller.dt == 0.1
 
 
-@pytest.mark.slow
 def test_a_wrong_sign_is_suspected():
     unstable = lag(1.0, (1.0, -1.0))
     with pytest.raises(SolverError, match="sign=-1 is negative feedback"):

@@ -37,9 +37,7 @@ def test_signals_may_stand_anywhere():
     assert design.order == same.order <= 1
 
 
-@pytest.mark.parametrize(
-    "asked", [{}, pytest.param({"structure": [[1]], "effort": 0.02}, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("asked", [{}, {"structure": [[1]], "effort": 0.02}])
 def test_discrete_plants_are_proven_as_they_are(asked):
     b = rp.uncertain.real("b", 0.1, percent=20)
     plant = rp.uncertain.system(
@@ -178,7 +176,6 @@ def test_without_a_controller_the_reason_is_all():
     assert design.mu == (float("inf"), float("inf"))
 
 
-@pytest.mark.slow
 def test_a_worst_machine_between_the_corners_is_found_by_the_proof():
     """The damping is a parabola of a number: the middle is worst, and what it allows is reached."""
     b = rp.uncertain.real("b", 0.2, range=(-1.0, 1.0))

@@ -32,7 +32,6 @@ from robustpolish.synthesis.uncertain.search import (
 )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("name", "signals"), [("lag", 1), ("two_masses", 1), ("column", 2)])
 def test_the_k_step_is_near_the_infimum_of_output_feedback(name, signals):
     problem = RobustProblem.of(getattr(uncertain_plants, name)(), signals, signals, 1.0)
