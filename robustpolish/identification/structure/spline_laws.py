@@ -120,7 +120,7 @@ _HOLD = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class LawColumns:
     """The splines of one law along a motion.
 
     Attributes
@@ -185,7 +185,7 @@ class CurveFit:
 
 def dry_friction_block(
     model: MechanicalModel, at: tuple[str, ...], motion: SmoothedMotion
-) -> Block | None:
+) -> LawColumns | None:
     """Return dry friction at a place as a law with one coefficient, None if nothing moves there.
 
     Parameters
@@ -199,7 +199,7 @@ def dry_friction_block(
     if not (width > 0 and np.isfinite(width)):
         return None
     effect = Effect(DRY, at, {"force": 0.0, "width": width})
-    return Block(effect, -np.tanh(v / width)[None, None], np.zeros((0, 1)))
+    return LawColumns(effect, -np.tanh(v / width)[None, None], np.zeros((0, 1)))
 
 
 def block(
@@ -209,7 +209,7 @@ def block(
     count: int,
     motion: SmoothedMotion,
     record: Record,
-) -> Block | None:
+) -> LawColumns | None:
     """Return the splines of a law at a place, None if nothing moves there.
 
     Parameters
@@ -242,10 +242,10 @@ def block(
         basis = basis * v
     effect = Effect(learned_name(over, count), at, knots)
     bending = smoothness_prior({**effect.values, "roughness": 1.0})
-    return Block(effect, -basis[:, None, :], bending)
+    return LawColumns(effect, -basis[:, None, :], bending)
 
 
-def fit_curves(f: FilteredRecord, row: Array, blocks: Sequence[Block]) -> CurveFit:
+def fit_curves(f: FilteredRecord, row: Array, blocks: Sequence[LawColumns]) -> CurveFit:
     """Fit laws at one place to the innovations of one level.
 
     Parameters
@@ -253,7 +253,7 @@ def fit_curves(f: FilteredRecord, row: Array, blocks: Sequence[Block]) -> CurveF
     f : FilteredRecord
     row : ndarray, shape (coordinates,)
         Of the place.
-    blocks : sequence of Block
+    blocks : sequence of LawColumns
     """
     columns = np.concatenate([b.columns for b in blocks])
     at = blocks[0].effect.at
@@ -907,7 +907,7 @@ def _fit_at_best_level(
     """Return laws at a place at the level where they are likeliest."""
     model, motion = look.model, look.motion
     here = {name for e in model.effects if set(e.at) == set(at) for name in e.definition.over}
-    blocks: list[Block] = []
+    blocks: list[LawColumns] = []
     if "dry" in kinds and any(e.kind == DRY and set(e.at) == set(at) for e in model.effects):
         return None
     for over in kinds:
