@@ -165,7 +165,7 @@ def machine_plant(
         at = _places("disturbances", disturbances, (*inputs, *acting), ("", CONTROL), len(inputs))
     w = [i + plant.nu if i < len(inputs) else i - len(inputs) for i in at]
     same = zip((*doubled, *outputs), (*acting, *heard), strict=True)
-    units = plant.units | {new: plant.units[old] for new, old in same if old in plant.units}
+    units = {**plant.units, **{n: plant.units[o] for n, o in same if o in plant.units}}
     chosen = wiring.chosen(w, u, z, y)
     there = {*chosen.system.input_labels, *chosen.system.output_labels, *chosen.states}
     return plant.rewired(chosen, units={name: units[name] for name in units if name in there})

@@ -170,7 +170,7 @@ AXES = ("x", "y", "z")
 def brush_design_report(job: BrushDesign) -> Report:
     """Tell what was gained, at what effort, and why it can be trusted."""
     built = isinstance(job, BuildableBrushDesign)
-    kinds = (
+    kinds: tuple[Any, ...] = (
         (buildability_section, assumptions_section, z_deviation_section, actuator_forces_section)
         if built
         else (_effort,)

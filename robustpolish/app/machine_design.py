@@ -101,7 +101,7 @@ def read_design_task(
             return _task(_loaded(machine), design_section(table), changes)
     given = _loaded(machine)
     own = given.design if isinstance(given, MechanicalModel) else {}
-    if given is machine or not isinstance(given, MechanicalModel):
+    if not (isinstance(machine, str | Path) and isinstance(given, MechanicalModel)):
         return _task(given, own, changes)
     with toml_with_line_numbers(machine):
         return _task(given, own, changes)
@@ -355,7 +355,7 @@ def design_machine(
     (inf, 0.0017)
     """
     task = read_design_task(machine, **changes)
-    noisy = {"control_weight": task.prices, "measurement_noise": task.noises}
+    noisy: dict[str, Any] = {"control_weight": task.prices, "measurement_noise": task.noises}
     if task.kind == "state feedback":
         method = "riccati" if task.method == "riccati" else "lmi"
         design = state_feedback(task.weighted, task.norm, method, "cvxpy", task.prices)

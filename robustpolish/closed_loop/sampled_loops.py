@@ -406,10 +406,10 @@ class SampledLoops(Displayed):
         values = {name: self.dataset[name].values[i].item() for name in trial.names}
         plant, load = trial.plant_with(values), trial.load_with(values)
         figures = trial.figures_of(values)
-        runs = load is not None and np.isfinite(figures["norm"])
-        return Replay(
-            i, values, plant, load, trial.response(plant, load) if runs else None, figures
-        )
+        response = None
+        if load is not None and np.isfinite(figures["norm"]):
+            response = trial.response(plant, load)
+        return Replay(i, values, plant, load, response, figures)
 
     def plot(self, ax: Axes | None = None, *, figure: str = "norm") -> Axes:
         """Draw how a figure is distributed, with its nominal value and 95 % of the sample.

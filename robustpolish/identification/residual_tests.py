@@ -626,8 +626,8 @@ def place_shares(comparison: Comparison, residual: xr.Dataset, bins: int) -> dic
     q, v, force, observed = _motion(comparison)
     skip = q.shape[1] - residual.sizes["time"]
     found = {}
-    along = (part[:, skip:] for part in (q, v, force))
-    for at, dq, dv, pull, shown in forces_at_places(comparison.model, *along, bins):
+    q, v, force = (part[:, skip:] for part in (q, v, force))
+    for at, dq, dv, pull, shown in forces_at_places(comparison.model, q, v, force, bins):
         q_shares = value_shares(residual, dq, bins, "displacement")
         v_shares = value_shares(residual, dv, bins, "velocity")
         follows, name = predictable_share(dq, dv, pull, bins), " - ".join(at)

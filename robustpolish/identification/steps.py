@@ -182,6 +182,6 @@ def step_runs(diagnosis: Findings, data: Any) -> tuple[StepRun, ...]:
         whole = diagnosis.reproducible and not has_integrator(entry.model, samples * step)
         window = None if whole else POLICY.window(samples) * step
         with suppress(RobustPolishError):  # as the diagnosis held it against the data
-            after = compare(entry.model, data, window=window)
+            after: Any = compare(entry.model, data, window=window)
             found.append(StepRun(entry.step, found[-1].after if found else None, after))
     return tuple(found)

@@ -94,7 +94,7 @@ def emulated(
 def integration_rule(
     A: Matrix, B: Matrix, C: Matrix, D: Matrix, period: float, kind: str,
     prewarp_hz: float | None = None,
-) -> tuple[Matrix, Matrix, Matrix, Matrix]:  # fmt: skip
+) -> tuple[Any, Any, Any, Any]:  # fmt: skip
     """Replace s by a rule of integration that weighs the new sample with `alpha`."""
     if kind == "forward":
         return np.eye(len(A)) + period * A, period * B, C, D

@@ -203,7 +203,7 @@ def _groups(A: Matrix) -> Matrix:
     return T
 
 
-def _scaled(A: Matrix, B: Matrix, C: Matrix, to_input: bool) -> tuple[Matrix, Matrix, Matrix]:
+def _scaled(A: Matrix, B: Any, C: Matrix, to_input: bool) -> tuple[Matrix, Matrix, Matrix]:
     """Scale states by powers of two: those of a block alike, so that its form is kept."""
     links = (np.abs(A) + np.abs(A.T)) > 0
     label = connected_components(links, directed=False)[1]
@@ -313,7 +313,7 @@ def anti_windup(controller: control.StateSpace, form: str = "auto") -> AntiWindu
     if form == "none" or n == 0:
         return AntiWindup(np.zeros((n, nu)), "none")
     if form != "observer" and D.shape[0] == D.shape[1] and np.linalg.cond(D) <= 1e8:
-        L = np.linalg.solve(D.T, B.T).T
+        L: Any = np.linalg.solve(D.T, B.T).T
         if np.abs(np.linalg.eigvals(A - L @ C)).max() < _SLOWEST:
             return AntiWindup(L, "conditioned")
     if form == "conditioned":

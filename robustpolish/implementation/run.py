@@ -186,12 +186,14 @@ def sampled_run(
         step * np.arange(periods * count + 1, dtype=float),
         period * np.arange(periods, dtype=float) + step * flow.cut + flow.left,
     )
-    drive = [np.column_stack([np.interp(at, time - time[0], c) for c in w.T]) for at in instants]
+    driven, between = (
+        np.column_stack([np.interp(at, time - time[0], c) for c in w.T]) for at in instants
+    )
     still = np.zeros((periods, plant.nu))
-    pushed, _ = flow.through(*drive, np.zeros((periods, flow.states)), still, still)
+    pushed, _ = flow.through(driven, between, np.zeros((periods, flow.states)), still, still)
     starts, sent, at_limit = _from_sample_to_sample(flow, controller, pushed, limits, feedback)
     before, after = sent[:periods], sent[1 : periods + 1]
-    _, z = flow.through(*drive, starts, before, after)
+    _, z = flow.through(driven, between, starts, before, after)
     u, share = flow.held(before, after), at_limit / periods
     # A z may be called as a control is: then the control gets another name, as in rp.simulate.
     shown = plant.with_control_outputs().performance_names

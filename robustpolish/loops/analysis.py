@@ -166,7 +166,7 @@ class LoopAnalysis(LoopFigures):
         if of in ("S", "T"):
             names = self.loop.names(chosen[0][0])
             systems = {names[i]: from_to(getattr(at, of), [i], [i]) for _, i in chosen}
-        slowest = float(np.abs(self.loop.rates.real).min(initial=math.inf))
+        slowest = float(np.abs(np.real(self.loop.rates)).min(initial=math.inf))
         length = 4 / slowest if 0 < slowest < math.inf else 1.0
         return plot_steps(systems, length if duration is None else duration, ax)
 

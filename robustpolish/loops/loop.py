@@ -95,7 +95,7 @@ class BreakableLoop:
     def _named(self, at: Sequence[int]) -> list[str]:
         return [self.signals[i] for i in at]
 
-    @property
+    @cached_property
     def closed(self) -> Any:
         """From (disturbance at u, noise at y) to (u, y): S and KS above, GS and S below."""
         every = range(len(self.signals))
@@ -315,11 +315,6 @@ class Loop(BreakableLoop):
         """A, B, C and D of K."""
         return matrices_of(self.controller)
 
-    @cached_property
-    def closed(self) -> control.StateSpace:
-        """From (disturbance at u, noise at y) to (u, y): S and KS above, GS and S below."""
-        return super().closed
-
     def _wired(
         self, ports: Ports, inputs: Sequence[str], outputs: Sequence[str]
     ) -> control.StateSpace:
@@ -428,8 +423,9 @@ def loop_of(
         plant, controller = plant.plant, plant.controller
     whole, given = _as_plant(plant), controller_of(controller)
     # A gain of a state feedback, given with a plant that measures something else, is told.
-    constant = isinstance(given, control.StateSpace) and given.nstates == 0
-    gain: Any = given.D if constant else given
+    gain: Any = given
+    if isinstance(given, control.StateSpace) and given.nstates == 0:
+        gain = given.D
     shape = () if isinstance(gain, control.InputOutputSystem | control.LTI) else np.shape(gain)
     if shape == (whole.nu, whole.nx) and whole.nx != whole.ny:
         found = f"a gain of shape {shape} for {whole.ny} measurements"

@@ -478,7 +478,8 @@ def _efforts(loop: Loop, system: control.StateSpace) -> tuple[Effort, ...]:
             peak, rms = norm_of(part), h2_norm(part, tolerance=1e-6).value
             gain = peak.value, peak.frequency / (2 * math.pi)
             units = loop.unit(name), loop.unit(source)
-            found.append(Effort(source, name, rms, *gain, *steps[i, j].tolist(), *units))
+            rest: tuple[Any, ...] = (*gain, *steps[i, j].tolist(), *units)
+            found.append(Effort(source, name, rms, *rest))
     return tuple(found)
 
 

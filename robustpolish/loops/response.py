@@ -261,8 +261,8 @@ class SystemResponse:
         """Return the frequencies at which a singular value may have a level."""
         model = self._continuous
         # Where the level is that of D, it is moved a little: crossings are looked for beside it.
-        for shift in (1.0, 1 + 1e-7) if model is not None else ():
-            H = hamiltonian(model, level / self.model.gain * shift)
+        for shift in (1.0, 1 + 1e-7):
+            H = None if model is None else hamiltonian(model, level / self.model.gain * shift)
             if H is not None and np.isfinite(H).all():
                 return self._back(np.linalg.eigvals(H).astype(complex))
         return np.zeros(0)
@@ -333,7 +333,7 @@ def roots(
     for i, j in itertools.pairwise(np.flatnonzero(~flat & ~np.isnan(values))):
         low, high = float(omega[i]), float(omega[j])
         if (values[i] > 0) != (values[j] > 0):
-            root: Any = brentq(one, low, high, xtol=1e-15 * high, rtol=1e-14)
+            root: Any = brentq(one, low, high, xtol=1e-15 * high, rtol=np.float64(1e-14))
             found.append(float(root))
         elif j > i + 1:  # it only touches, or stays at, zero
             found += sorted({float(omega[i + 1]), float(omega[j - 1])})

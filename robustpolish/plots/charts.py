@@ -303,7 +303,7 @@ def plot_waterfall(
         if i:
             ax.plot([i - 1.4, i + 0.4], [before, before], color="#333333", linewidth=0.6)
             arrow = "↓ to " if level <= before else "↑ to "
-        above = {"textcoords": "offset points", "ha": "center", "va": "bottom"}
+        above: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "bottom"}
         ax.annotate(f"{arrow}{level:.3g}", (i, max(level, before)), (0, 3), **above)
     handles: list[Any] = [Patch(label="start", **LEVEL), Patch(label="taken away", **GOOD)]
     if np.any(np.diff(values) > 0):

@@ -233,7 +233,7 @@ def plot_nyquist_disks(
         values: Any = np.where(np.isfinite(loop.values), loop.values, np.nan)
         ax.plot(values.real, values.imag, label=label, **style)
         if (edge := _disk(disks, label)) is not None:
-            ax.fill(edge.real, edge.imag, color=style["color"], alpha=0.15, linewidth=0)
+            ax.fill(np.real(edge), np.imag(edge), color=style["color"], alpha=0.15, linewidth=0)
         near = values[np.abs(values) < _FAR]
         across, up = [*across, *near.real], [*up, *near.imag]
     ax.plot([-1], [0], label="-1", **_CRITICAL)

@@ -408,7 +408,8 @@ class BuildableBrushDesign(BrushDesign):
             slow = replace(hardware, actuator_bandwidth_hz=bandwidth)
             plant = replace(problem, hardware=slow).plant()
             sampled: Any = plant_at_samples(plant, hardware.period, hardware.computation_delay)
-            loop: Any = control.feedback(sampled, controller, sign=1)
+            closing: Any = controller  # python-control declares a number
+            loop: Any = control.feedback(sampled, closing, sign=1)
             return bool(np.abs(np.linalg.eigvals(loop.A)).max() < 1)
 
         low = nominal

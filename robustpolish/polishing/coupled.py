@@ -524,7 +524,7 @@ def guided_brush(brush: xr.Dataset) -> GuidedBrush:
     parameters = parameters_from_attributes(brush.attrs)
     three_angles, time = brush.attrs["disc"] == "three-angle", brush["time"].to_numpy()
     first = {name: float(part[0]) for name, part in brush.items() if part.dims == ("time",)}
-    angles = (first[name] for name in ("theta", "psi", "theta_rate", "psi_rate"))
+    angles: Any = (first[name] for name in ("theta", "psi", "theta_rate", "psi_rate"))
     start = np.zeros(contact.STATES)
     start[contact.AXES], start[contact.TURNINGS] = contact.axis_and_turning(
         *angles, euler=three_angles

@@ -516,7 +516,8 @@ def linearize_with_brush(
     slopes = rest.jacobian @ change
     whole[:order] += machine.B @ slopes[:3]
     whole[order + 2 :] += slopes[3:] / p.tilt_inertia
-    outputs = np.vstack([block_diag(loop.C, np.eye(4)), slopes[:3]])
+    rows: Any = [block_diag(loop.C, np.eye(4)), slopes[:3]]
+    outputs = np.vstack(rows)
     # Forces may enter outputs at once, such as an acceleration's; so does the contact's then.
     columns = [loop.input_labels.index(name) for name in FORCES]
     outputs[: loop.noutputs] += np.asarray(loop.D)[:, columns] * SIGNS @ slopes[:3]

@@ -276,14 +276,17 @@ def checked_response(data: xr.DataArray) -> xr.DataArray:
     if "units" in data.coords:
         like = data.isel(frequency=0, drop=True)
         units = data.coords["units"].broadcast_like(like).transpose("output", "input").values
-    names = [[str(name) for name in data[dimension].values] for dimension in DIMENSIONS[1:]]
-    for dimension, own in zip(DIMENSIONS[1:], names, strict=True):
+    outputs, inputs = (
+        [str(name) for name in data[dimension].values] for dimension in DIMENSIONS[1:]
+    )
+    for dimension, own in zip(DIMENSIONS[1:], (outputs, inputs), strict=True):
         if len(set(own)) < len(own):
             raise misfit(dimension, ", ".join(own), "each name once", "Rename one.")
     result = labelled_response(
         data["frequency"].values,
         data.values,
-        *names,
+        outputs,
+        inputs,
         units,
         beside=beside,
         notes=data.attrs.get("notes", ()),

@@ -87,5 +87,5 @@ def _limit(text: str) -> tuple[str, tuple[float, float]]:
     with suppress(ValueError):
         numbers = [float(part) for part in value.split(":")]
         if name and len(numbers) in (1, 2):
-            return name, (-numbers[0], numbers[0]) if len(numbers) == 1 else (*numbers,)
+            return name, (numbers[0] if len(numbers) == 2 else -numbers[0], numbers[-1])
     raise invalid("limit", text, "NAME=SIZE or NAME=LOW:HIGH", "Such as F=10 or F=-1:2.")

@@ -234,8 +234,9 @@ class FrequencyComparison(Displayed):
         columns = ("pair", "error [%]", "of it noise [%]", "error/noise", "likeness")
 
         def percent(value: float | None, error: float | None = 0.0, scale: float = 100.0) -> Any:
-            both = value is not None and error is not None
-            return plus_minus(scale * value, scale * error) if both else None
+            if value is None or error is None:
+                return None
+            return plus_minus(scale * value, scale * error)
 
         modes = tuple(
             (m.model_frequency, percent(m.frequency, m.frequency_error, 1.0),

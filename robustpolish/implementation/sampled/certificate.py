@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from scipy import linalg
 
-from robustpolish.base.arrays import AnyMatrix, Matrix, Vector
+from robustpolish.base.arrays import AnyMatrix, Matrix
 from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import invalid, is_whole, misfit, positive, state_space
 from robustpolish.base.results import Card, Displayed, quantities
@@ -380,7 +380,7 @@ def _gain(loop: ScaledMap, omega: float) -> float:
     back = np.exp(1j * omega * loop.map.period) * np.eye(len(loop.N)) - loop.N
     back = back - loop.M @ through[:n, :n] @ loop.L
     start = np.vstack([loop.L @ np.linalg.solve(back, loop.M @ through[:n, n:]), np.eye(m)])
-    power: Vector = np.linalg.eigvalsh(start.conj().T @ energy @ start) / loop.map.period
+    power: Any = np.linalg.eigvalsh(start.conj().T @ energy @ start) / loop.map.period
     return float(np.sqrt(max(power[-1], 0.0)))
 
 

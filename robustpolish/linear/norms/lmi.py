@@ -83,7 +83,7 @@ class _Modal:
     def rebased(self, K: Matrix) -> _Modal:
         """Change to the coordinates in which K is the identity, after a first solution."""
         try:
-            basis = np.linalg.inv(np.linalg.cholesky(K)).T
+            basis: Any = np.linalg.inv(np.linalg.cholesky(K)).T
         except np.linalg.LinAlgError:
             return self
         A, B, C = _moved(self.A, self.B, self.C, np.linalg.solve(self.basis, basis))

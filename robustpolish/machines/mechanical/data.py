@@ -405,7 +405,7 @@ def values(model: MechanicalData) -> dict[str, float]:
 
 def with_parameter_values(model: Model, changes: Mapping[str, float]) -> Model:
     """Return `model` with the numbers of `changes` instead of its own."""
-    known = {key: where for key, *where in _numbers(model)}
+    known = {key: (now, at, i, name) for key, now, at, i, name in _numbers(model)}
     # fits ask thousands of times a second: what stays is neither made nor checked again
     new: dict[tuple[str, int], dict[str, float]] = {}
     for key, value in changes.items():
@@ -465,7 +465,7 @@ def definite_coupling_share(model: MechanicalData, changes: Mapping[str, float])
 
 def unit_of(model: MechanicalData, key: str) -> str:
     """Return the SI unit of the number with a key of :func:`values`."""
-    where, i, name = next(found for known, _, *found in _numbers(model) if known == key)
+    where, i, name = next((at, i, n) for k, _, at, i, n in _numbers(model) if k == key)
     part = getattr(model, where)[i]
     if where in ("dofs", "inputs"):
         return part.unit if where == "dofs" else "1"

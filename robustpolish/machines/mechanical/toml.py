@@ -71,7 +71,7 @@ def line_of(text: str, key: Key) -> int | None:
         if (found := _LINE.match(line)) is None:
             continue
         brackets, dotted, value = found.groups()
-        parts: Key = tuple(part.strip("\"'") for part in re.findall(_KEY, dotted))
+        parts: tuple[str, ...] = tuple(part.strip("\"'") for part in re.findall(_KEY, dotted))
         if brackets:
             entries[parts[0]] += brackets == "[["
             number = entries[parts[0]] - 1
@@ -237,11 +237,13 @@ def _input(where: Key, item: Table, dofs: list[Dof]) -> Input:
             has = "an inertia in kg m^2" if dof.rotational else "a mass in kg"
             shown, want = described(f"{key} = {name!r}, which has {has}"), f"{wanted} there"
             raise invalid((*where, key), shown, f"{want}: units must match", f"Write {wanted}.")
-    return Input(item["name"], place, imposes, item.get("gain", 1.0), item.get("unit"))
+    on: Any = place
+    return Input(item["name"], on, imposes, item.get("gain", 1.0), item.get("unit"))
 
 
 def _output(where: Key, item: Table) -> Output:
-    quantity, measures = item.get("quantity", DISPLACEMENT), item.get("measures")
+    quantity = item.get("quantity", DISPLACEMENT)
+    measures: Any = item.get("measures")
     force = quantity_of(where, quantity) == FORCE
     keys = ("of",) if force else ("measures",)
     more = () if force or isinstance(measures, dict) else ("relative_to",)

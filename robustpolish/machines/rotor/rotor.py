@@ -168,7 +168,7 @@ def reduction_basis(
             shown = described("deflections under steady forces")
             remedy = "Add a bearing, or write method='modal'."
             raise invalid("method", shown, "'modal' for a rotor that nothing holds", remedy)
-        static = np.zeros((size, 0))
+        static: Any = np.zeros((size, 0))
         if method != "modal":
             static = np.linalg.solve(plane.stiffness, own.T)
         kept = _independent(plane.mass, dynamic, np.zeros((size, 0)), _SAME_SHAPE)

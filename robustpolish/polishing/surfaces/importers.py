@@ -61,7 +61,7 @@ def sampled(
         cells = [max(8, 2 * round(0.5 * count * (high - low) / longest)) for low, high in sides]
         # Twice as fine as the spline: what lies between its places judges it.
         along, across = (
-            np.linspace(*ends, 2 * n + 1) for ends, n in zip(sides, cells, strict=True)
+            np.linspace(low, high, 2 * n + 1) for (low, high), n in zip(sides, cells, strict=True)
         )
         values = {"x": along[:, None], "y": across[None, :], **parameters}
         heights = np.broadcast_to(formula.value(values), (along.size, across.size)).astype(float)

@@ -273,7 +273,7 @@ def thesis_structures(
     full = air_bearing(actuation=actuation)
     measured = air_bearing(actuation=actuation, measured="displacement")
     printed = "second_scaled" if actuation == "force" else "first_scaled"
-    priced = {"control_weight": price, "time_limit": time_limit}
+    priced: dict[str, Any] = {"control_weight": price, "time_limit": time_limit}
     noisy = {**priced, "measurement_noise": measurement_noise}
     return {
         f"static state feedback, {PUBLISHED_CONTROLLERS[printed]}": given_controller(

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from robustpolish.base.arrays import Array
+from robustpolish.base.arrays import AnyArray, Array
 from robustpolish.base.checks import described, invalid, matrix, one_of, positive
 from robustpolish.base.jit import njit
 from robustpolish.errors import SolverError
@@ -419,7 +419,7 @@ def _forces_along(
 
 def listing_forces(
     parameters: BrushParameters, defects: ListingDefects, time: Array, states: Array, divisor: float
-) -> tuple[Array, Array]:
+) -> tuple[Array, AnyArray]:
     """Evaluate the forces of D.2 at stored states, with the gates of the bearing open.
 
     Returns

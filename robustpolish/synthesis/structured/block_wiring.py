@@ -432,6 +432,7 @@ def block_parametrisation(
         own = np.arange(state, state + len(stage.states))
         rows, columns = row + np.arange(stage.outputs), column + np.arange(stage.inputs)
         sizes = _sizes(stage.slots, placement, scaled, i, j)
+        inner: Any = np.append(own, rows), np.append(own, columns)
         held = [0.0 if slot.held is None else slot.held for slot in stage.slots]
         numbers = [index[placement.key(stage, s)] if s.held is None else -1 for s in stage.slots]
         found.append(
@@ -440,7 +441,7 @@ def block_parametrisation(
                 np.array(numbers, dtype=int),
                 np.array(held) / sizes,
                 sizes,
-                np.ix_(np.concatenate([own, rows]), np.concatenate([own, columns])),
+                np.ix_(*inner),
             )
         )
         if j == 0:
