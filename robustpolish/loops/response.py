@@ -333,6 +333,10 @@ def roots(
     for i, j in itertools.pairwise(np.flatnonzero(~flat & ~np.isnan(values))):
         low, high = float(omega[i]), float(omega[j])
         if (values[i] > 0) != (values[j] > 0):
+            ends = one(low), one(high)
+            if (ends[0] > 0) == (ends[1] > 0):  # rounding decides the sign at one end: it is there
+                found.append(low if abs(ends[0]) < abs(ends[1]) else high)
+                continue
             root: Any = brentq(one, low, high, xtol=1e-15 * high, rtol=np.float64(1e-14))
             found.append(float(root))
         elif j > i + 1:  # it only touches, or stays at, zero

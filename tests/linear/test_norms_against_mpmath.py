@@ -192,7 +192,7 @@ def marked(seed):
     return seed if seed < SLOW else pytest.param(seed, marks=pytest.mark.long)
 
 
-@pytest.mark.parametrize("seed", map(marked, range(FULL)))
+@pytest.mark.parametrize("seed", [marked(seed) for seed in range(FULL)])
 def test_norms_of_hard_systems(seed):
     with mp.workdps(60):
         G = system(seed)

@@ -29,7 +29,7 @@ def batches(quick, slow, last):
                 for k in range(slow, last, 50))  # fmt: skip
 
 
-@pytest.mark.parametrize("seeds", batches(4, 10, 1010))
+@pytest.mark.parametrize("seeds", list(batches(4, 10, 1010)))
 def test_random_structures(seeds):
     for seed in seeds:
         check_random(seed)
