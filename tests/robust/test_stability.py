@@ -68,7 +68,7 @@ def check_units(seed):
         assert there[1] == pytest.approx(first.upper, rel=1e-6)
 
 
-@pytest.mark.parametrize("seeds", batches(4, 20, 220))
+@pytest.mark.parametrize("seeds", list(batches(4, 20, 220)))
 def test_units_of_random_loops_do_not_matter(seeds):
     for seed in seeds:
         check_units(seed)
