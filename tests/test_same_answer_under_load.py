@@ -1,13 +1,10 @@
 """Designs, diagnoses and the demo are the same, bit by bit, on a busy machine and many threads."""
 
 import json
-import os
-import subprocess
-import sys
-from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
+
+from .busy import busy_machine, output_of
 
 BUSY = 14
 
@@ -83,31 +80,9 @@ SCRIPTS = {"plants": PLANTS, "diagnoses": DIAGNOSES, "demo": DEMO}
 
 
 def answers(name, shared, threads=1):
-    """Run a script in a fresh process; it prints numbers to the last bit."""
-    plants = {"PLANTS": str(shared / "data" / "compleib" / "compleib24.npz")}
-    limits = {f"{library}_NUM_THREADS": str(threads) for library in ("OMP", "OPENBLAS")}
-    done = subprocess.run(
-        [sys.executable, "-c", SCRIPTS[name]], capture_output=True, text=True, check=False,
-        env={**os.environ, **limits, **plants}, cwd=Path(__file__).parents[1],
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
-
-
-@contextmanager
-def busy_machine(count):
-    """Let processes spin, and end them whatever happens."""
-    spinning = []
-    try:
-        for _ in range(count):
-            spinning.append(subprocess.Popen([sys.executable, "-c", "while True: pass"]))
-        yield
-        assert all(process.poll() is None for process in spinning)
-    finally:
-        for process in spinning:
-            process.kill()
-        for process in spinning:
-            process.wait()
+    """Return the numbers of a script, to the last bit."""
+    plants = str(shared / "data" / "compleib" / "compleib24.npz")
+    return json.loads(output_of(SCRIPTS[name], threads=threads, PLANTS=plants))
 
 
 @pytest.fixture(scope="module")

@@ -376,8 +376,8 @@ class DesignTask(Displayed):
         _ = self.weighted  # names and weights are wrong now or never
 
     def _check_combinations(self) -> None:
-        def refuse(name: str, told: object, without: str, want: str, remedy: str) -> None:
-            raise invalid(name, described(f"{told} {without}"), want, remedy)
+        def refuse(name: str, given: object, without: str, want: str, remedy: str) -> None:
+            raise invalid(name, described(f"{given} {without}"), want, remedy)
 
         if self.full_state:
             besides = "besides full_state"
@@ -386,8 +386,8 @@ class DesignTask(Displayed):
                     measured = "All states are measured as they are."
                     refuse(name, name, besides, "one of both", measured)
             if set(SENSITIVITIES) & set(self.weights):
-                told = "weights of mixed sensitivity"
-                refuse("weights", told, besides, "weights of channels", "Leave full_state out.")
+                given = "weights of mixed sensitivity"
+                refuse("weights", given, besides, "weights of channels", "Leave full_state out.")
             if self.order:
                 refuse("order", self.order, besides, "none", "A state feedback has no states.")
             if self.method == "slycot":
@@ -399,8 +399,8 @@ class DesignTask(Displayed):
         if self.sample_rate_hz is None:
             for name in ("computation_delay", "anti_aliasing_hz"):
                 if value := getattr(self, name):
-                    told, remedy = f"{value:g}", "Give it, or leave this out."
-                    refuse(name, told, "without a sampling rate", "sample_rate_hz too", remedy)
+                    given, remedy = f"{value:g}", "Give it, or leave this out."
+                    refuse(name, given, "without a sampling rate", "sample_rate_hz too", remedy)
 
     @cached_property
     def plant(self) -> GeneralizedPlant:
@@ -431,7 +431,7 @@ class DesignTask(Displayed):
             shown = described(f"{', '.join(mixed)} and channels")
             want = "weights of mixed sensitivity, or of channels"
             raise invalid("weights", shown, want, "Leave one of both out.")
-        _ = self.prices, self.noises  # names that are wrong are told here
+        _ = self.prices, self.noises  # wrong names are refused here
         if mixed:
             weights: Any = {key: self._per_channel(key, value) for key, value in mixed.items()}
             with inside(("weights",)):

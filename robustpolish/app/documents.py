@@ -351,7 +351,7 @@ def diagnosis_report(
     after: Comparison | None = None,
     *,
     runs: Sequence[StepRun] = (),
-    told: Sequence[ToldApart] = (),
+    experiments: Sequence[ToldApart] = (),
 ) -> Report:
     """Tell what a model lacks: the verdict, then where, which, how much, and what to check.
 
@@ -363,7 +363,7 @@ def diagnosis_report(
     runs : sequence of StepRun, optional
         The model of every step held against the data, of
         :func:`robustpolish.identification.step_runs`.
-    told : sequence of ToldApart, optional
+    experiments : sequence of ToldApart, optional
         Experiments for effects that the data cannot tell apart, of
         :func:`robustpolish.tell_apart`.
 
@@ -382,7 +382,7 @@ def diagnosis_report(
         _steps(runs),
         _missing_force_section(diagnosis),
         _checks(diagnosis),
-        _experiments_section(told),
+        _experiments_section(experiments),
         _candidates(diagnosis),
         _section("All fitted numbers", tables=[Table("", _NUMBERS, tuple(numbers))]),
     ]
@@ -495,10 +495,10 @@ def _missing_force_section(diagnosis: Diagnosis) -> Section | None:
     return _section("What is left", text, pictures, points=[m.describe() for m in diagnosis.maps])
 
 
-def _experiments_section(told: Sequence[ToldApart]) -> Section | None:
+def _experiments_section(experiments: Sequence[ToldApart]) -> Section | None:
     """Return the experiments that would tell effects apart."""
     text, pictures, tables = [], [], []
-    for found in told:
+    for found in experiments:
         names = " or ".join(found.machines.names)
         text.append(" ".join(found.explain().splitlines()))
         if found.tried:

@@ -309,7 +309,8 @@ def test_every_step_is_shown_with_the_model_before_and_after(told):
 def test_experiments_for_alike_effects_are_proposed_with_figures(told):
     found = tell_apart((told.model, told.model.without_effects()), DATA, fit=False)
     part = section(
-        diagnosis_report(told, told=[found]), "Which experiment would tell alike effects apart"
+        diagnosis_report(told, experiments=[found]),
+        "Which experiment would tell alike effects apart",
     )
     assert part.text[0].startswith("To tell coulomb_friction at x, ground from ")
     assert str(found.recommended.experiment) in part.text[0]

@@ -120,8 +120,9 @@ def diagnose(
             else:
                 drafts[save].write_text(result.model.to_toml(), encoding="utf-8")
         if report is not None:
-            runs, told = step_runs(result, records), _told_apart(result, records, tell)
-            shown = diagnosis_report(result, runs=runs, told=told)
+            runs = step_runs(result, records)
+            experiments = _told_apart(result, records, tell)
+            shown = diagnosis_report(result, runs=runs, experiments=experiments)
             page = render_html(shown, robustpolish.__version__)
             drafts[report].write_text(page, encoding="utf-8")
     return content, result.explain()

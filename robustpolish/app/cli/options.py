@@ -138,10 +138,10 @@ def save_picture(path: str | None, force: bool, draw: Callable[[], Any]) -> None
 
 def place_options(folder: str) -> Callable[[F], F]:
     """Add --out, a folder for what `folder` says, and --report."""
-    told = "Write an HTML report to FILE, or to report.html in the folder."
+    report = "Write an HTML report to FILE, or to report.html in the folder."
     return options(
         option("--out", folder, click.Path(file_okay=False)),
-        option("--report", told, is_flag=False, flag_value="", metavar="[FILE]"),
+        option("--report", report, is_flag=False, flag_value="", metavar="[FILE]"),
     )
 
 
@@ -184,13 +184,13 @@ def stages(what: str) -> Iterator[Callable[[str], None]]:
     """
     with progress_bar(what, stages=True) as tell:
 
-        def told(name: str) -> None:
+        def show_stage(name: str) -> None:
             if is_interactive():
                 tell(name.removesuffix(" ..."))
             else:
                 click.echo(name if name.endswith(" ...") else f"... {name}", err=True)
 
-        yield told
+        yield show_stage
 
 
 def print_result(

@@ -1,13 +1,10 @@
 """The same plant has the same answer: in other units, states and orders, and on a busy machine."""
 
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
 import robustpolish as rp
+from tests.busy import busy_machine, output_of
 
 TOLERANCE = 1e-4
 BUSY = 8
@@ -114,27 +111,15 @@ for plant, options in calls:
 
 
 def answers():
-    """Design in a fresh process; numbers are returned to the last bit."""
-    threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    command = [sys.executable, "-c", DESIGN]
-    done = subprocess.run(
-        command, capture_output=True, text=True, check=False, env={**os.environ, **threads}
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout.splitlines()
+    """Return the lines of the designs; numbers are written to the last bit."""
+    return output_of(DESIGN).splitlines()
 
 
 @pytest.mark.long
 @pytest.mark.timeout(1800)
 def test_eight_busy_processes_change_no_bit():
     idle = answers()
-    spinning = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(BUSY)]
-    try:
+    with busy_machine(BUSY):
         busy = answers()
-        assert all(process.poll() is None for process in spinning)
-    finally:
-        for process in spinning:
-            process.kill()
-            process.wait()
     assert len(idle) == 3
     assert busy == idle

@@ -1,12 +1,11 @@
 """Structured designs are budgeted in work: a busy machine changes no bit of them."""
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.busy import busy_machine, output_of
 
 BUSY = 8
 
@@ -34,32 +33,15 @@ print(json.dumps(answers))
 
 
 def answers():
-    """Design in a fresh process; numbers are returned to the last bit."""
-    one = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS")}
-    plants = str(Path(__file__).parents[1])
-    done = subprocess.run(
-        [sys.executable, "-c", DESIGN, plants],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, **one},
-    )
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    """Return what the designs say; numbers are written to the last bit."""
+    return json.loads(output_of(DESIGN, str(Path(__file__).parents[1])))
 
 
 @pytest.mark.long
 @pytest.mark.timeout(3600)
 def test_busy_processes_change_no_bit():
     idle = answers()
-    spinning = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(BUSY)]
-    try:
+    with busy_machine(BUSY):
         busy = answers()
-        assert all(process.poll() is None for process in spinning)
-    finally:
-        for process in spinning:
-            process.kill()
-        for process in spinning:
-            process.wait()
     assert idle == busy
     assert "time" not in idle["static"]["message"] + idle["observer"]["message"]
