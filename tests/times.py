@@ -43,13 +43,15 @@ class Measure:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_fixture_setup(self, fixturedef, request):
-        before = _spent()
+        before = computing_time()
         try:
             return (yield)
         finally:
             if fixturedef.scope != "function":
                 key = f"{fixturedef.baseid}:{fixturedef.argname}:{request.param_index}"
-                request.node.config.stash.setdefault(_MADE, []).append((key, _spent() - before))
+                request.node.config.stash.setdefault(_MADE, []).append(
+                    (key, computing_time() - before)
+                )
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item):
@@ -58,7 +60,7 @@ class Measure:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_call(self, item):
-        before = _spent()
+        before = computing_time()
         try:
             return (yield)
         finally:
@@ -66,7 +68,7 @@ class Measure:
                 f"{d[-1].baseid}:{name}" for name, d in item._fixtureinfo.name2fixturedefs.items()
             ]
             made = item.config.stash[_MADE]
-            item.user_properties.append(("times", (_spent() - before, made, uses)))
+            item.user_properties.append(("times", (computing_time() - before, made, uses)))
 
     def pytest_runtest_logreport(self, report):
         if report.when != "call":
@@ -93,6 +95,7 @@ class Measure:
 _MADE = pytest.StashKey()
 
 
-def _spent():
+def computing_time():
+    """Return the seconds that this process and its children have computed."""
     times = os.times()
     return times.user + times.system + times.children_user + times.children_system

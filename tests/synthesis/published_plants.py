@@ -1,9 +1,21 @@
 """Plants from papers and other suites, with the optimal norms that are published for them."""
 
+from pathlib import Path
+
 import control
 import numpy as np
 
 from robustpolish.plants.plant import GeneralizedPlant
+
+
+def compleib(shared: Path, name: str) -> GeneralizedPlant:
+    """Return a plant of COMPleib from the folder of shared data."""
+    keys = ("A", "B1", "B", "C1", "C", "D11", "D12", "D21")
+    for file in ("compleib24", "compleib_larger"):
+        data = np.load(shared / f"data/compleib/{file}.npz")
+        if f"{name}/A" in data.files:
+            return GeneralizedPlant.from_matrices(*(data[f"{name}/{key}"] for key in keys))
+    raise KeyError(name)
 
 
 def scherer_1997() -> GeneralizedPlant:

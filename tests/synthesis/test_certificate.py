@@ -8,12 +8,6 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.synthesis.certificate import certify, exact_delays
-from robustpolish.synthesis.proofs.bounded_real import (
-    cayley,
-    enclose_loop,
-    prove_hinf,
-    prove_stability,
-)
 
 # Certificates.
 
@@ -79,18 +73,13 @@ def test_a_false_claim_is_named():
     assert "0.4 is false: the loop has 0.5" in certificate.reasons[0]
 
 
-def test_an_unstable_loop_is_never_valid():
-    certificate = certify(first_order(), [[0.5]])
+@pytest.mark.parametrize(("gain", "pole"), [(0.5, "1.5"), (-1.0, "0")])
+def test_an_unstable_or_marginal_loop_is_never_valid(gain, pole):
+    certificate = certify(first_order(), [[gain]])
     assert not certificate.valid
     assert not certificate.stable
     assert certificate.achieved == np.inf
-    assert "1.5" in certificate.reasons[0]
-
-
-def test_a_marginal_loop_is_never_valid():
-    certificate = certify(first_order(), [[-1.0]])
-    assert not certificate.valid
-    assert not certificate.stable
+    assert pole in certificate.reasons[0]
 
 
 def test_a_hidden_unstable_mode_counts():
@@ -110,18 +99,6 @@ def test_random_loops_are_proven_tightly(n, dt, norm):
     certificate = certify(plant, gain, norm)
     assert certificate.valid, certificate.reasons
     assert certificate.achieved <= certificate.bound <= certificate.achieved * (1 + 1e-4)
-
-
-@pytest.mark.parametrize("dt", [0, 0.1])
-def test_the_proof_does_not_prove_too_much(dt):
-    plant, gain = random_loop(6, 3, dt)
-    achieved = certify(plant, gain).achieved
-    loop = enclose_loop(plant, control.ss([], [], [], gain, dt))
-    if dt:
-        loop = cayley(loop)
-    assert prove_hinf(loop, achieved * (1 + 1e-5)) is not None
-    assert prove_hinf(loop, achieved * (1 - 1e-9)) is None
-    assert prove_hinf(loop, achieved * (1 - 1e-9), bits=480) is None
 
 
 def test_light_damping_and_wild_units_are_proven():
@@ -168,13 +145,6 @@ def test_an_ill_posed_loop_is_refused():
 def test_bad_arguments_are_named(arguments, name):
     with pytest.raises(rp.InvalidInputError, match=f"^{name}: "):
         certify(first_order(), [[-3.0]], **arguments)
-
-
-def test_stability_alone_can_be_proven():
-    plant, gain = random_loop(5, 1, margin=1e-7)
-    assert prove_stability(enclose_loop(plant, control.ss([], [], [], gain, 0))) is not None
-    unstable, gain = random_loop(5, 1, margin=-1e-9)
-    assert prove_stability(enclose_loop(unstable, control.ss([], [], [], gain, 0))) is None
 
 
 # Controllers may come as transfer functions.

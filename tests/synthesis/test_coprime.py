@@ -79,19 +79,6 @@ def test_unstable_loops_have_none():
     assert rp.uncertain.ncf_margin(hidden, -1.0) == 0
 
 
-def test_a_grid_of_the_definition():
-    np.random.seed(1)  # noqa: NPY002, which is what control.rss draws from
-    G = control.rss(4, 2, 2, strictly_proper=True)
-    K = control.ss(rp.loop_shaping(G).controller)
-    worst = 0.0
-    for w in np.geomspace(1e-3, 1e3, 3000):
-        g, k = G(1j * w), K(1j * w)
-        S = np.linalg.inv(np.eye(2) - g @ k)
-        block = np.vstack([np.eye(2), k]) @ S @ np.hstack([np.eye(2), g])
-        worst = max(worst, np.linalg.norm(block, 2))
-    assert rp.uncertain.ncf_margin(G, K) == pytest.approx(1 / worst, rel=1e-4)
-
-
 def test_delays_count_as_they_are():
     lag = control.tf([1], [1, 1], inputs="u", outputs="y")
     plant = rp.GeneralizedPlant(lag, "y", "u").with_delay("u", 0.5, order=1)

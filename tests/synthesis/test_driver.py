@@ -3,7 +3,6 @@
 An engine that finds what it is told stands for those of the package.
 """
 
-import control
 import numpy as np
 import pytest
 from hard_plants import heat_rod
@@ -105,27 +104,6 @@ def test_modes_that_do_nothing_are_removed():
     assert found.controller.nstates == 0
     assert found.controller.D.item() == pytest.approx(-1.0, rel=2e-3)
     assert chosen(priced_lag(), long, work=1e-9).controller.nstates == 2  # without work none is
-
-
-def test_many_modes_are_removed_by_halves():
-    n = 30
-    A = -np.diag([1.0, *np.linspace(2.0, 40.0, n)])
-    C = np.hstack([[[-1.0]], np.zeros((1, n))])
-    found = chosen(priced_lag(), Controller(A, np.ones((n + 1, 1)), C, np.zeros((1, 1))))
-    assert found.controller.nstates <= n / 2 + 1
-    # The loop with u = -y / (s + 1) is the same.
-    whole = rp.given_controller(priced_lag(), control.tf([-1.0], [1.0, 1.0]))
-    assert found.certificate.achieved <= 1.02 * whole.certificate.achieved
-
-
-@pytest.mark.parametrize(("norm", "expected"), [("hinf", 4.0), ("h2", np.sqrt(16 / 7))])
-def test_discrete_loops_are_judged_by_the_unit_circle(norm, expected):
-    # x+ = 2 x + w + u with u = -5/4 x: z = x has 1/(1 - 3/4) and 1/(1 - 9/16).
-    ones = [[1.0]]
-    plant = rp.GeneralizedPlant.from_matrices([[2.0]], ones, ones, ones, ones, dt=1.0)
-    found = rp.certify(plant, [[-1.25]], norm)
-    assert found.achieved == pytest.approx(expected, rel=1e-3)
-    assert not rp.certify(plant, [[-3.0]], norm).valid
 
 
 def priced_rod(points=80):

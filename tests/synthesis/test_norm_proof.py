@@ -5,6 +5,7 @@ from pathlib import Path
 import control
 import numpy as np
 import pytest
+from published_plants import compleib
 
 import robustpolish as rp
 from robustpolish.linear.arithmetic import balls
@@ -21,7 +22,6 @@ from robustpolish.synthesis.proofs.bounded_real import (
     prove_stability,
     rounding_level,
 )
-from robustpolish.synthesis.proofs.frequency_response import responses
 
 # A computed norm, bracketed by a gain and a proof.
 
@@ -73,13 +73,6 @@ def test_a_loop_that_rounding_changes_is_left_to_care():
     assert computed(plant) is not None
     assert computed(plant, rounded=1.01 * plant.open_loop) is None
     assert computed(plant, rounded=other.open_loop) is None
-
-
-def test_a_norm_of_zero_and_a_missing_signal_are_left_to_care():
-    zero = np.zeros((1, 1))
-    plant = rp.GeneralizedPlant.from_matrices(-np.eye(1), zero, np.eye(1), np.eye(1), np.eye(1))
-    assert computed(plant) is None
-    assert rp.certify(plant, [[0.0]]).valid
 
 
 # What long arithmetic calls stable is proven, and nothing else.
@@ -155,10 +148,7 @@ def test_a_discrete_loop_with_high_gain_is_proven():
 
 @pytest.mark.shared
 def test_the_heat_exchanger_of_compleib_is_certified(shared):
-    data = np.load(shared / "data" / "compleib" / "compleib_larger.npz")
-    names = ("A", "B1", "B", "C1", "C", "D11", "D12", "D21")
-    plant = rp.GeneralizedPlant.from_matrices(*(data[f"IH/{name}"] for name in names))
-    design = rp.output_feedback(plant, time_limit=60)
+    design = rp.output_feedback(compleib(shared, "IH"), time_limit=60)
     assert design.certificate.valid
     assert design.certificate.achieved < 1.2e-6
 
@@ -202,24 +192,6 @@ def test_a_narrow_resonance_beside_a_broad_one():
     assert found.frequency == pytest.approx(100.0, rel=1e-6)
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_random_systems_in_wild_units(seed):
-    rng = np.random.default_rng(seed)
-    A = rng.standard_normal((6, 6))
-    A -= (np.linalg.eigvals(A).real.max() + 0.01) * np.eye(6)
-    unit = 10.0 ** rng.uniform(-6, 6, 6)
-    system = (
-        A * unit / unit[:, None],
-        rng.standard_normal((6, 2)) / unit[:, None],
-        rng.standard_normal((3, 6)) * unit,
-        rng.standard_normal((3, 2)),
-    )
-    exact = rp.hinf_norm(control.StateSpace(*system))
-    found = estimate_norm(*system)
-    assert found.settled
-    assert exact.lower * (1 - 2e-6) <= found.value <= exact.upper * (1 + 1e-9)
-
-
 def test_peaks_at_both_ends_of_the_frequencies():
     lag = np.array([[-2.0]]), np.array([[1.0]])
     assert estimate_norm(*lag, np.array([[6.0]]), np.zeros((1, 1)))[:2] == pytest.approx((3.0, 0.0))
@@ -228,19 +200,6 @@ def test_peaks_at_both_ends_of_the_frequencies():
     assert high[:2] == (pytest.approx(3.0, rel=1e-6), np.inf)
     nothing = np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0))
     assert estimate_norm(*nothing, np.diag([3.0, -4.0])) == (4.0, np.inf, True)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_many_states_have_the_norm_of_the_proven_bracket(seed):
-    rng = np.random.default_rng(seed)
-    A = rng.standard_normal((60, 60))
-    A -= (np.linalg.eigvals(A).real.max() + 0.1) * np.eye(60)
-    B, C, D = rng.standard_normal((60, 2)), rng.standard_normal((3, 60)), np.ones((3, 2))
-    found = estimate_norm(A, B, C, D)
-    proven = rp.hinf_norm(control.StateSpace(A, B, C, D))
-    assert found.settled
-    assert found.value == pytest.approx(proven.value, rel=1e-9)
-    assert found.frequency == pytest.approx(proven.frequency, rel=1e-4)
 
 
 # The norm that a loop achieves.
@@ -294,22 +253,6 @@ def test_what_rounding_does_to_a_loop_counts():
 
 
 # The response at many frequencies.
-
-
-@pytest.mark.parametrize(("n", "m", "p"), [(1, 1, 1), (2, 3, 1), (60, 2, 4)])
-def test_they_are_those_of_a_solved_system(n, m, p):
-    rng = np.random.default_rng(n)
-    A, B, C, D = (rng.standard_normal(shape) for shape in ((n, n), (n, m), (p, n), (p, m)))
-    frequencies = np.array([0.0, 0.3, -7.0, 1e4])
-    expected = [D + C @ np.linalg.solve(1j * x * np.eye(n) - A, B) for x in frequencies]
-    np.testing.assert_allclose(responses(A, B, C, D, frequencies), expected, rtol=1e-9)
-
-
-def test_a_pole_that_is_hit_has_no_finite_response():
-    A = np.array([[0.0, 1.0], [-1.0, 0.0]])
-    found = responses(A, np.eye(2), np.eye(2), np.zeros((2, 2)), np.array([1.0, 2.0]))
-    assert not np.isfinite(found[0]).all()
-    assert np.isfinite(found[1]).all()
 
 
 @pytest.mark.parametrize("damping", [1e-1, 1e-13])

@@ -1,11 +1,10 @@
 """A loop whose peak lies decades beside where a search in doubles ends: in time all the same."""
 
-import resource
-
 import numpy as np
 import pytest
 
 import robustpolish as rp
+from tests.times import computing_time
 
 POSITIONAL = ("A", "B1", "B2", "C1", "C2")
 
@@ -26,9 +25,3 @@ def test_the_limit_holds_for_search_and_certificate(limit, shared, monkeypatch):
     assert design.status == "time_limit"
     assert design.certificate.valid
     assert design.certificate.bound <= design.certificate.achieved * (1 + 1e-3)
-
-
-def computing_time():
-    """Return the seconds that this process and its children have computed."""
-    usage = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(one.ru_utime + one.ru_stime for one in usage)

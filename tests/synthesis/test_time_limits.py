@@ -1,11 +1,10 @@
 """No call hangs: every method ends soon after its time, on a plant that is too large for it."""
 
-import resource
-
 import pytest
 from hard_plants import flexible_structure
 
 import robustpolish as rp
+from tests.times import computing_time
 
 LIMIT = 1.0
 # Seconds of computing, which a busy machine does not change: the limit with a second for what
@@ -52,12 +51,6 @@ def test_every_method_ends_in_time(name):
     assert all(each.certificate.valid for each in found)
     assert found or "time" in refusal  # no certificate in time, no design
     assert computing_time() - start < ALLOWED
-
-
-def computing_time():
-    """Return the seconds that this process and its children have computed."""
-    usage = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(one.ru_utime + one.ru_stime for one in usage)
 
 
 def certified(result):

@@ -1,18 +1,14 @@
 """What a design shows: its gain, its card, its plots."""
 
 import dataclasses
-import itertools
 
 import control
 import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.synthesis.problem.preflight import worst_status
 from tests.implementation.designs import servo_design
 from tests.plotting.legends import names
-
-ORDER = ("time_limit", "suboptimal", "infimum_not_attained", "optimal")
 
 
 def mass():
@@ -65,15 +61,6 @@ def test_the_plot_shows_both_loops_and_the_norm(design):
     assert names(held.plot())[0] == "without control (unstable)"
 
 
-def test_the_plot_tells_units_that_differ():
-    tilting = rp.GeneralizedPlant.from_matrices(
-        -np.eye(2), np.eye(2), [[1.0], [1.0]], np.eye(2), np.eye(2),
-        units={"w1": "N", "w2": "N", "z1": "m", "z2": "rad"},
-    )  # fmt: skip
-    ax = rp.given_controller(tilting, [[-1.0, 0.0]]).plot()
-    assert ax.get_ylabel() == "largest singular value [m, rad per N]"
-
-
 def test_the_plot_compares_like_with_like(design):
     """A price acts in the closed loop only; control does not seem worse for it."""
     plant = design.plant
@@ -110,11 +97,6 @@ def test_the_regions_that_were_demanded_are_drawn(design):
 def test_a_transfer_function_is_not_a_design_yet(use):
     with pytest.raises(rp.InvalidInputError, match=r"got TransferFunction.*given_controller"):
         use(control.tf([-1.0, -3.0], [0.01, 1.0]))
-
-
-@pytest.mark.parametrize("pair", list(itertools.combinations(ORDER, 2)))
-def test_the_status_that_says_less_wins_in_any_order(pair):
-    assert worst_status(pair) == worst_status(reversed(pair)) == pair[0]
 
 
 def test_delays_and_filters_shorten_the_largest_period():

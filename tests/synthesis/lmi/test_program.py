@@ -9,7 +9,6 @@ import robustpolish as rp
 from robustpolish.base.budget import Budget
 from robustpolish.synthesis.lmi.program import (
     BACKENDS,
-    Affine,
     ProgramSolver,
     SemidefiniteProgram,
     block_matrix,
@@ -53,29 +52,6 @@ def test_symmetric_blocks_and_those_left_out():
     np.testing.assert_array_equal(whole.at(np.zeros(0)), upper)
     with pytest.raises(ValueError, match="a diagonal block is missing"):
         symmetric_block([[None, np.eye(1)], [np.eye(1)]])
-
-
-def test_variables_declared_later_and_patterns():
-    program = SemidefiniteProgram()
-    early, late = program.matrix(1, 2), program.matrix(2, 1)
-    x = np.array([1.0, 2.0, 3.0, 4.0])
-    np.testing.assert_array_equal(early.at(x), [[1.0, 2.0]])
-    np.testing.assert_array_equal((early + late.T).at(x), [[4.0, 6.0]])
-    diagonal = SemidefiniteProgram().matrix(2, 2, pattern=[[True, False], [False, True]])
-    np.testing.assert_allclose(diagonal.at(np.array([3.0, 4.0])), np.diag([3.0, 4.0]))
-
-
-@pytest.mark.parametrize(
-    ("combine", "told"),
-    [
-        (lambda M: M + np.eye(2), r"shapes \(2, 3\) and \(2, 2\) do not add"),
-        (lambda M: M @ np.eye(2), r"shapes \(2, 3\) and \(2, 2\) do not multiply"),
-        (lambda M: np.eye(3) @ M, r"shapes \(3, 3\) and \(2, 3\) do not multiply"),
-    ],
-)
-def test_shapes_that_do_not_fit_are_told(combine, told):
-    with pytest.raises(ValueError, match=told):
-        combine(Affine.of(np.ones((2, 3))))
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

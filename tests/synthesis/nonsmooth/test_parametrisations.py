@@ -39,14 +39,6 @@ def test_gradients_travel_back_by_the_adjoint(free):
     assert (slope * G).sum() / 2e-6 == pytest.approx(free.back(theta, G) @ change, rel=1e-6)
 
 
-def test_only_marked_entries_are_free():
-    free = MaskedGain(MASK)
-    assert free.size == 4
-    K = free.gain(np.array([1.0, 2.0, 3.0, 4.0]))
-    assert K.tolist() == [[1, 0, 2], [3, 4, 0]]
-    assert free.coordinates(K).tolist() == [1, 2, 3, 4]
-
-
 def test_a_restricted_gain_stays_on_its_plane():
     plane = on_a_plane()
     assert plane.size == 3
@@ -60,18 +52,6 @@ def test_a_restricted_gain_stays_on_its_plane():
     apart = K - plane.gain(plane.coordinates(K))
     assert apart[0, 2] == pytest.approx(2 * apart[0, 0])
     assert apart[1] == pytest.approx(np.zeros(3), abs=1e-12)
-
-
-def test_what_no_gain_of_the_pattern_does_is_told():
-    free = MaskedGain(np.array([[False, True]]))
-    only_the_first = np.array([[1.0], [0.0]])
-    assert free.restricted(np.eye(1), only_the_first, np.array([[1.0]])) is None
-
-
-def test_elements_are_added_with_positive_coefficients():
-    elements = np.array([[[1.0, -1.0]], [[0.0, 2.0]]])
-    K = PositiveElements(elements).gain(np.log([3.0, 0.5]))
-    assert pytest.approx(np.array([[3.0, -2.0]])) == K
 
 
 def test_an_observer_is_taken_apart_into_feedback_and_observer_gain():

@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 from hard_plants import flexible_structure, random_plant
-from published_plants import mit_lecture, quadruple_tank, scherer_1997
+from published_plants import compleib, mit_lecture, quadruple_tank, scherer_1997
 from scipy import linalg
 
 import robustpolish as rp
@@ -72,10 +72,8 @@ def test_the_norm_does_not_depend_on_the_realisation(make):
     ],
 )
 def test_singular_plants_too(shared, name):
-    data = np.load(shared / "data" / "compleib" / "compleib24.npz")
-    keys = ("A", "B1", "B", "C1", "C", "D11", "D12", "D21")
-    plant = rp.GeneralizedPlant.from_matrices(*(data[f"{name}/{key}"] for key in keys))
-    norms = [output_feedback(each).certificate.achieved for each in realisations(plant)]
+    plants = realisations(compleib(shared, name))
+    norms = [output_feedback(each).certificate.achieved for each in plants]
     assert max(norms) <= min(norms) * (1 + TOLERANCE)
 
 
@@ -138,31 +136,3 @@ def test_a_safety_net_that_was_reached_is_said(monkeypatch):
     assert design.certificate.valid
     assert design.status == "time_limit"
     assert "The safety net of 60 s stopped the search" in design.message
-
-
-def test_slycot_is_not_refused_for_an_integrator():
-    """Distances are relative to the fast lag, which is no reason to call the integrator fixed."""
-    pytest.importorskip("slycot")
-    plant = rp.GeneralizedPlant.from_matrices(
-        [[0.0, 1.0], [0.0, -1e8]],
-        [[1.0, 0.0], [0.0, 0.0]],
-        [[0.0], [1.0]],
-        [[1.0, 0.0], [0.0, 0.0]],
-        [[1.0, 0.0]],
-        D12=[[0.0], [1.0]],
-        D21=[[0.0, 1.0]],
-    )
-    assert output_feedback(plant).certificate.valid
-    said = told(lambda: output_feedback(plant, method="slycot"))
-    assert "uncontrollable" not in said
-    assert "SB10AD" in said or "no controller comes below" in said
-
-
-def told(call):
-    """Return the message of a design, or why there is none; only a SolverError may say so."""
-    try:
-        return call().message
-    except rp.InfeasibleError:
-        raise
-    except rp.SolverError as error:
-        return str(error)

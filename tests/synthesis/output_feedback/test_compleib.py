@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 import pytest
+from published_plants import compleib
 
 import robustpolish as rp
 
@@ -21,12 +22,10 @@ LMI_MAY_FAIL = {"AC12"}
 
 def plant_of(shared, name, units=None):
     """Load a plant; with `units` (a random generator), change every unit by 1e-3 to 1e3."""
-    data = np.load(shared / "data" / "compleib" / "compleib24.npz")
-    A, B1, B2, C1, C2, D11, D12, D21 = (
-        data[f"{name}/{key}"] for key in ("A", "B1", "B", "C1", "C", "D11", "D12", "D21")
-    )
+    plant = compleib(shared, name)
     if units is None:
-        return rp.GeneralizedPlant.from_matrices(A, B1, B2, C1, C2, D11, D12, D21), 1.0
+        return plant, 1.0
+    A, B1, B2, C1, C2 = plant.A, plant.B1, plant.B2, plant.C1, plant.C2
 
     def scale(n):
         return 10.0 ** units.uniform(-3, 3, n)
@@ -39,9 +38,9 @@ def plant_of(shared, name, units=None):
         time * B2 * u / x[:, None],
         z * C1 * x,
         C2 * x / y[:, None],
-        z * w * D11,
-        z * D12 * u,
-        D21 * w / y[:, None],
+        z * w * plant.D11,
+        z * plant.D12 * u,
+        plant.D21 * w / y[:, None],
     )
     return plant, z * w
 

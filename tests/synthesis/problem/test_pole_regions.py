@@ -1,7 +1,5 @@
 """Pole regions: the matrix description says the same as the geometry."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -9,11 +7,9 @@ import robustpolish as rp
 from robustpolish.synthesis.problem.pole_regions import (
     Disk,
     HalfPlane,
-    PassiveElement,
     PoleRegion,
     Sector,
     boundaries,
-    checked_regions,
     violated_regions,
 )
 
@@ -64,15 +60,6 @@ def test_a_tolerance_counts_relative_to_the_size_of_the_terms():
     assert region.contains([])
 
 
-def test_one_region_several_or_none():
-    one, other = HalfPlane(-1.0), Sector(0.5)
-    assert checked_regions("pole_region", None) == ()
-    assert checked_regions("pole_region", one) == (one,)
-    assert checked_regions("pole_region", [one, other]) == (one, other)
-    with pytest.raises(rp.InvalidInputError, match=r"^pole_region: got float, expected HalfPlane"):
-        checked_regions("pole_region", [one, -3.0])  # pyright: ignore[reportArgumentType]
-
-
 def test_regions_that_are_missed_are_named():
     regions = HalfPlane(-1.0), Disk(-4.0, 2.0)
     assert violated_regions(regions, [-3.0, -5.0]) == []
@@ -85,24 +72,3 @@ def test_regions_that_are_missed_are_named():
     for region, (L, M) in zip(regions, drawn.values(), strict=True):
         np.testing.assert_array_equal(L, region.L)
         np.testing.assert_array_equal(M, region.M)
-
-
-@pytest.mark.parametrize(
-    ("element", "text"),
-    [
-        (PassiveElement("spring", ("x", "ground"), 8e4, "N/m"), "x and ground: 80000 N/m"),
-        (PassiveElement("damper", ("x", "y"), 1 / 3, "N s/m"), "x and y: 0.333333 N s/m"),
-        (PassiveElement("spring", ("p", "q"), 1.5e9, "N m/rad"), "p and q: 1.5e+09 N m/rad"),
-    ],
-)
-def test_an_element_in_words(element, text):
-    assert str(element) == f"{element.kind} between {text}"
-
-
-def test_elements_are_compared_by_value_and_do_not_change():
-    one, other = (rp.results.PassiveElement("damper", ("x", "y"), 5.0, "N s/m") for _ in range(2))
-    assert one == other
-    assert one != dataclasses.replace(one, coefficient=6.0)
-    assert len({one, other}) == 1
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        one.coefficient = 6.0  # pyright: ignore[reportAttributeAccessIssue]

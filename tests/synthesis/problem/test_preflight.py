@@ -120,13 +120,6 @@ def test_price_and_noise_make_a_singular_plant_regular():
         assert (getattr(back, name) == getattr(plant, name)).all()
 
 
-def test_nothing_to_pay_leaves_the_plant_alone():
-    plant = air_bearing()
-    assert with_control_penalty(plant, 0.0) is plant
-    assert with_control_penalty(plant, None) is plant
-    assert with_measurement_noise(plant, None) is plant
-
-
 @pytest.mark.parametrize("weight", [-1.0, [1.0, 2.0], np.inf, "dear"])
 def test_bad_weights_are_named(weight):
     with pytest.raises(InvalidInputError, match="control_weight"):

@@ -3,6 +3,7 @@
 import control
 import numpy as np
 import pytest
+from published_plants import compleib
 
 import robustpolish as rp
 from robustpolish.base.budget import Budget
@@ -33,10 +34,7 @@ def bound_of(plant, tolerance=1e-4):
 @pytest.mark.shared
 @pytest.mark.parametrize("name", INFIMUM)
 def test_infimum_of_singular_plants(shared, name):
-    data = np.load(shared / "data" / "compleib" / "compleib24.npz")
-    keys = ("A", "B1", "B", "C1", "C", "D11", "D12", "D21")
-    plant = rp.GeneralizedPlant.from_matrices(*(data[f"{name}/{key}"] for key in keys))
-    value, how = bound_of(plant)
+    value, how = bound_of(compleib(shared, name))
     assert value == pytest.approx(INFIMUM[name], rel=2e-4)
     assert how == PROVEN
 
@@ -165,12 +163,3 @@ def test_a_tiny_price_beside_a_fast_weight_is_kept():
     assert halves is not None
     # Three integrations lie between the control and the weight's output, which is its price.
     assert len(halves.control.A) == plant.nx - 3
-
-
-def test_states_that_are_known_exactly_leave_the_equation():
-    plant = rp.GeneralizedPlant.from_matrices(
-        [[0.0, 1.0], [-1.0, -0.1]], [[0.0], [1.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[1.0, 0.0]]
-    )
-    halves = reduced_riccati_pair(PlantMatrices.of(plant))
-    assert halves is not None
-    assert (len(halves.control.A), len(halves.measurement.A)) == (0, 0)

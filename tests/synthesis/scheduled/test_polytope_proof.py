@@ -11,7 +11,7 @@ import robustpolish as rp
 from robustpolish.linear.arithmetic import balls
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
 from robustpolish.synthesis.scheduled.polytope import LyapunovFamily, PolytopeSpecification
-from robustpolish.synthesis.scheduled.proof import output_loop, prove, state_loop, uncertain_loop
+from robustpolish.synthesis.scheduled.proof import output_loop, prove, state_loop
 
 
 def norm_of(matrices, norm, dt):
@@ -89,11 +89,3 @@ def test_state_and_output_feedback_in_balls():
     ):
         for own, name in zip(made.doubles, "ABCD", strict=True):
             assert own == pytest.approx(getattr(expected, name), abs=1e-15)
-
-
-def test_the_loop_of_an_uncertain_system():
-    k = rp.uncertain.real("k", 5.0, percent=80)
-    mass = rp.uncertain.system([[0, 1], [-k, -0.1]], [[0, 0], [1, 1]], [[1, 0]], 0)
-    loop = uncertain_loop(mass, 1, F).at({"k": 7.0})
-    assert pytest.approx(np.array([[0, 1], [-8, -2.1]])) == loop.A
-    assert (loop.ninputs, loop.noutputs) == (1, 1)

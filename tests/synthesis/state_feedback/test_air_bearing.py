@@ -93,15 +93,6 @@ def test_gain_bound_for_the_h2_norm():
     assert bounded.certificate.achieved < 0.1 * open_loop
 
 
-def test_bound_that_does_not_matter_leaves_the_optimum():
-    plant = rp.air_bearing(actuation="force")
-    free = state_feedback(plant, "h2", control_weight=1e-3)
-    size = np.linalg.norm(free.gain, 2)
-    bounded = state_feedback(plant, "h2", control_weight=1e-3, gain_bound=2 * size)
-    assert bounded.status == "optimal"
-    assert bounded.certificate.achieved == pytest.approx(free.certificate.achieved, rel=1e-9)
-
-
 @pytest.mark.parametrize("method", ["lmi", "riccati"])
 @pytest.mark.parametrize("norm", NORMS)
 @pytest.mark.parametrize("actuation", ACTUATIONS)
@@ -130,17 +121,6 @@ def test_price_extends_the_performance_outputs():
         true_norm(plant, design.gain, "h2"), rel=1e-9
     )
     assert design.details["performance_norm"] < design.certificate.achieved
-
-
-def test_certificate_is_of_the_returned_loop():
-    plant = rp.air_bearing(actuation="displacement")
-    design = state_feedback(plant, control_weight=1e-4)
-    assert float(rp.hinf_norm(design.closed_loop)) == pytest.approx(
-        design.certificate.achieved, rel=1e-6
-    )
-    assert (np.asarray(design.closed_loop.poles()).real < 0).all()
-    assert design.controller.input_labels == [f"measured_{name}" for name in plant.states]
-    assert design.controller.output_labels == list(plant.control_names)
 
 
 @pytest.mark.parametrize("norm", NORMS)
@@ -183,12 +163,3 @@ def test_a_disturbance_that_reaches_nothing_leaves_a_proven_zero(norm):
     design = state_feedback(plant, norm)
     assert design.status == "optimal"
     assert design.certificate.achieved == design.certificate.bound == 0.0
-
-
-def test_time_limit_is_kept():
-    plant = rp.air_bearing(actuation="force")
-    design = state_feedback(plant, backend="picos", gain_bound=1000.0, time_limit=1.0)
-    assert design.certificate.valid
-    assert design.status == "time_limit"
-    assert "time_limit" in design.message
-    assert design.elapsed < 20

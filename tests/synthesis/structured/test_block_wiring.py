@@ -11,14 +11,10 @@ from three_loops import blocks, plant
 import robustpolish as rp
 from robustpolish.base.budget import Budget
 from robustpolish.errors import InfeasibleError
-from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.scaling import scale_plant, whole_plant
-from robustpolish.synthesis.structured.block_parts import LEAST, ParameterTransform
 from robustpolish.synthesis.structured.block_structure import BlockStructure
 from robustpolish.synthesis.structured.block_wiring import (
     block_parametrisation,
-    crossover_band,
-    crossover_size,
     place_blocks,
 )
 
@@ -92,54 +88,6 @@ def test_back_is_the_gradient():
     assert gain.back(theta, weights) == pytest.approx(np.array(slopes), rel=1e-6, abs=1e-8)
 
 
-CASES = [
-    (ParameterTransform(2.0, -INF, INF), -3.0),
-    (ParameterTransform(2.0, 0.0, INF, "positive"), 0.7),
-    (ParameterTransform(2.0, -INF, INF, "integral"), -0.3),
-    (ParameterTransform(2.0, -INF, 0.0, "integral"), -0.3),
-]
-
-
-@pytest.mark.parametrize(("coordinate", "value"), CASES)
-def test_coordinates_there_and_back(coordinate, value):
-    theta, step = coordinate.theta(value), 1e-6
-    assert coordinate.value(theta) == pytest.approx(value, rel=1e-12)
-    slope = (coordinate.value(theta + step) - coordinate.value(theta - step)) / (2 * step)
-    assert abs(coordinate.slope(theta)) == pytest.approx(abs(slope), rel=1e-8)
-
-
-def test_limits_of_coordinates():
-    free, negative = CASES[2][0], CASES[3][0]
-    # An integral gain keeps away from zero on either side.
-    assert free.value(0.0) == pytest.approx(2.0 * LEAST)
-    assert free.value(-1e-9) == pytest.approx(-2.0 * LEAST)
-    assert free.idle(0.1)
-    assert not free.idle(free.theta(1.0))
-    assert negative.value(0.0) < 0
-    assert negative.bounds(-1.0) == (-INF, 0.0)
-    kept = ParameterTransform(0.3, 0.1, 0.7, "positive")
-    low, high = kept.bounds(0.0)
-    assert 0.1 <= kept.value(low) <= 0.1 * (1 + 1e-12)
-    assert 0.7 * (1 - 1e-12) <= kept.value(high) <= 0.7
-    # A start far away has room around it.
-    low, high = CASES[1][0].bounds(40.0)
-    assert low < 0 < 40.0 < high
-
-
-def test_weights_do_not_belong_to_the_loop():
-    G = control.tf([4.0], [1.0, 2.0], inputs="F", outputs="x")
-    P = rp.mixed_sensitivity(G, performance=rp.weight(1e4, 1e-3, 0.5), effort=0.1)
-    assert crossover_band(PlantMatrices.of(P)) == pytest.approx((2.0 / 30, 20.0))
-    (block,) = place_blocks(pid("x"), P).blocks
-    size = crossover_size(PlantMatrices.of(P), 6.0)
-    sizes = [size(block, 0, slot) for slot in block.stages[0].slots]
-    gain = abs(2.0 + 6.0j) / 4.0
-    assert sizes == pytest.approx([gain, gain * 6.0, gain / 6.0, 1 / 6.0])
-    integrators = rp.GeneralizedPlant.from_loop(control.tf([1.0], [1.0, 0.0, 0.0]))
-    low, high = crossover_band(PlantMatrices.of(integrators))
-    assert 0 < low < 1 < high < np.inf
-
-
 def loop(numerator, denominator=(1.0, 0.4, 4.0)):
     G = control.tf(numerator, list(denominator), inputs="F", outputs="x")
     return rp.GeneralizedPlant.from_loop(G, units={"F": "N", "x": "m"})
@@ -163,16 +111,6 @@ def test_given_values_come_first_and_are_not_forgotten():
     assert (found[:, 0] >= 1.0).all()
     assert (found[:, 0] <= 9.0).all()
     assert np.ptp(found[:, 0]) > 1.0
-
-
-def test_drawn_gains_have_both_signs_unless_limits_say_otherwise():
-    found = started(pid())
-    assert (found[:, 3] > 0).all()
-    assert 5 < (found[1:, 0] > 0).sum() < 35
-    assert (np.sign(found[:, 0]) == np.sign(found[:, 2])).mean() > 0.5
-    positive = {n: tunable(n, low=0.0) for n in ("Kp", "Ki", "Kd")}
-    assert (started(pid(**positive)) > 0).all()
-    assert (started(pid(kind="PI", Ki=tunable("Ki", high=0.0)))[:, 1] < 0).all()
 
 
 def test_integrators_that_no_number_stabilises_are_refused():

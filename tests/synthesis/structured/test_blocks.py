@@ -6,7 +6,7 @@ import math
 import control
 import numpy as np
 import pytest
-from three_loops import blocks, plant
+from three_loops import plant
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
@@ -149,18 +149,6 @@ def test_names_of_blocks_are_different_and_tell_the_signal():
     assert [s.name for _, _, s in placement.places] == ["pid_x", "pid_x_F", "pid_x_M"]
     named = place_blocks([pid("x", "F", name="inner"), pid("x", "F")], plant())
     assert [s.name for _, _, s in named.places] == ["inner", "pid_x"]
-
-
-def test_mask_shared_numbers_and_entries():
-    placement = place_blocks(blocks(), plant())
-    assert placement.mask.tolist() == [[True, False, True], [True, True, True]]
-    keys = [n.key for n in placement.numbers]
-    assert keys.count("k") == 1
-    assert {"gain.gain[0,0]", "gain.gain[1,1]", "fixed_order_p.D[1,0]"} <= set(keys)
-    shared = place_blocks(gain(gain=tunable("g", 1.0)), plant())
-    assert [n.key for n in shared.numbers] == ["g"]
-    proper = place_blocks(rp.tunable.fixed_order(order=2, feedthrough=False), plant())
-    assert len(proper.numbers) == 4 * 5 - 6
 
 
 def tuned():

@@ -5,8 +5,7 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from output_tasks import LAG_H2, LAG_HINF, unstable_lag
-from small_plants import FULL, oscillator, static_plant, two_masses
+from small_plants import oscillator, static_plant
 
 from robustpolish.base.budget import Budget
 from robustpolish.errors import SolverError
@@ -14,7 +13,6 @@ from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.nonsmooth.descent import ActivePiece, Problem, Requirement
 from robustpolish.synthesis.nonsmooth.measures import FrobeniusMeasure
 from robustpolish.synthesis.nonsmooth.parametrisations import MaskedGain
-from robustpolish.synthesis.problem.matrices import PlantMatrices, augmented
 from robustpolish.synthesis.problem.scaling import whole_plant
 from robustpolish.synthesis.structured import starts
 from robustpolish.synthesis.structured.search import (
@@ -22,8 +20,6 @@ from robustpolish.synthesis.structured.search import (
     MultistartSearch,
     SearchEffort,
     design_part,
-    drawn_starts,
-    norm_measure,
     stabilise,
 )
 from robustpolish.synthesis.structured.structures import StaticStructure
@@ -158,44 +154,6 @@ def same(K):
     return K.ravel()
 
 
-def test_drawn_changes_keep_to_their_size():
-    def drawn(scatter, bases, relative, seed=0):
-        rng = np.random.default_rng(seed)
-        return np.array(list(islice(drawn_starts(scatter, bases, relative, rng), 300)))
-
-    earlier = (np.array([0.0, 100.0]), np.array([5.0, 5.0]))
-    small = drawn((-3, -3), earlier, True)
-    apart = np.array([min((p - e for e in earlier), key=np.linalg.norm) for p in small])
-    near_first = np.array([np.abs(p - earlier[0]).max() < 1 for p in small])
-    assert 0.3 < near_first.mean() < 0.7  # either of the earlier points is changed
-    # In proportion to |x| + 0.1: 0.1 and 100.1 at the first point, times 1e-3.
-    assert apart[near_first].std(axis=0) == pytest.approx([1e-4, 0.1001], rel=0.25)
-    absolute = drawn((0, 0), earlier[:1], False)
-    assert (absolute - earlier[0]).std(axis=0) == pytest.approx([1.0, 1.0], rel=0.25)
-    assert np.array_equal(absolute, drawn((0, 0), earlier[:1], False))
-    assert not np.isin(absolute, drawn((0, 0), earlier[:1], False, seed=1)).any()
-
-
-ONE, NONE = np.ones((1, 1)), np.zeros((1, 1))
-
-
-@pytest.mark.parametrize(
-    ("A", "S", "discrete", "F"),
-    [
-        # x' = x + u with x^2 + u^2: X = 1 + sqrt(2). x+ = x + u: X is the golden ratio.
-        (1.0, 0.0, False, -(1 + np.sqrt(2))),
-        (1.0, 0.0, True, -(1 + np.sqrt(5)) / (3 + np.sqrt(5))),
-        # (x + u)^2 is made zero by u = -x, which leaves x' = 0.5 x - x stable.
-        (0.5, 1.0, False, -1.0),
-    ],
-)
-def test_regulators_in_closed_form(A, S, discrete, F):
-    assert starts.quadratic_gain(A * ONE, ONE, ONE, ONE, S * ONE, discrete).item() == pytest.approx(
-        F
-    )
-    assert starts.quadratic_gain(2 * ONE, NONE, ONE, ONE, NONE, discrete) is None
-
-
 def test_a_stabilising_gain_where_few_are():
     # An oscillator that is pushed apart: k2 > 0 and k1 > 4 are needed, u = -k y.
     plant = static_plant([[0.0, 1.0], [4.0, 0.5]], [[0.0], [1.0]], np.eye(2))
@@ -206,49 +164,6 @@ def test_a_stabilising_gain_where_few_are():
     n = starts.STABILISING_STATES + 1
     large = static_plant(-np.eye(n), np.ones((n, 1)), np.ones((1, n)))
     assert proposed(partial(starts.stabilising, large, np.ones((1, 1), bool), same)) == []
-
-
-@pytest.mark.parametrize(("norm", "optimum"), [("hinf", LAG_HINF), ("h2", LAG_H2)])
-def test_riccati_designs_are_proposed_the_best_first(norm, optimum):
-    plant = PlantMatrices.of(unstable_lag())
-    points = proposed(partial(starts.riccati, plant, norm, lambda K: K))
-    loop = norm_measure(augmented(plant, 1), norm)
-    norms = [loop.pieces(K, 0.0, ())[0].value for K in points]
-    assert norms == sorted(norms)
-    assert 1 < len(norms) <= 6
-    assert optimum * (1 - 1e-6) <= norms[0] <= optimum * 1.01
-    # Without work there is still one start.
-    spent = Budget(1.0)
-    spent.spend(1.0)
-    few = list(starts.riccati(plant, norm, same, spent, np.random.default_rng(0)))
-    assert 1 <= len(few) <= 6
-    assert np.isfinite(few).all()
-
-
-def test_controllers_of_lower_order_are_augmented_and_keep_their_norm():
-    part = whole_plant(two_masses(FULL))
-    shorter, problem = (StaticStructure("hinf", k).problem(part) for k in (1, 3))
-    to_free = problem.parametrisation.coordinates
-    start = starts.augmented(shorter, 3, to_free, Budget(1e3), np.random.default_rng(0))
-    found = [problem.parametrisation.gain(theta) for theta in start]
-    values = [problem.objective.pieces(K, 0.0, ()) for K in found]
-    norms = [pieces[0].value for pieces in values]
-    assert np.allclose(norms, norms[0], rtol=1e-6)
-    # What is added listens, but is not heard yet: the slope over its outputs is not zero.
-    assert np.abs(values[0][0].gradient[3:, 1:3]).max() > 0
-    assert not found[0][3:, 1:3].any()
-
-
-@pytest.mark.parametrize(("norm", "order"), [("hinf", 0), ("h2", 1), ("hinf", 3)])
-def test_reduced_designs_have_the_order_and_stable_ones_come_by_their_norm(norm, order):
-    plant = two_masses(FULL)
-    found = proposed(partial(starts.reduced, plant, norm, order, lambda K: K))
-    assert all(K.shape == (order + plant.nu, order + plant.ny) for K in found)
-    measure = norm_measure(augmented(PlantMatrices.of(plant), order), norm)
-    pieces = [measure.pieces(K, 0.0, ()) for K in found]
-    values = [p[0].value if p else np.inf for p in pieces]
-    assert values == sorted(values)
-    assert order < 3 or np.isfinite(values[0])
 
 
 # The search of one part.

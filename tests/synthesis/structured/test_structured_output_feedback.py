@@ -3,6 +3,7 @@
 import control
 import numpy as np
 import pytest
+from published_plants import compleib
 from small_plants import oscillator, two_masses
 
 import robustpolish as rp
@@ -189,9 +190,7 @@ def test_two_pi_loops_of_a_column_have_the_signs_of_the_literature():
 @pytest.mark.shared
 @pytest.mark.parametrize(("name", "order"), [("AC4", 0), ("HE1", 0), ("AC4", 2)])
 def test_a_free_state_space_is_the_fixed_order_feedback(shared, name, order):
-    data = np.load(shared / "data/compleib/compleib24.npz")
-    names = ("A", "B1", "B", "C1", "C", "D11", "D12", "D21")
-    plant = rp.GeneralizedPlant.from_matrices(*(data[f"{name}/{key}"] for key in names))
+    plant = compleib(shared, name)
     mask = np.ones((order + plant.nu, order + plant.ny))
     known = rp.static_output_feedback(plant, structure=mask, order=order)
     block = rp.tunable.fixed_order(order=order) if order else rp.tunable.static_gain()

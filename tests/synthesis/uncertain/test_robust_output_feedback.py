@@ -166,16 +166,6 @@ def test_a_design_shows_what_is_proven(design):
     assert design.mu == design.performance.mu
 
 
-def test_without_a_controller_the_reason_is_all():
-    design = rp.results.RobustDesign(
-        lag(), None, None, 1.0, "no controller", "Nothing stabilises it."
-    )
-    assert repr(design) == "Robust design: no controller\n  Nothing stabilises it."
-    assert design.order is None
-    assert design.margin == 0
-    assert design.mu == (float("inf"), float("inf"))
-
-
 def test_a_worst_machine_between_the_corners_is_found_by_the_proof():
     """The damping is a parabola of a number: the middle is worst, and what it allows is reached."""
     b = rp.uncertain.real("b", 0.2, range=(-1.0, 1.0))

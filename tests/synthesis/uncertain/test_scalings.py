@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import uncertain_plants
-from uncertain_plants import two_masses
 
 import robustpolish as rp
 from robustpolish.base.budget import Budget
@@ -90,19 +89,6 @@ def response(K, s):
     return K.D + K.C @ np.linalg.solve(s * np.eye(len(K.A)) - K.A, K.B)
 
 
-def test_filter_has_the_sizes_that_it_tells_and_a_stable_inverse():
-    one = Filter(2.0, np.array([0.5, 30.0]), np.array([3.0, 7.0]))
-    for f in (one, one.inverse):
-        K = f.matrices
-        assert np.linalg.eigvals(K.A).real.max() < 0
-        assert np.log([abs(response(K, 1j * w)).item() for w in OMEGA]) == pytest.approx(
-            f.sizes(OMEGA), abs=1e-10
-        )
-    assert one.sizes(OMEGA) + one.inverse.sizes(OMEGA) == pytest.approx(
-        np.zeros(len(OMEGA)), abs=1e-12
-    )
-
-
 def test_sizes_of_a_filter_are_fitted_by_one_of_its_order():
     true = Filter(0.3, np.array([0.2, 8.0]), np.array([1.0, 1.5]))
     found = fitted(OMEGA, true.sizes(OMEGA), np.ones(len(OMEGA)), 2)
@@ -133,70 +119,12 @@ def case():
     return scalings, theta, M, weights
 
 
-def _sum(scalings, theta, M, weights):
-    return np.einsum("kij,kji->", weights, ScaledGain(scalings, theta, M).H).real
-
-
-def test_derivatives_over_scalings_and_m_are_those_of_differences(case):
-    scalings, theta, M, weights = case
-    on_M, on_theta = ScaledGain(scalings, theta, M).back(weights)
-    random, h = np.random.default_rng(1), 1e-6
-    for _ in range(5):
-        step = random.standard_normal(theta.shape)
-        ends = [_sum(scalings, theta + sign * h * step, M, weights) for sign in (1, -1)]
-        assert (ends[0] - ends[1]) / (2 * h) == pytest.approx((on_theta * step).sum(), rel=1e-6)
-        step = random.standard_normal(M.shape) + 1j * random.standard_normal(M.shape)
-        ends = [_sum(scalings, theta, M + sign * h * step, weights) for sign in (1, -1)]
-        expected = np.einsum("kwz,kzw->", on_M, step).real
-        assert (ends[0] - ends[1]) / (2 * h) == pytest.approx(expected, rel=1e-6)
-
-
 @pytest.mark.parametrize("gain", [1.0, 7.0])
 def test_scalings_of_the_analysis_prove_the_same_level(case, gain):
     scalings, _, M, _ = case
     best = best_scalings(Inequality(Space(scalings.structure), M[:1] / gain))
     theta = scalings.of_bounds([best], gain)
     assert ScaledGain(scalings, theta, M[:1]).squares == pytest.approx(best.square * gain**2)
-
-
-FEW = np.array([0.0, 0.3, 1.4, 20.0, np.inf])
-
-
-@pytest.fixture
-def loop():
-    random = np.random.default_rng(0)
-    problem = RobustProblem.of(two_masses(), 1, 1, 1.0)
-    K = Controller(
-        -np.eye(2) + 0.1 * random.standard_normal((2, 2)),
-        random.standard_normal((2, 1)),
-        random.standard_normal((1, 2)),
-        np.array([[0.3]]),
-    )
-    return close_static_loop(augmented(problem.matrices, 2), controller_matrix(K))
-
-
-def test_responses_are_those_of_the_loop(loop):
-    M = LoopResponses.of(loop, FEW).M
-    for omega, one in zip(FEW[:-1], M, strict=False):
-        inner = np.linalg.solve(1j * omega * np.eye(len(loop.A)) - loop.A, loop.B)
-        assert one == pytest.approx(loop.D + loop.C @ inner, rel=1e-10)
-    assert M[-1] == pytest.approx(loop.D)
-
-
-def test_gradients_over_k_are_those_of_differences(loop):
-    random = np.random.default_rng(1)
-    responses = LoopResponses.of(loop, FEW)
-    shape = responses.M.swapaxes(1, 2).shape
-    weights = random.standard_normal(shape) + 1j * random.standard_normal(shape)
-    gradient = responses.back(weights)
-
-    def value(K):
-        M = LoopResponses.of(close_static_loop(loop.plant, K), FEW).M
-        return np.einsum("kwz,kzw->", weights, M).real
-
-    step, h = random.standard_normal(loop.K.shape), 1e-6
-    slope = (value(loop.K + h * step) - value(loop.K - h * step)) / (2 * h)
-    assert slope == pytest.approx((gradient * step).sum(), rel=1e-5)
 
 
 @pytest.fixture
