@@ -123,15 +123,6 @@ def test_signals_of_several_units_keep_them(comparison):
     assert header[1:3] == ("max |x| [m/s^2]", "max |y| [µm]")
 
 
-def test_signals_without_a_unit_have_no_empty_brackets(comparison):
-    changed = {
-        row: response.assign(x=response["x"].assign_attrs(units=""))
-        for row, response in comparison.responses.items()
-    }
-    header, _ = dataclasses.replace(comparison, responses=changed).shown_rows()
-    assert header[1] == "max |x|"
-
-
 def test_plot_draws_every_row(comparison):
     axes = comparison.plot(signal="y")
     assert [text.get_text() for text in axes.get_legend().get_texts()] == [

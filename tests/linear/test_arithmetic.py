@@ -29,7 +29,6 @@ from robustpolish.linear.arithmetic.realisation import (
     realisation,
     rescaled,
     size,
-    typical_rate,
 )
 
 # Matrices that carry proven bounds on their rounding errors.
@@ -177,19 +176,6 @@ def test_the_gain_is_the_same_in_other_units(dt):
     assert 0.25 < size(model.C) < 4
 
 
-def test_sampling_times():
-    assert realisation("s", control.ss(-1, 1, 1, 0)).discrete is False
-    assert realisation("s", control.StateSpace(-1, 1, 1, 0, None)).discrete is False
-    unnamed = realisation("s", control.ss(0.5, 1, 1, 0, True))
-    assert (unnamed.discrete, unnamed.step) == (True, 1.0)
-    assert realisation("s", control.ss(0.5, 1, 1, 0, 0.2)).step == 0.2
-
-
-def test_the_typical_rate_leaves_integrators_out():
-    assert typical_rate(np.diag([0.0, -1.0, -100.0])) == pytest.approx(10.0)
-    assert typical_rate(np.zeros((2, 2))) == 1.0
-
-
 @pytest.mark.parametrize("seed", range(20))
 def test_nothing_is_rounded(seed):
     rng = np.random.default_rng(seed)
@@ -240,12 +226,6 @@ def test_the_reachable_part_keeps_the_transfer_matrix(n, lost, inputs):
         for _ in range(n + 1):  # the Markov parameters agree exactly
             assert C * power == Cr * small
             power, small = A * power, Ar * small
-
-
-def test_a_reachable_system_and_one_without_inputs():
-    A, B, C = hidden_behind(0, 5, 0, 2)
-    assert reachable(A, B, C) == (A, B, C)
-    assert reachable(A, fmpq_mat(5, 0), C)[0].nrows() == 0
 
 
 def test_an_unlucky_prime_changes_nothing(monkeypatch):

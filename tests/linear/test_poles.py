@@ -166,16 +166,6 @@ def test_real_unstable_and_zero_eigenvalues():
     assert unstable.frequency_hz == 0
 
 
-def test_it_is_a_sequence_and_prints_a_table():
-    G = control.ss([[0, 1], [-4, -0.04]], [[0], [1]], [[1, 0]], 0, states=["gap", "rate"])
-    found = modes(G)
-    assert len(found) == 1
-    assert found[0] is found.modes[0]
-    assert found[:1] == found.modes
-    assert "gap" in repr(found)
-    assert "damping" in repr(found)
-
-
 # Zeros on the stability boundary.
 
 

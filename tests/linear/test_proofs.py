@@ -17,8 +17,6 @@ from robustpolish.linear.arithmetic.balls import (
     precision,
     zeros,
 )
-from robustpolish.linear.arithmetic.rational import ExactModel
-from robustpolish.linear.arithmetic.realisation import realisation
 from robustpolish.linear.proofs.bounded_real import BallSystem
 from robustpolish.linear.proofs.definite import is_definite
 from robustpolish.linear.proofs.riccati import (
@@ -127,10 +125,6 @@ def test_bad_input_is_refused():
 
 # Inequalities, decided by rational numbers.
 
-# 1/(s + 1): norms 1 (H-infinity) and 1/sqrt(2) (H2).
-LAG = ExactModel.of(realisation("s", control.ss(-1.0, 1.0, 1.0, 0.0)))
-
-
 # Riccati equations in long arithmetic.
 
 
@@ -167,12 +161,6 @@ def test_twins_have_equal_eigenvalues():
 
 def test_eigenvalues_on_the_axis_leave_no_solution():
     assert solved(np.array([[-1.0]]), np.array([[2.0]]), np.array([[1.0]])) is None
-
-
-def test_nothing_to_be_paid_costs_nothing():
-    A = np.array([[-1.0, 3.0], [0.0, -2.0]])
-    assert solved(A, -np.eye(2), np.zeros((2, 2))) == pytest.approx(np.zeros((2, 2)))
-    assert solved(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0))).shape == (0, 0)
 
 
 def test_a_mode_that_nothing_moves_is_not_called_solved():

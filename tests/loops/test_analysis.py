@@ -17,7 +17,6 @@ from tests.loops.loops_for_tests import (
     CONDITIONAL,
     SATELLITE,
     TEXTBOOK,
-    delayed_poles,
     random_loop,
     s,
     satellite,
@@ -47,18 +46,6 @@ def test_the_ideal_design_bears_a_fraction_of_a_microsecond(thesis):
     assert not analysis.buildable
     for text in ("makes it unstable", "takes all 12 states as measured", "without bound"):
         assert text in analysis.explain()
-
-
-def test_the_ideal_design_with_delay_by_pade(thesis):
-    design, analysis = thesis
-    plant = design.plant
-    measured = control.ss(plant.A, plant.B2, plant.C2, 0)
-    for share, stable in ((0.97, True), (1.03, False)):
-        delays = [share * analysis.delay_margin] * 6
-        poles = delayed_poles(measured, design.controller.D, delays, order=3)
-        assert (
-            bool(poles.real.max() < 1e-6 * np.abs(poles).max() and poles.real.max() < 1) is stable
-        )
 
 
 def test_the_ideal_design_cannot_be_sampled_at_a_megahertz(thesis):
@@ -159,31 +146,6 @@ def test_units_of_signals_change_no_margin():
     for where in ("inputs", "outputs", "inputs and outputs"):
         alphas = [analysis.at_once[where].disk.alpha for analysis in (one, other)]
         assert alphas[1] == pytest.approx(alphas[0], rel=2e-3)
-
-
-@pytest.fixture(scope="module")
-def two_loops():
-    plant = control.append(control.tf([1], [1, 0]), control.tf([1], [1, -1]))
-    return rp.loop_analysis(plant, -np.diag([1.0, 3.0]))
-
-
-def test_the_plain_form_holds_every_table(two_loops):
-    content = two_loops.to_dict()
-    assert len(content["margins"]) == 4
-    assert set(content["at_once"]) == {"inputs", "outputs", "inputs and outputs"}
-    assert content["largest_rate"] == two_loops.largest_rate
-    assert content["sample_rate"]["needed_hz"] == two_loops.sample_rate.needed_hz
-    assert content["requirements"]["disk_gain_db"] == 6.0
-    assert {row["source"] for row in content["noise"]} == {"y[0]", "y[1]"}
-
-
-def test_many_rows_are_shortened_to_the_strongest_source():
-    plant = control.append(*(control.tf([1], [1, i + 1]) for i in range(4)))
-    coupled = -0.1 * (np.ones((4, 4)) + np.diag([1.0, 2.0, 3.0, 4.0]))
-    noise = next(t for t in rp.loop_analysis(plant, coupled).tables() if "Noise" in t.caption)
-    assert len(noise.rows) == 4
-    assert "strongest" in noise.caption
-    assert [row[:2] for row in noise.rows] == [(f"y[{i}]", f"u[{i}]") for i in range(4)]
 
 
 def words(plant, controller=-1, **asked):

@@ -9,7 +9,7 @@ import pytest
 import robustpolish as rp
 from robustpolish.loops.loop import Loop, loop_of, measured_plant
 from robustpolish.loops.performance import sensitivities
-from robustpolish.loops.response import SystemResponse, roots
+from robustpolish.loops.response import SystemResponse
 from tests.loops.loops_for_tests import SATELLITE, TEXTBOOK, random_loop, s
 
 
@@ -178,32 +178,8 @@ def test_many_states_give_the_same_values():
     np.testing.assert_allclose(SystemResponse(whole).at(omega), expected, rtol=1e-9, atol=1e-13)
 
 
-def test_levels():
-    assert SystemResponse(control.ss(TEXTBOOK)).level_crossings(1.0) == pytest.approx(
-        [0.74936827582]
-    )
-    oscillator = SystemResponse(control.ss(1 / (s**2 + 1e-6 * s + 1)))
-    low, high = oscillator.level_crossings(1e5)
-    assert (high - low) == pytest.approx(np.sqrt(1e-10 - 1e-12), rel=1e-4)
-    assert SystemResponse(control.ss([], [], [], [[3.0]])).level_crossings(1.0) == []
-
-
 def test_a_level_that_is_that_of_the_feedthrough():
     allpass = SystemResponse(control.ss((s - 1) / (s + 1)))
     assert len(allpass.level_crossings(1.0)) == 2  # the ends of a gain that is 1 everywhere
     lead = SystemResponse(control.ss((s + 2) / (s + 1)))
     assert lead.level_crossings(1.5) == pytest.approx([np.sqrt(1.75 / 1.25)])
-
-
-def test_phases():
-    assert SystemResponse(control.ss(TEXTBOOK)).phase_crossings() == pytest.approx([np.sqrt(2)])
-    # An undamped mode turns the phase at its pole, where nothing crosses the negative axis.
-    assert SystemResponse(control.ss(s / (s**2 + 1))).phase_crossings() == []
-
-
-def test_roots_cross_touch_and_stay():
-    points = [np.array([0.5, 1.0, 2.0, 4.0])]
-    assert roots(lambda w: np.atleast_1d(w) - 1.7, points) == pytest.approx([1.7])
-    assert roots(lambda w: (np.atleast_1d(w) - 2.0) ** 2, points) == [2.0]
-    assert roots(lambda w: np.atleast_1d(w) + 1, points) == []
-    assert roots(lambda w: np.atleast_1d(w) - 0.5, points) == pytest.approx([0.5])

@@ -5,7 +5,6 @@ import math
 import pickle
 from dataclasses import replace
 
-import numba
 import numpy as np
 import pytest
 import xarray as xr
@@ -14,7 +13,7 @@ import robustpolish as rp
 from robustpolish.errors import InvalidInputError
 from robustpolish.machines.effects import effect as catalogue
 from robustpolish.machines.effects.effect import Effect, kinds, lookup, register, unregister
-from robustpolish.machines.effects.evaluate import call_law, compiled_law, force_along, shapes_along
+from robustpolish.machines.effects.evaluate import force_along, shapes_along
 from robustpolish.machines.effects.kind import EffectKind, Motion, Parameter, Scan
 from robustpolish.machines.effects.user_defined import own_kind
 from robustpolish.machines.mechanical.model import MechanicalModel
@@ -175,12 +174,6 @@ def test_a_phase_is_tried_as_two_columns(name, omega, carried):
     assert shapes("parametric_stiffness")[1] == []  # nothing spins
 
 
-def test_a_kind_that_declares_no_candidates_has_none():
-    kind = EffectKind("idle", "Idle", "pair", (Parameter("a", "F", "b"),), lookup("backlash").law)
-    motion, _ = shapes("backlash")
-    assert shapes_along(kind, motion) == []
-
-
 def test_candidates_that_no_number_can_hold_are_left_out():
     def law(t, q, v, z, p, f, dz):
         f[0] = p[0] / (p[1] - q[0])
@@ -193,22 +186,6 @@ def test_candidates_that_no_number_can_hold_are_left_out():
 
 
 # Laws as machine code, called by address.
-
-
-def test_a_kernel_calls_a_law_somewhere_within_its_arrays():
-    @numba.njit
-    def kernel(law, q, v, z, p, f, dz):
-        call_law(law, 0.0, q, 2, v, 1, z, 0, p, 1, f, 3, dz, 0)
-
-    q, v, p = np.array([9.0, 9.0, 2.0]), np.zeros(2), np.array([9.0, 3.0])
-    f, none = np.zeros(5), np.zeros(0)
-    kernel(compiled_law(lookup("cubic_stiffness")).address, q, v, none, p, f, none)
-    assert f.tolist() == [0.0, 0.0, 0.0, -24.0, 0.0]
-
-
-def test_a_kind_without_a_force_law_has_no_code():
-    with pytest.raises(InvalidInputError, match="sensor_offset"):
-        compiled_law(lookup("sensor_offset"))
 
 
 # Motions and candidate forces.

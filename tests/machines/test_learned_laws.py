@@ -12,11 +12,8 @@ from robustpolish.machines.effects.effect import Effect, kinds, lookup, register
 from robustpolish.machines.effects.evaluate import force_along
 from robustpolish.machines.effects.kind import Motion
 from robustpolish.machines.effects.spline_law import (
-    coefficients_of,
     learned_kind,
     learned_name,
-    second_differences,
-    smoothness_prior,
     spline_basis,
     spline_centres,
 )
@@ -156,20 +153,6 @@ def test_what_is_no_number_breaks_nothing():
     assert not flat.any()
 
 
-def test_a_line_does_not_bend_and_has_no_price():
-    line = spline_centres(-2.0, 1.0, 8)
-    assert np.abs(second_differences(8) @ line).max() < 1e-12
-    values = Effect("learned_stiffness_8", "x", named(line, **KNOTS, roughness=0.1)).values
-    assert np.abs(smoothness_prior(values) @ line).max() < 1e-10
-    assert smoothness_prior(values).shape == (6, 8)
-    assert smoothness_prior({**values, "roughness": 0.0}).shape == (0, 8)
-    plane = np.add.outer(spline_centres(-2.0, 1.0, 6), 3 * spline_centres(-5.0, 5.0, 6))
-    whole = named(plane, **KNOTS, slow=-5.0, fast=5.0, roughness=0.1)
-    values = Effect("learned_force_6x6", "x", whole).values
-    assert np.abs(smoothness_prior(values) @ plane.ravel()).max() < 1e-9
-    np.testing.assert_allclose(coefficients_of(values), plane)
-
-
 def test_its_steepest_slope_is_known():
     values = Effect("learned_stiffness_8", "x", named(5 * spline_centres(-2, 1, 8), **KNOTS)).values
     assert lookup("learned_stiffness_8").steepness(values, 1.0, 1.0) == pytest.approx((5, 0, 0))
@@ -293,17 +276,6 @@ def test_words_fit_the_curve(curve, over, said, unsaid):
         assert part in text, text
     for part in unsaid:
         assert part not in text, text
-
-
-def test_numbers_and_place_are_told():
-    law = learned_law_of(lambda q: 100 * q**3, low=-1.0)
-    text = law.describe()
-    assert text.startswith("Force over displacement at x, ground, seen from -1 to 1 m: up to 1")
-    assert "standard error is 0." in text
-    assert "k3*q**3 with k3 = 1" in text
-    assert "It hardens" in str(law)
-    assert "displacement seen" in str(law)
-    assert "No simple formula" in learned_law_of(lambda q: np.sin(8 * q)).describe()
 
 
 def test_a_surface_is_judged_by_its_energy():

@@ -15,7 +15,6 @@ from robustpolish.machines.effects.effect import Effect, lookup
 from robustpolish.machines.effects.user_defined import own_kind
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
-from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
 
 GROUND = ("x", "ground")
 READS_U = own_kind({"formula": "f = -c*u*v", "units": {"c": "N s/(m V)"}, "channels": {"u": "V"}})
@@ -462,23 +461,6 @@ def test_an_input_can_become_a_control():
 
 
 # The air bearing as a mechanical model.
-
-
-@pytest.mark.parametrize("actuation", ["force", "displacement"])
-@pytest.mark.parametrize("measured", ["state", "displacement"])
-@pytest.mark.parametrize("dissipation", [0.0, 0.001])
-def test_the_air_bearing_is_the_same_plant(actuation, measured, dissipation):
-    parameters = AirBearingParameters()
-    plant = air_bearing(parameters, dissipation, actuation, measured)
-    ours = rp.polishing.air_bearing_model(parameters, dissipation).linearize(
-        actuation=actuation, measured=measured
-    )
-    for name in ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22"):
-        np.testing.assert_allclose(getattr(ours, name), getattr(plant, name), rtol=1e-12)
-    for names in ("states", "disturbance_names", "control_names", "performance_names"):
-        assert getattr(ours, names) == getattr(plant, names)
-    assert ours.measurement_names == plant.measurement_names
-    assert dict(ours.units) == dict(plant.units)
 
 
 def model():

@@ -251,12 +251,6 @@ def test_a_disc_on_a_weightless_shaft_whirls_as_its_two_equations_say():
     np.testing.assert_allclose(2 * np.pi * found.frequencies_hz, [backward, forward], rtol=1e-9)
 
 
-def test_shapes_are_drawn_by_name():
-    ax = ISOTROPIC.modes(FAST, count=2).plot()
-    labels = [line.get_label() for line in ax.lines[:2]]
-    assert labels == ["13.59 Hz, backward", "13.97 Hz, forward"]
-
-
 def test_curves_keep_their_way_round_where_they_cross():
     """Overhung: the second forward whirl overtakes the third backward one."""
     coarse, fine = (OVERHUNG.campbell(np.linspace(0.0, FAST, n), count=6) for n in (4, 31))

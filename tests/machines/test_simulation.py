@@ -24,7 +24,6 @@ from robustpolish.machines.simulation import (
     intersample_signal,
     lines,
     measured,
-    needed_substeps,
     raw_outputs,
     signals,
     simulate_model,
@@ -274,33 +273,6 @@ def _held_by_force(model, force, step, friction, count=400):
 
 
 # A model with effects as a linear system with nonlinear ports.
-PLAIN = oscillator()
-
-
-def test_friction_that_a_step_cannot_resolve_is_ideal():
-    """0.2 N on 2 kg change the speed by 1e-4 m/s in a step of 1 ms."""
-    for width, dry in ((0.0, True), (0.9e-4, True), (1.1e-4, False)):
-        friction = {"force": 0.2, "width": width}
-        system = build_system(PLAIN.with_effect("coulomb_friction", GROUND, friction), 1e-3)
-        assert bool(system.layout[0, 6]) == dry
-        assert system.values[2:].tolist() == ([0.0, 0.0] if dry else [width, 5e-4])
-    cubic = PLAIN.with_effect("cubic_stiffness", GROUND, {"stiffness": 5.0})
-    assert build_system(cubic, 1e-3).layout[0, 6] == 0
-
-
-def test_stiffer_effects_take_more_steps_up_to_a_limit():
-    assert needed_substeps(PLAIN, 1e-3, 1e-3) == 1
-    counts = [
-        needed_substeps(
-            PLAIN.with_effect("cubic_stiffness", GROUND, {"stiffness": stiffness}), 1e-3, 1e-3
-        )
-        for stiffness in (1.0, 1e13, 1e30)
-    ]
-    assert counts[0] == 2
-    assert 2 < counts[1] < 32
-    assert counts[2] == 32
-    sharp = PLAIN.with_effect("coulomb_friction", GROUND, {"force": 1e-6})
-    assert needed_substeps(sharp, 1e-3, 1e-3) >= 4
 
 
 # Inputs between their samples: each line does to a mass what the signal does.
@@ -328,24 +300,6 @@ def test_mean_and_first_moment_of_every_step_are_those_of_the_signal(order, late
     tilt = ((x - 0.5) * values).mean(axis=1)
     np.testing.assert_allclose((end - begin)[:-1] / 12, tilt, atol=2e-3)
     np.testing.assert_allclose(at, signal(order, np.arange(RECORD.size) - late))
-
-
-@pytest.mark.parametrize("late", [0.0, 0.4, 1.7])
-def test_an_oscillator_ends_every_step_where_a_late_held_force_leaves_it(late):
-    """Beside the exact response to the steps, with three swings in 20 samples."""
-    omega = 2 * np.pi * 0.15 / STEP_BETWEEN
-    A, B = np.array([[0.0, 1.0], [-(omega**2), -0.02 * omega]]), np.array([[0.0], [1.0]])
-    _, begin, end = intersample_signal(RECORD, STEP_BETWEEN, HELD, late * STEP_BETWEEN)
-    fine = control.c2d(control.ss(A, B, np.eye(2), 0), STEP_BETWEEN / FINE, "zoh")
-    t = np.arange(FINE * (RECORD.size - 1) + 1) * STEP_BETWEEN / FINE
-    held = signal(HELD, np.floor(t / STEP_BETWEEN * FINE + 0.5) / FINE - late + 1e-9)
-    exact = control.forced_response(fine, t, held).outputs[:, ::FINE]
-    lines = np.concatenate([
-        begin[:-1, None] + (end - begin)[:-1, None] * (np.arange(FINE) + 0.5) / FINE
-    ]).ravel()  # fmt: skip
-    found = control.forced_response(fine, t, np.append(lines, 0.0)).outputs[:, ::FINE]
-    error = np.std(found - exact, axis=1) / np.std(exact, axis=1)
-    assert np.all(error < (1e-3 if late == 0.0 else 2e-2)), error
 
 
 # Effects on inputs and outputs, those that users add among them.
@@ -436,19 +390,6 @@ def test_a_sensor_that_bends_its_signal_is_simulated_but_not_taken_out(offer):
     assert np.max(np.abs(measured(model, 10 * Y, TIME_SIGNALS))) < 0.5
     with pytest.raises(InvalidInputError, match=r"saturation\.on_signal"):
         raw_outputs(model, Y, TIME_SIGNALS)
-
-
-def test_what_a_hold_does_between_the_samples_is_not_what_is_there():
-    data = push("F")
-    plain, doubled = oscillator(), oscillator().with_effect("input_gain", "F", {"gain": 2.0})
-    assert lines(plain, data) is None
-    assert lines(doubled, data) is None
-    held = doubled.with_effect("input_hold", "F", {"order": 0.0})
-    force = 2.0 * data["F"].values[:, None]
-    np.testing.assert_allclose(signals(held, data), force)
-    begin, end = lines(held, data)
-    np.testing.assert_allclose(begin, force)
-    np.testing.assert_allclose(end, force)
 
 
 def test_a_delay_moves_a_force_as_it_is_between_its_samples():

@@ -1,6 +1,5 @@
 """Generalised plants: from systems, matrices and files; their parts, loops and names."""
 
-import copy
 import json
 
 import control
@@ -12,8 +11,6 @@ from robustpolish.base.saved import Fields, plain
 from robustpolish.errors import InvalidInputError
 from robustpolish.plants.blocks import (
     as_state_space,
-    controller_system,
-    finite,
     interpolate_response,
     named_system,
     sorted_signals,
@@ -155,13 +152,6 @@ def test_a_part_has_the_rows_and_columns_of_the_whole():
     np.testing.assert_array_equal(alone.D11, plant.D11[:, [0]])
 
 
-def test_plants_are_copied():
-    plant = rp.air_bearing()
-    again = copy.copy(plant)
-    np.testing.assert_array_equal(again.A, plant.A)
-    assert again.units == plant.units
-
-
 # The blocks of a plant, and its loop with u = K y.
 
 
@@ -221,13 +211,6 @@ def test_named_signals_go_last_in_the_order_of_their_names():
             assert new[i, j] == pytest.approx(old[OUTS.index(output), INS.index(given)])
 
 
-def test_names_that_stand_last_already_move_nothing():
-    given = system()
-    assert sorted_signals(given, "x", ["n", "V"])[0] is given
-    assert sorted_signals(given, 1, 2) == (given, 1, 2)
-    assert sorted_signals(given, np.int64(1), 0)[1:] == (1, 0)
-
-
 def test_a_single_name_stands_for_itself_and_units_stay():
     plant = rp.GeneralizedPlant(system(), "y", "F", {"y": "m", "F": "N", "a": "m"})
     assert (plant.measurement_names, plant.control_names) == (("y",), ("F",))
@@ -279,20 +262,6 @@ def test_several_inputs_and_outputs_keep_their_response():
         np.testing.assert_allclose(plant.system(s), G(s)[::-1, ::-1], atol=1e-12)
 
 
-def test_sampling_times_are_kept_or_given():
-    G = control.tf([1.0], [1.0, -0.5], 0.1)
-    assert as_state_space("G", G).dt == 0.1
-    assert as_state_space("G", control.tf([1.0], [1.0, -0.5], None), 0.2).dt == 0.2
-
-
-def test_a_gain_and_a_system():
-    gain = as_state_space("K", [[1.0, 2.0]], 0.1, ["a", "b"], ["u"])
-    assert (gain.input_labels, gain.nstates, gain.dt) == (["a", "b"], 0, 0.1)
-    assert as_state_space("K", 3.0).D[0, 0] == 3.0
-    system = control.ss([[-1.0]], [[1.0]], [[1.0]], 0)
-    assert as_state_space("K", system) is system
-
-
 @pytest.mark.parametrize(
     ("given", "told"),
     [
@@ -323,13 +292,6 @@ def test_no_realisation_is_believed(monkeypatch):
 @pytest.fixture
 def plant():
     return rp.GeneralizedPlant.from_matrices([[-1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
-
-
-def test_a_system_is_taken_as_it_is_and_a_gain_gets_names(plant):
-    K = control.ss([[-2.0]], [[1.0]], [[1.0]], 0)
-    assert controller_system(plant, K) is K
-    gain = controller_system(plant, [[-3.0]])
-    assert (gain.nstates, gain.input_labels, gain.output_labels) == (0, ["y1"], ["u1"])
 
 
 def test_a_transfer_function_closes_the_loop_as_its_realisation_does(plant):
@@ -403,13 +365,6 @@ def test_what_needs_states_refuses_it(call):
         call(plant)
 
 
-def test_values_that_are_not_finite_are_refused():
-    values = np.ones((1, 1, OMEGA.size), complex)
-    values[0, 0, 3] = np.nan
-    with pytest.raises(rp.InvalidInputError, match="system: got a response with values"):
-        finite("system", control.frd(values, OMEGA))
-
-
 # Plants and systems with names in files.
 
 
@@ -448,9 +403,3 @@ def test_every_entry_and_name_comes_back(dt):
     assert again.dt == dt
     assert again.state_labels == ["a", "b", "c"]
     assert (again.input_labels, again.output_labels) == (["F", "G"], ["x"])
-
-
-def test_shapes_that_do_not_fit_the_names_are_named():
-    system = named_system((-1, 1, 1, 0), 0, ["u"], ["y"], ["x"])
-    with pytest.raises(InvalidInputError, match=r"A: got shape \(1, 1\)"):
-        there_and_back(system, states=["x", "v"])

@@ -15,7 +15,7 @@ from robustpolish.plots.charts import (
     plot_over_plane,
     plot_path_in_space,
 )
-from robustpolish.plots.frequency import plot_bode, plot_nichols, plot_nyquist, plot_nyquist_disks
+from robustpolish.plots.frequency import plot_bode, plot_nichols, plot_nyquist_disks
 from robustpolish.plots.poles import plot_campbell, plot_whirl_shapes
 from robustpolish.plots.residuals import plot_force_curve
 from robustpolish.plots.style import LINE_STYLES, MARKER_STYLES, log_axis, si_axis
@@ -254,12 +254,6 @@ def signal(name, values, unit="N"):
     return xr.DataArray(values, {"time": time}, "time", name, {"units": unit})
 
 
-def test_an_axis_of_several_signals_bears_their_unit_alone():
-    one, other = signal("F_x", [0.0, 1.0]), signal("F_y", [1.0, 2.0])
-    assert plot_time_series({"F_x": one, "F_y": other}).get_ylabel() == "[N]"
-    assert plot_time_series({"before": one, "after": one}).get_ylabel() == "F_x [N]"
-
-
 def test_names_stand_above_a_band():
     quick = signal("y", np.sin(np.linspace(0.0, 5000.0, 20_001)))
     ax = plot_time_series({"without": quick, "with": 0.0 * quick}, bands=True)
@@ -347,13 +341,6 @@ def test_a_stretch_is_shown_large_and_marked_in_the_whole():
 # Measured and simulated signals, what is left over, and their spectra.
 
 
-def test_a_response_with_its_band():
-    time = np.linspace(0, 1, 50)
-    measured = xr.DataArray(np.sin(time), {"time": time}, "time", "x", {"units": "m"})
-    ax = plotting.plot_response(measured, measured + 1, xr.zeros_like(measured) + 0.1)
-    assert names(ax) == ["measured", "simulated", "95 % band"]
-
-
 def test_the_spectrum_peaks_at_the_frequency_of_the_signal():
     time = np.arange(4096) / 1024
     values = 3.0 * np.sin(2 * np.pi * 64 * time)
@@ -407,14 +394,6 @@ FORCE = xr.DataArray(
     "velocity",
     attrs={"units": "N"},
 )
-
-
-def test_a_curve_with_its_band():
-    ax = plot_force_curve(FORCE, 0.1 * abs(FORCE) + 0.2)
-    assert ax.get_xlabel() == "velocity [mm/s]"
-    assert ax.get_ylabel() == "force [N]"
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["learned", "95 % band"]
-    np.testing.assert_allclose(ax.lines[-1].get_ydata(), FORCE.values)
 
 
 def test_an_endless_band_does_not_flatten_the_curve():
@@ -508,15 +487,6 @@ def test_a_correlation_shows_the_smallest_lags_with_their_band():
     assert (band.min(), band.max()) == (-0.1, 0.1)
 
 
-def test_coherence_is_shown_against_chance():
-    frequency = np.array([0.0, 10.0, 100.0])
-    coherence = xr.DataArray([1.0, 0.5, 0.2], {"frequency": frequency}, "frequency")
-    ax = plotting.plot_coherence(coherence, 0.3)
-    np.testing.assert_array_equal(ax.lines[0].get_data(), [[10.0, 100.0], [0.5, 0.2]])
-    assert ax.lines[1].get_ydata()[0] == 0.3
-    assert names(ax) == ["coherence", "chance"]
-
-
 # Complex responses drawn over frequency and in the plane.
 
 
@@ -545,13 +515,6 @@ def test_jumps_of_a_turn_are_gaps():
     assert np.isnan(ax.figure.axes[1].lines[0].get_ydata()).sum() == 2  # at pi and 3 pi
 
 
-def test_the_plane_keeps_circles_round():
-    ax = plot_nyquist({"measured": RESPONSE, "model": RESPONSE}, name="x/F", unit="m/N")
-    assert ax.get_aspect() == 1.0
-    assert ax.get_xlabel() == "real part of x/F [mm/N]"
-    assert len(ax.get_legend().get_texts()) == 2
-
-
 # Gains over frequency show the data that they were given.
 
 
@@ -566,22 +529,6 @@ def test_gains_with_the_norm_marked():
     assert names(ax) == ["loop", "norm", "level"]
     assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log")
     assert ax.yaxis.get_major_formatter()(1e-6) == "1 µm/N"
-
-
-def test_units_that_differ_among_channels_are_all_told():
-    gain = xr.DataArray([1e-6, 1e-7], {"frequency": [1.0, 2.0]}, "frequency")
-    ax = plotting.plot_gains({"loop": gain.assign_attrs(units="m, rad per N")})
-    assert ax.get_ylabel() == "largest singular value [m, rad per N]"
-
-
-def test_curves_by_name_over_frequency():
-    curves = xr.Dataset(
-        {"S": ("frequency", [1.0, 2.0]), "T": ("frequency", [3.0, 4.0])}, {"frequency": [10.0, 1e4]}
-    )
-    ax = plotting.plot_over_frequency(curves, "gain", unit="m/N")
-    np.testing.assert_array_equal([line.get_ydata() for line in ax.lines], [[1, 2], [3, 4]])
-    assert names(ax) == ["S", "T"]
-    assert ax.get_ylabel() == "gain"
 
 
 # Loops around -1, in the plane and in Nichols's.
@@ -695,12 +642,6 @@ def test_curves_are_drawn_by_their_way_round():
     assert labels == ["forward", "backward", "neither", "once per turn", "critical speed"]
     assert ax.get_xlabel() == "speed [rev/min]"
     assert ax.get_ylabel() == "whirl frequency [Hz]"
-
-
-def test_without_critical_speeds_none_are_named():
-    ax = plot_campbell(SPEEDS, HZ[:, :1], WHIRL[:, :1])
-    labels = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert labels == ["backward", "once per turn"]
 
 
 def test_the_larger_axis_is_drawn_at_its_largest():

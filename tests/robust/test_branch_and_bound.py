@@ -10,9 +10,6 @@ from robustpolish.linear.arithmetic.balls import precision
 from robustpolish.robust import branch_and_bound as branch
 from robustpolish.robust.bounds import proven_real_margin
 from robustpolish.robust.branch_and_bound import (
-    ParameterNorm,
-    Region,
-    bound,
     branch_and_bound,
     split,
 )
@@ -169,43 +166,6 @@ def test_worst_gain_beside_two_dynamics(gap):
     assert worst.proven
     assert worst.lower <= worst.upper <= (1 + 1.01 * gap) * worst.lower
     assert max(rp.hinf_norm(one).value for one in loop.sample(10)) <= worst.upper
-
-
-ALONE = ParameterNorm((0,), ())
-
-
-def line(*values, low=-1.0, high=1.0):
-    """P over one number and no frequency, without N."""
-    rows = np.array([values], complex)[..., None]
-    ends = np.array([low]), np.array([high])
-    return Region(rows, np.array([1e-15]), (0, 0), *ends, (1.0, 2.0), False)
-
-
-def test_zero_within_the_hull():
-    assert bound(line(1 + 1j, 2 - 1j), ALONE, 1.0, 1.0)[0] == np.inf
-    assert bound(line(1 + 1j, -1 - 1j), ALONE, 1.0, 1.0)[0] == 0
-    assert bound(line(1e-16 + 1e-16j, 1j), ALONE, 1.0, 1.0)[0] == 0  # below its errors
-
-
-def test_ball_ends_within_the_box():
-    # P = 0 at 0.8 of two numbers each, which is outside of the unit ball, but within the box
-    grid = np.array([-1.0, 0.0, 1.0])
-    P = (1.6 - grid[:, None] - grid[None, :])[None, ..., None] + 0j
-    ends = -np.ones(2), np.ones(2)
-    region = Region(P, np.array([1e-15]), (0, 0), *ends, (0.0, 1.0), False)
-    assert bound(region, ParameterNorm((0, 1), ()), 1.0, 1.0)[0] == 0
-    assert bound(region, ParameterNorm((), ((0, 1),)), 1.0, 1.0)[0] == np.inf
-    assert bound(region, ParameterNorm((), ((0, 1),)), 1.2, 1.0)[0] == 0
-    assert region.frequency == 0
-
-
-def test_size_of_the_other_block():
-    # |P| = 2 at least and |N| = 1 at most, but nowhere together: P / N is 3 at least
-    rows = np.array([[2.0, 6.0], [0.5, 1.0]], complex)[..., None]
-    ends = np.array([-1.0]), np.array([1.0])
-    region = Region(rows, np.full(2, 1e-15), (1, 1), *ends, (1.0, 2.0), True)
-    assert bound(region, ALONE, 1.0, 1.0)[0] == pytest.approx(4)
-    assert region.frequency == pytest.approx(2 / 3)
 
 
 def repeated(seed):

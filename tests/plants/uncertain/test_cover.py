@@ -6,7 +6,7 @@ import pytest
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.plants.uncertain.cover import bounding_weight, envelope
+from robustpolish.plants.uncertain.cover import bounding_weight
 
 
 def rig(w, damping=0.1):
@@ -205,11 +205,3 @@ def test_first_order_is_the_best_of_its_order():
         for pole in np.geomspace(1e-1, 1e4, 60):
             shape = np.abs((S + zero) / (S + pole)) / gains
             assert shape.max() / shape.min() > best * 0.99
-
-
-def test_dips_are_filled_and_slopes_are_not():
-    gains = 2 * np.abs(np.sin(OMEGA * 0.01 / 2))
-    filled = envelope(OMEGA, gains)
-    assert (filled >= gains).all()
-    assert filled[OMEGA > 1e3].min() > 1.5
-    assert filled[50] == pytest.approx(max(gains[50], 2e-4))
