@@ -55,10 +55,7 @@ def test_the_rounded_ones_are_within_single_precision(shared):
         assert float(own["time"][1] - own["time"][0]) == pytest.approx(0.01)
 
 
-TESTS_FRICTION_DAMPER = [(1, 1.5), (0.5, 0.5), (1, 1), (1, 0.5), (0.5, 1)]
-
-
-@pytest.mark.parametrize(("frequency", "amplitude"), TESTS_FRICTION_DAMPER)
+@pytest.mark.parametrize(("frequency", "amplitude"), TESTS)
 def test_the_damper_moves_as_its_name_says(frequency, amplitude):
     test = rp.datasets.friction_damper(frequency, amplitude)
     assert float(np.ptp(test["x"].values)) / 2 == pytest.approx(0.0254 * amplitude, rel=0.05)

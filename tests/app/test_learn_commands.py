@@ -1,20 +1,14 @@
 """Commands on measurements: compare, refit, diagnose and tell-apart; JSON and exit codes."""
 
 import json
-import tempfile
-from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
-from click.testing import CliRunner
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import robustpolish as rp
-from robustpolish.app.cli.main import main
 from robustpolish.app.cli.options import Reading, load_data, load_records, replaceable
 from robustpolish.errors import InvalidInputError
 from robustpolish.identification.diagnosis.findings import IndistinguishablePair
@@ -194,47 +188,6 @@ def test_inputs_are_never_overwritten(folder):
     for target in ("data.csv", "model.toml"):
         compare("--json", target, code=2)
     assert (folder / "data.csv").read_text() == CSV
-
-
-def test_damaged_input_ends_in_a_message():
-    """Whatever is done to the files: code 0 or 2, never a traceback, and JSON whole or absent."""
-    codes = Counter()
-
-    @settings(max_examples=60, deadline=None, derandomize=True)
-    @given(st.data())
-    def damaged(data):
-        codes[run_damaged(data)] += 1
-
-    damaged()
-    # Damage to a remark or a digit is harmless, most is not: neither may be the only answer.
-    assert codes[0] >= 6
-    assert codes[2] >= 30
-
-
-def run_damaged(data):
-    """Damage one of the files, check what is said and written, and return the exit code."""
-    texts = {"data.csv": CSV, "model.toml": MODEL}
-    name = data.draw(st.sampled_from(sorted(texts)))
-    text = texts[name]
-    for _ in range(data.draw(st.integers(1, 3))):
-        place = data.draw(st.integers(0, min(len(text), 400)))
-        length = data.draw(st.sampled_from([0, 1, 5, 200]))
-        text = text[:place] + data.draw(st.text(max_size=4)) + text[place + length :]
-    with tempfile.TemporaryDirectory() as name_of_folder:
-        folder = Path(name_of_folder)
-        for file, written in {**texts, name: text}.items():
-            (folder / file).write_text(written, encoding="utf-8", errors="replace")
-        seen, model, out = (str(folder / file) for file in (*texts, "out.json"))
-        result = CliRunner().invoke(main, ["compare", seen, "--model", model, "--json", out])
-        assert result.exit_code in (0, 2), result.output
-        assert result.exception is None or isinstance(result.exception, SystemExit)
-        if result.exit_code == 0:
-            content(out)
-        else:
-            assert not Path(out).exists()
-            assert result.output.startswith("Error: ")
-        assert {path.name for path in folder.iterdir()} <= {*texts, "out.json"}
-        return result.exit_code
 
 
 @pytest.mark.parametrize("data", [("data.csv",), ("data.csv", "again.csv")])
@@ -468,18 +421,6 @@ def test_several_files_are_read_alike_and_go_by_their_names(path, tmp_path):
     assert list(load_records((path, str(same)), measured(), reading)) == [path, str(same)]
     with pytest.raises(InvalidInputError, match=r"a.csv twice, expected each file once"):
         load_records((path, path), measured(), reading)
-
-
-def test_time_names_and_parts_can_be_said(path):
-    names, *rows = Path(path).read_text().replace("F,x,T", "a=b,clock,y").splitlines()
-    rows = [f"{i / 100},{row}" for i, row in enumerate(rows)]
-    Path(path).write_text("\n".join([f"runs,{names}", *rows]) + "\n")
-    reading = Reading(time="runs", renames=("a=b=F", "clock=y", "y=T"), between=(0.5, 1.0))
-    data = load_data(path, measured("y"), reading)
-    assert set(data.data_vars) == {"F", "y"}
-    assert (float(data["time"][0]), float(data["time"][-1])) == (0.5, 1.0)
-    with pytest.raises(InvalidInputError, match=r"--rename: got 'F', expected OLD=NEW"):
-        load_data(path, measured("y"), Reading(renames=("F",)))
 
 
 def test_only_json_of_an_earlier_run_is_replaced(tmp_path):

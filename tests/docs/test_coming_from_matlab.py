@@ -1,4 +1,4 @@
-"""The rows of the page for users of MATLAB are true: each is tried, against published numbers."""
+"""The rows of the page for users of MATLAB are true, those that no other test has tried too."""
 
 import re
 from pathlib import Path
@@ -6,7 +6,6 @@ from pathlib import Path
 import control
 import numpy as np
 import pytest
-import xarray as xr
 
 import robustpolish as rp
 
@@ -62,27 +61,6 @@ def test_mixsyn_and_augw():
     near(rp.loop_analysis(design).output.S, control.feedback(1, G * -control.tf(design.controller)))
 
 
-def test_three_weights_come_in_the_order_of_augw():
-    plant = rp.mixed_sensitivity(G, performance=1.0, effort=2.0, robustness=3.0)
-    loop = plant.closed_loop([[-0.05]])
-    S = control.feedback(1, 0.05 * G)
-    for row, wanted in enumerate((S, 0.1 * S, 3 * (1 - S))):
-        assert gain(loop[row, 0], 1.0) == pytest.approx(gain(wanted, 1.0), rel=1e-6)
-
-
-@pytest.mark.parametrize("order", [1, 2])
-def test_makeweight(order):
-    # makeweight(100, [5 1], 0.2, 0, n): 100 at rest, 1 at 5 rad/s, 0.2 at high frequencies
-    W = rp.weight(100.0, 5 / HERTZ, 0.2, order=order)
-    assert [gain(W, w) for w in (0.0, 5.0, 1e9)] == pytest.approx([100, 1, 0.2], rel=1e-6)
-    assert W.nstates == order
-    m = 3.0  # another gain at the crossover
-    other = m * rp.weight(100.0 / m, 5 / HERTZ, 0.2 / m)
-    assert [gain(other, w) for w in (0.0, 5.0, 1e9)] == pytest.approx([100, 3, 0.2], rel=1e-6)
-    assert gain(rp.weight(np.inf, 1.0, 0.5), 1e-9) > 1e6
-    near(rp.weight(0.01, 1.0, 5.0, inverse=True), 1 / rp.weight(0.01, 1.0, 5.0))
-
-
 def test_ncfsyn(shaped):
     assert shaped.details["optimal_gamma"] == pytest.approx(2.34, abs=0.005)  # example 9.3
     assert shaped.details["gamma"] <= 1.1001 * shaped.details["optimal_gamma"]
@@ -95,14 +73,6 @@ def test_ncfsyn(shaped):
 def test_loopsyn_has_the_other_sign(shaped):
     K = -shaped.controller  # for negative feedback
     assert control.feedback(control.ss(G) * K, 1).poles().real.max() < 0
-
-
-def test_ncfmargin_and_gapmetric():
-    # 1/s with unit negative feedback: the norm of [I; K] (I - G K)^-1 [I, G] is root 2
-    assert rp.uncertain.ncf_margin(1 / s, 1.0, sign=-1) == pytest.approx(1 / np.sqrt(2), rel=1e-6)
-    # Vinnicombe: constants a and b are |a - b| / sqrt((1 + a^2) (1 + b^2)) apart
-    gap = rp.uncertain.nu_gap(control.tf([1.0], [1.0]), control.tf([2.0], [1.0]))
-    assert gap == pytest.approx(1 / np.sqrt(10), rel=1e-6)
 
 
 def test_loopsens():
@@ -129,34 +99,6 @@ def test_allmargin_and_margin():
     assert found.delay_s == pytest.approx(np.radians(pm) / wgc, rel=1e-3)
 
 
-def test_diskmargin():
-    # The spinning satellite: any gain and 90 degrees in one loop, 0.0997 in both
-    satellite = control.ss([[0, 10], [-10, 0]], np.eye(2), [[1, 10], [-10, 1]], 0)
-    found = rp.loop_analysis(satellite, -np.eye(2))
-    assert found.at_once["inputs"].disk.alpha == pytest.approx(0.0997, abs=5e-5)
-    assert found.at_once["outputs"].disk.alpha == pytest.approx(0.0997, abs=5e-5)
-    assert found.at_once["inputs and outputs"].disk.proven
-    assert found.margins[0].disk.alpha == pytest.approx(2.0, rel=1e-3)
-
-
-@pytest.mark.parametrize("kind", ["sigma", "bode", "nyquist", "nichols", "step"])
-def test_plots(kind):
-    assert rp.loop_analysis(L, -1).plot(kind=kind).lines
-
-
-def test_balred(shaped):
-    fewer = shaped.reduce(order=3)
-    assert fewer.controller.nstates == 3
-    assert fewer.certificate.valid
-    near_enough = shaped.reduce(tolerance=0.05)
-    assert near_enough.certificate.achieved <= 1.05 * shaped.certificate.achieved
-    # No static gain holds a free mass.
-    mass = rp.GeneralizedPlant.from_loop(control.tf([1], [1, 0, 0]))
-    lead = control.ss([[-20.0]], [[20.0]], [[150.0]], -170.0)
-    with pytest.raises(rp.InfeasibleError, match="order"):
-        rp.given_controller(mass, lead).reduce(order=0)
-
-
 @pytest.mark.parametrize("method", ["tustin", "zoh", "foh", "matched"])
 def test_c2d(shaped, method):
     K = control.ss([[-2.0]], [[1.0]], [[-0.3]], -0.01)
@@ -176,26 +118,6 @@ def test_prewarp_is_in_hertz(shaped):
     sampled = rp.given_controller(shaped.plant, K).discretize(0.02, prewarp_hz=2.0)
     at = np.exp(1j * 2.0 * HERTZ * 0.02)
     assert np.squeeze(sampled.controller(at)) == pytest.approx(np.squeeze(K(2j * HERTZ * 2.0 / 2)))
-
-
-def test_sampled_rows(shaped, tmp_path):
-    sampled = shaped.discretize(1e-3, delay=5e-4, anti_aliasing=200.0)
-    again = rp.implementation.certify_sampled(
-        shaped.plant, sampled.controller, delay=5e-4, anti_aliasing=200.0
-    )
-    assert again.bound == pytest.approx(sampled.certificate.bound)
-    assert rp.synthesis.largest_period(shaped, delay=0.0) > 1e-3
-    push = xr.Dataset(
-        {shaped.plant.disturbance_names[1]: ("time", np.ones(51))},
-        {"time": np.linspace(0, 0.5, 51)},
-    )
-    assert sampled.simulate(push, limits=10.0).time.size > 51
-    for form in ("modal", "balanced", "sections"):
-        assert sampled.realization(form).details["single_precision"].certificate.valid
-    made = sampled.export_c(tmp_path, name="loop", precision="float", limits=10.0)
-    assert "loop_step" in made.read_text()
-    assert sampled.export_mat(tmp_path / "K.mat").exists()
-    assert sampled.export_json(tmp_path).exists()
 
 
 def test_synthesis_rows():

@@ -11,13 +11,10 @@ from robustpolish.implementation.realization import (
     control_limits,
     controller_outputs,
     realized,
-    rounded,
     roundoff_bound,
-    single_precision,
 )
-from robustpolish.implementation.reduction import Reducer, coprime_gramians, from_factor
-from robustpolish.plants.blocks import matrices_of
-from tests.implementation.designs import sampled_servo, servo, servo_design, two_by_two
+from robustpolish.implementation.reduction import Reducer
+from tests.implementation.designs import sampled_servo, servo_design, two_by_two
 
 
 def responses(K):
@@ -92,17 +89,6 @@ def test_no_run_leaves_the_bound(form):
 def test_a_controller_that_grows_has_no_bound():
     K = control.ss([[1.5]], [[1.0]], [[1.0]], 0, 1.0)
     assert roundoff_bound(K).outputs[0] == np.inf
-
-
-def test_the_loss_is_that_of_the_rounded_loop():
-    K = sampled_servo().controller
-    before = sampled_servo().certificate.achieved
-    loss = single_precision(servo(), K, 0.02, "hinf", before)
-    assert loss.certificate.valid
-    shift = np.abs(np.sort(np.linalg.eigvals(K.A)) - np.sort(np.linalg.eigvals(rounded(K).A))).max()
-    assert loss.pole_shift == pytest.approx(shift, rel=1e-6)
-    assert abs(loss.norm_change) < 1e-3
-    assert "single precision" in loss.sentence
 
 
 def test_limits_in_every_form():
@@ -181,19 +167,3 @@ def test_hankel_values_are_those_of_python_control():
     plant, K = filter_loop(3)
     expected = control.hankel_singular_values(K)
     np.testing.assert_allclose(Reducer(plant, K).hankel["balanced"], expected, rtol=1e-6)
-
-
-@pytest.mark.parametrize("shift", [0.0, 2.0])
-def test_whole_coprime_factors_give_back_the_controller(shift):
-    _, K = filter_loop(5, 4)
-    A, B, C, D = matrices_of(K)
-    K = (A + shift * np.eye(4), B, C, D + 0.3)
-    ways = coprime_gramians(K, False)
-    assert [way.name for way in ways] == ["left coprime", "right coprime"]
-    s = 0.7j
-    expected = K[2] @ np.linalg.solve(s * np.eye(4) - K[0], K[1]) + K[3]
-    for way in ways:
-        a, b, c, d = from_factor(way.matrices, way.back, 2, 2)
-        np.testing.assert_allclose(c @ np.linalg.solve(s * np.eye(4) - a, b) + d, expected)
-        # normalised: the factors together are all-pass, so their Hankel values are below one
-        assert np.linalg.eigvals(way.reach @ way.see).real.max() < 1

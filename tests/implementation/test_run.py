@@ -6,7 +6,7 @@ import pytest
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.implementation.run import PeriodFlow, sampled_run
+from robustpolish.implementation.run import sampled_run
 from robustpolish.implementation.sampled.lifting import split_delay
 from robustpolish.linear.response import first_order_hold
 from robustpolish.plants.blocks import matrices_of
@@ -207,12 +207,3 @@ def test_it_is_what_single_steps_give(delay, limit):
     np.testing.assert_allclose(found, u, atol=1e-12 * np.abs(u).max())
     assert [run[name].attrs["at_limit"] for name in machine.control_names] == list(cut_off)
     assert (cut_off > 0).all() == (limit < np.inf)
-
-
-def test_a_control_that_comes_just_before_the_next_sample_comes_with_it():
-    machine = random_machine(np.random.default_rng(0))
-    late = PERIOD * (1 - 4e-8)  # nearer to the sample than steps are told apart
-    flow = PeriodFlow.of(machine, PERIOD, COUNT, late)
-    assert (flow.whole, flow.cut, flow.left) == (1, 0, 0.0)
-    u = flow.held(np.zeros((1, 2)), np.ones((1, 2)))
-    assert u.min() == 1

@@ -103,15 +103,6 @@ def test_wrong_arguments_are_refused():
         rp.given_controller(discrete, [[-0.1]]).discretize(0.1)
 
 
-def test_it_agrees_with_the_design():
-    sampled = sampled_servo()
-    found = rp.implementation.certify_sampled(servo(), sampled.controller, delay=0.02)
-    assert found.bound == sampled.certificate.bound
-    assert found.upper == found.bound
-    assert found.spectral_radius < 1
-    assert found.plot().get_xlabel() == "real part"
-
-
 def test_arguments_that_do_not_fit_are_refused():
     plant, K = servo(), sampled_servo().controller
     with pytest.raises(rp.InvalidInputError, match="period"):

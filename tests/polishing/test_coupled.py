@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError, RobustPolishWarning, SolverError
@@ -47,32 +46,6 @@ def test_rest_and_stiffness_and_what_is_refused():
         LinearMachine(A, loose.B, loose.g, loose.C).rest(np.ones(3))
     with pytest.raises(InvalidInputError, match="with a mass"):
         LinearMachine(-np.eye(3), np.eye(3), np.zeros(3), np.eye(3))
-
-
-def test_a_step_is_exact_for_forces_that_are_cubic_in_time():
-    """Of order four: phi functions against an integration, at half a period per step."""
-    machine, step = springs((0.0, 0.0, -10.0)), 2e-4
-    half, whole, gains = machine.step_matrices(step)
-
-    def force(t):
-        s = t / step
-        return np.array([1.0 + s, 2.0 - s, 5.0 * s])
-
-    x0 = np.arange(1.0, 7.0) * 1e-6
-
-    def slope(t, x):
-        return machine.A @ x + machine.B @ force(t) + machine.g
-
-    reference = solve_ivp(slope, (0, step), x0, rtol=1e-12, atol=1e-15, method="DOP853").y[:, -1]
-    push = [np.append(force(t), 1.0) for t in (0.0, 0.5 * step, 0.5 * step, step)]
-    found = whole @ x0 + gains[1] @ push[0] + gains[2] @ (2 * (push[1] + push[2]))
-    found += gains[3] @ push[3]
-    np.testing.assert_allclose(found, reference, rtol=1e-9, atol=1e-13)
-    middle = solve_ivp(
-        lambda t, x: machine.A @ x + machine.B @ force(0.0) + machine.g,
-        (0, step / 2), x0, rtol=1e-12, atol=1e-15, method="DOP853",
-    ).y[:, -1]  # fmt: skip
-    np.testing.assert_allclose(half @ x0 + gains[0] @ push[0], middle, rtol=1e-9, atol=1e-13)
 
 
 # Disc and machine in one step scheme: order four, and the rigid machine of the plain brush.

@@ -8,7 +8,7 @@ import robustpolish as rp
 from robustpolish.errors import InvalidInputError
 from robustpolish.polishing.surfaces.importers import checked_mesh as checked
 from robustpolish.polishing.surfaces.importers import covered, fitted, read_mesh
-from robustpolish.polishing.surfaces.spline import BEND, coefficients, expansions, pack
+from robustpolish.polishing.surfaces.spline import expansions, pack
 from robustpolish.polishing.surfaces.surface import Surface
 from tests.polishing import moulds
 
@@ -59,40 +59,6 @@ def test_curvature_of_a_sphere_and_elevation_of_a_trough():
     direction = (np.cos(x * 500), np.sin(x * 500))
     found = mould.elevation(x, y, direction)
     np.testing.assert_allclose(found, trough.elevation(x, y, direction), atol=1e-12)
-
-
-# Cubic splines on even knots.
-
-
-def packed_of(f, x, y):
-    heights = f(x[:, None], y[None, :])
-    return pack(x, y, coefficients(coefficients(heights).T).T)
-
-
-def test_a_cubic_and_its_derivatives_come_back():
-    x, y = np.linspace(-1, 2, 9), np.linspace(0, 1, 6)
-    packed = packed_of(lambda x, y: x**3 - 2 * x * y**2 + 3 * y, x, y)
-    px, py = np.random.default_rng(0).uniform([[-1], [0]], [[2], [1]], (2, 50))
-    wanted = [px**3 - 2 * px * py**2 + 3 * py, 3 * px**2 - 2 * py**2, 3 - 4 * px * py, 6 * px]
-    found = expansions(px, py, packed)
-    np.testing.assert_allclose(found[:4], wanted, atol=1e-11)
-    np.testing.assert_allclose(found[4:], [-4 * py, -4 * px], atol=1e-11)
-
-
-def test_bends_are_continuous_bounded_and_the_derivatives_of_the_height():
-    x = np.linspace(0, 1, 12)
-    packed = packed_of(lambda x, y: np.sin(5 * x) * np.cos(4 * y), x, x)
-    knot, y = np.full(5, x[4]), np.linspace(0.1, 0.9, 5)
-    before, after = (expansions(knot + step, y, packed)[3:] for step in (-1e-9, 1e-9))
-    np.testing.assert_allclose(before, after, atol=1e-5)
-    px, py = everywhere = np.random.default_rng(0).uniform(0.01, 0.99, (2, 2000))
-    xx, xy, yy = expansions(*everywhere, packed)[3:]
-    sharpest = np.max(np.abs(0.5 * (xx + yy)) + np.hypot(0.5 * (xx - yy), xy))
-    assert sharpest <= packed[BEND] < 3 * sharpest
-    ahead, behind = (expansions(px + step, py, packed) for step in (1e-6, -1e-6))
-    here, slopes = expansions(px, py, packed), (ahead - behind)[:3] / 2e-6
-    np.testing.assert_allclose(slopes[0], here[1], atol=1e-8)
-    np.testing.assert_allclose(slopes[1:], here[3:5], atol=2e-4)
 
 
 # Moulds from formulas.
@@ -226,14 +192,6 @@ def test_what_is_no_mesh_is_refused(tmp_path):
     for path in (text, tmp_path / "missing.stl"):
         with pytest.raises(rp.InvalidInputError, match="path"):
             read_mesh(path, 1.0)
-
-
-def test_the_grid_marks_what_is_covered():
-    vertices, faces = moulds.triangles(21)
-    sheet = checked(vertices, faces[vertices[faces].mean(axis=1)[:, 0] < 0.0])
-    x, y, heights = covered(sheet, 0.001)
-    np.testing.assert_allclose(heights, moulds.height(x[:, None], y), atol=1e-4)
-    assert (x[0], x[-1], y[-1]) == pytest.approx((-0.03, 0.0, 0.03))
 
 
 # Moulds against a closed form.

@@ -273,12 +273,6 @@ def sorted_out(chosen=None, **arrays):
     return table_of(arrays, chosen, "a.npz")
 
 
-def test_what_is_no_signal_is_left_out_with_a_note():
-    table = sorted_out(x=np.arange(3.0), words=np.array(["a", "b"]), z=1j * np.arange(3))
-    assert list(table.columns) == ["x"]
-    assert table.notes == ["left out, as they are no signals: words, z"]
-
-
 @pytest.mark.parametrize(
     ("name", "value", "rate"),
     [("fs", 500.0, 500.0), ("Ts", 0.002, 500.0), ("fs", -1.0, None), ("gain", 3.0, None)],
@@ -293,15 +287,6 @@ def test_a_matrix_is_a_table_whose_columns_may_have_names():
     lying = sorted_out(m=matrix.T, columns=np.array(["t", "x [mm]"]))
     np.testing.assert_array_equal(lying.columns["x"], matrix[:, 1])
     assert lying.units == {"x": "mm"}
-
-
-def test_a_group_is_a_table():
-    arrays = {"a/t": np.arange(3.0), "a/x": np.ones(3), "b/t": np.arange(4.0), "fs": np.array(5.0)}
-    table = table_of(arrays, "a", "f.h5")
-    assert list(table.columns) == ["t", "x"]
-    assert table.sampling_rate == 5.0
-    with pytest.raises(InvalidInputError, match=r"a/t \(3\), .*b/t \(4\), fs \(one number"):
-        table_of(arrays, "c", "f.h5")
 
 
 def test_wav(tmp_path):

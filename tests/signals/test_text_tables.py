@@ -190,13 +190,6 @@ def test_csv(tmp_path, suffix, separator, encoding):
     assert read_measurement(str(path)).attrs["source"] == str(path)
 
 
-def test_csv_with_decimal_commas_remarks_and_latin_units(tmp_path):
-    path = tmp_path / "data.csv"
-    text = "# made in Delft\n\n" + csv("time [ms];F [kN];x [µm]", ";", comma=True)
-    path.write_text(text, encoding="latin-1")
-    check(read_measurement(path))
-
-
 def line(i, text):
     lines = csv().splitlines()
     lines[i] = text

@@ -18,7 +18,6 @@ from robustpolish.implementation.sampled.induced_norm import (
 )
 from robustpolish.implementation.sampled.lifting import (
     Phase,
-    border_scale,
     period_map,
     scaled,
     split_delay,
@@ -42,17 +41,6 @@ def test_the_bracket_does_not_depend_on_the_first_guess(start):
     assert not low.below
     assert high.below
     assert high.gamma == pytest.approx(expected.achieved, rel=1e-5)
-
-
-def test_the_storage_function_solves_its_riccati_equation():
-    own = loop()
-    gamma = sampled_servo().certificate.achieved * 1.1
-    P = check_gain(own, gamma).storage
-    section = period_section(own, gamma)
-    through = np.linalg.solve(np.eye(len(P)) - section.G @ P, section.A)
-    expected = section.Q + section.A.T @ P @ through
-    np.testing.assert_allclose(P, expected, atol=1e-9 * np.abs(P).max())
-    assert np.abs(np.linalg.eigvals(through)).max() < 1
 
 
 def test_the_peak_is_where_the_gain_is_reached():
@@ -164,19 +152,4 @@ def test_the_transition_is_that_of_the_loop_stepped_by_hand(delay):
     np.testing.assert_allclose(s * map_.sample, np.concatenate([x, *past, xk]), rtol=1e-9)
 
 
-def test_delays_next_to_a_sample_are_at_it():
-    assert split_delay(0.1, 0.1 * 3) == (3, 0.0)
-    assert split_delay(0.1, 0.1 - 1e-13) == (1, 0.0)
-    whole, rest = split_delay(1e-6, 1.25e-6)
-    assert (whole, rest) == (1, pytest.approx(2.5e-7))
-
-
 #
-
-
-def test_rows_and_columns_become_alike():
-    size = np.array([[1.0, 1e12], [1e-12, 1.0]])
-    T = border_scale(size, np.array([1e6, 1e-6]), np.array([1e-6, 1e6]))
-    even = size * T / T[:, None]
-    assert even.max() < 1e2
-    assert border_scale(np.array([[np.inf]]), np.ones(1), np.ones(1)).tolist() == [1.0]
