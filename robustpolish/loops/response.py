@@ -420,14 +420,15 @@ def connected(plant: Matrices, controller: Matrices, ports: Ports, delayed: int 
     through[nu:, :nu], through[nu:, nu + ny :] = D[:, :nu], D[:, nu:]
     one, none = np.eye(k), np.zeros((k, k))
     F, E, P, R = (
-        np.asarray(sla.block_diag(own, beside))
+        np.asarray(sla.block_diag(own, beside)) if k else np.ascontiguousarray(own)
         for own, beside in zip(ports, (none, one, one, none), strict=True)
     )
     both = np.linalg.solve(np.eye(len(F)) - F @ through, np.hstack([F @ seen, E]))
     on_x, on_w = both[:, : n + m], both[:, n + m :]
     inner = P @ through + R
-    whole: Any = sla.block_diag(A, Ak)
-    return np.asarray(whole) + into @ on_x, into @ on_w, P @ seen + inner @ on_x, inner @ on_w
+    whole = np.zeros((n + m, n + m))
+    whole[:n, :n], whole[n:, n:] = A, Ak
+    return whole + into @ on_x, into @ on_w, P @ seen + inner @ on_x, inner @ on_w
 
 
 def line_values(G: AnyArray, K: AnyArray, ports: Ports) -> AnyArray:

@@ -13,7 +13,7 @@ from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.linear.stability import stability
 
-SLOW, FULL = 70, 560
+SLOW, FULL = 24, 560
 
 
 def oscillators(rng, count):

@@ -256,7 +256,7 @@ def test_noise_of_a_first_order_loop():
     # KS = -2 (s + 1) / (s^2 + 3 s + 4): its square integral is (2^2 4 + 2^2) / (2 3 4)
     found = rp.loop_analysis(control.tf([1], [1, 1]), control.tf([-2], [1, 2])).noise[0]
     assert found.rms == pytest.approx(np.sqrt(20 / 24))
-    response = control.step_response(-2 * (s + 1) / (s**2 + 3 * s + 4), np.linspace(0, 20, 40001))
+    response = control.step_response(-2 * (s + 1) / (s**2 + 3 * s + 4), np.linspace(0, 20, 8001))
     assert found.step_peak == pytest.approx(np.abs(response.outputs).max(), rel=1e-4)
     assert found.step_rate == pytest.approx(2.0)
 
@@ -264,7 +264,7 @@ def test_noise_of_a_first_order_loop():
 def test_noise_by_simulation():
     analysis = machine()
     rng = np.random.default_rng(0)
-    step, samples = 2e-3, 400_000
+    step, samples = 2e-3, 200_000
     density = 0.5
     noise = density * np.sqrt(1 / step) * rng.standard_normal(samples)  # per root hertz
     time = np.arange(samples) * step
@@ -288,7 +288,7 @@ def test_disturbances_of_the_plant():
     assert (row.source, row.control, row.unit, row.source_unit) == ("F_d", "F", "N", "N")
     whole = analysis.loop.plant.with_control_outputs().closed_loop(analysis.loop.controller)
     part = control.ss(whole.A, whole.B, np.asarray(whole.C)[1:], np.asarray(whole.D)[1:])
-    time = np.linspace(0, 40, 80001)
+    time = np.linspace(0, 40, 20001)
     u = control.step_response(part, time).outputs.ravel()
     assert row.step_peak == pytest.approx(np.abs(u).max(), rel=1e-3)
     assert row.step_rate == pytest.approx(np.abs(np.gradient(u, time)).max(), rel=1e-3)
