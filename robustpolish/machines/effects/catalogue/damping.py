@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from robustpolish.machines.effects.catalogue import told
 from robustpolish.machines.effects.kind import EffectKind, Parameter, Scan, Steepness, Values
 
 # Drag that grows with the square of the velocity, as of air or oil.
@@ -14,18 +15,11 @@ def _quadratic_damping_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def
 
 
 _QUADRATIC_DAMPING = EffectKind(
-    kind="quadratic_damping",
-    title="Quadratic (fluid) damping",
+    **told("quadratic_damping"),
     domain="pair",
     parameters=(Parameter("coefficient", "F*T^2/L^2", "force over velocity squared", lower=0.0),),
     law=_quadratic_damping_law,
     linear_in=("coefficient",),
-    looks_like="Damping that grows with amplitude; the residual grows with v|v|.",
-    checks=(
-        "Air or oil that is pushed through gaps: covers, cavities, dashpots, fans.",
-        "Let it decay freely: the decrement falls with the amplitude.",
-    ),
-    references=("Nayfeh and Mook (1979), Nonlinear Oscillations, section 3.3, Wiley",),
 )
 
 
@@ -42,24 +36,13 @@ def _structural_damping_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-de
 
 
 _STRUCTURAL_DAMPING = EffectKind(
-    kind="structural_damping",
-    title="Structural (hysteretic) damping",
+    **told("structural_damping"),
     domain="pair",
     # Neither linear_in nor scan: at one frequency and one amplitude it is a viscous damper, so that
     # a diagnosis does not try it. Fits and simulations take it.
     parameters=(Parameter("loss", "F/L", "pi/2 times loss factor times stiffness", lower=0.0),),
     law=_structural_damping_law,
     sharp=True,
-    looks_like="Damping ratios that are the same at every frequency and amplitude; small third "
-    "harmonics in the force.",
-    checks=(
-        "Joints, rubber and composites at this place.",
-        "Shake at two frequencies with one amplitude: the energy lost per cycle stays.",
-    ),
-    references=(
-        "Reid (1956), Free vibration and hysteretic damping, J. Royal Aeronautical Society 60, 283",
-        "Crandall (1970), The role of damping in vibration theory, J. Sound and Vibration 11, 3-18",
-    ),
 )
 
 
@@ -71,21 +54,13 @@ def _displacement_dependent_damping_law(t, q, v, z, p, f, dz):  # type: ignore[n
 
 
 _DISPLACEMENT_DEPENDENT_DAMPING = EffectKind(
-    kind="displacement_dependent_damping",
-    title="Displacement-dependent damping",
+    **told("displacement_dependent_damping"),
     domain="pair",
     parameters=(
         Parameter("coefficient", "F*T/L^3", "damping over displacement squared", lower=0.0),
     ),
     law=_displacement_dependent_damping_law,
     linear_in=("coefficient",),
-    looks_like="Damping that grows with amplitude while the velocity does not matter; third "
-    "harmonics in quadrature to those of a cubic spring.",
-    checks=(
-        "Joints and seals that clamp harder when deflected; squeeze films.",
-        "Shift the rest position with a static load: the damping changes.",
-    ),
-    references=("Elliott, Tehrani, Langley (2015), Phil. Trans. R. Soc. A 373, 20140402",),
 )
 
 
@@ -114,8 +89,7 @@ def _maxwell_state_sizes(values: Values, q: float, v: float) -> tuple[float, ...
 
 
 _MAXWELL_ELEMENT = EffectKind(
-    kind="maxwell_element",
-    title="Relaxation (Maxwell element)",
+    **told("maxwell_element"),
     domain="pair",
     parameters=(
         Parameter("stiffness", "F/L", "stiffness of its spring", lower=0.0),
@@ -135,13 +109,6 @@ _MAXWELL_ELEMENT = EffectKind(
     states=1,
     # Without a spring beside it, where it drags a machine that drifts, it could be any slow force.
     context=("spring_stiffness", "step"),
-    looks_like="A stiffness that grows with frequency and a damping that falls, at every "
-    "amplitude the same.",
-    checks=(
-        "Rubber, glue, cables, fluid films and eddy currents at this place.",
-        "Step the position and wait: the force falls back over the relaxation time.",
-    ),
-    references=("Inman (2017), Vibration with Control, section 2.7, Wiley",),
 )
 
 
@@ -186,8 +153,7 @@ def _bouc_wen_state_sizes(values: Values, q: float, v: float) -> tuple[float, ..
 
 
 _BOUC_WEN_HYSTERESIS = EffectKind(
-    kind="bouc_wen_hysteresis",
-    title="Bouc-Wen hysteresis",
+    **told("bouc_wen_hysteresis"),
     domain="pair",
     parameters=(
         Parameter("force", "F", "force that beta and gamma refer to", lower=0.0, fitted=False),
@@ -222,12 +188,6 @@ _BOUC_WEN_HYSTERESIS = EffectKind(
     context=("step",),
     family="dry friction",
     sharp=True,
-    looks_like="Rounded loops of residual force over displacement that do not depend on speed.",
-    checks=(
-        "Rubber mounts, wire ropes, joints in micro-slip, magnetostrictive or piezo parts.",
-        "Cycle slowly at several amplitudes: the loops are nested and rounded.",
-    ),
-    references=("Ismail, Ikhouane, Rodellar (2009), Arch. Comput. Methods Eng. 16, 161-188",),
 )
 
 

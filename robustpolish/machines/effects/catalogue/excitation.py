@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robustpolish.base.arrays import Array
+from robustpolish.machines.effects.catalogue import told
 from robustpolish.machines.effects.evaluate import force_with
 from robustpolish.machines.effects.kind import (
     CONSTANT,
@@ -26,19 +27,12 @@ def _constant_force_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
 
 
 _CONSTANT_FORCE = EffectKind(
-    kind="constant_force",
-    title="Constant force",
+    **told("constant_force"),
     domain="dof",
     parameters=(Parameter("force", "F", "force along the coordinate"),),
     law=_constant_force_law,
     linear_in=("force",),
     family=CONSTANT,
-    looks_like="A residual with a mean; the free run starts right and settles beside the data.",
-    checks=(
-        "Weight, preload, cables, an offset of the force sensor or amplifier.",
-        "Record the machine at rest, with and without the drive switched on.",
-    ),
-    references=("Janot, Gautier, Brunot (2019), Data set and reference models of EMPS",),
 )
 
 
@@ -50,8 +44,7 @@ def _harmonic_force_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
 
 
 _HARMONIC_FORCE = EffectKind(
-    kind="harmonic_force",
-    title="Harmonic force",
+    **told("harmonic_force"),
     domain="dof",
     parameters=(
         Parameter("amplitude", "F", "amplitude along the coordinate", lower=0.0),
@@ -61,12 +54,6 @@ _HARMONIC_FORCE = EffectKind(
     law=_harmonic_force_law,
     linear_in=("amplitude",),
     scan=(Scan("frequency", LINE, (0, 1, 2)),),
-    looks_like="One line in the residual's spectrum, whatever the input does.",
-    checks=(
-        "Fans, pumps, mains hum, drives and neighbours that run at this frequency.",
-        "Record with the input switched off: the line stays.",
-    ),
-    references=("Ewins (2000), Modal Testing, chapter 3, Research Studies Press",),
 )
 
 
@@ -80,8 +67,7 @@ def _unbalance_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
 
 
 _UNBALANCE = EffectKind(
-    kind="unbalance",
-    title="Unbalance",
+    **told("unbalance"),
     domain="axes",
     parameters=(
         Parameter("unbalance", "M*L", "mass times eccentricity", lower=0.0),
@@ -98,12 +84,6 @@ _UNBALANCE = EffectKind(
     linear_in=("unbalance",),
     scan=(Scan("direction", "1", (1.0, -1.0)),),
     context=("spin_frequency",),
-    looks_like="A line at the spin frequency on both axes, a quarter of a turn apart.",
-    checks=(
-        "Balance the rotor; check the seat of chuck, tool and brush.",
-        "Change the speed: the force grows with its square.",
-    ),
-    references=("ISO 21940-11:2016, Mechanical vibration - Rotor balancing",),
 )
 
 
@@ -115,8 +95,7 @@ def _parametric_stiffness_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-
 
 
 _PARAMETRIC_STIFFNESS = EffectKind(
-    kind="parametric_stiffness",
-    title="Stiffness modulated by the spin",
+    **told("parametric_stiffness"),
     domain="pair",
     parameters=(
         Parameter("amplitude", "F/L", "amplitude of the stiffness", lower=0.0),
@@ -125,12 +104,6 @@ _PARAMETRIC_STIFFNESS = EffectKind(
     law=_parametric_stiffness_law,
     linear_in=("amplitude",),
     context=("spin_frequency",),
-    looks_like="Sidebands at the excitation plus and minus the spin frequency.",
-    checks=(
-        "Cracked or slotted shafts, worn bearings, unequal brush segments.",
-        "Turn the spindle by hand and measure the static stiffness around the circle.",
-    ),
-    references=("Nayfeh and Mook (1979), Nonlinear Oscillations, chapter 5, Wiley",),
 )
 
 
@@ -143,19 +116,11 @@ def _gyroscopic_coupling_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-d
 
 
 _GYROSCOPIC_COUPLING = EffectKind(
-    kind="gyroscopic_coupling",
-    title="Gyroscopic coupling",
+    **told("gyroscopic_coupling"),
     domain="axes",
     parameters=(Parameter("coefficient", "F*T/L", "force over the other axis' velocity"),),
     law=_gyroscopic_coupling_law,
     linear_in=("coefficient",),
-    looks_like="Each axis' residual follows the other axis' velocity, with opposite signs; no "
-    "energy is lost.",
-    checks=(
-        "Polar inertia and speed of the spinning parts, off-centre bearings.",
-        "Change the speed: the coupling is proportional to it.",
-    ),
-    references=("Genta (2005), Dynamics of Rotating Systems, chapter 4, Springer",),
 )
 
 
@@ -185,8 +150,7 @@ def _cross_stiffness_gains(values: Values, q: float, v: float) -> Steepness:
 
 
 _CROSS_STIFFNESS = EffectKind(
-    kind="cross_stiffness",
-    title="Cross-coupled stiffness",
+    **told("cross_stiffness"),
     domain="axes",
     parameters=(
         Parameter("stiffness_xy", "F/L", "first axis' force over second axis' displacement"),
@@ -195,13 +159,6 @@ _CROSS_STIFFNESS = EffectKind(
     law=_cross_stiffness_law,
     shapes=_cross_stiffness_shapes,
     gains=_cross_stiffness_gains,
-    looks_like="Each axis' residual follows the other axis' displacement. Opposite signs feed "
-    "energy into a whirl, equal signs are a tilted spring.",
-    checks=(
-        "Seals, journal bearings and aerostatic films (opposite signs); mounts and sensors "
-        "that are not aligned with the axes (equal signs).",
-    ),
-    references=("Genta (2005), Dynamics of Rotating Systems, chapter 6, Springer",),
 )
 
 
@@ -275,8 +232,7 @@ def _resonator_state_sizes(values: Values, q: float, v: float) -> tuple[float, .
 
 
 _ATTACHED_RESONATOR = EffectKind(
-    kind="attached_resonator",
-    title="Attached resonator (missing mode)",
+    **told("attached_resonator"),
     domain="dof",
     parameters=(
         Parameter("mass", "M", "mass that swings", lower=0.0, default=1.0),
@@ -289,13 +245,6 @@ _ATTACHED_RESONATOR = EffectKind(
     state_sizes=_resonator_state_sizes,
     states=2,
     swinging=_resonator_values,
-    looks_like="One narrow band of the residual, with a resonance and a notch beside it in the "
-    "frequency response.",
-    checks=(
-        "Cables, covers, tools and sensors that hang on this part.",
-        "Tap with a hammer around this frequency, or hold the part by hand and measure again.",
-    ),
-    references=("Den Hartog (1956), Mechanical Vibrations, section 3.2, McGraw-Hill",),
 )
 
 

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from robustpolish.machines.effects.catalogue import told
 from robustpolish.machines.effects.kind import EffectKind, Parameter, Scan, Steepness, Values
 
 _dry_friction = partial(EffectKind, domain="pair", family="dry friction", sharp=True)
@@ -24,8 +25,7 @@ def _coulomb_gains(values: Values, q: float, v: float) -> Steepness:
 
 
 _COULOMB_FRICTION = _dry_friction(
-    kind="coulomb_friction",
-    title="Coulomb friction",
+    **told("coulomb_friction"),
     parameters=(
         Parameter("force", "F", "sliding friction force", lower=0.0),
         Parameter("asymmetry", "F", "half the difference between the directions", fitted=False),
@@ -37,14 +37,6 @@ _COULOMB_FRICTION = _dry_friction(
     gains=_coulomb_gains,
     turns_over="width",
     context=("mobility",),
-    looks_like="A square wave with the sign of the velocity; relatively larger at small "
-    "amplitudes, with flat spots at reversals.",
-    checks=(
-        "Guides, seals, cable chains and bearings at this place: preload, lubrication, dirt.",
-        "Move slowly in both directions at constant speed: the drive force changes by twice "
-        "the friction.",
-    ),
-    references=("Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7), 1083-1138",),
 )
 
 
@@ -95,8 +87,7 @@ def _stribeck_gains(values: Values, q: float, v: float) -> Steepness:
 
 
 _STRIBECK_FRICTION = _dry_friction(
-    kind="stribeck_friction",
-    title="Stribeck friction",
+    **told("stribeck_friction"),
     parameters=(
         Parameter("force", "F", "sliding friction force at high speed", lower=0.0),
         _STATIC_FORCE,
@@ -113,12 +104,6 @@ _STRIBECK_FRICTION = _dry_friction(
     implausible=_implausible,
     context=("mobility",),
     turns_over="width",
-    looks_like="A square wave with the sign of the velocity and peaks at reversals.",
-    checks=(
-        "Lubricated guides and seals at low speed; stick-slip at slow feed.",
-        "Measure the drive force at several constant speeds, slow ones too.",
-    ),
-    references=("Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7), 1083-1138",),
 )
 
 
@@ -170,8 +155,7 @@ def _elastic_coulomb_state_sizes(values: Values, q: float, v: float) -> tuple[fl
 
 
 _ELASTIC_COULOMB_FRICTION = _dry_friction(
-    kind="elastic_coulomb_friction",
-    title="Elastic Coulomb friction (Jenkins element)",
+    **told("elastic_coulomb_friction"),
     parameters=(
         Parameter("force", "F", "force at which it slips", lower=0.0),
         Parameter("stiffness", "F/L", "stiffness while it sticks", lower=0.0),
@@ -184,13 +168,6 @@ _ELASTIC_COULOMB_FRICTION = _dry_friction(
     state_sizes=_elastic_coulomb_state_sizes,
     states=1,
     context=("clearance", "step"),
-    looks_like="Parallelogram loops of residual force over displacement; stiff after each "
-    "reversal, then constant. A force without memory cannot follow it.",
-    checks=(
-        "Bolted or clamped joints, belts, friction dampers: clamping force, wear.",
-        "Move slowly to and fro with growing amplitude: small loops are elastic.",
-    ),
-    references=("Gaul and Nitsche (2001), Appl. Mech. Rev. 54(2), 93-106",),
 )
 
 
@@ -217,8 +194,7 @@ def _dahl_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
 
 
 _DAHL_FRICTION = _dry_friction(
-    kind="dahl_friction",
-    title="Dahl friction",
+    **told("dahl_friction"),
     parameters=(
         Parameter("force", "F", "sliding friction force", lower=0.0),
         Parameter("stiffness", "F/L", "stiffness after a reversal", lower=0.0),
@@ -231,13 +207,6 @@ _DAHL_FRICTION = _dry_friction(
     state_sizes=_sliding_state_sizes,
     states=1,
     context=("clearance", "step"),
-    looks_like="Like Coulomb friction, with rounded corners after each reversal: over some way, "
-    "however slowly it is gone.",
-    checks=(
-        "Rolling bearings, seals and dampers: the way over which the force builds up.",
-        "Move slowly to and fro by a few micrometres: the force follows displacement.",
-    ),
-    references=("Dahl (1976), AIAA Journal 14(12), 1675-1682",),
 )
 
 
@@ -259,8 +228,7 @@ def _lugre_gains(values: Values, q: float, v: float) -> Steepness:
 
 
 _LUGRE_FRICTION = _dry_friction(
-    kind="lugre_friction",
-    title="LuGre friction",
+    **told("lugre_friction"),
     parameters=(
         Parameter("force", "F", "sliding friction force at high speed", lower=0.0),
         _STATIC_FORCE,
@@ -280,15 +248,6 @@ _LUGRE_FRICTION = _dry_friction(
     implausible=_implausible,
     states=1,
     context=("step",),
-    looks_like="Like Stribeck friction, with rounded loops after each reversal.",
-    checks=(
-        "Lubricated guides and preloaded bearings; micrometre motion before it breaks away.",
-        "Move to and fro by a few micrometres: force follows displacement like a spring.",
-    ),
-    references=(
-        "Canudas de Wit, Olsson, Astrom, Lischinsky (1995), IEEE Trans. Automatic Control "
-        "40(3), 419-425",
-    ),
 )
 
 

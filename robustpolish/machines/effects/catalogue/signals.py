@@ -6,6 +6,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from robustpolish.base.arrays import Array
+from robustpolish.machines.effects.catalogue import told
 from robustpolish.machines.effects.evaluate import first_order_lag
 from robustpolish.machines.effects.kind import (
     CONSTANT,
@@ -42,17 +43,12 @@ def _input_delay_timing(values: Values) -> Timing:
 
 
 _INPUT_DELAY = EffectKind(
-    kind="input_delay",
-    title="Delay of an input",
+    **told("input_delay"),
     domain="input",
     parameters=(Parameter("delay", "T", "time from the record to the force", lower=0.0),),
     on_signal=_input_delay_on_signal,
     timing=_input_delay_timing,
     shapes=_input_delay_shapes,
-    looks_like="A residual in quadrature, growing with frequency; it looks like negative "
-    "damping at every mode.",
-    checks=("Bus and filter delays, sample-and-hold, clocks of two recorders.",),
-    references=("Ljung (1999), System Identification, section 10.5, Prentice Hall",),
 )
 
 
@@ -82,20 +78,12 @@ def _input_lag_timing(values: Values) -> Timing:
 
 
 _INPUT_LAG = EffectKind(
-    kind="input_lag",
-    title="Lag of an input (actuator)",
+    **told("input_lag"),
     domain="input",
     parameters=(Parameter("lag", "T", "time constant of the actuator", lower=0.0),),
     on_signal=_input_lag_on_signal,
     timing=_input_lag_timing,
     shapes=_input_lag_shapes,
-    looks_like="A residual in quadrature that grows with frequency, as of a delay, and a response "
-    "that is too large at high frequencies.",
-    checks=(
-        "Bandwidth of the current loop, amplifier or valve: measure the force, not the command.",
-        "Inductance over resistance of a coil that is driven with a voltage.",
-    ),
-    references=("Franklin, Powell, Emami-Naeini (2019), Feedback Control, section 2.3, Pearson",),
 )
 
 
@@ -107,15 +95,11 @@ def _gain_on_signal(u: Array, time: Array, values: Values) -> Array:
 
 
 _INPUT_GAIN = EffectKind(
-    kind="input_gain",
-    title="Gain of an input",
+    **told("input_gain"),
     domain="input",
     parameters=(Parameter("gain", "1", "true over measured", default=1.0),),
     on_signal=_gain_on_signal,
     linear_in=("gain",),
-    looks_like="A residual that is a scaled copy of the simulated output, at all frequencies.",
-    checks=("Calibration of the force sensor or amplifier, lever ratios, units of the column.",),
-    references=("Ljung (1999), System Identification, section 14.1, Prentice Hall",),
 )
 
 
@@ -145,8 +129,7 @@ def _input_hold_timing(values: Values) -> Timing:
 
 
 _INPUT_HOLD = EffectKind(
-    kind="input_hold",
-    title="Behaviour of an input between its samples",
+    **told("input_hold"),
     domain="input",
     parameters=(
         Parameter(
@@ -161,10 +144,6 @@ _INPUT_HOLD = EffectKind(
     ),
     on_signal=_input_hold_on_signal,
     timing=_input_hold_timing,
-    looks_like="Half a sample of delay (order 0), or an error that grows with the square of the "
-    "frequency (order 3).",
-    checks=("Whether the input was written by a controller (held) or measured (smooth).",),
-    references=("Pintelon and Schoukens (2012), System Identification, section 13.2, Wiley",),
 )
 
 
@@ -189,8 +168,7 @@ def _input_saturation_on_signal(u: Array, time: Array, values: Values) -> Array:
 
 
 _INPUT_SATURATION = EffectKind(
-    kind="input_saturation",
-    title="Limit of an input (saturation)",
+    **told("input_saturation"),
     domain="input",
     parameters=(
         Parameter("limit", "signal", "largest force to either side", lower=0.0, default=np.inf),
@@ -198,13 +176,6 @@ _INPUT_SATURATION = EffectKind(
     on_signal=_input_saturation_on_signal,
     linear_signal=unchanged_signal,  # below the limit
     shapes=_input_saturation_shapes,
-    looks_like="A residual in phase with the largest forces alone: the machine answers small "
-    "commands as it should and large ones too weakly.",
-    checks=(
-        "Current limit of the amplifier, supply voltage, pressure of the supply of a valve.",
-        "Measure the force instead of the command, or drive with less.",
-    ),
-    references=("Hippe (2006), Windup in Control, chapter 1, Springer",),
 )
 
 
@@ -227,8 +198,7 @@ def _input_dead_zone_on_signal(u: Array, time: Array, values: Values) -> Array:
 
 
 _INPUT_DEAD_ZONE = EffectKind(
-    kind="input_dead_zone",
-    title="Dead zone of an input",
+    **told("input_dead_zone"),
     domain="input",
     parameters=(
         Parameter("width", "signal", "command to either side that does nothing", lower=0.0),
@@ -236,17 +206,6 @@ _INPUT_DEAD_ZONE = EffectKind(
     on_signal=_input_dead_zone_on_signal,
     linear_signal=unchanged_signal,  # beyond it, changes act in full
     shapes=_input_dead_zone_shapes,
-    looks_like="A residual against the sign of the command, where dry friction's is against the "
-    "sign of the velocity: small commands do nothing, large ones too little.",
-    checks=(
-        "Overlap of a valve, a dead band in the controller or the amplifier, a loose coupling "
-        "before the force.",
-        "Give a slow ramp of the command with the machine clamped, and measure the force.",
-    ),
-    references=(
-        "Tao and Kokotovic (1996), Adaptive Control of Systems with Actuator and Sensor "
-        "Nonlinearities, chapter 2, Wiley",
-    ),
 )
 
 
@@ -258,17 +217,13 @@ def _sensor_offset_on_signal(u: Array, time: Array, values: Values) -> Array:
 
 
 _SENSOR_OFFSET = EffectKind(
-    kind="sensor_offset",
-    title="Offset of a sensor",
+    **told("sensor_offset"),
     domain="output",
     parameters=(Parameter("offset", "signal", "shown when there is nothing"),),
     on_signal=_sensor_offset_on_signal,
     linear_signal=unchanged_signal,
     linear_in=("offset",),
     family=CONSTANT,
-    looks_like="This channel's residual has a mean, from the first sample on.",
-    checks=("Zero of the sensor and of its amplifier, drift with temperature.",),
-    references=("Ljung (1999), System Identification, section 14.1, Prentice Hall",),
 )
 
 
@@ -283,15 +238,11 @@ def _sensor_gain_shapes(motion: Motion) -> list[Shape]:
 
 
 _SENSOR_GAIN = EffectKind(
-    kind="sensor_gain",
-    title="Gain of a sensor",
+    **told("sensor_gain"),
     domain="output",
     parameters=(Parameter("gain", "1", "shown over true", default=1.0),),
     on_signal=_gain_on_signal,
     shapes=_sensor_gain_shapes,
-    looks_like="This channel's residual is a scaled copy of the channel; the others fit.",
-    checks=("Calibration of the sensor, its amplifier range, units of the column.",),
-    references=("ISO 16063-21:2003, Vibration calibration by comparison",),
 )
 
 

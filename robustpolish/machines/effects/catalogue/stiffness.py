@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from robustpolish.machines.effects.catalogue import told
 from robustpolish.machines.effects.kind import EffectKind, Parameter, Scan, Steepness, Values
 
 # A spring that hardens or softens with the cube of its elongation.
@@ -14,19 +15,11 @@ def _cubic_stiffness_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
 
 
 _CUBIC_STIFFNESS = EffectKind(
-    kind="cubic_stiffness",
-    title="Cubic stiffness",
+    **told("cubic_stiffness"),
     domain="pair",
     parameters=(Parameter("stiffness", "F/L^3", "cubic coefficient, positive if hardening"),),
     law=_cubic_stiffness_law,
     linear_in=("stiffness",),
-    looks_like="Third harmonics and a resonance that shifts with amplitude; the residual grows "
-    "with the cube of the displacement.",
-    checks=(
-        "Flexures, membranes, clamped beams and magnets at this place.",
-        "Measure the resonance at two amplitudes: it moves with the square of the amplitude.",
-    ),
-    references=("Kovacic and Brennan (2011), The Duffing Equation, Wiley",),
 )
 
 
@@ -38,18 +31,11 @@ def _quadratic_stiffness_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-d
 
 
 _QUADRATIC_STIFFNESS = EffectKind(
-    kind="quadratic_stiffness",
-    title="Quadratic stiffness",
+    **told("quadratic_stiffness"),
     domain="pair",
     parameters=(Parameter("stiffness", "F/L^2", "quadratic coefficient"),),
     law=_quadratic_stiffness_law,
     linear_in=("stiffness",),
-    looks_like="Second harmonics and a mean that drifts with the amplitude.",
-    checks=(
-        "Preloaded or curved springs, asymmetric contacts, magnets on one side.",
-        "Load it statically in both directions: the deflections differ.",
-    ),
-    references=("Kovacic and Brennan (2011), The Duffing Equation, chapter 8, Wiley",),
 )
 
 
@@ -63,8 +49,7 @@ def _backlash_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
 
 
 _BACKLASH = EffectKind(
-    kind="backlash",
-    title="Backlash (clearance)",
+    **told("backlash"),
     domain="pair",
     parameters=(Parameter("gap", "L", "clearance on each side of the middle", lower=0.0),),
     law=_backlash_law,
@@ -72,13 +57,6 @@ _BACKLASH = EffectKind(
     gives=(("clearance", "gap"),),
     context=("spring_stiffness",),
     sharp=True,
-    looks_like="The spring gives way around the middle: a lower resonance at small amplitudes, "
-    "a dead band in the restoring force.",
-    checks=(
-        "Gears, keys, couplings, pins and worn joints at this place: preload, wear.",
-        "Push and pull by hand: it moves without a force inside the clearance.",
-    ),
-    references=("Nordin and Gutman (2002), Automatica 38(10), 1633-1649",),
 )
 
 
@@ -99,8 +77,7 @@ def _contact_stop_on_its_side(values: Values) -> tuple[float, float]:
 
 
 _CONTACT_STOP = EffectKind(
-    kind="contact_stop",
-    title="Contact with a stop",
+    **told("contact_stop"),
     domain="pair",
     parameters=(
         Parameter(
@@ -115,13 +92,6 @@ _CONTACT_STOP = EffectKind(
     linear_in=("stiffness",),
     scan=(Scan("gap", "percentile", (60, 70, 80, 88, 94, 97.5)),),
     sharp=True,
-    looks_like="Short pushes back on one side only; displacements cut off, bursts of the high "
-    "modes.",
-    checks=(
-        "End stops, covers, cables and neighbours that are touched at this displacement.",
-        "Put a thin sheet or a contact indicator into the gap.",
-    ),
-    references=("Shaw and Holmes (1983), J. Sound Vib. 90(1), 129-155",),
 )
 
 
@@ -137,17 +107,12 @@ def _pendulum_gravity_gains(values: Values, q: float, v: float) -> Steepness:
 
 
 _PENDULUM_GRAVITY = EffectKind(
-    kind="pendulum_gravity",
-    title="Gravity on a pendulum",
+    **told("pendulum_gravity"),
     domain="dof",
     parameters=(Parameter("moment", "F", "weight times lever, m g l", lower=0.0),),
     law=_pendulum_gravity_law,
     linear_in=("moment",),
     gains=_pendulum_gravity_gains,
-    looks_like="A spring that softens at large angles; at small ones it is a linear spring and "
-    "cannot be told from one.",
-    checks=("Where the centre of mass hangs: lever arm, counterweight, tilt of the axis.",),
-    references=("Nayfeh and Mook (1979), Nonlinear Oscillations, section 2.1.1, Wiley",),
 )
 
 
