@@ -20,6 +20,7 @@ from robustpolish.base.checks import (
     invalid,
     is_whole,
     known_keys,
+    misfit,
     one_of,
     positive,
 )
@@ -239,8 +240,7 @@ def _places(
             want = f"one of {', '.join(dict.fromkeys(short)) or 'none'}"
             raise invalid(argument, name, want, closest_name_remedy(name, short))
         if place in found:
-            shown = described(f"{name} twice")
-            raise invalid(argument, shown, "different names", "Name each signal once.")
+            raise misfit(argument, f"{name} twice", "different names", "Name each signal once.")
         found.append(place)
     return found or list(range(first or len(known)))
 
@@ -355,8 +355,7 @@ class DesignTask(Displayed):
         one_of("norm", self.norm, ("hinf", "h2"))
         one_of("method", self.method, METHODS)
         if self.order is not None and not (is_whole(self.order) and self.order >= 0):
-            want = "a whole number of at least 0"
-            raise invalid("order", self.order, want, "It counts states.")
+            raise invalid("order", self.order, "a whole number of at least 0", "It counts states.")
         if not isinstance(self.full_state, bool):
             raise invalid("full_state", self.full_state, "true or false", "Choose one of them.")
         for name in ("sample_rate_hz", "anti_aliasing_hz"):
@@ -428,9 +427,8 @@ class DesignTask(Displayed):
         others = {key: value for key, value in given.items() if key not in mixed}
         known_keys(("weights",), others, (*SENSITIVITIES, "channels"))
         if mixed and others:
-            shown = described(f"{', '.join(mixed)} and channels")
-            want = "weights of mixed sensitivity, or of channels"
-            raise invalid("weights", shown, want, "Leave one of both out.")
+            shown, remedy = f"{', '.join(mixed)} and channels", "Leave one of both out."
+            raise misfit("weights", shown, "weights of mixed sensitivity, or of channels", remedy)
         _ = self.prices, self.noises  # wrong names are refused here
         if mixed:
             weights: Any = {key: self._per_channel(key, value) for key, value in mixed.items()}

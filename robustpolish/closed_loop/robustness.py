@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from robustpolish.base.arrays import Matrix, Vector
-from robustpolish.base.checks import described, invalid, is_whole
+from robustpolish.base.checks import described, invalid, is_whole, misfit
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.base.sampling import share_at_least
 from robustpolish.base.sweep import sweep
@@ -213,8 +213,7 @@ def draw(
         raise invalid("samples", samples, "a positive number of machines", "Ask for 200.")
     variances = np.diag(covariance)
     if np.any(variances < 0):
-        shown = described("a negative variance")
-        raise invalid("standard_errors", shown, "errors of at least 0", "Check it.")
+        raise misfit("standard_errors", "a negative variance", "errors of at least 0", "Check it.")
     known = np.isfinite(variances)
     used, left_out = (
         tuple(key for key, here in zip(keys, known == kind, strict=True) if here)
@@ -241,9 +240,8 @@ def draw(
             again = again[np.any(values[again] * sign < 0, axis=1)]
         return used, values, nominal, left_out
     worst = used[int(np.argmax(np.linalg.norm(root, axis=1) / np.maximum(abs(nominal), 1e-300)))]
-    shown = described(f"an error of {worst} as large as its value")
-    remedy = "Hold the number fixed, or measure it better."
-    raise invalid("standard_errors", shown, "smaller errors", remedy)
+    shown, want = f"an error of {worst} as large as its value", "smaller errors"
+    raise misfit("standard_errors", shown, want, "Hold the number fixed, or measure it better.")
 
 
 class FittedModel(Protocol):
@@ -352,15 +350,13 @@ def _source(
     if standard_errors is not None:
         for key in standard_errors:
             if key not in model.parameters:
-                raise invalid(
-                    "standard_errors", key, "a key of model.parameters", "Check its spelling."
-                )
+                want = "a key of model.parameters"
+                raise invalid("standard_errors", key, want, "Check its spelling.")
         errors = np.array([float(error) for error in standard_errors.values()])
         return model, tuple(standard_errors), np.diag(errors**2)
     covariance = getattr(learned, "covariance", None)
     if covariance is None:
-        raise invalid(
-            "standard_errors", None, "errors for a model without a fit", "Pass a mapping by key."
-        )
+        want = "errors for a model without a fit"
+        raise invalid("standard_errors", None, want, "Pass a mapping by key.")
     keys = tuple(str(key) for key in covariance[covariance.dims[0]].values)
     return model, keys, np.asarray(covariance.values, dtype=float)

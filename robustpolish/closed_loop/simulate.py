@@ -14,7 +14,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from robustpolish.base.checks import described, instance_of, invalid, one_of
+from robustpolish.base.checks import described, instance_of, invalid, misfit, one_of
 from robustpolish.base.results import Card, Displayed, Table, bears_prefix, prefix_power, prefixed
 from robustpolish.base.sweep import sweep
 from robustpolish.implementation.sampled_design import SampledDesign
@@ -81,9 +81,8 @@ def _simulated(
     system: control.StateSpace, units: Mapping[str, str], disturbance: xr.Dataset
 ) -> xr.Dataset:
     if "time" not in disturbance.coords:
-        shown = described("no coordinate 'time'")
         remedy = "Add the coordinate with .assign_coords(time=...)."
-        raise invalid("disturbance", shown, "samples over 'time', in s", remedy)
+        raise misfit("disturbance", "no coordinate 'time'", "samples over 'time', in s", remedy)
     if system.input_labels and not any(name in disturbance for name in system.input_labels):
         shown = described(f"variables {', '.join(map(str, disturbance.data_vars)) or 'none'}")
         expected = f"one of {', '.join(map(repr, system.input_labels))} or several"
@@ -184,9 +183,8 @@ def _column(disturbance: xr.Dataset, name: str, unit: str | None) -> np.ndarray:
         raise invalid(f"disturbance[{name!r}]", shown, "('time',)", "Select one trajectory.")
     found = variable.attrs.get("units")
     if unit is not None and found is not None and found != unit:
-        shown = described(f"unit {found}")
         remedy = "Convert the variable and its units attribute."
-        raise invalid(f"disturbance[{name!r}]", shown, f"{unit}, as in the plant", remedy)
+        raise misfit(f"disturbance[{name!r}]", f"unit {found}", f"{unit}, as in the plant", remedy)
     return variable.to_numpy()
 
 

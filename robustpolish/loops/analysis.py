@@ -379,11 +379,8 @@ def loop_analysis(
     lines = measured_plant(plant)
     if lines is None:
         if unstable_poles != 0:
-            want, remedy = (
-                "a count for a measured plant only",
-                "Leave it out: a model tells its poles.",
-            )
-            raise misfit("unstable_poles", "a count for a model", want, remedy)
+            shown, want = "a count for a model", "a count for a measured plant only"
+            raise misfit("unstable_poles", shown, want, "Leave it out: a model tells its poles.")
         return model_analysis(plant, controller, asked, disturbance)  # type: ignore[arg-type]
     if disturbance is not None:
         shown = "a disturbance of a measured plant"

@@ -448,10 +448,9 @@ def loop_of(
 def check_signals(plant: GeneralizedPlant, K: control.StateSpace) -> None:
     """Refuse a controller that does not lead from all measurements to all controls."""
     if (K.noutputs, K.ninputs) != (plant.nu, plant.ny):
-        found = f"{K.ninputs} inputs and {K.noutputs} outputs"
         want = f"{plant.ny} inputs (y) and {plant.nu} outputs (u)"
         remedy = "It leads from the measurements y to the controls u."
-        raise misfit("controller", found, want, remedy)
+        raise misfit("controller", f"{K.ninputs} inputs and {K.noutputs} outputs", want, remedy)
 
 
 def controller_of(controller: Design | GivenController | None) -> GivenController:
@@ -479,10 +478,8 @@ def _as_plant(plant: Any) -> GeneralizedPlant:
     remedy = "Pass what a synthesis returned, or a plant and a controller."
     instance_of("plant", plant, GeneralizedPlant, expected, remedy)
     if plant.nu == 0 or plant.ny == 0:
-        found = f"{plant.nu} controls and {plant.ny} measurements"
-        raise misfit(
-            "plant", found, "at least one of each", "Name measurements= and controls= of the plant."
-        )
+        found, want = f"{plant.nu} controls and {plant.ny} measurements", "at least one of each"
+        raise misfit("plant", found, want, "Name measurements= and controls= of the plant.")
     return plant
 
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
 from robustpolish.base.arrays import Array
-from robustpolish.base.checks import described, invalid, matrix
+from robustpolish.base.checks import invalid, matrix, misfit
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.evaluate import compiled_law, first_order_lag
 from robustpolish.machines.effects.kind import Timing
@@ -166,8 +166,7 @@ def _signals(model: MechanicalData, data: xr.Dataset) -> tuple[Array, Intersampl
     """Return the signals at the samples, and between them where one of them is not linear."""
     for name in model.input_names:
         if name not in data:
-            shown = described(f"no column {name!r}")
-            raise invalid("data", shown, "every input", "Check the column names.")
+            raise misfit("data", f"no column {name!r}", "every input", "Check the column names.")
     time = np.asarray(data["time"].values, dtype=float)
     step = (time[-1] - time[0]) / (time.size - 1)
     m = model.matrices
@@ -278,12 +277,10 @@ def raw_outputs(model: MechanicalData, Y: Array, time: Array) -> Array:
     for effect in effects:
         j = model.output_names.index(effect.at[0])
         if np.max(left_over[:, j], initial=0.0) > _LINEARITY_TOLERANCE * size[j]:
-            raise invalid(
-                f"{effect.kind}.on_signal",
-                described(f"an effect on {effect.at[0]!r} that measured data cannot be freed of"),
-                "each sample times a factor plus a constant",
-                "Such an effect can be simulated only.",
-            )
+            shown = f"an effect on {effect.at[0]!r} that measured data cannot be freed of"
+            want = "each sample times a factor plus a constant"
+            remedy = "Such an effect can be simulated only."
+            raise misfit(f"{effect.kind}.on_signal", shown, want, remedy)
     return np.ascontiguousarray(raw)
 
 

@@ -11,7 +11,7 @@ from control.exception import ControlMIMONotImplemented
 from numpy.typing import ArrayLike
 
 from robustpolish.base.arrays import AnyArray, Matrix, Vector
-from robustpolish.base.checks import described, invalid, is_whole, matrix, state_space
+from robustpolish.base.checks import described, invalid, is_whole, matrix, misfit, state_space
 
 
 class PlantBlocks:
@@ -274,9 +274,8 @@ def _checked(plant: PlantBlocks, controller: control.StateSpace | ArrayLike) -> 
         raise invalid("controller", shown, want, "Check measurements= and controls= of the plant.")
     static = controller.nstates == 0
     if not static and controller.dt is not None and controller.dt != plant.dt:
-        shown = described(f"sampling time {controller.dt}")
-        remedy = "Discretise the plant or the controller first."
-        raise invalid("controller", shown, f"{plant.dt} like the plant", remedy)
+        shown, want = f"sampling time {controller.dt}", f"{plant.dt} like the plant"
+        raise misfit("controller", shown, want, "Discretise the plant or the controller first.")
     return controller
 
 
@@ -323,8 +322,7 @@ def as_state_space(
     if isinstance(value, control.TransferFunction):
         return _realised(argument, value, dt, inputs, outputs)
     if isinstance(value, control.InputOutputSystem | control.LTI):
-        shown = described(type(value).__name__)
-        raise invalid(argument, shown, _KINDS, "Fit or linearise it first.")
+        raise misfit(argument, type(value).__name__, _KINDS, "Fit or linearise it first.")
     if value is None or isinstance(value, str):
         raise invalid(argument, value, _KINDS, "Pass one of these.")
     gain = matrix(argument, value)

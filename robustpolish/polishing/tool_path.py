@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline, CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
-from robustpolish.base.checks import described, invalid, positive
+from robustpolish.base.checks import described, invalid, misfit, positive
 from robustpolish.base.input_files import FileSpec
 from robustpolish.base.jit import njit
 from robustpolish.polishing.surfaces.importers import FILE, Unit, csv_rows, scale_of
@@ -176,9 +176,8 @@ def read_csv(path: str | Path, unit: str, file: FileSpec = FILE) -> tuple[Floats
     path = Path(path)
     names = {(name or "").strip().lower(): name for name in (rows[0] if rows else {})}
     if not {"x", "y"} <= set(names):
-        shown = described(f"columns {', '.join(names) or 'none'} in {path.name}")
-        remedy = "Name them in its first row."
-        raise invalid("path", shown, "columns x and y, and perhaps t", remedy)
+        shown = f"columns {', '.join(names) or 'none'} in {path.name}"
+        raise misfit("path", shown, "columns x and y, and perhaps t", "Name them in its first row.")
     wanted = [names[key] for key in ("x", "y", "t") if key in names]
     try:
         table = np.array([[float(row[name]) for name in wanted] for row in rows])
@@ -507,9 +506,8 @@ class ToolPath:
     def _at(self, time: ArrayLike, derivative: int) -> Floats:
         moments, late = np.asarray(time, dtype=float), 1e-9 * self.interval
         if moments.size and not (moments.min() >= -late and moments.max() <= self.duration + late):
-            shown = described(f"times from {moments.min():g} to {moments.max():g} s")
-            expected = f"from 0 to {self.duration:g} s, where the path is"
-            raise invalid("time", shown, expected, "Stay on it.")
+            shown, remedy = f"times from {moments.min():g} to {moments.max():g} s", "Stay on it."
+            raise misfit("time", shown, f"from 0 to {self.duration:g} s, where the path is", remedy)
         knots = self.interval * np.arange(-3.0, len(self.places) + 3.0)
         found = BSpline(knots, coefficients(self.places), 3)(moments, nu=derivative)
         return np.moveaxis(found, -1, 0)

@@ -300,8 +300,7 @@ def _check_numbers(data: xr.DataArray) -> None:
     frequency, what = data["frequency"].values, "frequency response"
     twice = np.flatnonzero(np.diff(frequency) == 0)
     if frequency.size < 3:
-        lines = f"{frequency.size} lines"
-        raise misfit(what, lines, "three or more", "Measure more frequencies.")
+        raise misfit(what, f"{frequency.size} lines", "three or more", "Measure more frequencies.")
     if not np.isfinite(frequency).all() or frequency[0] < 0:
         raise misfit("frequency", "negative or no numbers", "Hz from 0", "Leave them out.")
     if twice.size:
@@ -386,18 +385,14 @@ def estimate_frequency_response(
     sources, ends = ([n] if isinstance(n, str) else list(n) for n in (inputs, outputs))
     u, y = (_columns(data, each) for each in (sources, ends))
     if method != "H1" and len(u) > 1:
-        shown = f"{len(u)} inputs for {method}"
-        raise misfit("method", shown, "one input, or H1", "Choose H1.")
+        raise misfit("method", f"{len(u)} inputs for {method}", "one input, or H1", "Choose H1.")
     samples, dt = data.sizes["time"], sampling_time(data)
     length = max(samples // _SEGMENTS, 8)
     if segment is not None:
         length = round(positive("segment", segment, "s") / dt)
         if not 8 <= length <= samples:
-            shown, want = (
-                f"{segment:g} s, {length} samples",
-                f"8 to {samples} samples of {dt:.6g} s",
-            )
-            raise misfit("segment", shown, want, "Choose an eighth of the record.")
+            shown, remedy = f"{segment:g} s, {length} samples", "Choose an eighth of the record."
+            raise misfit("segment", shown, f"8 to {samples} samples of {dt:.6g} s", remedy)
     share = positive("overlap", overlap, zero=True)
     if share > 0.9:
         raise invalid("overlap", overlap, "a share of at most 0.9", "Choose 0.5.")

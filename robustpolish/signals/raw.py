@@ -116,11 +116,8 @@ def library_errors(source: object, kind: str) -> Iterator[None]:
         raise
     except Exception as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        want, remedy = (
-            f"a readable {kind} file",
-            "Check that the file is whole and its suffix right.",
-        )
-        raise misfit("measurement", f"{source} ({reason})", want, remedy) from None
+        shown, remedy = f"{source} ({reason})", "Check that the file is whole and its suffix right."
+        raise misfit("measurement", shown, f"a readable {kind} file", remedy) from None
 
 
 # What a reader gets out of a file of frequency responses, before any check.

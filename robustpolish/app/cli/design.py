@@ -17,7 +17,7 @@ from robustpolish.app.design_task import METHODS, machine_plant
 from robustpolish.app.html import Report, render_html
 from robustpolish.app.machine_design import design_machine, read_design_task
 from robustpolish.base.budget import progress_bar
-from robustpolish.base.checks import described, invalid, positive
+from robustpolish.base.checks import described, invalid, misfit, positive
 from robustpolish.linear.modes import modes as modes_of
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
@@ -98,8 +98,7 @@ channel_options = cli.options(
 def named_machine(model: str | None, plant: str | None) -> MechanicalModel | GeneralizedPlant:
     """Return the machine in a file, which exactly one of two options names."""
     if model is not None and plant is not None:
-        shown = described("--model and --plant")
-        raise invalid("--plant", shown, "one of the two", "Leave one out.")
+        raise misfit("--plant", "--model and --plant", "one of the two", "Leave one out.")
     if plant is not None:
         return GeneralizedPlant.load(plant)
     return MechanicalModel.from_toml(Path(model or ""))
@@ -339,8 +338,7 @@ def margins(
     is 0 however small the margins are, and 2 for bad input.
     """
     if plant is not None and model is not None:
-        shown = described("--plant and --model")
-        raise invalid("--model", shown, "one of the two", "Leave one out.")
+        raise misfit("--model", "--plant and --model", "one of the two", "Leave one out.")
     asked = LoopRequirements(sample_rate_hz=sample_rate, delay_s=delay)
     design = Design.load(design_file)
     machine = _machine(design, plant, model)

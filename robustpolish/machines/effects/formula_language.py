@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from robustpolish.base.checks import Key, described, invalid, one_of
+from robustpolish.base.checks import Key, described, invalid, misfit, one_of
 
 # A formula as a list of operations.
 #
@@ -27,26 +27,13 @@ T = TypeVar("T")
 MOTION = ("q", "v", "t")
 """Relative displacement, relative velocity and time, which every formula may name."""
 FUNCTIONS: Mapping[str, Any] = {
-    "sin": np.sin,
-    "cos": np.cos,
-    "tan": np.tan,
-    "exp": np.exp,
-    "log": np.log,
-    "sqrt": np.sqrt,
-    "abs": np.abs,
-    "sign": np.sign,
-    "tanh": np.tanh,
-    "arctan": np.arctan,
+    name: getattr(np, name)
+    for name in ["sin", "cos", "tan", "exp", "log", "sqrt", "abs", "sign", "tanh", "arctan"]
 }
 PAIRS: Mapping[str, Any] = {
-    "+": np.add,
-    "-": np.subtract,
-    "*": np.multiply,
-    "/": np.divide,
-    "**": np.power,
-    "min": np.minimum,
-    "max": np.maximum,
-}
+    "+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide, "**": np.power,
+    "min": np.minimum, "max": np.maximum,
+}  # fmt: skip
 _OPERATIONS: Mapping[str, Any] = {**FUNCTIONS, **PAIRS, "negative": np.negative}
 
 
@@ -392,12 +379,10 @@ def read_formula(text: str, declared: Iterable[str]) -> PostfixProgram:
             name, single = node.func.id, node.func.id in FUNCTIONS
             if not single and name not in ("min", "max"):
                 want = f"one of {', '.join(FUNCTIONS)}, min, max"
-                shown = described(f"{name}(...)")
-                raise invalid("formula", shown, want, "Use one of these functions.")
+                raise misfit("formula", f"{name}(...)", want, "Use one of these functions.")
             if node.keywords or (len(node.args) != 1 if single else len(node.args) < 2):
                 want = "one argument" if single else "two arguments or more"
-                shown = described(f"{name} with {len(node.args)}")
-                raise invalid("formula", shown, want, "Correct it.")
+                raise misfit("formula", f"{name} with {len(node.args)}", want, "Correct it.")
             for i, argument in enumerate(node.args):
                 append(argument, depth + 1)
                 if i or single:
@@ -475,21 +460,15 @@ _WORD = r"[A-Za-zµμΩ°%]{1,20}"
 _TAKEN = ("F", "L", "T", "M", "signal")  # letters of `Parameter.dimension`
 
 _TRANSLATION: Mapping[str, Powers] = {
-    "N": {"F": 1.0},
-    "m": {"L": 1.0},
-    "s": {"T": 1.0},
-    "kg": {"M": 1.0},
-    "rad": {},
+    "N": {"F": 1.0}, "m": {"L": 1.0}, "s": {"T": 1.0}, "kg": {"M": 1.0}, "rad": {},
     "Hz": {"T": -1.0},
-}
+}  # fmt: skip
 # A torque is a force times a length that is none of the machine's angles.
-_ROTATION: Mapping[str, Powers] = {
+_ROTATION: Mapping[str, Powers] = _TRANSLATION | {
     "N": {"F": 1.0, "metre": -1.0},
     "m": {"metre": 1.0},
-    "s": {"T": 1.0},
     "kg": {"M": 1.0, "metre": -2.0},
     "rad": {"L": 1.0},
-    "Hz": {"T": -1.0},
 }
 _MOTION: Mapping[str, Powers] = {"q": {"L": 1.0}, "v": {"L": 1.0, "T": -1.0}, "t": {"T": 1.0}}
 _FORCE: Powers = {"F": 1.0}
@@ -619,9 +598,8 @@ def dimensions(
         best = best or found
     if best is not None:
         return best
-    shown = described(f"{formula.text!r}, where {why}")
-    remedy = "Check the units of the parameters, and brackets."
-    raise invalid("formula", shown, "a force in N, or a torque in N m", remedy)
+    shown, want = f"{formula.text!r}, where {why}", "a force in N, or a torque in N m"
+    raise misfit("formula", shown, want, "Check the units of the parameters, and brackets.")
 
 
 def _in_letters(powers: Powers, table: Mapping[str, Powers]) -> Powers:

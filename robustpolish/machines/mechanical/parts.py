@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from robustpolish.base.arrays import Matrix
-from robustpolish.base.checks import Key, described, instance_of, invalid, one_of, positive
+from robustpolish.base.checks import Key, described, instance_of, invalid, misfit, one_of, positive
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import GROUND
 
@@ -496,10 +496,9 @@ def _check_imposed_motions(inputs: Sequence[Input]) -> None:
             raise invalid("motion_of", item.on[0], one, "Remove the other input.", key)
     for (name, quantity), item in motions.items():
         if (name, DISPLACEMENT) not in motions:
-            shown = described(f"{quantity} of {name!r} only")
+            shown, want = f"{quantity} of {name!r} only", "its displacement too"
             remedy = "Add an input for the displacement; velocity and acceleration go with it."
-            key = ("input", item.name, "motion_of")
-            raise invalid("motion_of", shown, "its displacement too", remedy, key)
+            raise misfit("motion_of", shown, want, remedy, ("input", item.name, "motion_of"))
     for item in inputs:
         if item.imposes is None and (item.on[0], DISPLACEMENT) in motions:
             shown = described(f"a force on {item.on[0]!r}, whose motion is imposed")
@@ -536,9 +535,8 @@ def _weights(argument: Key, item: Output, dofs: Mapping[str, Dof]) -> tuple[floa
     weights, where = item.weights, (*argument, "weights")
     fits = isinstance(weights, Sequence) and not isinstance(item.of, str)
     if not fits or not weights or len(weights) != len(item.of) or len({*item.of}) != len(item.of):
-        want = "one number for each coordinate, each named once"
-        remedy = "Write measures = { q1 = 0.8, q2 = -0.3 }."
-        raise invalid(where, described(f"{weights} for {item.of}"), want, remedy)
+        shown, want = f"{weights} for {item.of}", "one number for each coordinate, each named once"
+        raise misfit(where, shown, want, "Write measures = { q1 = 0.8, q2 = -0.3 }.")
     for name in item.of:
         if name not in dofs:
             remedy = "Check the spelling or add the dof."
