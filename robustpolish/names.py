@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ast
+import re
 import sys
 import warnings
 from collections.abc import Callable
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -33,54 +35,13 @@ MOVED = {
     "synthesis": ("polishing",),
 }
 """Packages some of whose names have moved, and the modules that hold these."""
-OTHER_TOOLBOXES = {
-    "hinfsyn": 'output_feedback(plant, norm="hinf")',
-    "h2syn": 'output_feedback(plant, norm="h2")',
-    "hinfstruct": "structured_output_feedback(plant, ...)",
-    "systune": "structured_output_feedback(plant, ...)",
-    "musyn": 'robust_output_feedback(plant, "y", "u")',
-    "dksyn": 'robust_output_feedback(plant, "y", "u")',
-    "lqr": 'state_feedback(plant, norm="h2")',
-    "lqg": 'output_feedback(plant, norm="h2")',
-    "loopsyn": "loop_shaping(plant, ...)",
-    "ncfsyn": "loop_shaping(plant, ...)",
-    "mixsyn": "mixed_sensitivity(plant, ...)",
-    "augw": "mixed_sensitivity(plant, ...)",
-    "makeweight": "weight(...)",
-    "robstab": "robust_stability(system)",
-    "robgain": "robust_performance(system, ...)",
-    "wcgain": "worst_case_gain(system)",
-    "mussv": "structured_singular_value(M, ...)",
-    "ureal": "uncertain.real(...)",
-    "ucomplex": "uncertain.complex(...)",
-    "ultidyn": "uncertain.dynamics(...)",
-    "ucover": "uncertain.cover(...)",
-    "gapmetric": "uncertain.nu_gap(...)",
-    "ncfmargin": "uncertain.ncf_margin(...)",
-    "hinfnorm": "hinf_norm(system)",
-    "norm": "hinf_norm(system) or rp.h2_norm(system)",
-    "sigma": "singular_values(system, ...)",
-    "damp": "modes(system)",
-    "ctrb": "controllability(system)",
-    "obsv": "observability(system)",
-    "ssbal": "linear.scale_system(system)",
-    "prescale": "linear.prescale(system)",
-    "margin": "loop_analysis(plant, controller)",
-    "allmargin": "loop_analysis(plant, controller)",
-    "diskmargin": "loop_analysis(plant, controller)",
-    "loopsens": "loop_analysis(plant, controller)",
-    "bode": "plots.plot_bode(...) or control.bode_plot(system)",
-    "nyquist": "plots.plot_nyquist(...) or control.nyquist_plot(system)",
-    "pid": "tunable.pid(...)",
-    "c2d": "implementation.certify_sampled(plant, ...)",
-    "lsim": "simulation.linear_response(system, ...)",
-    "iddata": "read_measurement(path)",
-    "greyest": "refit(model, data)",
-    "resid": "residual_analysis(model, data)",
-    "spafdr": "estimate_frequency_response(data, ...)",
-    "tfestimate": "estimate_frequency_response(data, ...)",
-}
-"""Calls that do what a function of MATLAB's toolboxes or of python-control does."""
+
+
+@cache
+def other_toolboxes() -> dict[str, str]:
+    """Return calls that do what functions of MATLAB's toolboxes or of python-control do."""
+    text = Path(__file__).with_name("other_toolboxes.txt").read_text("utf-8")
+    return dict(re.findall(r"(\w+) +(.*)", text))
 
 
 def namespace(file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
@@ -116,7 +77,7 @@ def find(name: str) -> Any:
             found = import_module(f"robustpolish.{module}")
             if name in dir(found):
                 return _moved(f"robustpolish.{name}", found, name)
-    hint = f"; use rp.{OTHER_TOOLBOXES[name]}" if name in OTHER_TOOLBOXES else ""
+    hint = f"; use rp.{other_toolboxes()[name]}" if name in other_toolboxes() else ""
     raise AttributeError(f"module 'robustpolish' has no attribute {name!r}{hint}")
 
 

@@ -73,10 +73,10 @@ def test_names_of_other_toolboxes_are_answered_with_ours(name, ours):
         getattr(rp, name)
 
 
-@pytest.mark.parametrize("name", names.OTHER_TOOLBOXES)
+@pytest.mark.parametrize("name", names.other_toolboxes())
 def test_what_is_proposed_exists(name):
     found = rp
-    for part in names.OTHER_TOOLBOXES[name].partition("(")[0].split("."):
+    for part in names.other_toolboxes()[name].partition("(")[0].split("."):
         found = getattr(found, part)
     assert callable(found)
 
