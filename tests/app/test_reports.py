@@ -69,12 +69,8 @@ def job():
 
 def test_the_report_and_summary_of_an_ideal_design(job, tmp_path):
     report = brush_design_report(job)
-    assert report.verdict == job.verdict()
-    assert report.good is job.design.certificate.valid
-    assert [section.title for section in report.sections] == [
-        "What was gained", "Effort and price", "Certificate", "Load", "Machine",
-    ]  # fmt: skip
-    effort, load = report.sections[1], report.sections[3]
+    assert (report.verdict, report.good) == (job.verdict(), job.design.certificate.valid)
+    effort, load = section(report, "Effort and price"), section(report, "Load")
     assert effort.text[0] == "The gain was kept below 2e+06 (largest singular value)."
     rows = {row[0]: row for row in effort.tables[0].rows}
     response = job.comparison.responses["with control"]
@@ -87,9 +83,7 @@ def test_the_report_and_summary_of_an_ideal_design(job, tmp_path):
     assert [row["row"] for row in found["rows"]] == ["without control", "with control"]
     assert found["rows"][0]["improvement_percent"]["x"] is None  # nothing moved
     assert found["certificate"]["valid"] is True
-    assert found["units"]["deviation"] == {"x": "m", "y": "m", "z": "m"}
-    assert found["units"]["effort"] == "N"
-    assert found["units"]["states"]["dx"] == "m/s"
+    assert (found["units"]["effort"], found["units"]["states"]["dx"]) == ("N", "m/s")
     save_brush_design(job, tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {
         "table.csv", "gain.csv", "figure.png", "disturbance.nc",
@@ -103,51 +97,50 @@ def test_the_report_and_summary_of_an_ideal_design(job, tmp_path):
 
 
 def test_sections_of_a_controller_that_can_be_built(buildable_job):
-    section = buildability_section(buildable_job)
-    words = " ".join(section.text)
+    part = buildability_section(buildable_job)
+    words = " ".join(part.text)
     assert buildable_job.loop.explain() in words
     assert buildable_job.sampled.message in words
     ideal = 1e6 * buildable_job.ideal_loop.delay_margin
     assert f"ideal bears a delay of {ideal:.3g} µs" in words
-    assert len(section.pictures) == 1
-    beside, costs = section.tables
+    assert len(part.pictures) == 1
+    beside, costs = part.tables
     rows = {row[0]: row[1:] for row in beside.rows}
     gain_db, _ = rows["disk margin, one loop at a time [dB]"]
     phase_deg, _ = rows["disk margin, one loop at a time [deg]"]
     assert gain_db >= 6
     assert phase_deg >= 30
     assert costs.rows == hardware_limits_table(buildable_job).rows
-    table = hardware_limits_table(buildable_job)
-    rows = {row[0]: row for row in table.rows}
+    rows = {row[0]: row for row in costs.rows}
     assert rows["as it can be built"][2] == 1
     deviation = {row.what: row.deviation for row in buildable_job.limits}["as it can be built"]
-    assert table.columns[3] == "largest deviation [µm]"
+    assert costs.columns[3] == "largest deviation [µm]"
     assert rows["as it can be built"][3] == pytest.approx(1e6 * deviation)
     built, faster = rows["as it can be built"][1], rows["ten times the sampling"][1]
     assert rows["ten times the sampling"][2] == pytest.approx(faster / built)
-    words = buildability_section(buildable_job).text[-1]
+    words = part.text[-1]
     factor = built / rows["the thesis's ideal"][1]
     assert f"a factor of {factor:.3g}" in words
     assert "ten times the sampling" in words
-    section = assumptions_section(buildable_job)
-    points = " ".join(section.points)
+    part = assumptions_section(buildable_job)
+    points = " ".join(part.points)
     for subject in ("delay", "Slower sampling", "Slower actuators", "Flexible modes", "Noise",
                     "Saturation", "Drift", "Gyroscopic"):  # fmt: skip
         assert subject in points
     assert f"{1e6 * buildable_job.loop.delay_margin:.3g} µs more" in points
     assert f"below {buildable_job.slowest_actuator_hz:.0f} Hz" in points
     assert not re.search(r"\b(nan|inf)\b", points)
-    (table,) = section.tables
+    (table,) = part.tables
     assert [row[0] for row in table.rows] == list(buildable_job.survived)
     assert all(row[1] for row in table.rows)
-    section = z_deviation_section(buildable_job)
-    words = " ".join(section.text)
+    part = z_deviation_section(buildable_job)
+    words = " ".join(part.text)
     deviation = buildable_job.comparison.table["deviation"].sel(signal="z")
     for row in ("without control", "thesis's ideal"):
         assert f"{1e9 * float(deviation.sel(row=row)):.0f} nm" in words
     static = 1e9 * abs(buildable_job.static_deflection)
     assert f"bends z by {static:.0f} nm" in words
-    assert len(section.pictures) == 1
+    assert len(part.pictures) == 1
 
 
 def test_the_whole_report_its_summary_and_files(buildable_job, tmp_path):
@@ -160,16 +153,9 @@ def test_the_whole_report_its_summary_and_files(buildable_job, tmp_path):
     assert [row["what"] for row in found["limits"]] == [row.what for row in buildable_job.limits]
     assert found["hardware"]["sample_rate_hz"] == 20e3
     report = brush_design_report(buildable_job)
-    assert [section.title for section in report.sections] == [
-        "What was gained", "Can it be built?", "What could go wrong", "Why z is left alone",
-        "Effort", "Certificate", "Load", "Machine",
-    ]  # fmt: skip
     assert report.good
-    page = render_html(report, "1.2.3")
-    assert "Can it be built?" in page
-    shown = brush_design_text(buildable_job)
-    assert "What reality costs" in shown
-    assert "disk margin, one loop at a time [dB]" in shown
+    assert "Can it be built?" in render_html(report, "1.2.3")
+    assert "disk margin, one loop at a time [dB]" in brush_design_text(buildable_job)
     save_brush_design(buildable_job, tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {
         "table.csv", "limits.csv", "figure.png", "disturbance.nc", "controller.c",
@@ -188,9 +174,7 @@ def found():
 def test_the_report_of_a_machine_and_its_files(found, tmp_path):
     report = machine_design_report(found)
     assert report.title == "Controller for spindle on its slide"
-    titles = [section.title for section in report.sections]
-    assert titles == ["What was gained", "Can it be built?", "Why it can be trusted"]
-    assert report.sections[1].points == found.analysis.problems
+    assert section(report, "Can it be built?").points == found.analysis.problems
     assert "Largest gains" in render_html(report, "1")
     save_machine_design(found, tmp_path)
     design = rp.results.Design.load(tmp_path / "design.json")
@@ -211,19 +195,12 @@ def section(report, title):
     return next(part for part in report.sections if part.title == title)
 
 
-def test_without_data_there_is_no_where(told):
+def test_which_and_how_much_and_what_to_check(told):
     report = diagnosis_report(told)
     assert report.title == "Diagnosis of slide"
     assert report.good
     assert report.verdict.endswith(told.reasons[0])
-    assert [part.title for part in report.sections] == [
-        "Which effects were added", "How much of the error is gone", "What is left",
-        "What to check on the machine", "Candidates", "All fitted numbers",
-    ]  # fmt: skip
-
-
-def test_which_and_how_much_and_what_to_check(told):
-    report = diagnosis_report(told)
+    assert "Where the model failed" not in [part.title for part in report.sections]  # no data
     which = section(report, "Which effects were added")
     row = ("coulomb_friction", "x, ground", "force", 3.1, 0.02, "N")
     assert which.tables[0].rows == (row,)
@@ -232,10 +209,9 @@ def test_which_and_how_much_and_what_to_check(told):
     assert fall.rows == (
         ("base", 0.5), ("refit", 0.31), ("coulomb_friction", 0.0123456789), ("noise floor", 0.01),
     )  # fmt: skip
-    checks = section(diagnosis_report(told), "What to check on the machine")
+    checks = section(report, "What to check on the machine")
     assert len(checks.points) == len(lookup("coulomb_friction").checks)
     assert checks.tables[0].rows[0][2] == "Move slowly, <1 mm/s, and change the speed."
-    report = diagnosis_report(told)
     assert ("spring[0].stiffness", 8e4, None, "N/m") in section(
         report, "All fitted numbers"
     ).tables[0].rows

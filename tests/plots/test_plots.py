@@ -232,13 +232,8 @@ def test_a_single_peak_survives_the_reduction():
     values = np.zeros(100_001)
     values[54_321] = 7.0
     values[-1] = -3.0
-    signal = xr.DataArray(
-        values,
-        dims="time",
-        coords={"time": np.arange(values.size) / 2e4},
-        name="y",
-        attrs={"units": "m"},
-    )
+    time = {"time": np.arange(values.size) / 2e4}
+    signal = xr.DataArray(values, time, "time", "y", {"units": "m"})
     axes = plot_time_series({"y": signal})
     time, drawn = axes.lines[0].get_data()
     assert drawn.size < 6000
@@ -247,19 +242,6 @@ def test_a_single_peak_survives_the_reduction():
     assert time[np.argmax(drawn)] == 54_321 / 2e4
     assert (np.diff(time) > 0).all()
     assert axes.get_legend() is None
-
-
-def signal(name, values, unit="N"):
-    time = np.linspace(0.0, 1.0, len(values))
-    return xr.DataArray(values, {"time": time}, "time", name, {"units": unit})
-
-
-def test_names_stand_above_a_band():
-    quick = signal("y", np.sin(np.linspace(0.0, 5000.0, 20_001)))
-    ax = plot_time_series({"without": quick, "with": 0.0 * quick}, bands=True)
-    ax.figure.canvas.draw()
-    box = ax.get_legend().get_window_extent()
-    assert box.y0 >= ax.get_window_extent().y1 - 1
 
 
 # Signals before and after, one panel each.
@@ -321,7 +303,7 @@ def test_what_each_model_leaves_stands_below_it():
         {str(line.get_label()): line.get_color() for line in ax.lines} for ax in (above, below)
     ]
     assert colours[1].items() <= colours[0].items()
-    assert below.get_ylabel() == "residual [m]" or below.get_ylabel().startswith("residual")
+    assert below.get_ylabel() == "residual [mm]"
 
 
 def test_a_stretch_is_shown_large_and_marked_in_the_whole():
@@ -442,8 +424,6 @@ def test_the_surface_has_units_and_a_line_where_the_force_turns():
     assert ax.get_ylabel() == "velocity [mm/s]"
     assert ax.figure.axes[1].get_ylabel() == "force [N]"
     assert names(ax) == ["no force"]
-    ax.figure.canvas.draw()
-    assert not ax.get_legend().get_window_extent().overlaps(ax.get_window_extent())  # off the map
 
 
 def test_the_line_of_a_surface_ignores_cells_that_few_samples_visited():
