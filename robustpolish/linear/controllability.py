@@ -287,7 +287,8 @@ def _distance(
     n = A.shape[0]
     x, best = complex(values[which]), np.inf
     for _ in range(30):
-        u, s, _ = np.linalg.svd(np.hstack([A - x * np.eye(n), B]), full_matrices=False)
+        pencil = np.hstack([A - x * np.eye(n), B])
+        u, s, _ = np.linalg.svd(pencil, full_matrices=False)
         smallest = float(s[-1])
         if smallest >= best * (1 - 1e-3):
             return min(best, smallest)

@@ -112,8 +112,8 @@ class BlockGain:
         M = np.zeros(self.wires.T.shape)
         for wired in self.stages:
             M[wired.entries] = wired.stage.matrix(wired.values(numbers))
-        one = np.eye(len(self.wires))
-        return M, np.linalg.inv(one - self.wires @ M) if self.wires.any() else one
+        loop = np.eye(len(self.wires)) - self.wires @ M
+        return M, np.linalg.inv(loop) if self.wires.any() else loop
 
 
 # Blocks put on a plant: which signals they join, how all is called, which numbers are free.

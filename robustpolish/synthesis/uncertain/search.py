@@ -141,14 +141,16 @@ class Filter:
     @property
     def matrices(self) -> Controller:
         """The sections in series: A, B, C and D."""
-        A, B, C, D = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.eye(1) * self.gain
+        K = Controller(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.eye(1) * self.gain)
         for zero, pole in zip(self.zeros, self.poles, strict=True):
             # (s/z + 1)/(s/p + 1) = p/z + (1 - p/z) p / (s + p)
             ratio = pole / zero
             c, b = np.array([[(1 - ratio) * np.sqrt(pole)]]), np.array([[np.sqrt(pole)]])
-            A = np.block([[A, np.zeros((len(A), 1))], [b @ C, -pole * np.eye(1)]])
-            B, C, D = np.vstack([B, b @ D]), np.hstack([ratio * C, c]), ratio * D
-        return Controller(A, B, C, D)
+            K = Controller(
+                np.block([[K.A, np.zeros((len(K.A), 1))], [b @ K.C, -pole * np.eye(1)]]),
+                np.vstack([K.B, b @ K.D]), np.hstack([ratio * K.C, c]), ratio * K.D,
+            )  # fmt: skip
+        return K
 
     @classmethod
     def of(cls, numbers: Vector) -> Filter:
