@@ -174,10 +174,15 @@ def riccati(F: Array, C: Array, Q: Array, R: Array, N: Array) -> Array:
     A = A / scale[:, None] * scale
     G = G / np.outer(scale, scale)
     P = Q * np.outer(scale, scale)
+    eye = np.eye(n)
     for _ in range(60):
-        A, G, change = _doubled(A, G, P)
+        W = eye + G @ P
+        VA = np.linalg.solve(W, A)
+        change = A.T @ P @ VA
+        G = G + A @ np.linalg.solve(W, G @ A.T)
         P = P + change
-        P = (P + P.T) / 2
+        A = A @ VA
+        P, G = (P + P.T) / 2, (G + G.T) / 2
         if np.max(np.abs(np.diag(change))) <= 1e-12 * np.max(np.abs(np.diag(P))):
             break
     found = P / np.outer(scale, scale)
@@ -186,14 +191,6 @@ def riccati(F: Array, C: Array, Q: Array, R: Array, N: Array) -> Array:
     if not np.max(np.abs(error)) <= _UNSOLVED * np.max(np.abs(P)):
         raise np.linalg.LinAlgError("the observer's equation has no solution within rounding")
     return found
-
-
-def _doubled(A: Array, G: Array, P: Array) -> tuple[Array, Array, Array]:
-    """Return A and G of twice as many samples, and what they add to P."""
-    W = np.eye(len(A)) + G @ P
-    VA, VG = np.linalg.solve(W, A), np.linalg.solve(W, G @ A.T)
-    G = G + A @ VG
-    return A @ VA, (G + G.T) / 2, A.T @ P @ VA
 
 
 def scales_of(model: MechanicalModel, record: Record) -> Scales:

@@ -112,8 +112,11 @@ class BlockGain:
         M = np.zeros(self.wires.T.shape)
         for wired in self.stages:
             M[wired.entries] = wired.stage.matrix(wired.values(numbers))
-        loop = np.eye(len(self.wires)) - self.wires @ M
-        return M, np.linalg.inv(loop) if self.wires.any() else loop
+        one = np.eye(len(self.wires))
+        if not self.wires.any():
+            return M, one
+        loop = one - self.wires @ M
+        return M, np.linalg.inv(loop)
 
 
 # Blocks put on a plant: which signals they join, how all is called, which numbers are free.
