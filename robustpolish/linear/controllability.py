@@ -16,9 +16,14 @@ from robustpolish.base.checks import described, invalid, matrix, positive, squar
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.linear.arithmetic.rational import EXACT_STATES, rational
 from robustpolish.linear.arithmetic.realisation import Realisation, realisation
-from robustpolish.linear.eigen import EPS, eigensystem, pair_text
 from robustpolish.linear.scaling import decoupled_blocks, equilibrating_scales, in_units
-from robustpolish.linear.stability import poles_by_side, unreachable_poles
+from robustpolish.linear.stability import (
+    EPS,
+    eigensystem,
+    pair_text,
+    poles_by_side,
+    unreachable_poles,
+)
 from robustpolish.plots.charts import plot_bars
 
 Kind = Literal["controllability", "observability"]

@@ -25,9 +25,16 @@ from robustpolish.robust.branch_and_bound import (
     can_split,
     split,
 )
-from robustpolish.robust.coverage import SLACK, Coverage, cover, response
 from robustpolish.robust.loop_model import DeltaStructure, LoopModel, signal_positions
-from robustpolish.robust.scalings import Inequality, ScaledBound, Space
+from robustpolish.robust.scalings import (
+    SLACK,
+    Coverage,
+    Inequality,
+    ScaledBound,
+    Space,
+    cover,
+    response,
+)
 from robustpolish.robust.witness import Witness, singular_directions, smallest_delta
 
 GAP = 2e-3

@@ -19,11 +19,11 @@ from robustpolish.linear.arithmetic.balls import (
 )
 from robustpolish.linear.arithmetic.rational import ExactModel
 from robustpolish.linear.arithmetic.realisation import realisation
-from robustpolish.linear.proofs.bounded_real import BallSystem
-from robustpolish.linear.proofs.definite import is_definite
-from robustpolish.linear.proofs.riccati import (
+from robustpolish.linear.proofs.bounded_real import (
+    BallSystem,
     UndecidedError,
     has_eigenvalue_below,
+    is_definite,
     is_surely_not_semidefinite,
     is_surely_stable,
     largest,

@@ -16,9 +16,9 @@ from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.realisation import Realisation
 from robustpolish.linear.delayed_systems import resolvent_response
-from robustpolish.linear.eigen import eigensystem
 from robustpolish.linear.norms.hinf import HinfNorm, hinf_norm
 from robustpolish.linear.norms.modal_form import Peak, modal_form
+from robustpolish.linear.stability import eigensystem
 from robustpolish.synthesis.problem.matrices import balancing_scale
 
 # The H-infinity norm of a stable loop in plain doubles, where a proof follows.

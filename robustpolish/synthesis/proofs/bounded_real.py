@@ -17,8 +17,12 @@ from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.balls import Ball
 from robustpolish.linear.arithmetic.realisation import size
-from robustpolish.linear.proofs.bounded_real import BallSystem, bounded_real, hamiltonian
-from robustpolish.linear.proofs.definite import is_definite
+from robustpolish.linear.proofs.bounded_real import (
+    BallSystem,
+    bounded_real,
+    hamiltonian,
+    is_definite,
+)
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.proofs.achieved_norm import estimate_norm, state_scale
 from robustpolish.synthesis.riccati.gamma import solve_lyapunov, solve_riccati

@@ -23,11 +23,11 @@ from robustpolish.linear.arithmetic.balls import (
     precision,
     zeros,
 )
-from robustpolish.linear.proofs.bounded_real import riccati_terms
-from robustpolish.linear.proofs.riccati import (
+from robustpolish.linear.proofs.bounded_real import (
     UndecidedError,
     has_eigenvalue_below,
     is_surely_not_semidefinite,
+    riccati_terms,
     stabilising_solution,
 )
 from robustpolish.synthesis.problem.matrices import PlantMatrices

@@ -16,7 +16,7 @@ from robustpolish.base.arrays import AnyVector as Vector
 from robustpolish.base.checks import described, instance_of, invalid
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.problem.scaling import ScaledPlant
+from robustpolish.synthesis.problem.preflight import ScaledPlant
 from robustpolish.synthesis.structured.block_parts import (
     ParameterSlot,
     ParameterTransform,

@@ -26,10 +26,11 @@ from robustpolish.robust.loop_model import DeltaStructure
 from robustpolish.synthesis.certificate import NormTarget
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.engine import Settings, Task
-from robustpolish.synthesis.nonsmooth.descent import bfgs
-from robustpolish.synthesis.nonsmooth.parametrisations import Parametrisation
-from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
-from robustpolish.synthesis.output_feedback.riccati import RegularisedRiccati
+from robustpolish.synthesis.nonsmooth.descent import Parametrisation, bfgs
+from robustpolish.synthesis.output_feedback.output_feedback import (
+    RegularisedRiccati,
+    output_feedback,
+)
 from robustpolish.synthesis.problem.matrices import (
     Controller,
     PlantMatrices,

@@ -8,6 +8,7 @@ import pytest
 from robustpolish.base.budget import Budget
 from robustpolish.synthesis.nonsmooth.descent import (
     ActivePiece,
+    MaskedGain,
     Problem,
     ReflectedParametrisation,
     Requirement,
@@ -15,7 +16,6 @@ from robustpolish.synthesis.nonsmooth.descent import (
     minimax,
 )
 from robustpolish.synthesis.nonsmooth.measures import FrobeniusMeasure, GainMeasure
-from robustpolish.synthesis.nonsmooth.parametrisations import MaskedGain
 
 # BFGS.
 
