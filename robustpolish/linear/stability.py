@@ -1,4 +1,4 @@
-"""Is a system stable? Decided without rounding where rounding could matter."""
+"""Eigenvalues and stability, decided without rounding where rounding could matter."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Systems in ball arithmetic and their bounded-real inequality, Riccati equation and Hamiltonian.
+"""Proofs in ball arithmetic: bounded-real inequality, definite matrices, Riccati equations.
 
 A symmetric P > 0 proves a stable system's gain to lie below gamma if the storage x'Px falls by more
 than gamma^2 w'w - z'z (Boyd et al., "Linear Matrix Inequalities in System and Control Theory",

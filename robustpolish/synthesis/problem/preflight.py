@@ -1,4 +1,4 @@
-"""Whether a plant can be stabilised and is regular; price and noise, which make it regular."""
+"""A plant before synthesis: its parts, its units, what can be stabilised; price and noise."""
 
 from __future__ import annotations
 
