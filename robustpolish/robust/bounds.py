@@ -15,8 +15,14 @@ import scipy.linalg as sla
 
 from robustpolish.base.arrays import AnyMatrix, AnyVector, Matrix, Vector
 from robustpolish.base.budget import check_deadline
-from robustpolish.linear.arithmetic.balls import Ball, complex_ball, identity, part, precision
-from robustpolish.linear.proofs.bounded_real import gershgorin_discs
+from robustpolish.linear.arithmetic.balls import (
+    Ball,
+    complex_ball,
+    gershgorin_discs,
+    identity,
+    part,
+    precision,
+)
 from robustpolish.robust.branch_and_bound import (
     Goal,
     Probe,

@@ -27,16 +27,18 @@ from scipy.linalg import cho_factor, cho_solve
 
 from robustpolish.base.arrays import AnyArray, AnyMatrix, Matrix, Vector
 from robustpolish.base.budget import check_deadline
-from robustpolish.linear.arithmetic.balls import Ball, complex_ball, precision
-from robustpolish.linear.arithmetic.realisation import Realisation
-from robustpolish.linear.proofs.bounded_real import (
+from robustpolish.linear.arithmetic.balls import (
+    Ball,
     BallSystem,
     adjoint,
+    complex_ball,
     hamiltonian,
     interval_without_eigenvalues,
     is_definite,
+    precision,
     riccati_terms,
 )
+from robustpolish.linear.arithmetic.realisation import Realisation
 from robustpolish.robust.loop_model import DeltaStructure, LoopModel
 
 Box = tuple[NDArray[np.intp], AnyArray, AnyArray]

@@ -21,12 +21,12 @@ from robustpolish.base.checks import described, instance_of, invalid, one_of, po
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.errors import InfeasibleError
 from robustpolish.linear.arithmetic import balls
+from robustpolish.linear.arithmetic.balls import BallSystem
 from robustpolish.linear.arithmetic.powers_of_two import refuse_extreme
 from robustpolish.linear.delay_stability import DelayStability, delay_stability
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import HinfNorm, hinf_norm
 from robustpolish.linear.norms.singular_values import singular_values
-from robustpolish.linear.proofs.bounded_real import BallSystem
 from robustpolish.linear.stability import stability
 from robustpolish.plants.blocks import GivenController, controller_system, named_system
 from robustpolish.plants.plant import GeneralizedPlant

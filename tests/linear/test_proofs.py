@@ -10,25 +10,23 @@ from robustpolish.errors import InvalidInputError
 from robustpolish.linear import is_positive_definite
 from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.balls import (
-    ball,
-    complex_ball,
-    identity,
-    midpoint,
-    precision,
-    zeros,
-)
-from robustpolish.linear.arithmetic.rational import ExactModel
-from robustpolish.linear.arithmetic.realisation import realisation
-from robustpolish.linear.proofs.bounded_real import (
     BallSystem,
     UndecidedError,
+    ball,
+    complex_ball,
     has_eigenvalue_below,
+    identity,
     is_definite,
     is_surely_not_semidefinite,
     is_surely_stable,
     largest,
+    midpoint,
+    precision,
     stabilising_solution,
+    zeros,
 )
+from robustpolish.linear.arithmetic.rational import ExactModel
+from robustpolish.linear.arithmetic.realisation import realisation
 
 # Balls, and systems of them.
 

@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from robustpolish.linear.arithmetic.balls import complex_ball, precision
+from robustpolish.linear.arithmetic.balls import BallSystem, complex_ball, precision
 from robustpolish.linear.arithmetic.realisation import Realisation
-from robustpolish.linear.proofs.bounded_real import BallSystem
 from robustpolish.robust.loop_model import read_structure
 from robustpolish.robust.scalings import (
     BallScalings,

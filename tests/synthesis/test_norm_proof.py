@@ -8,7 +8,7 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.linear.arithmetic import balls
-from robustpolish.linear.proofs.bounded_real import BallSystem
+from robustpolish.linear.arithmetic.balls import BallSystem
 from robustpolish.synthesis.certificate import achieved_hinf
 from robustpolish.synthesis.proofs.bounded_real import (
     BITS,

@@ -21,6 +21,7 @@ from robustpolish.base.arrays import Array, Vector
 from robustpolish.base.budget import check_deadline, single_threaded_blas
 from robustpolish.base.checks import invalid, positive, source_of
 from robustpolish.base.results import Card, Displayed, quantities
+from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.balls import block
 from robustpolish.linear.arithmetic.powers_of_two import bracket
 from robustpolish.linear.arithmetic.rational import (
@@ -34,7 +35,6 @@ from robustpolish.linear.arithmetic.realisation import Realisation, realisation,
 from robustpolish.linear.delayed_systems import resolvent_response
 from robustpolish.linear.norms.modal_form import Peak, modal_form
 from robustpolish.linear.norms.singular_values import singular_values
-from robustpolish.linear.proofs import bounded_real
 from robustpolish.linear.scaling import parts
 from robustpolish.linear.stability import (
     EPS,
@@ -81,8 +81,8 @@ def gain_crossings(model: ExactModel, square: fmpq) -> list[fmpq]:
         polynomial = fmpq_poly(table.solve(fmpq_mat(n + 1, 1, values)).entries())
     else:
         Ct = C.transpose()
-        terms = bounded_real.riccati_terms(A, B, Ct * C, Ct * D, price)
-        coefficients = bounded_real.hamiltonian(*terms).charpoly().coeffs()[::2]
+        terms = balls.riccati_terms(A, B, Ct * C, Ct * D, price)
+        coefficients = balls.hamiltonian(*terms).charpoly().coeffs()[::2]
         polynomial = fmpq_poly([(-1) ** k * c for k, c in enumerate(coefficients)])
     roots = positive_roots(fmpz_poly(polynomial.numer().coeffs()))
     return sorted(_square_root(root.real.mid().fmpq()) for root, _ in roots)

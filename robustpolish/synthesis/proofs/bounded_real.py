@@ -16,16 +16,16 @@ from robustpolish.base.arrays import AnyArray, Array
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic import balls
-from robustpolish.linear.arithmetic.balls import Ball
-from robustpolish.linear.arithmetic.realisation import Realisation, size
-from robustpolish.linear.delayed_systems import resolvent_response
-from robustpolish.linear.norms.modal_form import Peak, modal_form
-from robustpolish.linear.proofs.bounded_real import (
+from robustpolish.linear.arithmetic.balls import (
+    Ball,
     BallSystem,
     bounded_real,
     hamiltonian,
     is_definite,
 )
+from robustpolish.linear.arithmetic.realisation import Realisation, size
+from robustpolish.linear.delayed_systems import resolvent_response
+from robustpolish.linear.norms.modal_form import Peak, modal_form
 from robustpolish.linear.stability import eigensystem
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.problem.matrices import balancing_scale
