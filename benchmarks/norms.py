@@ -15,7 +15,7 @@ from slycot import ab13bd, ab13dd
 
 import robustpolish as rp
 from benchmarks.row import Row, differ, milliseconds
-from robustpolish.linear.norms.peak import EXACT_FIRST
+from robustpolish.linear.norms.hinf import EXACT_FIRST
 
 STATES = (4, 12, 24, 40, 60, 80, 120, 200, 300, 400)
 QUICK = (4, 12, 24)

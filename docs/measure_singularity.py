@@ -18,8 +18,12 @@ from robustpolish.synthesis.lmi.output_feedback import (
 )
 from robustpolish.synthesis.lmi.program import Affine, ProgramSolver, SemidefiniteProgram
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, close
-from robustpolish.synthesis.problem.preflight import with_control_penalty, with_measurement_noise
-from robustpolish.synthesis.problem.scaling import decoupled_parts, scale_plant
+from robustpolish.synthesis.problem.preflight import (
+    decoupled_parts,
+    scale_plant,
+    with_control_penalty,
+    with_measurement_noise,
+)
 
 SOLVER = ProgramSolver("cvxpy", None, Budget(), accuracy=1e-8)
 

@@ -86,7 +86,7 @@ def asked_weight(where: Key, given: Any) -> control.StateSpace | float:
             if key == "denominator" and not any(numbers):
                 raise invalid(at, described("a denominator of zeros"), want, "Correct it.")
             pair.append([float(n) for n in numbers])
-        return as_state_space(text, control.tf(*pair))
+        return as_state_space(text, control.TransferFunction(*pair))
     known_keys(where, given, _GAINS, _GAINS[:3])
     gain = positive((*where, "gain"), given.get("gain", 1.0))
     with inside(where):

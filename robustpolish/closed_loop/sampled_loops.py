@@ -28,7 +28,7 @@ from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plots.charts import plot_distribution
 from robustpolish.synthesis.design import Design
-from robustpolish.synthesis.proofs.achieved_norm import estimate_norm
+from robustpolish.synthesis.proofs.bounded_real import estimate_norm
 
 # Plant with other parameters, and the signals that the synthesis added.
 

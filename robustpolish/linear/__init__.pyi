@@ -1,3 +1,4 @@
+from .arithmetic.rational import is_positive_definite as is_positive_definite
 from .controllability import Feasibility as Feasibility
 from .controllability import ModeTest as ModeTest
 from .controllability import PbhTest as PbhTest
@@ -21,7 +22,6 @@ from .norms.lmi import h2_norm_lmi as h2_norm_lmi
 from .norms.lmi import hinf_norm_lmi as hinf_norm_lmi
 from .norms.lmi import lyapunov_lmi as lyapunov_lmi
 from .norms.singular_values import singular_values as singular_values
-from .proofs.definite import is_positive_definite as is_positive_definite
 from .response import Response as Response
 from .response import first_order_hold as first_order_hold
 from .response import linear_response as linear_response

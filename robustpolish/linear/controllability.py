@@ -16,9 +16,14 @@ from robustpolish.base.checks import described, invalid, matrix, positive, squar
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.linear.arithmetic.rational import EXACT_STATES, rational
 from robustpolish.linear.arithmetic.realisation import Realisation, realisation
-from robustpolish.linear.eigen import EPS, eigensystem, pair_text
 from robustpolish.linear.scaling import decoupled_blocks, equilibrating_scales, in_units
-from robustpolish.linear.stability import poles_by_side, unreachable_poles
+from robustpolish.linear.stability import (
+    EPS,
+    eigensystem,
+    pair_text,
+    poles_by_side,
+    unreachable_poles,
+)
 from robustpolish.plots.charts import plot_bars
 
 Kind = Literal["controllability", "observability"]
@@ -287,7 +292,8 @@ def _distance(
     n = A.shape[0]
     x, best = complex(values[which]), np.inf
     for _ in range(30):
-        u, s, _ = np.linalg.svd(np.hstack([A - x * np.eye(n), B]), full_matrices=False)
+        pencil = np.hstack([A - x * np.eye(n), B])
+        u, s, _ = np.linalg.svd(pencil, full_matrices=False)
         smallest = float(s[-1])
         if smallest >= best * (1 - 1e-3):
             return min(best, smallest)

@@ -16,9 +16,8 @@ from scipy.optimize import linear_sum_assignment
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.linear.arithmetic.rational import EXACT_STATES, rational
 from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
-from robustpolish.linear.eigen import eigensystem, pair_text
 from robustpolish.linear.scaling import parts_with_states
-from robustpolish.linear.stability import eigenvalues
+from robustpolish.linear.stability import eigensystem, eigenvalues, pair_text
 from robustpolish.plots.poles import plot_poles
 
 

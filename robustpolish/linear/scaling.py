@@ -35,7 +35,7 @@ from robustpolish.linear.arithmetic.realisation import (
     state_scales,
     typical_rate,
 )
-from robustpolish.linear.eigen import EPS
+from robustpolish.linear.stability import EPS
 from robustpolish.plots.charts import plot_bars
 from robustpolish.plots.frequency import plot_over_frequency
 

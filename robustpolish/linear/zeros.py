@@ -12,8 +12,8 @@ import scipy.linalg as sla
 
 from robustpolish.base.checks import positive
 from robustpolish.linear.arithmetic.realisation import realisation
-from robustpolish.linear.eigen import EPS
 from robustpolish.linear.scaling import equilibrating_scales, in_units
+from robustpolish.linear.stability import EPS
 
 
 @dataclass(frozen=True)

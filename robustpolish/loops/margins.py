@@ -14,7 +14,7 @@ from robustpolish.base.arrays import AnyMatrix, Vector
 from robustpolish.base.results import Card, Displayed, Table, quantities
 from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
 from robustpolish.linear.delayed_systems import resolvent_response
-from robustpolish.linear.norms.peak import cayley
+from robustpolish.linear.norms.hinf import cayley
 from robustpolish.loops.disk_margins import DelayedIntervals, DiskMargin, decibel, disk_of
 from robustpolish.loops.loop import Loop, Place
 from robustpolish.loops.measured import MeasuredLoop

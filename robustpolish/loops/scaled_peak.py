@@ -17,8 +17,8 @@ from scipy.optimize import minimize
 
 from robustpolish.base.arrays import AnyMatrix, Array, Vector
 from robustpolish.linear.arithmetic.realisation import Realisation
-from robustpolish.linear.eigen import eigensystem
-from robustpolish.linear.norms.peak import hamiltonian
+from robustpolish.linear.norms.hinf import hamiltonian
+from robustpolish.linear.stability import eigensystem
 
 _SLACK = 1e-3
 MOST_INTERVALS = 400

@@ -223,6 +223,11 @@ def _loop_at_samples(
     return loop_of(plant_at_samples(plant, hardware.period, hardware.computation_delay), controller)
 
 
+def _largest_pole(plant: Any, controller: Any) -> float:
+    # Any: python-control declares that systems are joined with numbers alone.
+    return float(np.abs(np.linalg.eigvals(plant.feedback(controller, sign=1).A)).max())
+
+
 def changed(problem: AxisProblem) -> dict[str, AxisProblem]:
     """Return the machines, by what is different, on which the loop has to stay stable."""
     slow = (1 - ACTUATOR_LOSS) * problem.hardware.actuator_bandwidth_hz
@@ -407,10 +412,8 @@ class BuildableBrushDesign(BrushDesign):
         def stable(bandwidth: float) -> bool:
             slow = replace(hardware, actuator_bandwidth_hz=bandwidth)
             plant = replace(problem, hardware=slow).plant()
-            sampled: Any = plant_at_samples(plant, hardware.period, hardware.computation_delay)
-            closing: Any = controller  # python-control declares a number
-            loop: Any = control.feedback(sampled, closing, sign=1)
-            return bool(np.abs(np.linalg.eigvals(loop.A)).max() < 1)
+            sampled = plant_at_samples(plant, hardware.period, hardware.computation_delay)
+            return _largest_pole(sampled, controller) < 1
 
         low = nominal
         while stable(low):

@@ -15,8 +15,14 @@ import scipy.linalg as sla
 
 from robustpolish.base.arrays import AnyMatrix, AnyVector, Matrix, Vector
 from robustpolish.base.budget import check_deadline
-from robustpolish.linear.arithmetic.balls import Ball, complex_ball, identity, part, precision
-from robustpolish.linear.proofs.bounded_real import gershgorin_discs
+from robustpolish.linear.arithmetic.balls import (
+    Ball,
+    complex_ball,
+    gershgorin_discs,
+    identity,
+    part,
+    precision,
+)
 from robustpolish.robust.branch_and_bound import (
     Goal,
     Probe,
@@ -25,9 +31,16 @@ from robustpolish.robust.branch_and_bound import (
     can_split,
     split,
 )
-from robustpolish.robust.coverage import SLACK, Coverage, cover, response
 from robustpolish.robust.loop_model import DeltaStructure, LoopModel, signal_positions
-from robustpolish.robust.scalings import Inequality, ScaledBound, Space
+from robustpolish.robust.scalings import (
+    SLACK,
+    Coverage,
+    Inequality,
+    ScaledBound,
+    Space,
+    cover,
+    response,
+)
 from robustpolish.robust.witness import Witness, singular_directions, smallest_delta
 
 GAP = 2e-3

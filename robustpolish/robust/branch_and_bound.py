@@ -19,7 +19,6 @@ from robustpolish.base.arrays import AnyArray, Matrix, Vector
 from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic.balls import identity, part, precision
 from robustpolish.linear.arithmetic.rational import fraction
-from robustpolish.robust.coverage import cover
 from robustpolish.robust.loop_model import (
     BITS,
     DeltaStructure,
@@ -27,7 +26,7 @@ from robustpolish.robust.loop_model import (
     rounded,
     signal_positions,
 )
-from robustpolish.robust.scalings import Space
+from robustpolish.robust.scalings import Space, cover
 
 # Polynomials in Bernstein's form: their values over a box lie between their coefficients.
 #

@@ -23,9 +23,8 @@ from robustpolish.plants.uncertain.lft import ComplexElement, RealElement, const
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.plots.frequency import plot_gains
 from robustpolish.robust.bounds import EVERYWHERE, GAP, Bounds, bounds
-from robustpolish.robust.coverage import response
 from robustpolish.robust.loop_model import DeltaBlock, LoopModel
-from robustpolish.robust.scalings import Inequality, Space, best_scalings
+from robustpolish.robust.scalings import Inequality, Space, best_scalings, response
 from robustpolish.robust.witness import Witness, all_pass, worst_delta
 
 # Mu bounds over frequency, and the sensitivity to each block.

@@ -19,10 +19,15 @@ from robustpolish.plants.blocks import as_state_space, matrices_of
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.robust import questions
 from robustpolish.robust.bounds import EVERYWHERE, GAP, bounds
-from robustpolish.robust.coverage import BallScalings, proves_inequality
 from robustpolish.robust.loop_model import DeltaStructure, LoopModel, check_shape, read_structure
 from robustpolish.robust.questions import AnalysedLoop, MuOverFrequency
-from robustpolish.robust.scalings import Inequality, Space, best_scalings
+from robustpolish.robust.scalings import (
+    BallScalings,
+    Inequality,
+    Space,
+    best_scalings,
+    proves_inequality,
+)
 from robustpolish.robust.witness import worst_delta
 
 # The result, and the structured singular value of a matrix.

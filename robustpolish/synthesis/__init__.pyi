@@ -121,7 +121,7 @@ from .structured.mixed import (
 from .structured.mixed import (
     mixed_state_feedback as mixed_state_feedback,
 )
-from .structured.observer import (
+from .structured.starts import (
     observer_controller as observer_controller,
 )
 from .uncertain.robust_output_feedback import (

@@ -45,17 +45,15 @@ from robustpolish.synthesis.engine import (
 from robustpolish.synthesis.lmi.program import BACKENDS
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
 from robustpolish.synthesis.problem.preflight import (
-    SolvabilityCheck,
-    Status,
-    refuse_unstable,
-    worst_status,
-)
-from robustpolish.synthesis.problem.scaling import (
     PlantPart,
+    SolvabilityCheck,
     SolverPlant,
+    Status,
     joined_controller,
+    refuse_unstable,
     truncated,
     with_dummy_signals,
+    worst_status,
 )
 from robustpolish.synthesis.riccati.gamma import (
     LowerBound,

@@ -16,8 +16,8 @@ from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.synthesis.certificate import ANY_NORM, Certificate, Norm, NormTarget
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices, balanced, close
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
-from robustpolish.synthesis.problem.scaling import ScaledPlant
-from robustpolish.synthesis.proofs.achieved_norm import estimate_norm
+from robustpolish.synthesis.problem.preflight import ScaledPlant
+from robustpolish.synthesis.proofs.bounded_real import estimate_norm
 from robustpolish.synthesis.riccati.gamma import LowerBound
 
 # Rungs of the ladder of regularisations: half decades, for gamma falls by at most a third from one

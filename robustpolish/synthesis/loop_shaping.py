@@ -31,7 +31,7 @@ from robustpolish.synthesis.problem.matrices import (
     cayley,
     cayley_back,
 )
-from robustpolish.synthesis.problem.scaling import named_controller
+from robustpolish.synthesis.problem.preflight import named_controller
 from robustpolish.synthesis.riccati.gamma import solve_lyapunov
 
 # Order reduction by balanced truncation of normalised coprime factors.

@@ -20,7 +20,7 @@ from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import Certificate, certify, norm_in_words
 from robustpolish.synthesis.problem.matrices import Controller, balanced
-from robustpolish.synthesis.problem.scaling import named_controller
+from robustpolish.synthesis.problem.preflight import named_controller
 
 # A design with a shorter controller: which one, its certified loop decides.
 

@@ -11,9 +11,9 @@ import pytest
 from robustpolish.linear.arithmetic.balls import precision
 from robustpolish.linear.arithmetic.rational import ExactModel, fraction
 from robustpolish.linear.arithmetic.realisation import realisation, rescaled
-from robustpolish.linear.eigen import eigensystem
 from robustpolish.linear.norms import modal_peak as bound
 from robustpolish.linear.norms.h2 import exact_h2_energy, modal_energy
+from robustpolish.linear.norms.hinf import gain_crossings
 from robustpolish.linear.norms.modal_expansion import (
     FAR,
     ORDER,
@@ -23,7 +23,7 @@ from robustpolish.linear.norms.modal_expansion import (
 )
 from robustpolish.linear.norms.modal_form import extended_product, modal_form
 from robustpolish.linear.norms.modal_peak import modal_peak
-from robustpolish.linear.norms.peak import gain_crossings
+from robustpolish.linear.stability import eigensystem
 
 # Random stable systems, and their response.
 

@@ -6,9 +6,15 @@ import pytest
 
 from robustpolish.errors import InvalidInputError
 from robustpolish.linear.arithmetic.rational import rational
-from robustpolish.linear.eigen import EPS, eigensystem
 from robustpolish.linear.modes import modes
-from robustpolish.linear.stability import eigenvalues, poles_by_side, stability, unreachable_poles
+from robustpolish.linear.stability import (
+    EPS,
+    eigensystem,
+    eigenvalues,
+    poles_by_side,
+    stability,
+    unreachable_poles,
+)
 from robustpolish.linear.zeros import zeros_on_axis
 from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
 

@@ -10,22 +10,20 @@ from robustpolish.errors import InvalidInputError
 from robustpolish.linear import is_positive_definite
 from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.balls import (
+    BallSystem,
+    UndecidedError,
     ball,
     complex_ball,
-    identity,
-    midpoint,
-    precision,
-    zeros,
-)
-from robustpolish.linear.proofs.bounded_real import BallSystem
-from robustpolish.linear.proofs.definite import is_definite
-from robustpolish.linear.proofs.riccati import (
-    UndecidedError,
     has_eigenvalue_below,
+    identity,
+    is_definite,
     is_surely_not_semidefinite,
     is_surely_stable,
     largest,
+    midpoint,
+    precision,
     stabilising_solution,
+    zeros,
 )
 
 # Balls, and systems of them.

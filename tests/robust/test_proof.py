@@ -1,12 +1,16 @@
 import numpy as np
 import pytest
 
-from robustpolish.linear.arithmetic.balls import complex_ball, precision
+from robustpolish.linear.arithmetic.balls import BallSystem, complex_ball, precision
 from robustpolish.linear.arithmetic.realisation import Realisation
-from robustpolish.linear.proofs.bounded_real import BallSystem
-from robustpolish.robust.coverage import BallScalings, proven_interval, proves_inequality
 from robustpolish.robust.loop_model import read_structure
-from robustpolish.robust.scalings import Inequality, Space
+from robustpolish.robust.scalings import (
+    BallScalings,
+    Inequality,
+    Space,
+    proven_interval,
+    proves_inequality,
+)
 
 LAG = BallSystem.of(
     Realisation(np.array([[-1.0]]), np.array([[1.0]]), np.array([[2.0]]), np.zeros((1, 1)), False)

@@ -5,7 +5,7 @@ import numpy as np
 import robustpolish as rp
 from robustpolish.base.budget import Budget
 from robustpolish.linear.arithmetic import balls
-from robustpolish.linear.proofs.bounded_real import BallSystem
+from robustpolish.linear.arithmetic.balls import BallSystem
 from robustpolish.synthesis.lmi.program import ProgramSolver
 
 

@@ -9,11 +9,12 @@ from published_plants import compleib
 
 import robustpolish as rp
 from robustpolish.linear.arithmetic import balls
-from robustpolish.linear.proofs.bounded_real import BallSystem
-from robustpolish.synthesis.proofs.achieved_norm import achieved_hinf, estimate_norm
+from robustpolish.linear.arithmetic.balls import BallSystem
+from robustpolish.synthesis.certificate import achieved_hinf
 from robustpolish.synthesis.proofs.bounded_real import (
     BITS,
     enclose_loop,
+    estimate_norm,
     gain_at,
     precise_peak,
     prove_computed_norm,

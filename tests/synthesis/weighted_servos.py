@@ -8,7 +8,7 @@ import control
 import numpy as np
 
 import robustpolish as rp
-from robustpolish.synthesis.problem.scaling import SolverPlant
+from robustpolish.synthesis.problem.preflight import SolverPlant
 
 
 def drawn(seed: int) -> tuple[rp.GeneralizedPlant, np.random.Generator]:

@@ -42,8 +42,9 @@ def norms() -> None:
     """Scale systems with one and with several signals, and look for their peaks."""
     A = np.kron(np.diag(np.arange(1.0, 5.0)), [[-0.1, 1.0], [-1.0, -0.1]])
     for signals in (1, 3):
-        system = control.StateSpace(A, np.ones((8, signals)), np.ones((signals, 8)), 0)
-        for given in (system, control.c2d(system, 0.1)):
+        matrices = np.ones((8, signals)), np.ones((signals, 8)), 0
+        systems = control.StateSpace(A, *matrices), control.StateSpace(A / 5, *matrices, 0.1)
+        for given in systems:
             for exact in (True, False):  # searches look at loops inexactly
                 rp.hinf_norm(given, exact=exact)
             rp.h2_norm(given)

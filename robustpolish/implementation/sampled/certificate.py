@@ -394,6 +394,10 @@ def _flow(E: AnyMatrix, out: AnyMatrix, length: float) -> tuple[AnyMatrix, AnyMa
     step = found[n:, n:]
     energy = step.conj().T @ found[:n, n:]
     for _ in range(times):
-        energy = energy + step.conj().T @ energy @ step
-        step = step @ step
+        step, energy = _twice(step, energy)
     return step, energy
+
+
+def _twice(step: AnyMatrix, energy: AnyMatrix) -> tuple[AnyMatrix, AnyMatrix]:
+    """Return exponential and energy over twice the time."""
+    return step @ step, energy + step.conj().T @ energy @ step

@@ -114,12 +114,17 @@ def phase_section(phase: Phase, gamma: float) -> EnergySection | GainReached:
         clash = _clash(G, Q)
         if clash is not None:
             return GainReached(stage, clash)
-        # A = I + E; keeping E saves what would be lost in a sum with the identity.
-        W = np.linalg.inv(eye - G @ Q)
-        A = eye + E
-        Q, G, E = (Q + A.T @ Q @ W @ A, G + A @ W @ G @ A.T, 2 * E + E @ E + A @ (G @ Q @ W) @ A)
-        Q, G = (Q + Q.T) / 2, (G + G.T) / 2
+        E, G, Q = _doubled(E, G, Q)
     return EnergySection(eye + E, G, Q)
+
+
+def _doubled(E: Matrix, G: Matrix, Q: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+    # A = I + E; keeping E saves what would be lost in a sum with the identity.
+    eye = np.eye(len(E))
+    W = np.linalg.inv(eye - G @ Q)
+    A = eye + E
+    Q, G, E = (Q + A.T @ Q @ W @ A, G + A @ W @ G @ A.T, 2 * E + E @ E + A @ (G @ Q @ W) @ A)
+    return E, (G + G.T) / 2, (Q + Q.T) / 2
 
 
 def _first_step(H: Matrix) -> tuple[Matrix, Matrix, Matrix]:

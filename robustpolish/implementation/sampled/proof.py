@@ -20,9 +20,7 @@ from robustpolish.implementation.sampled.induced_norm import (
 from robustpolish.implementation.sampled.induced_norm import hamiltonian as double_hamiltonian
 from robustpolish.implementation.sampled.lifting import Phase, ScaledMap
 from robustpolish.linear.arithmetic import balls
-from robustpolish.linear.arithmetic.balls import Ball
-from robustpolish.linear.proofs.bounded_real import BallSystem, hamiltonian
-from robustpolish.linear.proofs.definite import is_definite
+from robustpolish.linear.arithmetic.balls import Ball, BallSystem, hamiltonian, is_definite
 
 # Stretches of a sampled loop in ball arithmetic: what doubles found, computed again with proof.
 

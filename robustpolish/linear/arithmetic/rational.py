@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from flint import acb, arb, arb_mat, fmpq, fmpq_mat, fmpz, fmpz_mat, nmod, nmod_mat
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from robustpolish.linear.arithmetic.balls import precision, transfer_matrix
+from robustpolish.base.checks import described, invalid, square
+from robustpolish.linear.arithmetic.balls import is_definite, precision, transfer_matrix
 from robustpolish.linear.arithmetic.realisation import Realisation
 
 _PRIME = 4611686018427387847  # the largest below 2^62
@@ -179,3 +180,41 @@ def transfer(model: ExactModel, x: fmpq | None) -> tuple[NDArray[np.complex128],
                 values = [complex(e * acb(2) ** (-exponent)) for e in entries]
                 return np.array(values).reshape(G.nrows(), G.ncols()), float(2.0**exponent)
         bits *= 2
+
+
+def is_positive_definite(M: ArrayLike) -> bool:
+    r"""Decide without rounding whether a symmetric matrix is positive definite.
+
+    The eigenvalues are real, so by Descartes' rule of signs all are positive exactly if the
+    coefficients of the characteristic polynomial alternate in sign; they are computed in
+    rational arithmetic. There is no tolerance: a singular matrix is not definite.
+
+    Parameters
+    ----------
+    M : array_like, shape (n, n)
+        Symmetric to the last bit.
+
+    Returns
+    -------
+    bool
+        True for n = 0.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is not square, not finite or not symmetric.
+
+    Examples
+    --------
+    >>> from robustpolish.linear import is_positive_definite
+    >>> is_positive_definite([[1.0, 1.0], [1.0, 1.0 + 2**-52]])
+    True
+    >>> is_positive_definite([[1.0, 1.0], [1.0, 1.0]])
+    False
+    """
+    array = square("M", M)
+    if not np.array_equal(array, array.T):
+        gap = float(np.abs(array - array.T).max())
+        shown = described(f"entries that differ by {gap:.3g} from their mirror images")
+        raise invalid("M", shown, "a symmetric matrix", "Pass (M + M.T) / 2.")
+    return is_definite(rational(array))

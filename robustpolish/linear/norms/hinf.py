@@ -3,24 +3,396 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from math import isqrt
+from typing import Any
 
 import control
 import numpy as np
+import scipy.linalg as sla
+from flint import arb, fmpq, fmpq_mat, fmpq_poly, fmpz_poly
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
-from robustpolish.base.budget import single_threaded_blas
+from robustpolish.base.arrays import Array, Vector
+from robustpolish.base.budget import check_deadline, single_threaded_blas
 from robustpolish.base.checks import invalid, positive, source_of
 from robustpolish.base.results import Card, Displayed, quantities
-from robustpolish.linear.arithmetic.rational import to_float
+from robustpolish.linear.arithmetic import balls
+from robustpolish.linear.arithmetic.balls import block
+from robustpolish.linear.arithmetic.powers_of_two import bracket
+from robustpolish.linear.arithmetic.rational import (
+    ExactModel,
+    fraction,
+    identity,
+    to_float,
+    transfer,
+)
 from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
-from robustpolish.linear.eigen import eigensystem
-from robustpolish.linear.norms.modal_form import Peak
-from robustpolish.linear.norms.peak import certified_peak, in_units
+from robustpolish.linear.delayed_systems import resolvent_response
+from robustpolish.linear.norms.modal_form import Peak, modal_form
 from robustpolish.linear.norms.singular_values import singular_values
 from robustpolish.linear.scaling import parts
-from robustpolish.linear.stability import stability_of, stable_part
+from robustpolish.linear.stability import (
+    EPS,
+    Eigensystem,
+    eigensystem,
+    positive_roots,
+    stability_of,
+    stable_part,
+)
 from robustpolish.plots.frequency import plot_gains
+
+# The peak of the gain with a bracket, proven in exact arithmetic or estimated in double.
+
+
+# The frequencies at which a singular value equals a given gain, in exact arithmetic.
+
+
+def gain_crossings(model: ExactModel, square: fmpq) -> list[fmpq]:
+    """Return the frequencies x >= 0 at which a singular value of G is the root of `square`.
+
+    The Hamiltonian matrix (continuous time) or the symplectic pencil (discrete
+    time) has an eigenvalue on the stability boundary at just these
+    frequencies. Its characteristic polynomial is even; as a polynomial in x^2
+    it is computed without rounding, so an empty list is a proof.
+
+    Parameters
+    ----------
+    model : ExactModel
+        No pole of it may lie on the stability boundary.
+    square : fmpq
+        Square of the gain, above that of D.
+
+    Returns
+    -------
+    list of fmpq
+        Ascending, each to about 128 bits.
+    """
+    A, B, C, D = model.A, model.B, model.C, model.D
+    n, price = model.states, D.transpose() * D - identity(D.ncols()) * square
+    if model.discrete:
+        nodes = range(n + 1)
+        values = [_pencil_determinant(model, price, k) for k in nodes]
+        table = fmpq_mat([[(-k * k) ** j for j in nodes] for k in nodes])  # x^2 = -s^2
+        polynomial = fmpq_poly(table.solve(fmpq_mat(n + 1, 1, values)).entries())
+    else:
+        Ct = C.transpose()
+        terms = balls.riccati_terms(A, B, Ct * C, Ct * D, price)
+        coefficients = balls.hamiltonian(*terms).charpoly().coeffs()[::2]
+        polynomial = fmpq_poly([(-1) ** k * c for k, c in enumerate(coefficients)])
+    roots = positive_roots(fmpz_poly(polynomial.numer().coeffs()))
+    return sorted(_square_root(root.real.mid().fmpq()) for root, _ in roots)
+
+
+def _square_root(value: fmpq) -> fmpq:
+    """Return the root to 100 bits or more."""
+    shift = 200
+    while value != 0 and (int(value.p) << shift) // int(value.q) < 1 << 220:
+        shift += 200
+    return fmpq(isqrt((int(value.p) << shift) // int(value.q)), 1 << (shift // 2))
+
+
+def _pencil_determinant(model: ExactModel, price: fmpq_mat, s: int) -> fmpq:
+    """Return the determinant of the symplectic pencil at s = (z - 1)/(z + 1).
+
+    The unknowns are state, co-state and input; the rows of the states are multiplied by 1 - s.
+    """
+    check_deadline()
+    A, B, C, D = model.A, model.B, model.C, model.D
+    n, one, Ct = model.states, identity(model.states), model.C.transpose()
+    At, none = A.transpose(), fmpq_mat(n, n)
+    up, down = 1 - s, 1 + s
+    rows = [
+        [A * up - one * down, none, B * up],
+        [Ct * C * -down, one * up - At * down, Ct * D * -down],
+        [D.transpose() * C, B.transpose(), price],
+    ]
+    return block(rows).det()
+
+
+# The peak of the gain in double precision: quick, good for a start, with an honest error bar.
+
+
+def cayley(model: Realisation) -> Realisation:
+    """Map a discrete system by z = (1 + s)/(1 - s), which keeps its gains; others stay."""
+    if not model.discrete or model.states == 0:
+        return model
+    one = np.eye(model.states)
+    factors = sla.lu_factor(model.A + one, check_finite=False)
+    B = sla.lu_solve(factors, model.B, check_finite=False)
+    A = sla.lu_solve(factors, model.A - one, check_finite=False)
+    C = sla.lu_solve(factors, model.C.T, trans=1, check_finite=False).T
+    return Realisation(A, math.sqrt(2) * B, math.sqrt(2) * C, model.D - model.C @ B, False)
+
+
+def largest_response(model: Realisation, frequencies: Vector | None = None) -> tuple[float, float]:
+    """Return the frequency x, s = i x, of the largest gain of some, and this gain.
+
+    By default they are those of the poles, where the gain is a rough size of the norm.
+    """
+    if 0 in model.D.shape:
+        return 0.0, 0.0
+    if frequencies is None:
+        frequencies = _seeds(np.linalg.eigvals(model.A).astype(complex))
+    gains = np.full(len(frequencies), np.linalg.norm(model.D, 2))
+    finite = np.flatnonzero(np.isfinite(frequencies)) if model.states else np.zeros(0, int)
+    for start in range(0, finite.size, 64):  # bounds the memory for large systems
+        where = finite[start : start + 64]
+        points = 1j * frequencies[where]
+        G = resolvent_response(model.A, model.B, model.C, model.D, points)
+        G[~np.isfinite(G).all(axis=(1, 2))] = 0.0  # a pole on the axis to rounding
+        gains[where] = np.linalg.svd(G, compute_uv=False)[:, 0]
+    best = int(gains.argmax())
+    return float(frequencies[best]), float(gains[best])
+
+
+def peak(
+    model: Realisation, poles: NDArray[np.complex128], tolerance: float
+) -> tuple[float, float]:
+    """Climb to the largest gain by the two-step iteration of Bruinsma and Steinbuch.
+
+    Returns
+    -------
+    frequency, gain : float
+        Not certified: crossings that rounding hides are missed.
+    """
+    frequency, gain = largest_response(model, _seeds(poles))
+    for _ in range(30):
+        level = gain * (1 + tolerance)
+        crossings = _crossings(model, level) if gain else np.empty(0)
+        if crossings.size == 0:
+            break
+        middles = 0.5 * (crossings[1:] + crossings[:-1])
+        there, reached = largest_response(model, np.concatenate([crossings, middles]))
+        if reached > gain:
+            frequency, gain = there, reached
+        if reached <= level:
+            break
+    return frequency, gain
+
+
+def _seeds(poles: NDArray[np.complex128]) -> Vector:
+    radius = np.abs(poles)
+    damping = np.divide(poles.real, radius, out=np.ones_like(radius), where=radius > 0)
+    resonance = radius * np.sqrt(np.clip(1 - 2 * damping**2, 0, None))
+    return np.unique(np.concatenate([[0.0, np.inf], radius, np.abs(poles.imag), resonance]))
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def hamiltonian(model: Realisation, gamma: float) -> Array | None:
+    """Return the matrix whose imaginary eigenvalues are crossings; None at the gain of D.
+
+    Entries beyond doubles are infinite.
+    """
+    A, B, C, D = model.A, model.B, model.C, model.D
+    if not D.any():
+        return np.block([[A, B @ B.T / gamma], [-(C.T @ C) / gamma, -A.T]])
+    R = gamma * gamma * np.eye(B.shape[1]) - D.T @ D
+    try:
+        X = np.linalg.solve(R, np.hstack([D.T @ C, B.T]))
+    except np.linalg.LinAlgError:
+        return None
+    RDC, RB = X[:, : A.shape[0]], X[:, A.shape[0] :]
+    closed = A + B @ RDC
+    return np.block([[closed, gamma * B @ RB], [-(C.T @ (C + D @ RDC)) / gamma, -closed.T]])
+
+
+@np.errstate(over="ignore", invalid="ignore")  # what has no size has no near eigenvalues
+def _crossings(model: Realisation, gamma: float) -> Vector:
+    H = hamiltonian(model, gamma)
+    if H is None or not np.isfinite(H).all():
+        return np.empty(0)
+    eigenvalues = np.linalg.eigvals(H)
+    near = np.abs(eigenvalues.real) <= 1e-7 * np.abs(eigenvalues) + 100 * EPS * np.linalg.norm(H)
+    return np.unique(np.abs(eigenvalues.imag[near]))
+
+
+def bounds_gain(model: Realisation, gamma: float) -> bool:
+    """Say whether the Hamiltonian has no imaginary eigenvalue, rounding errors considered."""
+    H = hamiltonian(model, gamma)
+    if H is None or not np.isfinite(H).all():
+        return False
+    spectrum = eigensystem(H)
+    return bool((np.abs(spectrum.values.real) > spectrum.errors).all())
+
+
+EXACT_FIRST = 6
+"""Up to so many coupled states the proof is exact from the start: nothing is as quick."""
+EXACT_ALWAYS = 40
+"""Up to so many the bracket is as narrow as is asked for, which exact arithmetic grants."""
+EXACT_AT_MOST = 80
+"""Up to so many exact arithmetic is used where nothing else proves a bound."""
+# Widths of brackets that are accepted from modal coordinates: beyond EXACT_ALWAYS, beyond
+# EXACT_AT_MOST where nothing else would prove any, and of estimates, which the Hamiltonian test
+# could narrow.
+_WIDE, _WIDEST, _ESTIMATED = 1e-6, 1e-2, 1e-6
+# Gains of so many signals per state are quicker by the Hamiltonian matrix.
+_SIGNALS = 4
+
+# Crossings whose frequencies differ by more than this factor are far apart.
+_FAR = 4
+_MOST_BETWEEN = 12
+_MOST_CLIMBING = 24
+
+
+def in_units(found: Peak, model: Realisation) -> Peak:
+    """Bring a peak back from the scaled units of a model."""
+    known = bracket(found.gain, found.lower, found.upper, model.gain)
+    return Peak(found.frequency * model.time, *known, found.proof)
+
+
+def certified_peak(
+    model: Realisation,
+    tolerance: float,
+    exact: bool,
+    exact_model: ExactModel | None = None,
+    spectrum: Eigensystem | None = None,
+) -> Peak:
+    """Find and bracket the peak of a stable, rescaled system.
+
+    The `spectrum` of its A is taken if it is at hand. An `exact_model` takes its place where the
+    doubles are rounded.
+    """
+    spectrum = spectrum or eigensystem(model.A)
+    if exact_model is None and model.states > (EXACT_FIRST if exact else 1):
+        found = _modal(model, spectrum, tolerance, exact)
+        if found is not None:
+            return found
+    search = replace(model, time=1.0, gain=1.0)
+    poles = spectrum.values
+    if model.discrete:
+        search = rescaled(cayley(search))
+        poles = np.linalg.eigvals(search.A).astype(complex)
+    frequency, gain = peak(search, poles, tolerance)
+    if not exact or model.states > EXACT_ALWAYS:
+        found = in_units(_estimated(search, frequency, gain, tolerance), search)
+        if not exact or found.upper <= (1 + max(tolerance, 1e-6)) * found.lower:
+            return found
+        if model.states > EXACT_AT_MOST:  # in ball arithmetic, where doubles leave it uncertain
+            at = fraction(found.frequency) if math.isfinite(found.frequency) else None
+            gain = _gain(ExactModel.of(model), at)
+            upper = found.upper if found.upper > gain else math.inf
+            return found._replace(gain=gain, lower=gain * (1 - 1e-14), upper=upper)
+    return _proven(exact_model or ExactModel.of(model), frequency * search.time, tolerance)
+
+
+def _modal(model: Realisation, spectrum: Eigensystem, tolerance: float, exact: bool) -> Peak | None:
+    """Bracket the peak in modal coordinates; None where these are too ill conditioned."""
+    if model.D.size > _SIGNALS * model.states:
+        return None
+    form = modal_form(model, spectrum, exact)
+    if form is None or not form.stable:
+        return None
+    # Imports Numba, which takes as long as all the rest together.
+    from robustpolish.linear.norms.modal_peak import modal_peak
+
+    widest = _WIDE if model.states <= EXACT_AT_MOST else _WIDEST
+    if not exact:
+        widest = _ESTIMATED
+    elif model.states <= EXACT_ALWAYS:
+        widest = tolerance
+    found = modal_peak(form, tolerance, max(tolerance, widest))
+    errors = (
+        "rounding errors enclosed" if exact else "within the rounding errors of double precision"
+    )
+    return found and found._replace(proof=f"every frequency covered, {errors}")
+
+
+def _proven(model: ExactModel, start: float, tolerance: float) -> Peak:
+    """Raise the gain by exact crossings until the upper bound has none."""
+
+    def highest(places: Iterable[fmpq | None]) -> tuple[float, fmpq | None]:
+        return max(((_gain(model, x), x) for x in places), key=lambda pair: pair[0])
+
+    gain, at = highest([fraction(start) if math.isfinite(start) else None])
+    if gain == 0 and model.is_zero():
+        return Peak(0.0, 0.0, 0.0, 0.0, "the transfer function is zero")
+    trial: list[fmpq | None] = [fmpq(0), None]
+    trial += [fmpq(k, k + 2) for k in range(1, 2 * model.states + 3)] if gain == 0 else []
+    touching: list[fmpq] = []
+    far, upper, proof = False, math.inf, "the search did not settle"
+    for _ in range(100):  # every pass raises the gain by more than the tolerance; few are needed
+        check_deadline()
+        reached = highest(trial)
+        if reached[0] > gain:
+            gain, at = reached
+        elif touching:  # the gain only touches the last bound, at a crossing
+            gain, at = highest(touching)
+        bound = gain * (1 + tolerance)
+        found = gain_crossings(model, fraction(bound) ** 2)
+        if not found:
+            for a, b in pairwise(touching):
+                # A search from far away ends when its bracket is narrow, not at the top.
+                if far and at is not None and a <= at <= b:
+                    gain, at = highest([at, _climbed(model, a, b)])
+            upper, proof = bound, "no crossing, in exact arithmetic"
+            break
+        spans = list(pairwise(found))
+        far = far or any(_far_apart(a, b) for a, b in spans)
+        trial = [fmpq(0), None, *(x for a, b in spans for x in _between(a, b))]
+        if model.states > EXACT_FIRST and len(spans) == 1:
+            trial.append(_climbed(model, *spans[0]))
+        touching = found
+    rounding = 4 * EPS * (model.B.ncols() + model.C.nrows())
+    frequency = math.inf if at is None else float(arb(at))
+    return Peak(frequency, gain, gain * (1 - rounding), upper, proof)
+
+
+def _far_apart(low: fmpq, high: fmpq) -> bool:
+    return low > 0 and high > _FAR * low
+
+
+def _between(low: fmpq, high: fmpq) -> list[fmpq]:
+    """Return the middle of two crossings, and if they are far apart one frequency per octave.
+
+    The gain peaks somewhere between them. Halving an interval that spans decades comes near zero
+    by an octave per pass, and a pass costs a determinant per state.
+    """
+    middle = [(low + high) / 2]
+    if not _far_apart(low, high):
+        return middle
+    bottom, octaves = float(arb(low)), math.log2(float(arb(high)) / float(arb(low)))
+    count = min(math.ceil(octaves), _MOST_BETWEEN)
+    steps = octaves * np.arange(1, count + 1) / (count + 1)
+    return middle + [fraction(bottom * 2.0**step) for step in steps]
+
+
+def _climbed(model: ExactModel, low: fmpq, high: fmpq) -> fmpq:
+    """Climb between two crossings, for gains take far less time than determinants."""
+    ends = [math.log(max(float(arb(end)), 1e-300)) for end in (low, high)]
+    found: Any = minimize_scalar(
+        lambda x: -_gain(model, fraction(math.exp(x))),
+        bounds=ends,
+        method="bounded",
+        options={"xatol": 1e-7 * (ends[1] - ends[0]), "maxiter": _MOST_CLIMBING},
+    )
+    return fraction(math.exp(found.x))
+
+
+def _gain(model: ExactModel, x: fmpq | None) -> float:
+    G, scale = transfer(model, x)
+    return float(np.linalg.norm(G, 2)) * scale
+
+
+def _estimated(model: Realisation, frequency: float, gain: float, tolerance: float) -> Peak:
+    """Widen the bracket until the Hamiltonian test in double precision is beyond doubt."""
+    error = 10 * EPS  # of the gain, relative, from the spread of the resolvent
+    if math.isfinite(frequency) and model.states:
+        resolvent = 1j * frequency * np.eye(model.states) - model.A
+        sizes = np.linalg.svd(resolvent, compute_uv=False)
+        error *= math.sqrt(model.states) * float(sizes[0] / sizes[-1]) if sizes[-1] else 0.1 / EPS
+    lower = gain * max(0.0, 1 - error)
+    widths = [w for w in (tolerance, 1e-8, 1e-6, 1e-4, 1e-3, 1e-2, 0.1) if w >= tolerance]
+    for width in widths:
+        upper = gain * (1 + width + error)
+        if gain > 0 and bounds_gain(model, upper):
+            text = "no crossing within the rounding errors of double precision"
+            return Peak(frequency, gain, lower, upper, text)
+    return Peak(frequency, gain, lower, math.inf, "double precision proves no upper bound")
 
 
 @dataclass(frozen=True, repr=False)

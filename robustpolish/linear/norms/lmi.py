@@ -21,11 +21,10 @@ from numpy.typing import NDArray
 from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import described, invalid, one_of
 from robustpolish.base.results import Card, Displayed, quantities
+from robustpolish.linear.arithmetic.balls import bounded_real, is_definite
 from robustpolish.linear.arithmetic.rational import ExactModel, fraction, rational
 from robustpolish.linear.arithmetic.realisation import Realisation, power_of_two, realisation
-from robustpolish.linear.norms.peak import largest_response
-from robustpolish.linear.proofs.bounded_real import bounded_real
-from robustpolish.linear.proofs.definite import is_definite
+from robustpolish.linear.norms.hinf import largest_response
 from robustpolish.linear.scaling import equilibrating_scales, in_units, parts_with_indices
 
 Equation = Literal["10.15", "10.17", "10.44", "10.45"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robustpolish.base.jit import njit
-from robustpolish.linear.eigen import EPS
+from robustpolish.linear.stability import EPS
 
 # Pieces of the frequency axis that are as long as the distance to the nearest pole lets them.
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from robustpolish.base.arrays import AnyArray, Matrix, Vector
 from robustpolish.linear.arithmetic.realisation import Realisation, size
-from robustpolish.linear.eigen import EPS, Eigensystem
+from robustpolish.linear.stability import EPS, Eigensystem
 
 # Products of matrices with more digits than doubles have, and bounds of their errors.
 

@@ -13,7 +13,6 @@ import numpy as np
 
 from robustpolish.base.budget import check_deadline
 from robustpolish.base.jit import njit
-from robustpolish.linear.eigen import EPS
 from robustpolish.linear.norms.modal_expansion import (
     FAR,
     ORDER,
@@ -25,6 +24,7 @@ from robustpolish.linear.norms.modal_expansion import (
     overlapping,
 )
 from robustpolish.linear.norms.modal_form import ModalForm, Peak
+from robustpolish.linear.stability import EPS
 
 # Eigenvalues of small Hermitian matrices, compiled: calls of LAPACK would cost more than these.
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
-from robustpolish.base.arrays import Vector
+from robustpolish.base.arrays import Array, Vector
 from robustpolish.base.budget import step_cost
 from robustpolish.synthesis.nonsmooth.descent import ActivePiece, Measure
 from robustpolish.synthesis.problem.matrices import PlantMatrices, StaticLoop, close_static_loop
@@ -260,7 +260,8 @@ def _continuous(closed: StaticLoop) -> tuple[Matrix, Matrix, Matrix, Matrix]:
     if not closed.plant.discrete:
         return A, B, C, D
     shifted = A + np.eye(len(A))
-    X = np.linalg.solve(shifted, np.hstack([A - np.eye(len(A)), B]))
+    right = A - np.eye(len(A))
+    X = np.linalg.solve(shifted, np.hstack([right, B]))
     n = len(A)
     Y = np.linalg.solve(shifted.T, C.T).T
     return X[:, :n], np.sqrt(2) * X[:, n:], np.sqrt(2) * Y, D - C @ X[:, n:]
@@ -312,12 +313,16 @@ def local_peaks(response: LoopResponse, level: float) -> list[float]:
     for _ in range(6):
         if len(low) == 0:
             break
-        grid = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, 9)
-        values = response.sigma(grid.ravel()).reshape(grid.shape)
-        best = np.argmax(values, axis=1)
-        rows = np.arange(len(low))
-        low, high = grid[rows, np.maximum(best - 1, 0)], grid[rows, np.minimum(best + 1, 8)]
+        low, high = _narrowed(response, low, high)
     return [float(w) for w in 0.5 * (low + high)]
+
+
+def _narrowed(response: LoopResponse, low: Vector, high: Vector) -> tuple[Vector, Vector]:
+    """Return a quarter of each interval around the largest value on a grid of nine points."""
+    grid = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, 9)
+    values = response.sigma(grid.ravel()).reshape(grid.shape)
+    best, rows = np.argmax(values, axis=1), np.arange(len(low))
+    return grid[rows, np.maximum(best - 1, 0)], grid[rows, np.minimum(best + 1, 8)]
 
 
 def _local_maxima(values: Vector) -> NDArray[np.intp]:
@@ -343,23 +348,28 @@ def _refined_maxima(
     f = np.stack([values[inner - 1], values[inner], values[inner + 1]])
     for _ in range(_CLIMBS):
         before = f.max()
-        width = w[2] - w[0]
-        left, right = (w[1] - w[0]) * (f[1] - f[2]), (w[1] - w[2]) * (f[1] - f[0])
-        with np.errstate(all="ignore"):
-            step = 0.5 * ((w[1] - w[0]) * left - (w[1] - w[2]) * right) / (left - right)
-        top = np.where(np.isfinite(step), w[1] - step, w[1])
-        tried = np.sort(np.clip(top + width * _SPREAD[:, None], w[0], w[2]), axis=0)
-        found = response.sigma(tried.ravel()).reshape(tried.shape)
-        w, f = np.concatenate([w, tried]), np.concatenate([f, found])
-        order = np.argsort(w, axis=0, kind="stable")
-        w, f = np.take_along_axis(w, order, 0), np.take_along_axis(f, order, 0)
-        best = np.clip(np.argmax(f, axis=0), 1, len(f) - 2)
-        rows = best + np.array([[-1], [0], [1]])
-        w, f = np.take_along_axis(w, rows, 0), np.take_along_axis(f, rows, 0)
+        w, f = _climbed(response, w, f)
         if f.max() <= before * (1 + 0.1 * _RELATIVE_STEP):
             break
     flat = int(np.argmax(f))
     return float(f.ravel()[flat]), float(w.ravel()[flat])
+
+
+def _climbed(response: LoopResponse, w: Array, f: Array) -> tuple[Array, Array]:
+    """Replace three points of each hill, in columns, by those around its parabola's top."""
+    before, after = w[1] - w[0], w[1] - w[2]
+    left, right = before * (f[1] - f[2]), after * (f[1] - f[0])
+    with np.errstate(all="ignore"):
+        step = 0.5 * (before * left - after * right) / (left - right)
+    top = np.where(np.isfinite(step), w[1] - step, w[1]) + (w[2] - w[0]) * _SPREAD[:, None]
+    tried = np.sort(np.clip(top, w[0], w[2]), axis=0)
+    found = response.sigma(tried.ravel()).reshape(tried.shape)
+    w, f = np.concatenate([w, tried]), np.concatenate([f, found])
+    order = np.argsort(w, axis=0, kind="stable")
+    w, f = np.take_along_axis(w, order, 0), np.take_along_axis(f, order, 0)
+    best = np.clip(np.argmax(f, axis=0), 1, len(f) - 2)
+    rows = best + np.array([[-1], [0], [1]])
+    return np.take_along_axis(w, rows, 0), np.take_along_axis(f, rows, 0)
 
 
 # Where a hill is looked at around the top of its parabola, as shares of what brackets it.

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Literal
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
+from typing import Any, Literal, NamedTuple
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from robustpolish.base.budget import (
@@ -17,6 +19,7 @@ from robustpolish.base.budget import (
 from robustpolish.base.checks import described, invalid, positive
 from robustpolish.errors import SolverError
 from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.synthesis.backends.slycot_backend import synthesise
 from robustpolish.synthesis.certificate import Gamma, Norm, NormTarget, norm_in_words
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.driver import (
@@ -26,16 +29,57 @@ from robustpolish.synthesis.driver import (
     design_by_parts,
     time_limit_note,
 )
-from robustpolish.synthesis.engine import Engine, Settings
-from robustpolish.synthesis.output_feedback.lmi import LmiH2, LmiHinf, Slycot
-from robustpolish.synthesis.output_feedback.riccati import Lqg, RegularisedRiccati
+from robustpolish.synthesis.engine import (
+    AS_GOOD_AS_ZERO,
+    COSTLY_STATES,
+    EPSILONS,
+    FALLING,
+    SETTLED,
+    SHIFTS,
+    Candidate,
+    Engine,
+    Settings,
+    Task,
+)
+from robustpolish.synthesis.lmi.output_feedback import (
+    LmiVariables,
+    ProjectedSolution,
+    balanced_states,
+    coupling,
+    explicit_controller,
+    impose_h2,
+    loop_terms,
+    rebalanced,
+    reconstruct,
+    solve_projected,
+    well_conditioned_controllers,
+)
+from robustpolish.synthesis.lmi.program import ProgramSolver, SemidefiniteProgram
+from robustpolish.synthesis.problem.matrices import (
+    Controller,
+    PlantMatrices,
+    regularise,
+    shifted,
+    with_penalty_and_noise,
+)
 from robustpolish.synthesis.problem.preflight import (
     SolvabilityCheck,
     check_solvability,
+    decoupled_parts,
+    whole_plant,
     with_control_penalty,
     with_measurement_noise,
 )
-from robustpolish.synthesis.problem.scaling import decoupled_parts, whole_plant
+from robustpolish.synthesis.riccati.gamma import (
+    Attempt,
+    GammaBracket,
+    NormalisedPlant,
+    central_controller,
+    has_full_rank,
+    normalise,
+    search_gamma,
+)
+from robustpolish.synthesis.state_feedback.riccati import lqg
 from robustpolish.synthesis.structured.methods import (
     StructuredOptions,
     checked_order,
@@ -43,6 +87,554 @@ from robustpolish.synthesis.structured.methods import (
     refuse_with_order,
 )
 from robustpolish.synthesis.structured.search import TIME_LIMIT
+
+# H-infinity output feedback by Riccati equations on a ladder of regularised plants.
+#
+# A regularised plant has a solution of its two Riccati equations whatever the rank of D12 and D21
+# and whatever zeros lie on the axis. Its norm bounds the true one from above, and falls to it as
+# epsilon goes to zero. So epsilon descends from 0.1 in half decades until the norm of the true
+# loop, which alone is believed, is near the lower bound, or no longer improves.
+#
+# Where only zeros on the axis are in the way, as for a servo with an integrator and weights on S
+# and K S, the axis is moved to the left instead, which costs next to nothing whatever the weights.
+
+
+# H2 output feedback by Riccati equations, on regularised plants where need be.
+
+
+class Lqg(Engine):
+    """One pair of Riccati equations on a regular plant.
+
+    A singular one is regularised less and less, as for the H-infinity norm, until the norm of the
+    true loop settles.
+    """
+
+    def search(self) -> None:
+        """Minimise the H2 norm of the loop."""
+        if self._solved(0.0):
+            return
+        quiet = 0
+        norms: list[float] = []
+        # Singular H2 problems, whose equations bear half a decade less regularisation.
+        for epsilon in (*EPSILONS, 10.0**-9):
+            if self.budget.over:
+                break
+            before = self.best
+            if not self._solved(epsilon):
+                continue
+            norms.append(self.best)
+            # A relative fall of the H2 norm that is none.
+            quiet = quiet + 1 if self.best > before * (1 - 1e-6) else 0
+            if quiet >= 2:
+                return
+        self.falling = len(norms) > 4 and norms[-1] < FALLING * norms[-5]
+
+    def _solved(self, epsilon: float) -> bool:
+        self.budget.spend(step_cost(self.problem.plant.nx))
+        K = lqg(regularise(self.problem.plant, epsilon))
+        candidate = None if K is None else self.checked(K, np.inf, f"riccati, {epsilon:.1e}")
+        if candidate is not None:
+            self.candidates.append(candidate)
+            seen = {"achieved": candidate.achieved, "gain": candidate.gain}
+            self.history.append({"epsilon": epsilon, **seen})
+        return candidate is not None
+
+
+class Regularisation(NamedTuple):
+    """How a plant is changed so that its equations have a solution.
+
+    ``epsilon`` is the price, noise and disturbance of :func:`regularise`, ``shift`` by how much the
+    axis is moved to the left; see :func:`shifted`.
+    """
+
+    epsilon: float
+    shift: float = 0.0
+
+    def normalised(self, plant: PlantMatrices) -> NormalisedPlant:
+        """Change a plant and bring it into the coordinates of the equations."""
+        return normalise(shifted(regularise(plant, self.epsilon), self.shift))
+
+
+_AXIS = tuple(Regularisation(0.0, shift) for shift in (0.0, *SHIFTS))
+_LADDER = tuple(Regularisation(epsilon) for epsilon in EPSILONS)
+# How far above the optimal gamma central controllers are made, the most wanted first; nearer than
+# 5e-4 they break their promise, and hard plants (NN9, HE1) need 1.01 or 1.03.
+_BACK_OFFS = (1.003, 1.0005, 1.01, 1.03)
+# Further distances from the optimum, tried on rungs that came close.
+_REFINEMENTS = (1.0005, 1.001, 1.006)
+# Rungs without a fall after which a ladder without a lower bound to aim at ends.
+_QUIET = 3
+
+
+class RegularisedRiccati(Engine):
+    """Two Riccati equations on plants regularised less and less."""
+
+    def __init__(self, settings: Settings, problem: Task, budget: Budget) -> None:
+        super().__init__(settings, problem, budget)
+        self.plant, self.gamma = problem.plant, 1.0
+        self.costly = self.plant.nx > COSTLY_STATES
+        # Beyond so many states of a plant the first controller that keeps the tolerance ends the
+        # search, and none at further distances from the optimum is tried: each takes as long as
+        # all the rest of a rung.
+        self.many = self.plant.nx > 100
+        self.near = problem.goal if self.many else problem.near
+        # A finer tolerance than the usual one asks for finer steps.
+        self.fineness = min(1.0, problem.tolerance / 4e-3)
+        self.settled = SETTLED * self.fineness
+        self.rungs: list[Regularisation] = []  # of the entries of the history
+
+    def search(self) -> None:
+        """Descend until the norm is good enough, settles or cannot be computed any more."""
+        if self.problem.asked and self._solve_requested_gamma():
+            return
+        regular = self._solve_regular()
+        quiet, failures = 0, 0
+        waiting: tuple[NormalisedPlant, GammaBracket, Regularisation] | None = None
+        # A price and a noise on x cost much beside weights that put zeros on the axis.
+        done = self.best <= self.near and (self.many or any(rung.shift for rung in self.rungs))
+        for rung in () if done else _LADDER:
+            if self.budget.over or failures == 2:
+                break
+            normal = rung.normalised(self.plant)
+            before, best = self.gamma, self.best
+            bracket = self._bracket(normal)
+            if bracket is None:
+                failures += 1
+                continue
+            self.gamma = bracket.upper
+            self._note(rung, self.gamma)
+            # Where a norm is costly, loops are not checked on the first rung, nor while gamma falls
+            # by more than this from one to the next.
+            first = len(self.history) == regular + 1
+            if self.costly and (first or self.gamma < (1 - 0.03) * before):
+                waiting = normal, bracket, rung
+                continue
+            waiting = None
+            candidate = self._confirmed(normal, bracket, rung)
+            if candidate is None:
+                failures += 1
+                continue
+            failures = 0
+            self._take(candidate)
+            # Entries of a controller above it cannot be verified in double precision.
+            if candidate.achieved <= self.near or candidate.gain > 1e10:
+                break
+            if candidate.achieved <= best * 1.1:
+                quiet = quiet + 1 if candidate.achieved > best * (1 - self.settled) else 0
+            if quiet >= _QUIET and self.problem.bound is None:
+                break
+        if waiting is not None:
+            self.candidates += filter(None, [self._confirmed(*waiting)])
+        # The last two decades of epsilon have lowered the norm for certain.
+        norms = [note["achieved"] for note in self.history if note["achieved"] >= 0]
+        falls = len(norms) > 4 and min(norms) < FALLING * min(norms[:-4])
+        self.falling = not regular and self.best > self.problem.goal and falls
+        if not self.many:
+            self._refine()
+
+    def _note(self, rung: Regularisation, gamma: float) -> None:
+        """Begin an entry of the history."""
+        note: dict[str, Any] = {"epsilon": rung.epsilon, "gamma": gamma}
+        note |= {"achieved": np.nan, "gain": np.nan} | ({"shift": rung.shift} if rung.shift else {})
+        self.history.append(note)
+        self.rungs.append(rung)
+
+    def _take(self, candidate: Candidate) -> None:
+        """Keep a candidate, and tell it in the last entry of the history."""
+        self.history[-1] |= {"achieved": candidate.achieved, "gain": candidate.gain}
+        self.candidates.append(candidate)
+
+    def _solve_requested_gamma(self) -> bool:
+        """Make the central controller for the norm that was asked for; tell whether that worked.
+
+        The gain grows down the ladder, so that the first rung that has one is the best.
+        """
+        for rung in (*_AXIS, *_LADDER) if has_full_rank(self.plant) else _LADDER:
+            if self.budget.over:
+                return False
+            candidate = self._controller(rung.normalised(self.plant), self.problem.goal, rung)
+            if candidate is not None and candidate.achieved <= self.problem.goal:
+                self._note(rung, candidate.claimed)
+                self._take(candidate)
+                return True
+        return False
+
+    def _solve_regular(self) -> int:
+        """Solve a plant whose D12 and D21 have full rank; return how many entries that made.
+
+        As it is, or with the axis moved less and less where zeros lie on it.
+        """
+        if not has_full_rank(self.plant):
+            return 0
+        bound = self.problem.bound
+        bracket = None if bound is None else bound.bracket
+        for rung in _AXIS:
+            if self.budget.over:
+                break
+            normal, start = rung.normalised(self.plant), 1.0
+            if rung.shift and bracket is not None:
+                # How far the optimal gamma is expected to move with the axis; looked at first.
+                start, near = bracket.upper * (1 + 0.02), 0.02
+                bracket = search_gamma(normal.halves, start, near, self.budget, near)
+            bracket = search_gamma(normal.halves, start, self.settled, self.budget, known=bracket)
+            candidate = None if bracket is None else self._confirmed(normal, bracket, rung)
+            if bracket is None or candidate is None:
+                continue
+            self._note(rung, bracket.upper)
+            self._take(candidate)
+            if candidate.achieved <= self.near or bound is None:
+                break
+        return len(self.rungs)
+
+    def _bracket(self, normal: NormalisedPlant) -> GammaBracket | None:
+        """Find the optimal gamma of one rung: coarsely while it falls fast, then finely."""
+        first = self.gamma == 1.0
+        shortcut = 0.0 if first else self.settled
+        rough = search_gamma(normal.halves, self.gamma, 0.02, self.budget, shortcut)
+        if rough is None or rough.upper < 0.9 * self.gamma or first:
+            return rough
+        return search_gamma(normal.halves, rough.upper, self.settled, self.budget, known=rough)
+
+    def _confirmed(
+        self, normal: NormalisedPlant, bracket: GammaBracket, rung: Regularisation
+    ) -> Candidate | None:
+        """Make a controller a little above the optimal gamma that keeps its promise."""
+        for factor in _BACK_OFFS:
+            usual = factor > 1 + self.problem.tolerance
+            factor = 1 + (factor - 1) * (1.0 if usual else self.fineness)
+            candidate = self._controller(normal, bracket.upper * factor, rung)
+            if candidate is not None:
+                return candidate
+            if self.budget.over:
+                return None
+        return None
+
+    def _controller(
+        self, normal: NormalisedPlant, gamma: float, rung: Regularisation
+    ) -> Candidate | None:
+        self.budget.spend(step_cost(self.plant.nx))
+        solution = normal.halves.attempt(gamma)
+        if solution.X is None or solution.Y is None or not solution.feasible:
+            return None
+        try:
+            K = central_controller(normal, gamma, solution.X, solution.Y)
+        except np.linalg.LinAlgError:
+            return None
+        K = K.shifted_back(rung.shift)
+        candidate = self.checked(K, gamma, f"riccati, epsilon {rung.epsilon:.1e}")
+        return candidate if candidate is not None and candidate.keeps_claim else None
+
+    def _refine(self) -> None:
+        """Try other distances from the optimal gamma on the rungs that came close to the goal."""
+        close = max(self.best, self.problem.goal) * 1.02
+        notes = zip(self.history, self.rungs, strict=True)
+        close_by = [(note, rung) for note, rung in notes if note["achieved"] <= close]
+        # The gain grows down the ladder, so the first rungs are worth the most.
+        for note, rung in close_by[: 2 if self.costly else None]:
+            normal = rung.normalised(self.plant)
+            for factor in _REFINEMENTS[1 if self.costly else 0 :]:
+                if self.budget.over:
+                    return
+                gamma = note["gamma"] * (1 + (factor - 1) * self.fineness)
+                self.candidates += filter(None, [self._controller(normal, gamma, rung)])
+
+
+# H-infinity output feedback by linear matrix inequalities: balance, solve, tighten, verify.
+#
+# The projected inequalities are feasibility problems at one gamma. Where gamma has to go is told by
+# the lower bound, and in which states and units to pose them by the Riccati equations of the
+# plant, regularised as much as that gamma allows: coordinates change no inequality, but
+# decide whether a solver in double precision can answer it. R and S, and the controller made of
+# them, are the inequalities' own. A gamma that is not reached at once is approached in steps,
+# the solution of one being the unit of the next.
+
+
+# Inequalities for more states take longer than a call of "auto" is expected to.
+LMI_STATES = 14
+# By how much the axis is moved where there are a price and a noise too.
+_SHIFTS = (0.0, 1e-5, 1e-7)
+# What counts as small in X and XY (:func:`balanced_states`), one choice after the other: no single
+# one suits weights with poles over six decades and AC6.
+_LEAST = ((1e-2, 1e-2), (1e-1, 1e-2), (1e-4, 1e-4), (1.0, 1.0))
+# How far above its optimum a regularised plant is asked for where no lower bound tells.
+_ABOVE_OPTIMUM = 1.01
+
+
+class _RegularisedSolution(NamedTuple):
+    """A regularised plant with solutions of its Riccati equations at a gamma."""
+
+    epsilon: float
+    shift: float
+    plant: PlantMatrices
+    gamma: float
+    solution: Attempt
+
+
+class _LmiEngine(Engine):
+    """Engines that solve semidefinite programs."""
+
+    method = "lmi"
+
+    def __init__(self, settings: Settings, problem: Task, budget: Budget) -> None:
+        super().__init__(settings, problem, budget)
+        self.backend = settings.backend
+        self.solver = ProgramSolver(settings.backend, settings.solver, budget)
+
+
+class LmiHinf(_LmiEngine):
+    """Projected inequalities; the claims of the candidates are the gammas they were solved for."""
+
+    @staticmethod
+    def is_useful(problem: Task, earlier: Sequence[Engine]) -> bool:
+        """Tell whether a small plant is left for which no limit of the gain explains the norm."""
+        small = problem.plant.nx <= LMI_STATES
+        return not earlier or (small and not any(engine.falling for engine in earlier))
+
+    def search(self) -> None:
+        """Minimise the H-infinity norm of the loop."""
+        if not (self.problem.goal > 0 and self._at_goal()):
+            self._downwards()
+
+    def _at_goal(self) -> bool:
+        """Aim at the goal on the plants that are regularised the most; tell whether it is met."""
+        problem = self.problem
+        bound = 0.0 if problem.bound is None else problem.bound.value
+        # Share of the tolerance above the lower bound at which the equations of a regularised plant
+        # have to have a solution; the inequalities are posed nearer to the tolerance.
+        level = max(bound * (1 + 0.7 * problem.tolerance), problem.asked * (1 - 1e-3))
+        # Regularisations that are tried where a controller is missed.
+        for rung in islice(_feasible(problem.plant, level, self.budget), 2):
+            for least in _LEAST:
+                self._descend(rung, problem.goal, least)
+                if self.best <= problem.goal:
+                    return True
+        return bool(self.candidates)
+
+    def _downwards(self) -> None:
+        """Follow plants that are regularised less and less where no goal is known or reached."""
+        start, failures = 1.0, 0
+        norms: list[float] = []
+        # Programs take long, so that decades have to do.
+        for epsilon in EPSILONS[::2]:
+            if failures == 2 or self.budget.over:
+                break
+            rung = _optimal(self.problem.plant, epsilon, start, self.budget)
+            if rung is None:
+                failures += 1
+                continue
+            start, before = rung.gamma, self.best
+            for least in _LEAST[:2]:
+                self._descend(rung, rung.gamma, least)
+                if self.best < before:
+                    break
+            failures = 0 if self.best < before else failures + 1
+            norms.append(self.best)
+            if self.best <= AS_GOOD_AS_ZERO * norms[0] or self.best <= self.problem.near:
+                break
+        falls = len(norms) > 2 and norms[-1] < FALLING * norms[-3]
+        self.falling = self.best > self.problem.goal and falls
+
+    def _descend(self, rung: _RegularisedSolution, goal: float, least: tuple[float, float]) -> None:
+        """Look for controllers with a norm below `goal`, at once or by gammas that fall."""
+        solution = rung.solution
+        if solution.X is None or solution.Y is None or self.budget.over:
+            return
+        P = balanced_states(rung.plant, solution.X, solution.Y, rung.gamma, least)
+        if P is None:
+            return
+        # Numbers of order one suit the solver: the norm is divided by the goal, half of it at w and
+        # half at z.
+        root = np.sqrt(goal)
+        P = P.replace(
+            B1=P.B1 / root, D21=P.D21 / root, C1=P.C1 / root, D12=P.D12 / root, D11=P.D11 / goal
+        )
+        if self._solved(P, None, 1.0, goal, rung) is not None:
+            return
+        # How far above the lower bound gamma starts where the goal itself is not reached.
+        gamma, failures = 1.03, 0
+        known, reached = (P, None), np.inf
+        # The most programs of one descent, of which three may find nothing.
+        for _ in range(9):
+            after = self._solved(*known, gamma, goal, rung)
+            if after is None:
+                failures += 1
+                if failures > 3 or self.budget.over:
+                    return
+                # Growth of a first gamma that is not reached either.
+                gamma = (gamma + reached) / 2 if np.isfinite(reached) else gamma * 1.02
+                continue
+            known, reached = after, gamma
+            if gamma <= 1.0:
+                return
+            # What is nearly there is asked for at once.
+            # Three tenths of the distance are left after one step.
+            lower = 1 + 0.3 * (gamma - 1)
+            gamma = lower if lower > 1 + 1e-3 else 1.0
+
+    def _solved(
+        self,
+        plant: PlantMatrices,
+        near: ProjectedSolution | None,
+        gamma: float,
+        goal: float,
+        rung: _RegularisedSolution,
+    ) -> tuple[PlantMatrices, ProjectedSolution] | None:
+        """Solve at a gamma, in units of `goal`, beside a known solution, if there is one.
+
+        Returns the plant and the solution in better states; None unless the controller keeps gamma.
+        """
+        point = solve_projected(plant, gamma, self.solver, near)
+        after = None if point is None else rebalanced(plant, point.R, point.S)
+        K = None if after is None else explicit_controller(after[0], gamma, after[1])
+        claim = gamma * goal
+        note = {"epsilon": rung.epsilon, "gamma": claim, "achieved": np.nan, "gain": np.nan}
+        if rung.shift:
+            note["shift"] = rung.shift
+        self.history.append(note)
+        if K is None or after is None:
+            return None
+        origin = f"lmi, epsilon {rung.epsilon:.1e}"
+        candidate = self.checked(K.shifted_back(rung.shift), claim, origin)
+        if candidate is None:
+            return None
+        note["achieved"], note["gain"] = candidate.achieved, candidate.gain
+        self.candidates.append(candidate)
+        if not candidate.keeps_claim:
+            return None
+        sizes = np.diag(after[1])
+        return after[0], ProjectedSolution(sizes, sizes, gamma)
+
+
+def _feasible(plant: PlantMatrices, gamma: float, budget: Budget) -> Iterator[_RegularisedSolution]:
+    """Yield regularised plants whose equations have solutions at a gamma, the strongest first."""
+    pairs = [(epsilon, shift) for epsilon in EPSILONS for shift in _SHIFTS]
+    if has_full_rank(plant):
+        pairs = [(0.0, shift) for shift in (0.0, *SHIFTS)] + pairs
+    for epsilon, shift in pairs:
+        if budget.over:
+            return
+        regular = shifted(with_penalty_and_noise(plant, epsilon), shift)
+        budget.spend(step_cost(plant.nx))
+        solution = normalise(regular).halves.attempt(gamma)
+        if solution.feasible:
+            yield _RegularisedSolution(epsilon, shift, regular, gamma, solution)
+
+
+def _optimal(
+    plant: PlantMatrices, epsilon: float, start: float, budget: Budget
+) -> _RegularisedSolution | None:
+    """Return a regularised plant a little above the optimum of its equations.
+
+    Of all shifts that with the smallest optimum: a smaller one leaves zeros too near the axis.
+    """
+    best: _RegularisedSolution | None = None
+    for shift in _SHIFTS:
+        regular = shifted(with_penalty_and_noise(plant, epsilon), shift)
+        halves = normalise(regular).halves
+        bracket = search_gamma(halves, start, _ABOVE_OPTIMUM - 1, budget)
+        gamma = np.inf if bracket is None else bracket.upper * _ABOVE_OPTIMUM
+        if best is None or gamma < best.gamma:
+            solution = halves.attempt(gamma) if np.isfinite(gamma) else None
+            if solution is not None and solution.feasible:
+                best = _RegularisedSolution(epsilon, shift, regular, gamma, solution)
+    return best
+
+
+# H2 output feedback by linear matrix inequalities: solve, rebalance, back off, verify.
+
+# Solutions in states that are rebalanced by the last one, and a relative fall that ends them.
+_ROUNDS, _AGREEMENT = 4, 2e-3
+# How far above the optimum controllers are asked for.
+_GAMMA_BACK_OFFS = (1.00005, 1.003)
+
+
+class LmiH2(_LmiEngine):
+    """Inequalities (10.29) to (10.32)."""
+
+    def search(self) -> None:
+        """Minimise the H2 norm of the loop."""
+        optimum, frame = np.inf, self.problem.plant
+        for _ in range(_ROUNDS):
+            program = SemidefiniteProgram()
+            v = LmiVariables.of(program, frame, "h2")
+            energy = impose_h2(program, loop_terms(frame, v), v)
+            coupling(program, v)
+            program.minimise(energy)
+            solution = self.solver.solve(program)
+            square = float(solution.value(energy).item())
+            if not square > 0:
+                break
+            values = v.at(solution)
+            self.history.append({"claim": np.sqrt(square)})
+            self._keep(reconstruct(frame, values), np.sqrt(square) * (1 + 1e-4))
+            settled = square > optimum * (1 - _AGREEMENT)
+            optimum = min(optimum, square)
+            after = rebalanced(frame, values.X, values.Y)
+            if after is None:
+                break
+            frame = after[0]
+            if settled:
+                break
+        if not np.isfinite(optimum):
+            return
+        for factor in _GAMMA_BACK_OFFS:
+            bound = factor * np.sqrt(optimum)
+
+            def impose(program: SemidefiniteProgram, v: LmiVariables, bound: float = bound) -> None:
+                program.nonnegative(bound**2 - impose_h2(program, loop_terms(frame, v), v))
+
+            for K in well_conditioned_controllers(frame, "h2", impose, self.solver):
+                self._keep(K, bound)
+
+    def _keep(self, K: Controller | None, bound: float) -> None:
+        candidate = None if K is None else self.checked(K, bound, "lmi")
+        if candidate is not None:
+            self.candidates.append(candidate)
+
+
+# SLICOT's routines as an engine, for comparison: their claims are remarks, not results.
+
+# Regularisation for SLICOT's routines, which refuse plants whose D12 or D21 lacks rank.
+SLYCOT_EPSILON = 1e-4
+
+
+class Slycot(Engine):
+    """SB10AD for the H-infinity norm or SB10HD for the H2 norm.
+
+    They find at most one controller, whose claim may be false; a remark says so.
+    """
+
+    method = backend = "slycot"
+
+    def search(self) -> None:
+        """Run the routine in a process of its own, which the safety net ends."""
+        problem = self.problem
+        P = regularise(problem.plant, 0.0 if problem.regular else SLYCOT_EPSILON)
+        whole = (
+            P.A,
+            np.hstack([P.B1, P.B2]),
+            np.vstack([P.C1, P.C2]),
+            np.block([[P.D11, P.D12], [P.D21, np.zeros((P.ny, P.nu))]]),
+        )
+        routine = "SB10AD" if problem.norm == "hinf" else "SB10HD"
+        answer = synthesise(routine, (P.nx, P.nu, P.ny), whole, self.budget.seconds_left)
+        self.budget.update_late()
+        if answer.controller is None:
+            self.remarks.append(f"{answer.message}.")
+            return
+        claimed = np.inf if answer.gamma is None else answer.gamma
+        self.history.append({"gamma": claimed, "regularised": not problem.regular})
+        candidate = self.checked(Controller(*answer.controller), claimed, routine)
+        if candidate is None:
+            self.remarks.append(f"The controller of {routine} does not stabilise the plant.")
+            return
+        self.candidates.append(candidate)
+        if not candidate.keeps_claim:
+            self.remarks.append(
+                f"{routine} claimed a norm {candidate.achieved / claimed:.4g} times smaller than "
+                "that of its loop."
+            )
+
 
 Method = Literal["auto", "riccati", "lmi", "slycot"]
 

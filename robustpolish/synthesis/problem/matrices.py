@@ -268,7 +268,8 @@ def absorb_d22(K: Controller, D22: Matrix) -> Controller | None:
     if np.linalg.cond(loop * unit / unit[:, None]) > 1e10:
         return None
     C, D = np.linalg.solve(loop, K.C), np.linalg.solve(loop, K.D)
-    return Controller(K.A - K.B @ D22 @ C, K.B - K.B @ D22 @ D, C, D)
+    A, B = K.A - K.B @ D22 @ C, K.B - K.B @ D22 @ D
+    return Controller(A, B, C, D)
 
 
 def balanced(K: Controller) -> Controller:
@@ -383,18 +384,18 @@ def cayley(A: Matrix, B: Matrix, C: Matrix, D: Matrix) -> SystemMatrices:
     """Map discrete time to continuous time; no pole may lie at z = -1."""
     one, root = np.eye(len(A)), np.sqrt(2)
     inverse = np.linalg.inv(A + one)
-    return SystemMatrices(
-        inverse @ (A - one), root * inverse @ B, root * C @ inverse, D - C @ inverse @ B
-    )
+    A, into, out = inverse @ (A - one), root * inverse @ B, root * C @ inverse
+    D = D - C @ inverse @ B
+    return SystemMatrices(A, into, out, D)
 
 
 def cayley_back(K: SystemMatrices) -> SystemMatrices:
     """Map a continuous system to discrete time, the inverse of :func:`cayley`."""
     one, root = np.eye(len(K.A)), np.sqrt(2)
     inverse = np.linalg.inv(one - K.A)
-    return SystemMatrices(
-        (one + K.A) @ inverse, root * inverse @ K.B, root * K.C @ inverse, K.D + K.C @ inverse @ K.B
-    )
+    A, B, C = (one + K.A) @ inverse, root * inverse @ K.B, root * K.C @ inverse
+    D = K.D + K.C @ inverse @ K.B
+    return SystemMatrices(A, B, C, D)
 
 
 # Plants whose whole state is measured, y = x: the loops of u = F x, and related plants.

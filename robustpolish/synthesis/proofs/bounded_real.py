@@ -12,16 +12,182 @@ import flint
 import numpy as np
 from scipy.linalg import lapack as _lapack
 
+from robustpolish.base.arrays import AnyArray, Array
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic import balls
-from robustpolish.linear.arithmetic.balls import Ball
-from robustpolish.linear.arithmetic.realisation import size
-from robustpolish.linear.proofs.bounded_real import BallSystem, bounded_real, hamiltonian
-from robustpolish.linear.proofs.definite import is_definite
+from robustpolish.linear.arithmetic.balls import (
+    Ball,
+    BallSystem,
+    bounded_real,
+    hamiltonian,
+    is_definite,
+)
+from robustpolish.linear.arithmetic.realisation import Realisation, size
+from robustpolish.linear.delayed_systems import resolvent_response
+from robustpolish.linear.norms.modal_form import Peak, modal_form
+from robustpolish.linear.stability import eigensystem
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.proofs.achieved_norm import estimate_norm, state_scale
+from robustpolish.synthesis.problem.matrices import balancing_scale
 from robustpolish.synthesis.riccati.gamma import solve_lyapunov, solve_riccati
+
+# Estimates.
+
+
+# The H-infinity norm of a stable loop in plain doubles, where a proof follows.
+#
+# What it promises is a gain that the loop reaches, up to rounding: no upper bound, no look at the
+# stability of the loop, which has to be known. :func:`robustpolish.hinf_norm` promises a
+# bracket around the norm, proven, and infinity for unstable systems; it takes longer. The inner
+# steps of a search, and large loops whose bound is proven in ball arithmetic afterwards, can do
+# without.
+
+_LEVEL_STEPS = 12
+_MOST_SEEDS = 80
+# From more states on modal coordinates are quicker than Hamiltonian matrices.
+_MODAL = 40
+# For more frequencies at once a reduction of the states pays.
+_FEW = 4
+# Brackets this narrow, relative, settle a norm in modal coordinates; up to the second width their
+# peak is where the Hamiltonian matrix starts from, one step instead of a look at every resonance.
+_WIDEST, _WIDEST_START = 1e-4, 1e-2
+
+
+class EstimatedNorm(NamedTuple):
+    """A gain that is reached, where, and whether nothing larger is in sight.
+
+    ``settled`` is whether the Hamiltonian matrix shows no larger gain than ``value``. Doubles
+    cannot tell for norms that are tiny beside the gains that cancel in them. ``frequency`` is
+    in rad/s.
+    """
+
+    value: float
+    frequency: float
+    settled: bool
+
+
+def estimate_norm(
+    A: Matrix, B: Matrix, C: Matrix, D: Matrix, tolerance: float = 1e-6
+) -> EstimatedNorm:
+    """Estimate the norm of a stable continuous-time system.
+
+    Parameters
+    ----------
+    A, B, C, D : ndarray
+    tolerance : float
+        Relative; beyond 40 states rounding errors may leave 1e-4.
+
+    Returns
+    -------
+    EstimatedNorm
+
+    Notes
+    -----
+    Bruinsma and Steinbuch, Systems & Control Letters 14 (1990) 287-293.
+    """
+    scale = state_scale(A, B, C)
+    A, B, C = A * scale / scale[:, None], B / scale[:, None], C * scale
+    peak = _modal_peak(A, B, C, D, tolerance) if len(A) > _MODAL else None
+    if peak is None:
+        poles: Any = np.linalg.eigvals(A) if A.size else np.zeros(0, complex)
+        seeds = np.concatenate([_resonances(poles), [np.inf]])
+    else:
+        seeds = np.array([peak.frequency])
+    norm, where = _highest_gain(A, B, C, D, seeds)
+    if peak is not None and peak.upper <= (1 + _WIDEST) * peak.gain:
+        return EstimatedNorm(norm, where, abs(norm - peak.gain) <= _WIDEST * norm)
+    if norm == 0 or not np.isfinite(norm) or not A.size:
+        return EstimatedNorm(norm, where, bool(np.isfinite(norm)))
+    for _ in range(_LEVEL_STEPS):
+        crossings = _level_crossings(A, B, C, D, norm * (1 + tolerance))
+        if crossings is None or not crossings.size:
+            return EstimatedNorm(norm, where, crossings is not None)
+        middle = np.concatenate([crossings, (crossings[1:] + crossings[:-1]) / 2])
+        higher, there = _highest_gain(A, B, C, D, middle)
+        if higher <= norm * (1 + tolerance):
+            # Eigenvalues that only look as if they were on the axis.
+            return EstimatedNorm(norm, where, crossings.size <= 2)
+        norm, where = higher, there
+    return EstimatedNorm(norm, where, False)
+
+
+def _modal_peak(A: Matrix, B: Matrix, C: Matrix, D: Matrix, tolerance: float) -> Peak | None:
+    """Find the peak in modal coordinates; None where rounding errors leave it wide open."""
+    if not D.size or D.size > len(A):
+        return None
+    from robustpolish.linear.norms.modal_peak import modal_peak
+
+    form = modal_form(Realisation(A, B, C, D, False), eigensystem(A), False)
+    if form is None or not form.stable:
+        return None
+    return modal_peak(form, tolerance, max(tolerance, _WIDEST_START))
+
+
+def _highest_gain(
+    A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array
+) -> tuple[float, float]:
+    gains = _gains(A, B, C, D, frequencies)
+    best = int(np.argmax(gains))
+    return float(gains[best]), float(frequencies[best])
+
+
+def state_scale(A: Matrix, B: Matrix, C: Matrix) -> Matrix:
+    """Balance the states by powers of two, with all inputs and all outputs as one more state."""
+    into, out = np.linalg.norm(B, axis=1), np.linalg.norm(C, axis=0)
+    return balancing_scale(np.block([[A, into[:, None]], [out[None, :], np.zeros((1, 1))]]))[:-1]
+
+
+def _resonances(poles: Any) -> Array:
+    """Return the frequencies at which poles may peak, the least damped ones first."""
+    size = np.abs(poles)
+    damping = -poles.real / np.where(size > 0, size, 1)
+    order = np.argsort(damping)[:_MOST_SEEDS]
+    peaks = size * np.sqrt(np.clip(1 - 2 * damping**2, 0, None))
+    found = [np.zeros(1), np.abs(poles.imag)[order], size[order], peaks[order]]
+    return np.unique(np.concatenate(found))
+
+
+def _gains(A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array) -> Array:
+    finite = frequencies[np.isfinite(frequencies)]
+    values = np.zeros(frequencies.size)
+    if not np.isfinite(frequencies).all() and D.size:
+        values[-1] = np.linalg.norm(D, 2)
+    n = len(A)
+    if n and finite.size:
+        found = _responses(A, B, C, D, finite)
+        if not np.isfinite(found).all():
+            return np.full(frequencies.size, np.inf)
+        values[: finite.size] = np.linalg.svd(found, compute_uv=False)[:, 0]
+    return values
+
+
+def _responses(A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array) -> AnyArray:
+    """Return the frequency response, which is not finite where a pole is hit."""
+    if len(A) > _MODAL and frequencies.size > _FEW:
+        from robustpolish.synthesis.proofs.frequency_response import responses
+
+        return responses(A, B, C, D, frequencies)
+    return resolvent_response(A, B, C, D, 1j * frequencies)
+
+
+def _level_crossings(A: Matrix, B: Matrix, C: Matrix, D: Matrix, gamma: float) -> Array | None:
+    """Return the frequencies at which a singular value equals gamma."""
+    gap = gamma * gamma * np.eye(B.shape[1]) - D.T @ D
+    try:
+        solved = np.linalg.solve(gap, np.hstack([D.T @ C, B.T]))
+    except np.linalg.LinAlgError:
+        return None
+    n = len(A)
+    At = A + B @ solved[:, :n]
+    H = np.block(
+        [[At, gamma * B @ solved[:, n:]], [-(C.T @ (C + D @ solved[:, :n])) / gamma, -At.T]]
+    )
+    if not np.isfinite(H).all():
+        return None
+    values: Any = np.linalg.eigvals(H)
+    level = 1e-7 * np.abs(values) + 1e-13 * np.linalg.norm(H)
+    return np.unique(np.abs(values.imag[np.abs(values.real) <= level]))
+
 
 # The closed loop of a plant and any controller, in ball arithmetic: an enclosure of the exact one.
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
+from robustpolish.base.arrays import Vector
 from robustpolish.base.budget import Budget, step_cost
 from robustpolish.synthesis.problem.matrices import (
     Controller,
@@ -352,8 +353,6 @@ def central_controller(normal: NormalisedPlant, gamma: float, X: Matrix, Y: Matr
 # Control and Optimization 29 (1991) 160-184.
 
 Gains = NDArray[Any]
-# Untyped on purpose: the matrices of the loop below hang on them, which checkers follow for long.
-_svd: Any = np.linalg.svd
 # Relative sizes of noise on a measurement, or of a price on a control, that count as none. Its
 # inverse squared enters the equations, so the largest that keeps the plant is taken.
 _NOISELESS = (1e-7, 1e-9, 1e-11)
@@ -416,38 +415,65 @@ def _reduced_by(
 
     Returns also what they do to z at complex frequencies, as gains of the old controls.
     """
-    A, B1, B2, C, D12 = plant.A, plant.B1, plant.B2, plant.C1, plant.D12
-    basis: Matrix | None = None
-    nothing = 0.0
+    system = _PricedSystem(plant.A, plant.B1, plant.B2, plant.C1, plant.D12, controls)
     while True:
-        size = np.linalg.norm(np.vstack([B2, D12]), axis=0)
-        used = size > nothing
-        B2, D12 = B2[:, used] / size[used], D12[:, used] / size[used]
-        controls = controls[:, used] * size[used, None]
-        U, s, Vt = _svd(D12)
+        system = system.scaled()
+        U, s, Vt = np.linalg.svd(system.D12)
         priced = int((s > noiseless).sum())
-        if priced == D12.shape[1]:
+        if priced == system.nu:
             break
-        B2, D12 = B2 @ Vt.T, D12 @ Vt.T
-        controls = Vt @ controls
-        W, reach, _ = _svd(B2[:, priced:])
-        free = int((reach > _UNSEEN).sum())
-        states = _states(points, A, B2 @ controls) if free else controls
-        B2, D12, controls = B2[:, :priced], D12[:, :priced], controls[:, :priced]
-        if free:
-            # The states that cost nothing become controls of the others, at the price of z.
-            at_will, left = W[:, :free], W[:, free:]
-            controls = np.concatenate([controls, at_will.T @ states], axis=1)
-            B2 = left.T @ np.hstack([B2, A @ at_will])
-            D12 = np.hstack([D12, C @ at_will])
-            A, B1, C = left.T @ A @ left, left.T @ B1, C @ left
-            basis = left if basis is None else basis @ left
-            nothing = _ROUNDING * max(np.abs(A).max(initial=0), np.abs(C).max(initial=0))
+        system = system.priced(priced, Vt, points)
+    A, B1, B2, C, D12, controls, basis, _ = system
     nu = D12.shape[1]
     turn = np.vstack([U[:, nu:].T, U[:, :nu].T])
     price = np.vstack([np.zeros((len(D12) - nu, nu)), np.eye(nu)])
     half = RiccatiEquation(A, B1, B2 @ Vt.T / s[:nu], turn @ C, turn @ plant.D11, price, basis)
     return half, C @ _states(points, A, B2 @ controls) + D12 @ controls
+
+
+class _PricedSystem(NamedTuple):
+    """The states that are left and their controls, at frequencies as gains of the old controls."""
+
+    A: Matrix
+    B1: Matrix
+    B2: Matrix
+    C: Matrix
+    D12: Matrix
+    controls: Gains
+    basis: Matrix | None = None
+    nothing: float = 0.0
+
+    @property
+    def nu(self) -> int:
+        return self.D12.shape[1]
+
+    def scaled(self) -> _PricedSystem:
+        """Scale the controls to size one, without those that do nothing."""
+        size: Vector = np.linalg.norm(np.vstack([self.B2, self.D12]), axis=0)
+        used = size > self.nothing
+        B2, D12 = self.B2[:, used] / size[used], self.D12[:, used] / size[used]
+        return self._replace(B2=B2, D12=D12, controls=self.controls[:, used] * size[used, None])
+
+    def priced(self, priced: int, turn: Matrix, points: Gains) -> _PricedSystem:
+        """Turn the controls, and keep those with a price."""
+        A, _, B2, C, D12, controls, basis, _ = self
+        B2, D12 = B2 @ turn.T, D12 @ turn.T
+        controls = turn @ controls
+        W, reach, _ = np.linalg.svd(B2[:, priced:])
+        free = int((reach > _UNSEEN).sum())
+        states = _states(points, A, B2 @ controls) if free else controls
+        B2, D12, controls = B2[:, :priced], D12[:, :priced], controls[:, :priced]
+        if not free:
+            return self._replace(B2=B2, D12=D12, controls=controls)
+        # The states that cost nothing become controls of the others, at the price of z.
+        at_will, left = W[:, :free], W[:, free:]
+        controls = np.concatenate([controls, at_will.T @ states], axis=1)
+        B2 = left.T @ np.hstack([B2, A @ at_will])
+        D12 = np.hstack([D12, C @ at_will])
+        A, B1, C = left.T @ A @ left, left.T @ self.B1, C @ left
+        basis = left if basis is None else basis @ left
+        nothing = _ROUNDING * max(np.abs(A).max(initial=0), np.abs(C).max(initial=0))
+        return _PricedSystem(A, B1, B2, C, D12, controls, basis, nothing)
 
 
 def _states(points: Gains, A: Matrix, into: Gains) -> Gains:

@@ -15,20 +15,18 @@ import flint
 from robustpolish.base.budget import DeadlineError, check_deadline
 from robustpolish.linear.arithmetic.balls import (
     Ball,
+    UndecidedError,
     ball,
     block,
+    has_eigenvalue_below,
     identity,
     independent_first,
+    is_surely_not_semidefinite,
     part,
     precision,
-    zeros,
-)
-from robustpolish.linear.proofs.bounded_real import riccati_terms
-from robustpolish.linear.proofs.riccati import (
-    UndecidedError,
-    has_eigenvalue_below,
-    is_surely_not_semidefinite,
+    riccati_terms,
     stabilising_solution,
+    zeros,
 )
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 

@@ -24,8 +24,7 @@ from robustpolish.plants.uncertain.lft import Lft, RealElement, block_slices
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.synthesis.lmi.program import Affine, SemidefiniteProgram, symmetric_block
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.problem.preflight import with_control_penalty
-from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant
+from robustpolish.synthesis.problem.preflight import ScaledPlant, scale_plant, with_control_penalty
 
 WORK = 100_000.0
 """Steps that one design for a polytope may take."""

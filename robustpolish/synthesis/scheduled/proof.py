@@ -12,9 +12,7 @@ import numpy as np
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.linear.arithmetic import balls
-from robustpolish.linear.arithmetic.balls import Ball
-from robustpolish.linear.proofs.bounded_real import BallSystem
-from robustpolish.linear.proofs.definite import is_definite
+from robustpolish.linear.arithmetic.balls import Ball, BallSystem, is_definite
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.synthesis.lmi.program import Affine, ProgramSolver
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices

@@ -23,7 +23,7 @@ from robustpolish.base.budget import (
 from robustpolish.base.checks import described, invalid, one_of, positive
 from robustpolish.base.results import Card, Displayed, Table, quantities
 from robustpolish.errors import InfeasibleError, SolverError
-from robustpolish.linear.proofs.bounded_real import BallSystem
+from robustpolish.linear.arithmetic.balls import BallSystem
 from robustpolish.plants.blocks import SignalChoice
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.system import UncertainSystem

@@ -39,8 +39,7 @@ from robustpolish.synthesis.lmi.program import (
     symmetric_block,
 )
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
-from robustpolish.synthesis.problem.preflight import with_measurement_noise
-from robustpolish.synthesis.problem.scaling import ScaledPlant
+from robustpolish.synthesis.problem.preflight import ScaledPlant, with_measurement_noise
 from robustpolish.synthesis.scheduled.polytope import (
     ACCURACY,
     WORK,

@@ -2,27 +2,70 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Literal
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from typing import Any, Literal
 
+import control
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy import linalg
 
+from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget, enforce_deadline, progress_bar, single_threaded_blas
 from robustpolish.base.checks import described, invalid, positive
-from robustpolish.errors import InfeasibleError
+from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.linear.controllability import controllability
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.certificate import Gamma, NormTarget
+from robustpolish.synthesis.certificate import Certificate, Gamma, Norm, NormTarget
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.driver import JoinedController, check_arguments, design_by_parts
-from robustpolish.synthesis.engine import Settings
-from robustpolish.synthesis.problem.pole_regions import PoleRegion, checked_regions
-from robustpolish.synthesis.problem.preflight import SolvabilityCheck, with_control_penalty
-from robustpolish.synthesis.problem.scaling import decoupled_parts, whole_plant
-from robustpolish.synthesis.state_feedback.search import StateSearch, reference_norm
+from robustpolish.synthesis.engine import Candidate, Engine, Settings, Task
+from robustpolish.synthesis.nonsmooth.descent import MaskedGain, Problem, Requirement, minimax
+from robustpolish.synthesis.nonsmooth.measures import GainMeasure, H2Measure, HinfMeasure
+from robustpolish.synthesis.problem.matrices import (
+    Controller,
+    PlantMatrices,
+    compressed_outputs,
+    in_states,
+    is_regular,
+    minimum_effort_problem,
+    stabilises,
+    state_gain_norm,
+    with_noise,
+    with_small_penalty,
+)
+from robustpolish.synthesis.problem.pole_regions import (
+    Disk,
+    PoleRegion,
+    checked_regions,
+    violated_regions,
+)
+from robustpolish.synthesis.problem.preflight import (
+    SolvabilityCheck,
+    SolverPlant,
+    decoupled_parts,
+    whole_plant,
+    with_control_penalty,
+)
+from robustpolish.synthesis.riccati.gamma import LowerBound, solve_lyapunov
+from robustpolish.synthesis.state_feedback.lmi import (
+    EASED_TOLERANCE,
+    SOLVER_TOLERANCE,
+    Coordinates,
+    LmiStateEngine,
+    StatePrograms,
+)
+from robustpolish.synthesis.state_feedback.riccati import (
+    RiccatiStateEngine,
+    StateEngine,
+    StateGain,
+    central_state_gain,
+    state_norm_lower_bound,
+)
 
 # Steps that one design may take, a few milliseconds each. A bound on the gain of the brush's plant
 # takes 13 000 of them, everything else on it less than 1 000, and one program for 40 states 15 000.
@@ -257,3 +300,433 @@ def _message(found: JoinedController) -> str:
         "it are too large to compute with, or a control has no price. Try the other method, or set "
         "control_weight."
     )
+
+
+# The search for the static gain of state feedback on one part, made of several convex ones.
+
+
+# Tolerance where a design only serves as a start or shows a trend; a fifth of it is a tenth of the
+# norm, which keeps gains small.
+_COARSE = 0.5
+# Prices on u, falling by decades: from "no control" to rounding errors; and those whose designs are
+# starts under a bound on the gain.
+_PRICES = tuple(10.0**k for k in range(3, -9, -1))
+_STARTING_PRICES = tuple(10.0**k for k in range(4, -10, -1))
+# A norm that moves by less than this share from price to price has reached its limit, if the gain
+# grows by less than the factor: norms can rest on a plateau.
+_CONVERGED, _GAIN_CONVERGED = 3e-4, 1.2
+# Starts from which each search under a bound on the gain is run.
+_BOUND_STARTS = 2
+# Steps of one descent on the true norm.
+_ITERATIONS = 150
+# A step that gains less than this share ends a search.
+_GAINED = 1e-5
+# A bound is kept by this share, so that rounding does not break it.
+_MARGIN = 1e-9
+# States that w hardly reaches are still given this share of the disturbance.
+_NOISE = 1e-3
+_NORMS = ("claimed", "achieved", "no_gain_found_at")
+History = list[dict[str, Any]]
+
+
+class StateSearch(Engine):
+    """The static gain u = F x of one part, made by Riccati equations or by inequalities.
+
+    Where control has no price, the norm is followed downwards by prices that shrink; a bound on the
+    gain has a search of its own; and where a norm was asked for that is not the smallest one, the
+    rest is given away for a smaller gain.
+    """
+
+    def __init__(self, settings: Settings, problem: Task, budget: Budget) -> None:
+        super().__init__(settings, problem, budget)
+        assert problem.scaled is not None
+        self.plant, self.scaled = problem.plant, problem.scaled
+        self.norm: Norm = problem.norm
+        self.tolerance = settings.relaxations[0] * settings.tolerance
+        self.method, kind = settings.method, RiccatiStateEngine
+        if settings.method == "lmi":
+            self.backend, kind = settings.backend, LmiStateEngine
+        regions = tuple(region.in_unit_of_time(self.scaled.time) for region in settings.regions)
+        self.engine: StateEngine = kind(
+            self.norm, self.tolerance, regions, settings.backend, settings.solver
+        )
+        # The gain in the plant's units is left F right.
+        self.left, self.right = np.diag(self.scaled.control), np.diag(1 / self.scaled.state)
+        self.bound_on_gain = math.inf if settings.gain_bound is None else settings.gain_bound
+
+    def search(self) -> None:
+        """Minimise the norm; the only candidate is a static controller."""
+        found, unit = self.smallest_norm(), self.scaled.norm(1.0, self.norm)
+        nu, nx = found.F.shape
+        K = Controller(np.zeros((0, 0)), np.zeros((0, nx)), np.zeros((nu, 0)), found.F)
+        self.candidates = [Candidate(K, found.achieved, found.claimed, self.method)]
+        self.history = [
+            entry | {key: entry[key] * unit for key in _NORMS if key in entry}
+            for entry in found.history
+        ]
+        self.falling = found.status == "infimum_not_attained"
+        self.constrained = bool(self.engine.regions) and found.status != "optimal"
+        if found.lower_bound > 0 or found.achieved == 0:
+            self.bound = LowerBound(found.lower_bound, "which Riccati equations tell")
+
+    def objections(self, K: control.StateSpace, proof: Certificate, promised: float) -> list[str]:
+        """Tell what a certificate does not see: bound, regions and rounding errors."""
+        size, most = float(np.linalg.norm(K.D, 2)), self.bound_on_gain
+        said = violated_regions(self.settings.regions, proof.poles)
+        if size > most:
+            said.append(f"the gain {size:.8g} exceeds {most:.8g}")
+        # Share of the tolerance by which a claim may be missed in the plant's own units.
+        if proof.achieved > promised * (1 + 0.3 * self.tolerance) > 0:
+            said.append("the gain is so large that rounding changes the norm")
+        return said
+
+    def smallest_norm(self) -> StateGain:
+        """Minimise the norm in scaled units, and bound it from below."""
+        p, tolerance = self.plant, self.problem.tolerance
+        if is_idle(p):
+            return self._stabilised()
+        enough = self.problem.wanted.limited(0.0)
+        bounded = any(isinstance(region, Disk) for region in self.engine.regions)
+        found = None
+        if math.isfinite(self.bound_on_gain):
+            found = self._bounded()
+        elif is_regular(p) or bounded:  # an optimum without a price on u
+            found = self.engine.search(p, self.budget)
+        if found is None:
+            # A norm that keeps falling is followed down to this share of what almost no control
+            # gives; the thesis's plant without a price would fall until gains overflow.
+            vanished = 1e-4 * self.settings.reference
+            target = max(self.scaled.scaled_norm(vanished, self.norm), enough)
+            found = self._singular(target)
+            if found is None:
+                raise self._no_gain_error()
+            if self.engine.regions and found.achieved > target:
+                found = replace(found, status="suboptimal")
+        if found.achieved <= enough:
+            found = self._smallest_gain(enough, found)
+        least = state_norm_lower_bound(p, self.norm, found.achieved, tolerance, self.budget)
+        return replace(found, lower_bound=least)
+
+    def _size(self, F: Matrix) -> float:
+        """Return the largest singular value of a gain in the plant's units."""
+        return float(np.linalg.norm(self.left @ F @ self.right, 2)) if F.size else 0.0
+
+    def _inside(self, F: Matrix) -> Matrix:
+        """Return F, shrunk to the bound if it is larger."""
+        size, limit = self._size(F), self.bound_on_gain * (1 - _MARGIN)
+        return F * (limit / size) if size > limit else F
+
+    def _norm(self, F: Matrix | None) -> float:
+        """Return the norm that a gain achieves."""
+        return state_gain_norm(self.plant, F, self.norm)
+
+    def _stabilised(self) -> StateGain:
+        """Stabilise a part whose norm no control changes, with little effort."""
+        F = np.zeros((self.plant.nu, self.plant.nx))
+        if self.engine.regions or not stabilises(self.plant, F):
+            effort = minimum_effort_problem(self.plant, 1.0)
+            found = replace(self.engine, norm="h2").search(effort, self.budget)
+            if found is None:
+                raise self._no_gain_error()
+        else:
+            found = StateGain(F, 0.0, 0.0)
+        norm = self._norm(found.F)
+        return replace(found, claimed=norm, achieved=norm, lower_bound=norm, status="optimal")
+
+    def _no_gain_error(self) -> SolverError:
+        """Return the error for a part without an answer."""
+        states = ", ".join(self.scaled.original.states[:6])
+        text = f"No verified state feedback was found for the part with the states {states}"
+        if self.budget.late:
+            text += " before the time limit. Raise time_limit"
+        if self.engine.regions:
+            text += ". Widen pole_region: the inequalities use one Lyapunov matrix for all demands"
+        return SolverError(f"{text}. Try the other method or backend.")
+
+    # A bound on the largest singular value of the gain. No convex condition is both necessary and
+    # sufficient for it. Priced designs that keep the bound are the starts. From there inequalities
+    # with a condition on the gain that is exact at the last Lyapunov matrix are solved again and
+    # again, each answer no worse than the one before; a descent on the true norm, with the bound as
+    # a requirement, ends the search.
+
+    def _bounded(self) -> StateGain:
+        """Minimise the norm under a bound on the gain.
+
+        The answer is a local optimum, or the optimum without the bound if that is within it.
+        """
+        if is_regular(self.plant):
+            free = self.engine.search(self.plant, self.budget)
+            if free is not None and self._size(free.F) <= self.bound_on_gain:
+                return free
+        history: History = []
+        starts = self._starts(history)
+        best, value = None, math.inf
+        for start in starts[:_BOUND_STARTS]:
+            F = self._by_inequalities(start, history)
+            achieved = self._norm(F)
+            if achieved < value:
+                best, value = F, achieved
+        # Small gains that cancel a disturbance are found from small gains only (displacement
+        # actuation of the bearing): from starts below half the bound.
+        small = [F for F in starts if 0 < self._size(F) < 0.5 * self.bound_on_gain]
+        for start in small[:_BOUND_STARTS]:
+            F = self._descent(start, history, balanced=False)
+            achieved = self._norm(F)
+            # Share by which a descent from a small gain has to be better to be preferred.
+            if achieved < value * (1 - 1e-3):
+                best, value = F, achieved
+        if best is None or not math.isfinite(value):
+            raise SolverError(
+                f"No stabilising gain with a largest singular value of at most "
+                f"{self.bound_on_gain:.6g} was found. That none exists is not proven. Raise "
+                "gain_bound, or set control_weight instead."
+            )
+        best = self._descent(best, history)
+        value = self._norm(best)
+        return StateGain(best, value, value, history=tuple(history))
+
+    def _starts(self, history: History) -> list[Matrix]:
+        """Return stabilising gains within the bound, the best first.
+
+        They come from Riccati equations whatever the method: they are quick, and only starts.
+        """
+        quick = RiccatiStateEngine(self.norm, max(self.tolerance, _COARSE))
+        idle = np.zeros((self.plant.nu, self.plant.nx))
+        found = [(self._norm(idle), idle)]
+        for price in _STARTING_PRICES:
+            if self.budget.over:
+                break
+            answer = quick.search(with_small_penalty(self.plant, price), self.budget)
+            if answer is not None:
+                F, size = self._inside(answer.F), self._size(answer.F)
+                found.append((self._norm(F), F))
+                told = {"step": "price", "price": price, "achieved": found[-1][0], "gain": size}
+                history.append(told)
+        ranked = sorted(found, key=lambda pair: pair[0])
+        return [F for value, F in ranked if math.isfinite(value)]
+
+    def _by_inequalities(self, start: Matrix, history: History) -> Matrix:
+        """Solve the bounded inequalities about the Lyapunov matrix of the last gain, repeatedly."""
+        p = compressed_outputs(self.plant)
+        programs = StatePrograms(p, self.engine, self.budget, history)
+        held = (self.left / self.bound_on_gain, self.right)
+
+        def solved(c: Coordinates, step: str, **demand: Any) -> Any:
+            plain = c.without_congruence()
+            attempts = [(c, SOLVER_TOLERANCE), (plain, EASED_TOLERANCE)]
+            return programs.first(attempts, step, noise=_NOISE, **demand)
+
+        def improved(F: Matrix, value: float) -> Matrix | None:
+            if not value > 0:
+                return None
+            coordinates = Coordinates.plain(p, value)
+            for _ in range(2):
+                found = solved(coordinates, "Lyapunov matrix of a gain", fixed=F)
+                if found is None:
+                    return None
+                coordinates = replace(found.next, unit=value)
+            found = solved(coordinates, "inequalities with the bound", held=held)
+            return None if found is None else self._inside(found.gain.F)
+
+        return self._repeated(start, improved, programs.loop_norm_of, 15)
+
+    def _descent(self, start: Matrix, history: History, balanced: bool = True) -> Matrix:
+        """Descend on the true norm, if asked in states in which the last loop is balanced."""
+        p = self.plant
+
+        def improved(F: Matrix, _: float) -> Matrix:
+            T, V = _coordinates(p, F) if balanced else (np.eye(p.nx), np.eye(p.nu))
+            q, back = in_states(p, T), np.linalg.inv(T)
+            loop = q.replace(B2=q.B2 @ V, D12=q.D12 @ V)
+            held = GainMeasure(self.left @ V, back @ self.right)
+            gains, theta = _free_gain(np.linalg.solve(V, F @ T))
+            problem = Problem(gains, self._measure(loop), (Requirement(held, self.bound_on_gain),))
+            descent = minimax(problem, theta, self.budget, _ITERATIONS)
+            new = self._inside(V @ gains.gain(descent.point) @ back)
+            told = {"step": "descent on the true norm", "achieved": self._norm(new)}
+            history.append({**told, "ended": descent.reason})
+            return new
+
+        return self._repeated(start, improved, self._norm, 3)
+
+    def _repeated(
+        self,
+        F: Matrix,
+        improved: Callable[[Matrix, float], Matrix | None],
+        norm: Callable[[Matrix], float],
+        rounds: int,
+    ) -> Matrix:
+        """Improve a gain again and again, as long as its norm falls."""
+        value = norm(F)
+        for _ in range(rounds):
+            new = None if self.budget.over else improved(F, value)
+            achieved = math.inf if new is None else norm(new)
+            if new is None or not achieved < value:
+                break
+            gained = 1 - achieved / value
+            F, value = new, achieved
+            if gained < _GAINED:
+                break
+        return F
+
+    def _measure(self, loop: PlantMatrices) -> HinfMeasure | H2Measure:
+        return HinfMeasure(loop) if self.norm == "hinf" else H2Measure(loop)
+
+    # Control that is free: a price on u and x shrinks until the norm stops falling.
+
+    def _singular(self, target: float) -> StateGain | None:
+        """Lower the price until the norm settles or falls below `target`.
+
+        The first descent gives a tenth of the norm away on every rung, which keeps gains small;
+        it decides where the norm falls without limit. Where it does not, a second descent looks
+        for the infimum to the tolerance.
+
+        Returns
+        -------
+        StateGain or None
+            The smallest gain within the tolerance of the best norm seen; None if nothing
+            stabilises. "infimum_not_attained" if norm or gain still moved; "suboptimal" if both
+            settled, or if the budget was over before that could be seen.
+        """
+        coarse = replace(self.engine, tolerance=max(self.tolerance, _COARSE))
+        found = self._falling_price(coarse, target)
+        if found is None or found.achieved <= target or self.norm == "h2":
+            return found
+        return self._falling_price(self.engine, target) or found
+
+    def _falling_price(self, engine: StateEngine, target: float) -> StateGain | None:
+        """Design with prices that fall, and return the rung that is chosen."""
+        history: History = []
+
+        def rung(price: float) -> StateGain | None:
+            """Design with a price; the norm is the one without."""
+            found = engine.search(with_small_penalty(self.plant, price), self.budget)
+            if found is None:
+                return None
+            achieved, size = self._norm(found.F), self._size(found.F)
+            history.append({"step": "price", "price": price, "achieved": achieved, "gain": size})
+            return replace(found, achieved=achieved, claimed=achieved)
+
+        rungs: list[StateGain] = []
+        settled = False
+        for price in _PRICES:
+            if self.budget.over:
+                break
+            now = rung(price)
+            if now is None or not math.isfinite(now.achieved):
+                continue
+            rungs.append(now)
+            if now.achieved <= target:
+                # The price is raised again as far as the norm stays below the target: gains shrink.
+                low, high = math.log(price), math.log(10.0 * price)
+                high += 3 * math.log(10.0) if price == _PRICES[0] else 0.0
+                for _ in range(4):
+                    if self.budget.over:
+                        break
+                    middle = (low + high) / 2
+                    other = rung(math.exp(middle))
+                    if other is not None and other.achieved <= target:
+                        now, low = other, middle
+                    else:
+                        high = middle
+                return replace(now, status="infimum_not_attained", history=tuple(history))
+            # Only below it can a norm have reached its limit: above it is the norm of no control.
+            if price <= 1e-4 and len(rungs) > 1:
+                before = rungs[-2]
+                same_norm = before.achieved < now.achieved * (1 + _CONVERGED)
+                settled = same_norm and self._size(now.F) < _GAIN_CONVERGED * self._size(before.F)
+            if settled:
+                break
+        if not rungs:
+            return None
+        least = min(each.achieved for each in rungs) * (1 + max(engine.tolerance, _CONVERGED))
+        smallest = min((g for g in rungs if g.achieved <= least), key=lambda g: self._size(g.F))
+        status = "suboptimal" if settled or self.budget.over else "infimum_not_attained"
+        return replace(smallest, status=status, history=tuple(history))
+
+    # A norm that will do: the smallest gain that keeps it. No control at all is tried, then the
+    # central gain of the target and the design with the highest price on u that keeps it; from the
+    # smallest of these the largest singular value is lowered further, the norm being held. That is
+    # a local optimum: a smaller gain is not ruled out.
+
+    def _smallest_gain(self, target: float, found: StateGain) -> StateGain:
+        """Give what lies between the norm of a gain and a target away for a smaller gain."""
+        p, regions = self.plant, self.engine.regions
+        kept = [found]
+        idle = None if regions else np.zeros((p.nu, p.nx))
+        if idle is not None and self._norm(idle) <= target:
+            kept.append(self._keeping(idle, target, "no control"))
+        else:
+            if self.norm == "hinf" and is_regular(p) and not regions:
+                central = central_state_gain(p, target)
+                if central is not None:
+                    kept.append(self._keeping(central, target, "central gain"))
+            kept += filter(None, [self._singular(target)])
+        smallest = min((g for g in kept if g.achieved <= target), key=lambda g: self._size(g.F))
+        history = found.history + smallest.history if smallest is not found else found.history
+        smallest = replace(smallest, status="suboptimal", history=history)
+        # A descent leaves poles where they need not be in a region, and a norm that is not zero.
+        if not (smallest.F.any() and target > 0) or regions or self.budget.over:
+            return smallest
+        gains, theta = _free_gain(smallest.F)
+        held = Requirement(self._measure(p), target * (1 - _MARGIN))
+        problem = Problem(gains, GainMeasure(self.left, self.right), (held,))
+        descent = minimax(problem, theta, self.budget, _ITERATIONS)
+        F = gains.gain(descent.point)
+        achieved = self._norm(F)
+        if achieved > target or self._size(F) >= self._size(smallest.F):
+            return smallest
+        told = {"step": "descent on the gain", "achieved": achieved, "ended": descent.reason}
+        return StateGain(F, target, achieved, 0.0, "suboptimal", (*history, told))
+
+    def _keeping(self, F: Matrix, target: float, step: str) -> StateGain:
+        achieved = self._norm(F)
+        return StateGain(F, target, achieved, history=({"step": step, "achieved": achieved},))
+
+
+def _free_gain(F: Matrix) -> tuple[MaskedGain, Any]:
+    """Return a gain all of whose entries are free, and its coordinates at F."""
+    gains = MaskedGain(np.ones(F.shape, dtype=bool))
+    return gains, gains.coordinates(F)
+
+
+def _coordinates(p: PlantMatrices, F: Matrix) -> tuple[Matrix, Matrix]:
+    """Return states of equal variance under white noise, and controls of order one."""
+    noisy = with_noise(p, _NOISE)
+    W, closed = noisy.B1 @ noisy.B1.T, p.A + p.B2 @ F
+    X = linalg.solve_discrete_lyapunov(closed, W) if p.discrete else solve_lyapunov(closed.T, W)
+    if X is None:
+        return np.eye(p.nx), np.eye(p.nu)
+    values, vectors = np.linalg.eigh((X + X.T) / 2)
+    T = vectors * np.sqrt(np.maximum(values, values[-1] * 1e-14))
+    size = np.linalg.norm(F @ T, axis=1)
+    largest = float(size.max(initial=0.0)) or 1.0
+    return T, np.diag(np.maximum(size, 1e-3 * largest))
+
+
+def is_idle(p: PlantMatrices) -> bool:
+    """Return whether nothing is to be minimised: no disturbance, or no performance output."""
+    return not p.B1.any() or not (p.C1.any() or p.D12.any() or p.D11.any())
+
+
+def reference_norm(parts: Iterable[GeneralizedPlant], norm: Norm) -> float:
+    """Return the norm, with almost no control, of the parts that have no optimum.
+
+    It is the norm without control or, if that is unstable, with the least that stabilises.
+    """
+    known: dict[tuple[bytes, ...], float] = {}
+    norms = []
+    for part in parts:
+        key = PlantMatrices.of(part).fingerprint
+        if key not in known and part.nu and part.nx:
+            prepared = SolverPlant.of(part, mapped=False, full_state=True)
+            p, value = prepared.matrices, 0.0
+            if not (is_idle(p) or is_regular(p)):
+                value = state_gain_norm(p, np.zeros((p.nu, p.nx)), norm)
+                if not math.isfinite(value):
+                    # Weight of the states against the controls where only stability is asked for.
+                    least = central_state_gain(minimum_effort_problem(p, 1e-3), math.inf)
+                    value = state_gain_norm(p, least, norm)
+            known[key] = prepared.norm(value, norm) if math.isfinite(value) else 0.0
+        norms.append(known.get(key, 0.0))
+    return max(norms, default=0.0) if norm == "hinf" else math.hypot(*norms)

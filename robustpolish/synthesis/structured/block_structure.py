@@ -22,7 +22,7 @@ from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import Norm
 from robustpolish.synthesis.nonsmooth.descent import Bounds, ReflectedParametrisation
 from robustpolish.synthesis.problem.matrices import PlantMatrices, augmented, close_static_loop
-from robustpolish.synthesis.problem.scaling import PlantPart, ScaledPlant
+from robustpolish.synthesis.problem.preflight import PlantPart, ScaledPlant
 from robustpolish.synthesis.structured import starts
 from robustpolish.synthesis.structured.block_parts import (
     ParameterTransform,

@@ -16,7 +16,7 @@ from robustpolish.base.arrays import AnyVector as Vector
 from robustpolish.base.checks import described, instance_of, invalid
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.problem.scaling import ScaledPlant
+from robustpolish.synthesis.problem.preflight import ScaledPlant
 from robustpolish.synthesis.structured.block_parts import (
     ParameterSlot,
     ParameterTransform,
@@ -113,7 +113,10 @@ class BlockGain:
         for wired in self.stages:
             M[wired.entries] = wired.stage.matrix(wired.values(numbers))
         one = np.eye(len(self.wires))
-        return M, np.linalg.inv(one - self.wires @ M) if self.wires.any() else one
+        if not self.wires.any():
+            return M, one
+        loop = one - self.wires @ M
+        return M, np.linalg.inv(loop)
 
 
 # Blocks put on a plant: which signals they join, how all is called, which numbers are free.

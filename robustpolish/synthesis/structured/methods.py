@@ -23,12 +23,14 @@ from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.driver import solve_each_once
 from robustpolish.synthesis.problem.pole_regions import Place
 from robustpolish.synthesis.problem.preflight import (
+    PlantPart,
     Status,
+    decoupled_parts,
     refuse_unstable,
+    whole_plant,
     with_control_penalty,
     with_measurement_noise,
 )
-from robustpolish.synthesis.problem.scaling import PlantPart, decoupled_parts, whole_plant
 from robustpolish.synthesis.structured.block_parts import TunableBlock, TunedBlocks
 from robustpolish.synthesis.structured.block_structure import BlockStructure
 from robustpolish.synthesis.structured.block_wiring import Placement, place_blocks

@@ -22,8 +22,12 @@ from robustpolish.synthesis.problem.pole_regions import (
     checked_regions,
     violated_regions,
 )
-from robustpolish.synthesis.problem.preflight import with_control_penalty, with_measurement_noise
-from robustpolish.synthesis.problem.scaling import decoupled_parts, whole_plant
+from robustpolish.synthesis.problem.preflight import (
+    decoupled_parts,
+    whole_plant,
+    with_control_penalty,
+    with_measurement_noise,
+)
 from robustpolish.synthesis.structured.methods import (
     StructuredOptions,
     checked_bound,

@@ -23,6 +23,7 @@ from robustpolish.synthesis.certificate import Norm, certify
 from robustpolish.synthesis.nonsmooth.descent import (
     Bounds,
     Measure,
+    Parametrisation,
     Problem,
     ReflectedParametrisation,
     Requirement,
@@ -37,14 +38,13 @@ from robustpolish.synthesis.nonsmooth.measures import (
     MaxMeasure,
     StabilityMeasure,
 )
-from robustpolish.synthesis.nonsmooth.parametrisations import Parametrisation
 from robustpolish.synthesis.problem.matrices import PlantMatrices, augmented, controller_loop
-from robustpolish.synthesis.problem.preflight import refuse_fixed_modes
-from robustpolish.synthesis.problem.scaling import (
+from robustpolish.synthesis.problem.preflight import (
     PlantPart,
     ScaledPlant,
     joined_controller,
     named_controller,
+    refuse_fixed_modes,
     scale_plant,
     with_dummy_signals,
 )

@@ -19,19 +19,18 @@ from robustpolish.errors import InfeasibleError
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import Norm
 from robustpolish.synthesis.lmi.mixed import Specification
-from robustpolish.synthesis.nonsmooth.descent import Requirement
-from robustpolish.synthesis.nonsmooth.measures import FrobeniusMeasure, RegionMeasure
-from robustpolish.synthesis.nonsmooth.parametrisations import (
+from robustpolish.synthesis.nonsmooth.descent import (
     AffineGain,
     MaskedGain,
     ObserverGain,
     PositiveElements,
+    Requirement,
 )
+from robustpolish.synthesis.nonsmooth.measures import FrobeniusMeasure, RegionMeasure
 from robustpolish.synthesis.problem.matrices import PlantMatrices, augmented, channel
 from robustpolish.synthesis.problem.pole_regions import PassiveElement, Place, PoleRegion
-from robustpolish.synthesis.problem.scaling import PlantPart, ScaledPlant, scale_plant
+from robustpolish.synthesis.problem.preflight import PlantPart, ScaledPlant, scale_plant
 from robustpolish.synthesis.structured import starts
-from robustpolish.synthesis.structured.observer import observer_controller
 from robustpolish.synthesis.structured.search import (
     ControllerStructure,
     PartDesign,
@@ -41,6 +40,7 @@ from robustpolish.synthesis.structured.search import (
     norm_measure,
     scaled_part,
 )
+from robustpolish.synthesis.structured.starts import observer_controller
 
 # Springs and dampers between places of a machine, instead of a controller.
 

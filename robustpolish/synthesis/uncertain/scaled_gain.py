@@ -31,7 +31,6 @@ from robustpolish.linear.arithmetic.realisation import power_of_two
 from robustpolish.plants.blocks import named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.system import UncertainSystem
-from robustpolish.robust.coverage import Coverage, cover
 from robustpolish.robust.loop_model import (
     DeltaBlock,
     DeltaStructure,
@@ -40,13 +39,15 @@ from robustpolish.robust.loop_model import (
     structure_of,
 )
 from robustpolish.robust.scalings import (
+    Coverage,
     Inequality,
     ScaledBound,
     Space,
     best_scalings,
+    cover,
     initial_scalings,
 )
-from robustpolish.synthesis.nonsmooth.parametrisations import MaskedGain
+from robustpolish.synthesis.nonsmooth.descent import MaskedGain
 from robustpolish.synthesis.problem.matrices import (
     Controller,
     PlantMatrices,
@@ -54,7 +55,7 @@ from robustpolish.synthesis.problem.matrices import (
     augmented,
     close_static_loop,
 )
-from robustpolish.synthesis.problem.scaling import SolverPlant
+from robustpolish.synthesis.problem.preflight import SolverPlant
 
 # Mu bounds over a grid of frequencies.
 

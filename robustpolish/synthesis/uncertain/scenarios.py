@@ -28,7 +28,7 @@ from robustpolish.robust.questions import (
     worst_case_gain,
 )
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.problem.scaling import ScaledPlant, scale_plant, whole_plant
+from robustpolish.synthesis.problem.preflight import ScaledPlant, scale_plant, whole_plant
 from robustpolish.synthesis.structured.search import (
     CEILINGS,
     MultistartSearch,

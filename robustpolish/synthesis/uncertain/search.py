@@ -26,10 +26,11 @@ from robustpolish.robust.loop_model import DeltaStructure
 from robustpolish.synthesis.certificate import NormTarget
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.engine import Settings, Task
-from robustpolish.synthesis.nonsmooth.descent import bfgs
-from robustpolish.synthesis.nonsmooth.parametrisations import Parametrisation
-from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
-from robustpolish.synthesis.output_feedback.riccati import RegularisedRiccati
+from robustpolish.synthesis.nonsmooth.descent import Parametrisation, bfgs
+from robustpolish.synthesis.output_feedback.output_feedback import (
+    RegularisedRiccati,
+    output_feedback,
+)
 from robustpolish.synthesis.problem.matrices import (
     Controller,
     PlantMatrices,
@@ -141,14 +142,16 @@ class Filter:
     @property
     def matrices(self) -> Controller:
         """The sections in series: A, B, C and D."""
-        A, B, C, D = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.eye(1) * self.gain
+        K = Controller(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.eye(1) * self.gain)
         for zero, pole in zip(self.zeros, self.poles, strict=True):
             # (s/z + 1)/(s/p + 1) = p/z + (1 - p/z) p / (s + p)
             ratio = pole / zero
             c, b = np.array([[(1 - ratio) * np.sqrt(pole)]]), np.array([[np.sqrt(pole)]])
-            A = np.block([[A, np.zeros((len(A), 1))], [b @ C, -pole * np.eye(1)]])
-            B, C, D = np.vstack([B, b @ D]), np.hstack([ratio * C, c]), ratio * D
-        return Controller(A, B, C, D)
+            K = Controller(
+                np.block([[K.A, np.zeros((len(K.A), 1))], [b @ K.C, -pole * np.eye(1)]]),
+                np.vstack([K.B, b @ K.D]), np.hstack([ratio * K.C, c]), ratio * K.D,
+            )  # fmt: skip
+        return K
 
     @classmethod
     def of(cls, numbers: Vector) -> Filter:

@@ -6,6 +6,7 @@ import pytest
 from robustpolish.base.budget import Budget
 from robustpolish.synthesis.nonsmooth.descent import (
     ActivePiece,
+    MaskedGain,
     Problem,
     ReflectedParametrisation,
     Requirement,
@@ -13,7 +14,6 @@ from robustpolish.synthesis.nonsmooth.descent import (
     minimax,
 )
 from robustpolish.synthesis.nonsmooth.measures import FrobeniusMeasure, GainMeasure
-from robustpolish.synthesis.nonsmooth.parametrisations import MaskedGain
 
 # BFGS.
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from random_loops import random_loop
 
-from robustpolish.synthesis.nonsmooth.parametrisations import (
+from robustpolish.synthesis.nonsmooth.descent import (
     MaskedGain,
     ObserverGain,
     PositiveElements,

@@ -6,7 +6,7 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.base.budget import Budget
-from robustpolish.synthesis.problem.scaling import SolverPlant
+from robustpolish.synthesis.problem.preflight import SolverPlant
 from robustpolish.synthesis.riccati.gamma import lower_bound
 
 

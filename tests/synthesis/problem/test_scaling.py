@@ -7,7 +7,7 @@ import pytest
 import robustpolish as rp
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.polishing.air_bearing import air_bearing
-from robustpolish.synthesis.problem.scaling import (
+from robustpolish.synthesis.problem.preflight import (
     decoupled_parts,
     joined_controller,
     scale_plant,

@@ -7,7 +7,7 @@ from hard_plants import flexible_structure, heat_rod, mass_chain
 
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.problem.scaling import SolverPlant, truncated
+from robustpolish.synthesis.problem.preflight import SolverPlant, truncated
 
 
 def matrices(plant):

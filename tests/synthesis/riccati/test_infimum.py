@@ -8,7 +8,7 @@ from published_plants import compleib
 import robustpolish as rp
 from robustpolish.base.budget import Budget
 from robustpolish.synthesis.problem.matrices import PlantMatrices
-from robustpolish.synthesis.problem.scaling import SolverPlant, scale_plant
+from robustpolish.synthesis.problem.preflight import SolverPlant, scale_plant
 from robustpolish.synthesis.riccati.gamma import lower_bound, reduced_riccati_pair
 from robustpolish.synthesis.riccati.lower_bound import PROVABLE_STATES, PROVEN
 from tests.synthesis.weighted_servos import drawn, realisations

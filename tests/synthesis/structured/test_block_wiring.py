@@ -11,7 +11,7 @@ from three_loops import blocks, plant
 import robustpolish as rp
 from robustpolish.base.budget import Budget
 from robustpolish.errors import InfeasibleError
-from robustpolish.synthesis.problem.scaling import scale_plant, whole_plant
+from robustpolish.synthesis.problem.preflight import scale_plant, whole_plant
 from robustpolish.synthesis.structured.block_structure import BlockStructure
 from robustpolish.synthesis.structured.block_wiring import (
     block_parametrisation,

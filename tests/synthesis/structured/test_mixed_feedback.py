@@ -7,7 +7,7 @@ from small_plants import oscillator
 
 import robustpolish as rp
 from robustpolish.synthesis.problem.matrices import channel
-from robustpolish.synthesis.problem.scaling import whole_plant
+from robustpolish.synthesis.problem.preflight import whole_plant
 from robustpolish.synthesis.structured.structures import MixedStructure
 
 PLANT = rescaled(oscillator(), seed=8, decades=2)[0]

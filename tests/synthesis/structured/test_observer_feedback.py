@@ -10,7 +10,7 @@ from small_plants import regular_plant
 import robustpolish as rp
 from robustpolish.errors import InfeasibleError, InvalidInputError
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.structured.observer import observer_form
+from robustpolish.synthesis.structured.starts import observer_form
 
 observer_controller, observer_feedback = rp.synthesis.observer_controller, rp.observer_feedback
 

@@ -10,10 +10,9 @@ from small_plants import oscillator, static_plant
 from robustpolish.base.budget import Budget
 from robustpolish.errors import SolverError
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.nonsmooth.descent import ActivePiece, Problem, Requirement
+from robustpolish.synthesis.nonsmooth.descent import ActivePiece, MaskedGain, Problem, Requirement
 from robustpolish.synthesis.nonsmooth.measures import FrobeniusMeasure
-from robustpolish.synthesis.nonsmooth.parametrisations import MaskedGain
-from robustpolish.synthesis.problem.scaling import whole_plant
+from robustpolish.synthesis.problem.preflight import whole_plant
 from robustpolish.synthesis.structured import starts
 from robustpolish.synthesis.structured.search import (
     CEILINGS,

@@ -1,1 +1,0 @@
-"""Proofs about linear systems: definite matrices, bounded-real lemma, covered frequencies."""
