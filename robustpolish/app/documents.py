@@ -532,7 +532,7 @@ def _candidates(diagnosis: Diagnosis) -> Section | None:
         (c.step, c.kind, ", ".join(c.at), _known(c.nrmse_held_out), c.score, c.remark)
         for c in diagnosis.candidates
     )
-    head = ("step", "effect", "at", "held-out error", "log odds", "remark")
+    head = ("step", "effect", "at", "held-out error", "score in nats", "remark")
     text = ("What was tried, the best of each step first.",)
     return Section("Candidates", text, tables=(Table("", head, rows),))
 

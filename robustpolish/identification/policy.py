@@ -21,20 +21,7 @@ class Policy:
     Attributes
     ----------
     visible_fall : float
-        Share by which the held-out error has to fall for an effect to earn its place: with many
-        samples the likelihood finds every trifle significant ("nothing, coloured").
-    hiding_fall : float
-        The same for an effect that hides behind another and shows only part of what it does
-        ("coulomb and constant force").
-    determined : float
-        Largest standard error of an effect's first number, as a share of it: a size that the data
-        leave open is no finding ("nothing, noise on the force").
-    most_effects : int
-        Two stages are normal; with four the data decide nothing more.
-    gain_loss : float
-        Log of the error that a gain may cost that explains a common factor of masses and springs:
-        it replaces numbers, it does not make the error fall ("input gain").
-
+        Share by which an error has to fall to be seen.
     following : tuple of Level
         Levels among which an observer looks for the one that shows the motion best.
     screening : tuple of Level
@@ -53,44 +40,9 @@ class Policy:
         Places looked at with every level and noise colour; most of the catalogue's some 200 are
         hopeless at the first look.
 
-    least_odds : float
-        Log odds from which a candidate is worth a refit.
-    near_best, near_score : float
-        Share of the best odds below which a candidate is no rival, and below which it is none to
-        one that explains everything: a refit costs seconds.
-    most_likely, most_large, most_further, most_elsewhere : int
-        Refits of the likeliest, of the largest in free runs over windows of each length, of
-        further ones where all of these fail, and of what would be added at other places.
-    most_lines, light : int, float
-        Lines of the missing force at which something that hangs on a machine is tried where nothing
-        else helps, and the share of the mass it hangs on with which it begins.
-    heavy : float
-        Times the mass of a machine from which what would hang on it is the ground.
-    most_paired : int
-        How many of the best are tried beside each other.
-    most_pairs : int
-        How many pairs are refitted that free runs ask for.
-    followed : tuple of int
-        How many runners-up of the first turns are followed where the effects found leave more than
-        noise: each costs about as much as the search before it.
     smoothing_shares : tuple of float
         Shares of the typical velocity over which a friction may turn over, among which a fit of it
         begins: from a tenth of the true one, or three times it, no slope leads there.
-    standstill : (float, float)
-        Share of its typical velocity below which a place stands still, and share of the time for
-        which it has to, for a dry friction to be tried where something swings by itself.
-    near_error : float
-        Times the error left by the largest that another may leave to be refitted as well: a look at
-        free runs without a fit is no sharper.
-    mimicked : float
-        Share of an effect's force that another kind may leave of it at best to be fitted in its
-        place, begun with the same force.
-    far : float
-        Times the noise beyond which an error is no noise: something else is missing too, and a
-        kind with more parameters bends itself to that ("coulomb and constant force").
-    alike : (float, float)
-        Bounds of the relative difference of errors below which two effects are one to the data;
-        between them 40 over the held-out samples ("coulomb, one mass" and Stribeck friction).
     lost : float
         Times by which an error jumps where a fit lost the data that the one before followed.
 
@@ -100,14 +52,11 @@ class Policy:
 
     direct_steps, many_steps, few_steps : int
         Most steps of a direct fit, and of a stage for records up to and beyond `long_record`.
-    bent : float
-        Times by which a fit without effects may move masses and springs that are believed.
     better : float
         Share of the error that a direct fit has to reach where both are far from the noise
         ("wrong numbers, four masses, coloured").
     unchanged : float
-        Log of a common factor, and of the error it may cost, that is not worth settling; and of an
-        error that is not worth to begin windows anew.
+        Log of a common factor, and of the error it may cost, that is not worth settling.
 
     mass_prior, gain_prior, spring_prior, damper_prior : float
         How well numbers are known beforehand, as shares: masses are weighed, springs are known
@@ -122,15 +71,6 @@ class Policy:
     nothing : float
         Share of its natural size up to which a spring or damper is as good as none and may well
         be missing.
-    gain_least, gain_spread : float
-        Log of a common factor of masses and springs that is worth naming, and its scatter as a
-        share of it: masses and springs do not err by the same factor by chance ("input gain").
-
-    strong_odds : float
-        Log odds that are very strong evidence: 2 ln B of 10 (Kass and Raftery). A gain that the
-        data do not tell from other masses is named from there ("sensor gain", a mass without a
-        sensor).
-
     null_levels : tuple of Level
         Where models are compared as they are, without looking for effects.
     hold_orders, hold_delays, hold_odds : tuple of float, tuple of int, float
@@ -142,15 +82,8 @@ class Policy:
     own_damping : float
         Damping ratio below which coloured noise resonates: that is a machine, no sensor.
 
-    explained : float
-        Share of the error's power above the noise that has to go ("saturating spring").
-    improved : float
-        Times by which the error fell if the model's numbers were wrong.
-    loudest : float
-        Noise over the deviation of an output from which nothing can be called noise-like.
-    shape_above, shape_fall : float
-        Times the noise above which a free curve is asked for a better shape, and times by which it
-        has to be better ("fifth power").
+    shape_above : float
+        Times the noise up to which what is left of a motion is as good as over.
     shape_levels : tuple of Level
         Where the free curve is tried.
 
@@ -175,11 +108,6 @@ class Policy:
     shares : tuple of float
         Shares of an effect's first size with which its fit is begun, one after the other, until
         runs follow the data at all.
-    larger : tuple of float
-        Times of its first size with which the likeliest effect is begun where its fit left nothing
-        of it.
-    rounds : int
-        Most times that the first windows of a fit are begun anew.
     nats : float
         Fall of the log-likelihood below which the last stage of a final fit stops: a standard error
         is half of one, so that a fit that stops sooner is off by more than it says.
@@ -212,50 +140,26 @@ class Policy:
     """
 
     visible_fall: float = 0.2
-    hiding_fall: float = 0.1
-    determined: float = 0.5
-    most_effects: int = 4
-    gain_loss: float = 0.05
 
     following: tuple[Level, ...] = _levels(10.0, 3.0, 1.0, 0.3, 0.1)
     screening: tuple[Level, ...] = (
-        *_levels(3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.002),
+        *_levels(1.0, 0.1, 0.01, 0.002),
         FREE,
-        Level(0.0, 0.03),
-        Level(0.0, 0.12),
+        Level(0.0, 0.05),
     )
-    coarse: tuple[Level, ...] = _levels(0.3, 0.01)
+    coarse: tuple[Level, ...] = _levels(0.1, 0.01)
     weak_guidance: tuple[Level, ...] = (Level(0.01), FREE)
     silent: float = 0.002
-    noise_orders: tuple[int, ...] = (0, 1, 2, 4)
+    noise_orders: tuple[int, ...] = (0, 1, 3)
     finalists: int = 24
 
-    least_odds: float = 12.0
-    near_best: float = 0.25
-    near_score: float = 0.6
-    most_large: int = 3
-    most_further: int = 4
-    most_elsewhere: int = 2
-    most_lines: int = 2
-    light: float = 0.05
-    heavy: float = 10.0
-    most_paired: int = 3
-    most_pairs: int = 3
-    most_likely: int = 2
-    followed: tuple[int, ...] = (2, 1)
     smoothing_shares: tuple[float, ...] = (0.1, 0.03, 0.01, 0.003)
-    standstill: tuple[float, float] = (0.1, 0.2)
-    near_error: float = 1.3
-    mimicked: float = 0.5
-    far: float = 3.0
-    alike: tuple[float, float] = (0.003, 0.03)
     lost: float = 5.0
     vanished: float = 0.01
 
     direct_steps: int = 20
     many_steps: int = 15
     few_steps: int = 7
-    bent: float = 2.0
     better: float = 0.8
     unchanged: float = 0.01
 
@@ -267,9 +171,6 @@ class Policy:
     damper_share: float = 0.5
     weighed: tuple[float, float] = (0.4, 2.5)
     nothing: float = 1e-6
-    gain_least: float = 0.1
-    gain_spread: float = 0.3
-    strong_odds: float = 5.0
 
     null_levels: tuple[Level, ...] = _levels(1.0, 0.1, 0.01)
     hold_orders: tuple[float, ...] = (0.0, 3.0)
@@ -278,17 +179,13 @@ class Policy:
     sensor_gain: float = 0.6
     own_damping: float = 0.35
 
-    explained: float = 0.85
-    improved: float = 1.1
-    loudest: float = 0.4
     shape_above: float = 1.5
-    shape_fall: float = 1.5
     shape_levels: tuple[Level, ...] = _levels(0.1, 0.01, 0.002)
 
     work: float = 4e9
 
     trial: int = 3500
-    screened: int = 9000
+    screened: int = 5000
     screened_imposed: int = 30000
     least_moving: int = 200
     least_window: int = 50
@@ -296,8 +193,6 @@ class Policy:
     growth: int = 4
     settled: float = 0.03
     shares: tuple[float, ...] = (1.0, 0.5, 0.25, 0.1)
-    larger: tuple[float, ...] = (10.0, 100.0)
-    rounds: int = 6
     nats: float = 0.05
     quieter_held_out: float = 2.0
     windows: int = 25
@@ -316,11 +211,6 @@ class Policy:
     def at_noise_floor(self) -> float:
         """Times the noise below which not even the noise alone would be a visible fall."""
         return 1 / (1 - self.visible_fall)
-
-    @property
-    def together(self) -> float:
-        """Share by which the product of all errors has to fall: half of what one of them has to."""
-        return self.visible_fall / 2
 
     @property
     def further_finalists(self) -> int:
@@ -343,11 +233,6 @@ class Policy:
     def window(self, samples: int) -> int:
         """Return the samples of a window, for models whose long runs judge nothing."""
         return max(self.shortest_window, samples // self.windows)
-
-    def same(self, held_out: int) -> float:
-        """Return the relative difference of errors below which two effects are one to the data."""
-        least, most = self.alike
-        return min(max(40 / held_out, least), most)
 
 
 POLICY = Policy()

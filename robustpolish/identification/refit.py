@@ -30,7 +30,7 @@ from robustpolish.identification.frequency.fit import refit_frequency_response
 from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import output_sizes, record_of, require_length
 from robustpolish.identification.sanity import implausible_changes, sanity_warnings
-from robustpolish.identification.structure.screening import null_score, screen
+from robustpolish.identification.search.screening import null_score, screen
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import CONSTANT
 from robustpolish.machines.mechanical.model import MechanicalModel

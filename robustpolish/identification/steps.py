@@ -18,7 +18,8 @@ from robustpolish.identification.compare import Comparison, compare
 from robustpolish.identification.diagnosis.findings import Findings
 from robustpolish.identification.fit.prepared import has_integrator
 from robustpolish.identification.policy import POLICY
-from robustpolish.identification.record import record_of
+from robustpolish.identification.record import Record, record_of
+from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plots.time import plot_before_and_after, plot_response
 from robustpolish.signals.quality import sampling_time
 
@@ -143,6 +144,15 @@ class StepRun(Displayed):
         return Card(f"{self.step}, {self.after.method}", (Table("", head, rows),))
 
 
+def comparison_window(model: MechanicalModel, record: Record, reproducible: bool) -> float | None:
+    """Return the length in s of the windows in which a model is compared, None for one free run.
+
+    Models whose long runs judge nothing, and those that drift, run in short windows.
+    """
+    whole = reproducible and not has_integrator(model, record.samples * record.dt)
+    return None if whole else POLICY.window(record.samples) * record.dt
+
+
 def step_runs(diagnosis: Findings, data: Any) -> tuple[StepRun, ...]:
     """Run the model of every step of a diagnosis over a record, freely.
 
@@ -173,14 +183,13 @@ def step_runs(diagnosis: Findings, data: Any) -> tuple[StepRun, ...]:
     >>> [run.step for run in runs]
     ['base', 'refit', 'coulomb_friction']
     """
-    data = record_of(diagnosis.model, data).data
-    step, samples = sampling_time(data), data.sizes["time"]
+    record = record_of(diagnosis.model, data)
+    data = record.data
     found: list[StepRun] = []
     for entry in diagnosis.ledger.entries:
         if entry.model is None:
             continue
-        whole = diagnosis.reproducible and not has_integrator(entry.model, samples * step)
-        window = None if whole else POLICY.window(samples) * step
+        window = comparison_window(entry.model, record, diagnosis.reproducible)
         with suppress(RobustPolishError):  # as the diagnosis held it against the data
             after: Any = compare(entry.model, data, window=window)
             found.append(StepRun(entry.step, found[-1].after if found else None, after))

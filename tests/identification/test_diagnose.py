@@ -111,16 +111,61 @@ def test_a_drift_is_learned_where_no_effect_explains_it():
     assert diagnosis.missing_force.shape == (1, 4000)
 
 
-def test_a_search_that_comes_to_its_limit_of_work_ends_with_what_it_has_and_says_so(monkeypatch):
-    """The second effect needs more work; with it nothing is said of a limit."""
+def friction_and_spring():
     effects = [("quadratic_damping", PLACE, [30.0]), ("cubic_stiffness", PLACE, [4e6])]
     case = Case("two", one(), effects, drive=8.0, samples=1500, seed=1)
-    model, data = model_of(case), records(case)[0][0]
+    return model_of(case), records(case)[0][0]
+
+
+def test_an_interrupted_search_gives_what_it_has_found(tmp_path):
+    """Ctrl-C at any moment: the best so far is a whole result, which files hold."""
+
+    def interrupt(text):
+        if text.startswith("found"):
+            raise KeyboardInterrupt
+
+    model, data = friction_and_spring()
+    found = rp.diagnose(model, data, progress=interrupt)
+    assert found.status == "stopped"
+    assert {e.kind for e in found.effects} <= {"quadratic_damping", "cubic_stiffness"}
+    assert found.effects
+    assert found.ledger.entries[-1].nrmse["x"] < found.ledger.entries[0].nrmse["x"]
+    found.save(tmp_path / "found.json")
+    again = rp.results.Diagnosis.load(tmp_path / "found.json")
+    assert (again.status, again.effects) == (found.status, found.effects)
+
+
+def test_a_time_limit_ends_the_search():
+    model, data = friction_and_spring()
+    found = rp.diagnose(model, data, time_limit=1e-6)
+    assert (found.status, found.effects) == ("stopped", ())
+    assert rp.diagnose(model, data, time_limit=1e6).status == "complete"
+
+
+def test_the_last_line_of_the_ledger_is_what_a_comparison_says():
+    model, data = friction_and_spring()
+    found = rp.diagnose(model, data)
+    again = rp.MechanicalModel.from_toml(found.model.to_toml())
+    told = rp.compare(again, data).outputs["x"].nrmse
+    assert found.ledger.entries[-1].nrmse["x"] == told
+
+
+def test_no_more_effects_are_added_than_are_asked_for():
+    model, data = friction_and_spring()
+    assert not rp.diagnose(model, data, max_effects=0).effects
+    assert not rp.diagnose(model, data, good_enough=2.0).effects
+    with pytest.raises(rp.InvalidInputError, match="good_enough"):
+        rp.diagnose(model, data, good_enough={"y": 1.0})
+
+
+def test_a_search_that_comes_to_its_limit_of_work_ends_with_what_it_has_and_says_so(monkeypatch):
+    """The effects need more work; with it nothing is said of a limit."""
+    model, data = friction_and_spring()
     whole = rp.diagnose(model, data)
-    little = replace(POLICY, work=2e5)
+    little = replace(POLICY, work=1e3)
     monkeypatch.setattr(import_module("robustpolish.identification.diagnose"), "POLICY", little)
     ended, again = (rp.diagnose(model, data) for _ in range(2))
-    assert len(ended.effects) == 1
+    assert not ended.effects
     assert [reason for reason in ended.reasons if "limit of work" in reason]
     assert ended.to_dict() == again.to_dict()
     assert {e.kind for e in whole.effects} == {"quadratic_damping", "cubic_stiffness"}

@@ -23,6 +23,7 @@ from robustpolish.identification.diagnosis.result import Diagnosis
 from robustpolish.identification.record import require_time_data
 from robustpolish.identification.refit import refit as refit_model
 from robustpolish.identification.residuals import residual_analysis
+from robustpolish.identification.search.search import MOST_EFFECTS
 from robustpolish.identification.steps import step_runs
 from robustpolish.identification.tell_apart import ToldApart
 from robustpolish.identification.tell_apart import tell_apart as tell_machines_apart
@@ -77,6 +78,30 @@ def compare(
 
 # `robustpolish diagnose`.
 
+_GOOD_ENOUGH = (
+    "Error at which nothing more is sought: a share of every output's deviation, as 1%, or of one "
+    "output in SI units, as x=2e-6; repeatable."
+)
+
+
+def _good_enough(
+    context: click.Context, option: click.Parameter, given: tuple[str, ...]
+) -> float | dict[str, float] | None:
+    """Read ``1%`` or ``x=2e-6``."""
+    shares = [text for text in given if text.endswith("%")]
+    if shares and len(given) > 1:
+        raise click.BadParameter("expected one share, or outputs by name", context, option)
+    try:
+        if shares:
+            return float(shares[0][:-1]) / 100
+        pairs = [text.partition("=")[::2] for text in given]
+        return {name: float(value) for name, value in pairs} or None
+    except ValueError:
+        raise click.BadParameter(
+            f"got {' '.join(given)!r}, expected 1% or x=2e-6", context, option
+        ) from None
+
+
 _PAIRS = 2
 """Pairs of alike effects that a report proposes experiments for: each costs a refit."""
 
@@ -86,18 +111,23 @@ _PAIRS = 2
 @_model
 @cli.option("--save", "Save the extended model (.toml), or the whole diagnosis (.json).", cli.FILE)
 @cli.option("--report", "Save a report (.html).", cli.FILE)
+@cli.option("--time-limit", "Seconds after which the best so far is returned.", float)
+@cli.option("--max-effects", "Effects that are added at most.", int, MOST_EFFECTS)
+@click.option("--good-enough", multiple=True, callback=_good_enough, help=_GOOD_ENOUGH)
 @cli.measurement_options
 @cli.result_options
 def diagnose(
-    data: tuple[str, ...], model: str, save: str | None, report: str | None, reading: cli.Reading,
-    force: bool,
+    data: tuple[str, ...], model: str, save: str | None, report: str | None,
+    time_limit: float | None, max_effects: int, good_enough: float | dict[str, float] | None,
+    reading: cli.Reading, force: bool,
 ) -> tuple[Any, ...]:  # fmt: skip
     """Learn which physical effect a model lacks, and add it.
 
     DATA is a measurement (CSV, MAT, HDF5, NPZ, WAV; TDMS and UFF with the extra [io]) with the
     model's inputs and outputs as columns, or several of them, such as blows of different strength,
-    to all of which the options apply: the numbers of the machine are common. The exit code is 0
-    whatever the verdict, and 2 for bad input.
+    to all of which the options apply: the numbers of the machine are common. Ctrl-C ends the search
+    with the best so far, which is saved and reported as usual. The exit code is 0 whatever the
+    verdict, and 2 for bad input.
     """
     loaded = MechanicalModel.from_toml(Path(model))
     for path in data:
@@ -111,7 +141,14 @@ def diagnose(
                 replace = force or cli.replaceable(path, *data, model)
                 drafts[path] = places.enter_context(new_file(path, replace, suffixes))
         tell = places.enter_context(cli.stages("Diagnosing"))
-        result = diagnose_model(loaded, records, progress=tell)
+        result = diagnose_model(
+            loaded,
+            records,
+            progress=tell,
+            time_limit=time_limit,
+            max_effects=max_effects,
+            good_enough=good_enough,
+        )
         content = result.to_dict()
         cli.to_json(content)  # nothing is written if anything fails
         if save is not None:

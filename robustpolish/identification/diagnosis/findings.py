@@ -294,7 +294,7 @@ class FoundEffect:
 
 @dataclass(frozen=True)
 class RankedCandidate:
-    """A candidate effect that was tried.
+    """A candidate effect that was tried, alone or with others.
 
     Attributes
     ----------
@@ -306,7 +306,8 @@ class RankedCandidate:
     nrmse_held_out : float
         Error on held-out blocks over the deviation, the mean over the outputs.
     score : float
-        Log odds from screening.
+        Nats by which the best set with it beats the model without effects; log odds from screening
+        if it was not refitted.
     remark : str
         Why it was not taken, if there is a reason.
     own : EffectKind or None
@@ -351,6 +352,7 @@ class Findings:
     time: Array = field(default_factory=lambda: np.zeros(0))
     notes: tuple[str, ...] = ()
     maps: tuple[ForceMap, ...] = ()
+    status: str = "complete"
 
     @property
     def noise_floor(self) -> Mapping[str, float]:

@@ -40,6 +40,9 @@ VERDICTS = (
 )  # fmt: skip
 
 
+STATUSES = ("complete", "stopped")
+
+
 def content(found: Findings) -> dict[str, Any]:
     """Return what stands in the file."""
     covariance = found.covariance
@@ -48,6 +51,7 @@ def content(found: Findings) -> dict[str, Any]:
         "reasons": list(found.reasons),
         "notes": list(found.notes),
         "reproducible": found.reproducible,
+        "status": found.status,
         "model": found.model.to_toml().splitlines(),
         "effects": [
             {**_what(e), "at": e.at, "parameters": _values(e.parameters)} for e in found.effects
@@ -143,6 +147,7 @@ def findings_from(fields: Fields) -> Findings:
         time=fields.array("time", None),
         notes=fields.texts("notes") if "notes" in fields else (),
         maps=tuple(map(_map, fields.tables("maps"))) if "maps" in fields else (),
+        status=fields.text("status", STATUSES) if "status" in fields else "complete",
     )
 
 
@@ -270,6 +275,8 @@ class Diagnosis(Findings, Displayed):
     notes : tuple of str
         Remarks of the record, and what looks wrong: numbers that moved by decades, signs, units,
         clipped peaks.
+    status : str
+        ``complete``, or ``stopped`` before all was tried: the best so far.
     maps : tuple of ForceMap
         Force that is still missing in the end over displacement and velocity, whatever the
         verdict; the place first where the motion foretells most of it.

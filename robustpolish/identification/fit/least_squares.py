@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import itertools
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from robustpolish.base.arrays import Array
 from robustpolish.base.budget import parallel_map
 from robustpolish.identification.fit.parameters import (
     FreeParameter,
     free_parameters,
-    has_smoothing,
     joint_priors,
     with_fixed_force_scale,
 )
@@ -31,8 +27,7 @@ from robustpolish.identification.observer.runs import (
     reproducibility,
     rest,
 )
-from robustpolish.machines.effects.effect import Effect
-from robustpolish.machines.mechanical.data import definite_coupling_share, port_rows
+from robustpolish.machines.mechanical.data import definite_coupling_share
 from robustpolish.machines.mechanical.model import MechanicalModel
 
 # Steps of differences. Where friction with memory or a stop jumps at a sample, errors jump by a
@@ -490,7 +485,6 @@ def homotopy(
     progress: Callable[[], None] | None = None,
     settled: float = CONVERGED,
     last: float = CONVERGED,
-    anew: bool = False,
     known: bool = False,
 ) -> list[Fit]:
     """Fit over windows that grow; return the fit of every stage.
@@ -518,9 +512,6 @@ def homotopy(
         Relative fall of the cost below which a stage stops that only the next one begins with.
     last : float, optional
         The same of the last stage; below the usual one, it has as many steps as a direct fit.
-    anew : bool, optional
-        Whether the first windows are begun anew after their fit, as long as that helps: their first
-        starts are those of a motion that was smoothed without the law.
     known : bool, optional
         Whether the model's numbers are near the true ones, as after another fit. The first windows
         then begin where such a model comes closest to them: a friction with memory, whose state no
@@ -541,9 +532,6 @@ def homotopy(
         result = next((found for found in fits if np.isfinite(found.cost)), None)
         if result is None:
             continue
-        if anew and not stages:
-            smoothed = prepared.cut_windows(model, pieces, span)
-            result = _refit_with_fitted_starts(result, smoothed, prepared, reference, steps)
         stages.append(result)
         if kept is not None and np.max(result.rmse / kept.rmse) > policy.lost:
             continue  # the next stage starts where this one did
@@ -551,24 +539,6 @@ def homotopy(
     if kept is not None and all(kept is not stage for stage in stages[-2:]):
         stages.insert(len(stages) - 1, kept)
     return stages
-
-
-def _refit_with_fitted_starts(
-    found: Fit,
-    windows: Sequence[StartedPiece],
-    prepared: PreparedRecord,
-    reference: MechanicalModel,
-    steps: int,
-) -> Fit:
-    """Return a fit after rounds of starts that suit its law, and fits that suit the starts."""
-    for _ in range(prepared.policy.rounds):
-        run = prepared.runner(found.model).run(found.model)
-        begun = prepared.with_fitted_starts(run, windows)
-        other = fit(residuals_of(found.model, begun, prepared, reference), steps)
-        if not np.mean(np.log(other.rmse / found.rmse)) < -prepared.policy.unchanged:
-            break
-        found = other
-    return found
 
 
 def residuals_of(
@@ -758,173 +728,3 @@ def best_stage(stages: Sequence[Fit], prepared: PreparedRecord) -> EvaluatedFit:
     found = parallel_map(lambda stage: evaluate_fit(stage, prepared), stages[-2:])
     whole = all(s.reproducible for s in found)
     return min(found, key=lambda s: float(np.sum(np.log(s.free if whole else s.short))))
-
-
-# Trust-region refinement of a fit to its minimum.
-#
-# Laws of damping, or a spring and a pendulum, may do nearly the same: the steps of
-# :mod:`.least_squares` are damped, so that they crawl along such a valley and stop where they
-# still fall a little. A trust region (Branch, Coleman and Li 1999, SIAM J. Sci. Comput. 21, 1-23)
-# does not.
-#
-# A force that jumps as the motion reverses is a second obstacle. A run of fixed steps sees on
-# which step a reversal falls, no more, and as a function of the numbers its errors are a staircase
-# whose local slopes lead nowhere. Over the speed that is gained in one step the jump may as well
-# be round.
-
-_WIDTH = "width"
-_SETTLED = 1e-5
-_MOST_EVALUATIONS = 30
-_AT_BOUND = 1e-6
-"""What is as good as a lower bound, in the units in which a fit counts."""
-
-
-def with_rounded_friction(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalModel:
-    """Return the model with jumps of friction rounded over the speed that a step gains.
-
-    Parameters
-    ----------
-    model : MechanicalModel
-    prepared : PreparedRecord
-    """
-    substeps = prepared.runner(model).substeps
-
-    def rounded(effect: Effect) -> Effect:
-        if not effect.definition.sharp or effect.values.get(_WIDTH) != 0.0:
-            return effect
-        v = (port_rows(model, effect) @ prepared.linear_motion.v)[0]
-        gained = float(np.sqrt(np.mean(np.diff(v) ** 2))) / substeps
-        return effect.with_values({**effect.parameters, _WIDTH: gained})
-
-    return replace(model, effects=tuple(map(rounded, model.effects)))
-
-
-def smoothing_velocity_keys(model: MechanicalModel) -> frozenset[str]:
-    """Return the keys of the speeds over which those dry frictions turn over that jump."""
-    return frozenset(
-        f"effect[{i}].{effect.definition.turns_over}"
-        for i, effect in enumerate(model.effects)
-        if effect.definition.turns_over and not has_smoothing(effect)
-    )
-
-
-def with_original_widths(
-    fitted: Fit, before: MechanicalModel, prepared: PreparedRecord, reference: MechanicalModel
-) -> Fit:
-    """Return the fit of a rounded model with the widths of jumps that it had before.
-
-    Parameters
-    ----------
-    fitted : Fit
-    before : MechanicalModel
-        With the same effects.
-    prepared : PreparedRecord
-    reference : MechanicalModel
-        About which the priors are centred.
-    """
-    effects = (
-        e.with_values({**e.parameters, _WIDTH: 0.0}) if old.values.get(_WIDTH) == 0.0 else e
-        for e, old in zip(fitted.model.effects, before.effects, strict=True)
-    )
-    model = replace(fitted.model, effects=tuple(effects))
-    return evaluate_unfitted(residuals_of(model, fitted.pieces, prepared, reference))
-
-
-def refine_to_minimum(fitted: Fit, prepared: PreparedRecord, reference: MechanicalModel) -> Fit:
-    """Return a fit to the same pieces at its minimum.
-
-    Parameters
-    ----------
-    fitted : Fit
-        Where to begin.
-    prepared : PreparedRecord
-    reference : MechanicalModel
-        About which the priors are centred.
-    """
-    here = residuals_of(fitted.model, fitted.pieces, prepared, reference)
-    sizes = here.start_sizes if here.start_sizes is not None else np.ones(0)
-    x0, starts = here.within(here.x), here.starts
-    p, shape, sigma = x0.size, (len(here.pieces), sizes.size), np.maximum(fitted.rmse, 1e-300)
-    most = _DIVERGED_ERROR
-
-    def parts(z: Array) -> tuple[Array, Array]:
-        return z[:p], z[p:].reshape(shape) * sizes if sizes.size else starts
-
-    @lru_cache(maxsize=1)  # derivatives are asked for where the errors were
-    def errors_at(z: bytes) -> Array:
-        with np.errstate(over="ignore", invalid="ignore"):
-            found = here.errors(*parts(np.frombuffer(z)))
-        return np.nan_to_num(found, nan=most, posinf=most, neginf=-most)
-
-    def residuals(z: Array) -> Array:
-        prior = [(z[:p] - here.centre) * here.prior, here.joint @ z[:p]]
-        return np.concatenate(
-            [np.clip(errors_at(z.tobytes()) / sigma, -most, most).ravel(), *prior]
-        )
-
-    def derivatives(z: Array) -> Array:
-        now = errors_at(z.tobytes())
-        columns = [np.nan_to_num(e / sigma).ravel() for e in here.columns(*parts(z), now)]
-        J = np.zeros((now.size, z.size))
-        for j, column in enumerate(columns[:p]):
-            J[:, j] = column
-        pieces = list(itertools.pairwise(here.offsets * now.shape[1]))
-        for i, column in enumerate(columns[p:]):
-            for k, (a, b) in enumerate(pieces):
-                J[a:b, p + k * sizes.size + i] = column[a:b]
-        priors = np.zeros((p + len(here.joint), z.size))
-        priors[:, :p] = np.vstack([np.diag(here.prior), here.joint])
-        return np.vstack([J, priors])
-
-    endless = np.full(starts.size if sizes.size else 0, np.inf)
-    low, high = np.concatenate([here.lower, -endless]), np.concatenate([here.upper, endless])
-    inside = (starts / sizes).ravel() if sizes.size else np.zeros(0)
-    slopes: Any = derivatives
-    found = least_squares(
-        residuals, np.clip(np.concatenate([x0, inside]), low, high), slopes,
-        bounds=(low, high), x_scale="jac", ftol=_SETTLED, max_nfev=_MOST_EVALUATIONS,
-    )  # fmt: skip
-    x, at = parts(found.x)
-    # steps end within bounds, never on them
-    x = np.where(x - here.lower < _AT_BOUND, here.lower, x)
-    pieces = here.started(at) if sizes.size else list(here.pieces)
-    best = evaluate_unfitted(residuals_of(here.model_at(x), pieces, prepared, reference))
-    return best if np.sum(np.log(best.rmse)) < np.sum(np.log(fitted.rmse)) else fitted
-
-
-_DIVERGED_ERROR = 1e6
-"""What an error counts at most, in those of the fit at its beginning: a run that diverged."""
-
-
-# Reordering of the effects of a fit.
-
-_NUMBER = re.compile(r"effect\[(\d+)\](.*)")
-
-
-def with_effect_order(fitted: Fit, order: Sequence[int]) -> Fit:
-    """Return a fit whose model has its effects in another order; nothing is fitted again.
-
-    Parameters
-    ----------
-    fitted : Fit
-    order : sequence of int
-        Where the first effect stands now, the second one, and so on.
-    """
-    effects = fitted.model.effects
-    internal = np.cumsum([0, *(effect.definition.states for effect in effects)])
-    states = [np.arange(internal[old], internal[old + 1]) for old in order]
-    rows = np.concatenate([*states, np.zeros(0, dtype=int)])
-
-    def renamed(key: str) -> str:
-        found = _NUMBER.fullmatch(key)
-        return f"effect[{order.index(int(found[1]))}]{found[2]}" if found else key
-
-    return replace(
-        fitted,
-        model=replace(fitted.model, effects=tuple(effects[old] for old in order)),
-        pieces=tuple(
-            StartedPiece(p.record, InitialState(p.start.state, p.start.internal[rows]))
-            for p in fitted.pieces
-        ),
-        free=[replace(f, key=renamed(f.key), at_least=renamed(f.at_least)) for f in fitted.free],
-    )

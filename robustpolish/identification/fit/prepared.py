@@ -494,6 +494,11 @@ class PreparedRecord:
         return started
 
     @cached_property
+    def folds(self) -> list[StartedPiece]:
+        """All pieces over which models are compared: fitted and held out."""
+        return [*self.trial, *self.held_out]
+
+    @cached_property
     def quieter_held_out(self) -> bool:
         """Whether all outputs are far quieter where fits are judged than where they are made."""
         held, fitted = (

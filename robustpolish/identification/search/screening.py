@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 from robustpolish.base.arrays import Array
 from robustpolish.base.budget import parallel_map
 from robustpolish.identification.fit.parameters import connected, free_parameters
-from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.fit.prepared import PreparedRecord, has_integrator
 from robustpolish.identification.observer.kalman import FREE, Level, LinearObserver, force_sites
 from robustpolish.identification.observer.missing_force import SmoothedMotion, known_forces
 from robustpolish.identification.policy import Policy
@@ -213,6 +213,8 @@ class FilteredRecord:
     level : Level
     motion : SmoothedMotion
         Along the part.
+    constants : sequence of CandidateColumns, optional
+        Offsets and constant forces, of any size.
     """
 
     def __init__(
@@ -222,6 +224,7 @@ class FilteredRecord:
         record: Record,
         level: Level,
         motion: SmoothedMotion,
+        constants: Sequence[CandidateColumns] = (),
     ) -> None:
         self.level, self.policy = level, prepared.policy
         self.model = model
@@ -233,6 +236,11 @@ class FilteredRecord:
         self.errors = errors
         self.sigma = np.ones(errors.shape[1])
         self.raw, self.ridge = nuisance_columns(model, self.policy, self.observer, motion, record)
+        # a mean that no constant explains is no constant's alone: it hides what else is missing
+        for column in (self.respond(entry) for entry in constants):
+            if np.any(column) and np.isfinite(column).all():
+                self.raw = np.concatenate([self.raw, column])
+                self.ridge = np.concatenate([self.ridge, np.zeros(len(column))])
         self.reweigh(np.std(errors[len(errors) // 20 :], axis=0))
         for _ in range(2):
             rest = self.residual(None)[0]
@@ -475,11 +483,14 @@ class Screening:
         coloured noise) it names none.
     level : Level
         At which the model is likeliest without any.
+    free : FilteredRecord or None
+        The run that the data do not lead, or hardly.
     """
 
     candidates: tuple[ScreenedEffect, ...]
     finalists: tuple[CandidateColumns, ...]
     level: Level
+    free: FilteredRecord | None = None
 
     @property
     def lines(self) -> list[tuple[ScreenedEffect, float]]:
@@ -518,7 +529,16 @@ def screen(
     policy, record = prepared.policy, prepared.screened
     motion = prepared.motion(model, record)
     levels = policy.screening
-    seen = parallel_map(lambda at: FilteredRecord(model, prepared, record, at, motion), levels)
+    tried_at = [(e.definition, e.at) for e in allowed or ()]
+    if allowed is None:
+        tried_at = [(kind, at) for kind in kinds().values() for at in places(model, kind)]
+    at_each = parallel_map(lambda where: candidate_columns(model, *where, motion, record), tried_at)
+    entries = [entry for found in at_each for entry in found]
+    constants = [e for e in entries if e.kind.family == CONSTANT] if allowed is None else []
+    beside = [e for e in entries if e not in constants]
+    seen = parallel_map(
+        lambda at: FilteredRecord(model, prepared, record, at, motion, constants), levels
+    )
     filtered = dict(zip(levels, seen, strict=True))
     if not all(np.isfinite(f.errors).all() for f in filtered.values()):
         # along the smoothed motion an effect of the model diverges: nothing can be said beside it
@@ -531,16 +551,11 @@ def screen(
     }
     best_level = min(nulls, key=lambda key: nulls[key])[0]
     null = min(nulls.values())
-    tried_at = [(e.definition, e.at) for e in allowed or ()]
-    if allowed is None:
-        tried_at = [(kind, at) for kind in kinds().values() for at in places(model, kind)]
-    at_each = parallel_map(lambda where: candidate_columns(model, *where, motion, record), tried_at)
-    entries = [entry for found in at_each for entry in found]
     coarse = dict.fromkeys([best_level, *policy.coarse])
     hardly = dict.fromkeys(policy.weak_guidance)
     rough, wide = _FirstScreening(), _FirstScreening()
     first = {level: filtered[level] for level in {**coarse, **hardly}}
-    for entry, tried in zip(entries, _score_entries(first, entries, (0,)), strict=True):
+    for entry, tried in zip(beside, _score_entries(first, beside, (0,)), strict=True):
         rough.add(entry, [(tried[level][0][0], tried[level][1]) for level in coarse])
         wide.add(
             entry, [(tried[level][0][0] - nulls[level, 0], tried[level][1]) for level in hardly]
@@ -567,7 +582,11 @@ def screen(
     found.sort(key=lambda c: (-c.sensible, -c.score))
     shapes = Counter((entry.kind.kind, entry.at) for entry in entries)
     plain = [e for e in entries if id(e) not in chosen and shapes[e.kind.kind, e.at] == 1]
-    return Screening(_best_per_place(found), (*finalists, *plain), best_level)
+    # the free run of a plant that integrates shows its drift and nothing else
+    drifts = has_integrator(model, record.samples * record.dt)
+    level = policy.weak_guidance[0] if drifts else FREE
+    free = FilteredRecord(model, prepared, record, level, motion)
+    return Screening(_best_per_place(found), (*finalists, *plain), best_level, free)
 
 
 def _score_entries(

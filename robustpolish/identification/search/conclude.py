@@ -1,0 +1,484 @@
+"""From the end of a search to its diagnosis: final fit, learned laws, verdict, what is alike."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from robustpolish.base.arrays import Array
+from robustpolish.base.budget import parallel_map
+from robustpolish.identification.diagnosis.findings import (
+    Entry,
+    FoundEffect,
+    IndistinguishablePair,
+    Ledger,
+    RankedCandidate,
+    Value,
+    indistinguishable_pair,
+)
+from robustpolish.identification.diagnosis.result import Diagnosis
+from robustpolish.identification.fit.least_squares import (
+    Fit,
+    covariance_of,
+    effective_samples,
+    free_run_rms,
+    free_run_rms_checked,
+    homotopy,
+    log_odds,
+)
+from robustpolish.identification.fit.parameters import has_smoothing
+from robustpolish.identification.fit.result import stderr_from_covariance
+from robustpolish.identification.observer.kalman import force_sites
+from robustpolish.identification.residual_tests import force_maps
+from robustpolish.identification.search.equivalents import find_force_equivalents
+from robustpolish.identification.search.laws import (
+    CURVES,
+    KINDS,
+    OVER_TIME,
+    Learned,
+    learn,
+)
+from robustpolish.identification.search.plausible import DETERMINED, undetermined_parameter
+from robustpolish.identification.search.score import (
+    STRONG,
+    ScoredModel,
+    scores,
+    simplest_of_best,
+)
+from robustpolish.identification.search.search import EffectSearch, told_alike
+from robustpolish.identification.search.verdict import (
+    FinalFit,
+    Residual,
+    Verdict,
+    residual_of,
+    verdict_on,
+)
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.mechanical.data import effect_unit, port_rows, unit_of
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import FORCE
+
+_NAMED = 3
+"""Kinds of the catalogue that are refitted in place of a learned curve."""
+_DRY = ("coulomb_friction", "stribeck_friction")
+
+
+class Conclusion(NamedTuple):
+    """The model that is the answer, and what else could be."""
+
+    scored: ScoredModel
+    final: FinalFit
+    residual: Residual
+    learned: Learned | None
+
+
+def conclude(run: EffectSearch, model: MechanicalModel, stopped: bool = False) -> Diagnosis:
+    """Fit the final model to the whole record and choose the verdict.
+
+    Parameters
+    ----------
+    run : EffectSearch
+    model : MechanicalModel
+        As the user gave it.
+    stopped : bool, optional
+        Whether the search was stopped: nothing is fitted any more.
+    """
+    predictable = _predictable(run)
+    if stopped:
+        final = _as_it_is(run, predictable)
+        found = Conclusion(run.best, final, residual_of(final, run.prepared), None)
+    else:
+        run.say("final fit")
+        found = _final(run, predictable)
+    final = found.final
+    run.say("errors of every step")
+    before = [(step, scored.model) for step, scored in run.steps[:-1]]
+    if not run.best.added or found.scored is not run.best:
+        before = [(step, scored.model) for step, scored in run.steps]
+        if found.scored.places == run.base.places:
+            before = []
+    steps = [("base", model), *before]
+    errors = [whole_record_error(m, run, final.predictable) for _, m in steps]
+    base = errors[0]
+    if run.reference is not model:
+        # how an input acts between its samples is no number of the model
+        base = whole_record_error(run.reference, run, final.predictable)
+    refitted = errors[1] if len(errors) > 1 else final.error
+    if found.learned is not None:
+        verdict = _verdict_on_law(run, found)
+    else:
+        verdict = verdict_on(run, final, found.residual, base, refitted)
+    last = run.steps[-1][0]
+    if found.scored is not run.best:
+        new = [e.kind for e in found.scored.added if (e.kind, e.at) not in run.best.places]
+        last = " and ".join(new) or last
+    return _diagnosis(run, found, verdict, [*steps, (last, final.model)], [*errors, final.error])
+
+
+def _final(run: EffectSearch, predictable: bool) -> Conclusion:
+    """Return the best model fitted to the whole record, or a learned law that is better."""
+    final = _smooth_frictions(run, fit_whole_record(run, run.best, predictable))
+    residual = residual_of(final, run.prepared)
+    names = Conclusion(run.best, final, residual, None)
+    asked = run.most > 0 and (run.enough is None or not run.at_noise_floor(run.best))
+    if not asked or not run.prepared.work.left():
+        return names
+    if not residual.structure and (run.at_noise_floor(run.best) or not run.best.laws):
+        return names
+    law = _better_law(run, residual)
+    if law is None:
+        return names
+    scored, learned = law
+    if learned is None:  # the law has a name
+        final = _smooth_frictions(run, fit_whole_record(run, scored, predictable))
+        run.accept(scored)
+    else:
+        error = whole_record_error(learned.model, run, predictable)
+        final = FinalFit(learned.final, error, predictable)
+    return Conclusion(scored, final, residual_of(final, run.prepared), learned)
+
+
+def _better_law(run: EffectSearch, residual: Residual) -> tuple[ScoredModel, Learned | None] | None:
+    """Return a learned law in place of all that was added, if it is better by strong evidence.
+
+    A kind of the catalogue that makes its force takes its place if it is as good.
+    """
+    run.say("a law that no catalogue holds")
+    prepared, reference = run.prepared, run.reference
+    at_floor = replace(prepared, scales=replace(prepared.scales, noise=residual.floor))
+    kinds = KINDS if residual.structure else CURVES
+    ways = [kinds, OVER_TIME] if reference.inputs and residual.structure else [kinds]
+    found: list[tuple[ScoredModel, Learned]] = []
+    for way in ways:
+        learned = learn(run.base.model, at_floor, reference, way, prepared.scales.noise)
+        if learned is not None:
+            fitted = replace(learned.fitted, prepared=prepared)
+            found.append((ScoredModel(fitted, reference), learned))
+            if learned.explains:
+                break
+    if not found:
+        return None
+    models = [run.best, *(scored for scored, _ in found)]
+    named = [m for scored, learned in found for m in _named(run, scored, learned)]
+    chosen = simplest_of_best([*models, *named], run.base)
+    if chosen is run.best:
+        return None
+    return chosen, next((learned for scored, learned in found if scored is chosen), None)
+
+
+def _named(run: EffectSearch, scored: ScoredModel, learned: Learned) -> list[ScoredModel]:
+    """Return models with kinds of the catalogue that make nearly the force of a learned curve."""
+    if len(learned.laws) != 1 or len(learned.laws[0].effect.definition.over) != 1:
+        return []
+    law = next(e for e in scored.added if e.definition.over)
+    at = scored.model.effects.index(law)
+    found = []
+    for near in find_force_equivalents(scored.model, at, run.prepared)[:_NAMED]:
+        if near.left < 0.5:
+            run.say(f"refit with {near.effect} in place of the curve")
+            named = run.fits.replaced(scored, law, near.effect)
+            if named is not None and not run.note(named, (near.effect,)):
+                found.append(named)
+    return found
+
+
+def _verdict_on_law(run: EffectSearch, found: Conclusion) -> Verdict:
+    learned = found.learned
+    assert learned is not None
+    reasons = [learned.evidence(), *found.residual.structure]
+    if run.best.added:
+        named = " and ".join(map(str, run.best.added))
+        gain = float(np.diff(scores([run.best, found.scored], run.base))[0])
+        reasons.append(f"Not kept, {gain:.0f} nats behind: {named}.")
+    return Verdict("unknown_law", reasons, found.residual.floor)
+
+
+# The fit to the whole record.
+
+
+def _predictable(run: EffectSearch) -> bool:
+    """Return whether free runs over the whole record judge what was found; windows do otherwise."""
+    stage, prepared = run.best.fitted, run.prepared
+    return (
+        stage.reproducible and free_run_rms_checked(stage.model, prepared, prepared.everything)[1]
+    )
+
+
+def _as_it_is(run: EffectSearch, predictable: bool) -> FinalFit:
+    error = whole_record_error(run.best.model, run, predictable)
+    return FinalFit(run.best.fitted.fit, error, predictable)
+
+
+def fit_whole_record(run: EffectSearch, scored: ScoredModel, predictable: bool) -> FinalFit:
+    """Fit a model to the whole record, and judge it there."""
+    prepared, stage = run.prepared, scored.fitted
+    policy, pieces = prepared.policy, prepared.everything
+    spans = prepared.spans(pieces, policy.growth)
+    if not predictable:
+        spans = [span for span in spans if span < prepared.short] + [prepared.short]
+    before = whole_record_error(stage.model, run, predictable)
+    if predictable and np.all(before < policy.lost * stage.error):
+        spans = spans[-2:]  # what follows the whole record already is not lost on long windows
+    last = policy.follows(prepared.record.Y.size)
+    fits = homotopy(
+        stage.model, prepared, pieces, run.reference, spans, prepared.steps, run.fits.check,
+        last=last, known=True,
+    )  # fmt: skip
+    if not fits:
+        return FinalFit(stage.fit, before, predictable)
+    error = whole_record_error(fits[-1].model, run, predictable)
+    if np.mean(np.log(error)) > np.mean(np.log(before)):
+        return FinalFit(stage.fit, before, predictable)
+    return FinalFit(fits[-1], error, predictable)
+
+
+def whole_record_error(model: MechanicalModel, run: EffectSearch, predictable: bool) -> Array:
+    """Return the free-run error of each output over the whole record.
+
+    A model whose long runs are not reproducible is run in windows.
+    """
+    prepared = run.prepared
+    return free_run_rms(model, prepared, prepared.everything if predictable else prepared.windows)
+
+
+def _smooth_frictions(run: EffectSearch, final: FinalFit) -> FinalFit:
+    """Return the final fit with those jumps of friction rounded that the data know to be none.
+
+    What a jump leaves at every reversal may be less than the noise and yet move all other numbers
+    by more than their standard errors. So the likelihood over the whole record decides.
+    """
+    for at in range(len(run.reference.effects), len(final.model.effects)):
+        for fitted in _smoothed(run, final, at):
+            left = whole_record_error(fitted.model, run, final.predictable)
+            odds = (
+                log_odds(fitted, final.fit)
+                if _alike(fitted, final.fit)
+                else np.sum(effective_samples(fitted) * np.log(final.error / left))
+            )
+            if odds > STRONG:
+                final = FinalFit(fitted, left, final.predictable)
+    return final
+
+
+def _alike(one: Fit, other: Fit) -> bool:
+    return one.errors.shape == other.errors.shape
+
+
+def _smoothed(run: EffectSearch, final: FinalFit, at: int) -> Iterator[Fit]:
+    """Yield a fit to the whole record with a jump of friction rounded, its speed determined.
+
+    Where the turn is far wider than the true one, the other numbers are bent by it, and where it is
+    far sharper, it makes no difference: from neither do slopes lead to the true one. So a ladder of
+    speeds is run through first, all other numbers held.
+    """
+    prepared, model, policy = run.prepared, final.model, run.prepared.policy
+    effect = model.effects[at]
+    name = effect.definition.turns_over
+    if not name or has_smoothing(effect):
+        return
+    motion = prepared.motion(model, prepared.screened)
+    speed = float(np.sqrt(np.mean((port_rows(model, effect) @ motion.v)[0] ** 2)))
+    if not speed > 0:
+        return
+
+    def turned(share: float) -> MechanicalModel:
+        gentle = effect.with_values({**effect.parameters, name: share * speed})
+        return replace(model, effects=(*model.effects[:at], gentle, *model.effects[at + 1 :]))
+
+    tried = [turned(share) for share in policy.smoothing_shares]
+
+    def left(tried: MechanicalModel) -> float:
+        return float(np.mean(np.log(free_run_rms(tried, prepared, prepared.windows))))
+
+    # the sharpest first: it takes the most steps
+    begun = tried[::-1][int(np.argmin(parallel_map(left, tried[::-1])))]
+    pieces = prepared.everything if final.predictable else prepared.windows
+    last = policy.follows(prepared.record.Y.size)
+    spans = prepared.spans(pieces)[-1:]
+    for fitted in homotopy(
+        begun, prepared, pieces, run.reference, spans, prepared.steps, run.fits.check,
+        last=last, known=True,
+    ):  # fmt: skip
+        value = fitted.model.effects[at].values[name]
+        errors = stderr_from_covariance(covariance_of(fitted))
+        if errors.get(f"effect[{at}].{name}", np.inf) < DETERMINED * value:
+            yield fitted
+
+
+# The diagnosis as data.
+
+
+def _diagnosis(
+    run: EffectSearch,
+    found: Conclusion,
+    verdict: Verdict,
+    steps: Sequence[tuple[str, MechanicalModel]],
+    errors: Sequence[Array],
+) -> Diagnosis:
+    """Put the findings together."""
+    fit, record, reference = found.final.fit, run.prepared.record, run.reference
+    model = fit.model
+    size = np.std(record.Y, axis=0)
+
+    def by_output(values: Array) -> dict[str, float]:
+        return dict(zip(model.output_names, (values / size).tolist(), strict=True))
+
+    entries = tuple(
+        Entry(step, by_output(error), then)
+        for (step, then), error in zip(steps, errors, strict=True)
+    )
+    left = run.prepared.motion(model, record)
+    covariance = covariance_of(fit)
+    deviations = stderr_from_covariance(covariance)
+    numbers = model.parameters
+    added = range(len(reference.effects), len(model.effects))
+    effects = tuple(_found_effect(model, index, deviations) for index in added)
+    alike = [] if found.learned else [indistinguishable_pair(*p) for p in _alike_pairs(run, found)]
+    limited = []
+    if run.prepared.work.refused:
+        limited = ["The search was ended by its limit of work before all was tried."]
+    return Diagnosis(
+        verdict=verdict.word,
+        model=model,
+        effects=effects,
+        candidates=tuple(_candidates(run)),
+        indistinguishable=(*alike, *_friction_asymmetries(reference, effects)),
+        ledger=Ledger(entries, by_output(verdict.floor)),
+        missing_force=left.force,
+        maps=force_maps(model, left),
+        sites=tuple(force_sites(reference)[1]),
+        parameters={k: Value(numbers[k], e, unit_of(model, k)) for k, e in deviations.items()},
+        covariance=covariance,
+        reasons=(
+            *_describe_held_out(run),
+            *limited,
+            *_undetermined_effects(fit, added),
+            *verdict.reasons,
+        ),
+        reproducible=found.final.predictable,
+        time=record.axis,
+    )
+
+
+def _alike_pairs(run: EffectSearch, found: Conclusion) -> list[tuple[Effect, Effect]]:
+    """Return effects that were found, each with one that the data do not tell from it.
+
+    Beside what was fitted it is every kind whose force comes so near that the difference, as an
+    error of the outputs, is no strong evidence.
+    """
+    pairs = told_alike(run)
+    final = found.final
+    for index in range(len(run.reference.effects), len(final.model.effects)):
+        effect = final.model.effects[index]
+        if effect.definition.domain != "pair":
+            continue
+        known = {(b.kind, b.at) for a, b in pairs if (a.kind, a.at) == (effect.kind, effect.at)}
+        known |= {(e.kind, e.at) for t in run.tried for e in t.effects if t.scored is not None}
+        for near in find_force_equivalents(final.model, index, run.prepared)[:3]:
+            other = near.effect
+            if (other.kind, other.at) in known:
+                continue
+            rest = (*final.model.effects[:index], other, *final.model.effects[index + 1 :])
+            error = whole_record_error(replace(final.model, effects=rest), run, final.predictable)
+            counted = effective_samples(final.fit)
+            with np.errstate(divide="ignore"):
+                odds = float(np.sum(counted * np.log(error / final.error)))
+            if odds < STRONG:
+                pairs.append((effect, other))
+    return pairs
+
+
+def _candidates(run: EffectSearch) -> Iterator[RankedCandidate]:
+    """Yield what was refitted, then what was only screened in the last round."""
+    size = np.std(run.prepared.record.Y, axis=0)
+    done = set()
+    fitted = [t for t in run.tried if t.scored is not None]
+    gains = scores([t.scored for t in fitted if t.scored is not None], run.base)
+    for tried, gain in sorted(zip(fitted, gains, strict=True), key=lambda p: (p[0].step, -p[1])):
+        assert tried.scored is not None
+        error = float(np.mean(tried.scored.fitted.error / size))
+        for effect in tried.effects:
+            place = (effect.kind, effect.at, tried.step)
+            if place not in done:
+                done.add(place)
+                yield RankedCandidate(
+                    effect.kind, effect.at, error, gain, tried.step, effect.values, tried.refused,
+                    effect.own,
+                )  # fmt: skip
+    places = {place[:2] for place in done}
+    for other in run.screening.candidates if run.screening is not None else ():
+        if other.place not in places and other.score > 0:
+            e, remark = other.effect, other.remark or "screened only"
+            step = 1 + run.best.laws
+            yield RankedCandidate(e.kind, e.at, np.inf, other.score, step, e.values, remark, e.own)
+
+
+def _undetermined_effects(final: Fit, added: Sequence[int]) -> list[str]:
+    """Say of which effects the first number is not determined, though they are there."""
+    leads = {i: undetermined_parameter(final, i) for i in added}
+    effects = final.model.effects
+    return [
+        f"{effects[i]} is there, but the data leave its {lead} open."
+        for i, lead in leads.items()
+        if lead
+    ]
+
+
+def _found_effect(model: MechanicalModel, index: int, errors: dict[str, float]) -> FoundEffect:
+    effect = model.effects[index]
+    parameters = {}
+    for p in effect.definition.parameters:
+        if not p.fitted and effect.values[p.name] == p.default:
+            continue
+        unit = effect_unit(model, effect, p.name)
+        error = errors.get(f"effect[{index}].{p.name}", 0.0)
+        parameters[p.name] = Value(effect.values[p.name], error, unit)
+    return FoundEffect(effect.kind, effect.at, parameters, effect.own)
+
+
+def _friction_asymmetries(
+    model: MechanicalModel, found: Sequence[FoundEffect]
+) -> list[IndistinguishablePair]:
+    """Return the constants that friction of unlike size in the two directions would be.
+
+    Only the friction in each direction plus or minus the constant shows while something slides.
+    """
+    pairs = []
+    for constant in found:
+        end = _loaded_coordinate(model, constant)
+        for friction in found:
+            if end is None or friction.kind not in _DRY or end not in friction.at:
+                continue
+            size = next(iter(constant.parameters.values())).value
+            name = next(iter(constant.parameters))
+            lopsided = Effect("coulomb_friction", friction.at, {"asymmetry": -size})
+            here = Effect(constant.kind, constant.at, {name: size})
+            pairs.append(indistinguishable_pair(here, lopsided))
+    return pairs
+
+
+def _loaded_coordinate(model: MechanicalModel, constant: FoundEffect) -> str | None:
+    """Return the coordinate on which a constant force acts, or seems to act by an offset."""
+    if constant.kind == "constant_force":
+        return constant.at[0]
+    if constant.kind == "sensor_offset":
+        output = next(o for o in model.outputs if o.name == constant.at[0])
+        return output.of[0] if output.quantity == FORCE else None
+    return None
+
+
+def _describe_held_out(run: EffectSearch) -> list[str]:
+    """Say what several records are used for."""
+    prepared, said = run.prepared, []
+    if prepared.repeats is not None:
+        said.append(f"{prepared.repeats.names} repeat each other: their difference is the noise.")
+    kept = {piece.record.name for piece in prepared.estimation}
+    held = dict.fromkeys(piece.record.name for piece in prepared.held_out)
+    whole = [name for name in held if name not in kept]
+    if whole:
+        blocks = [f"blocks of {name}" for name in held if name in kept]
+        said.append(f"Held out to judge: {', '.join([*whole, *blocks])}.")
+    return said

@@ -1,0 +1,201 @@
+"""Score of a model in nats: log likelihood of its free runs over folds, less what numbers cost.
+
+The errors of a free run over a fold k of output i are taken as Gaussian with the variance that
+they show there, of which as many are counted as are independent, n_ki. A model B is better than a
+model A by
+
+    sum over k, i of n_ki ln(s_ki(A) / s_ki(B))
+        - ln(n)/2 for every number that B fits more
+        - the negative log prior of the masses, springs, dampers and gains of B, less that of A.
+
+No model of a machine is exact, so that its errors are never independent samples of a noise, however
+long a record is: `MOST_SAMPLES` of one output count, more where noise is the larger part of what is
+left, and errors below a share of the motion are not compared. The prior of a number is a normal
+distribution about what was known, mixed with a wide one: one number in a thousand has been written
+down wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from robustpolish.base.arrays import Array
+from robustpolish.identification.fit.least_squares import EvaluatedFit, bartlett_factor
+from robustpolish.identification.fit.parameters import free_parameters, has_smoothing
+from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.observer.runs import StartedPiece
+from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.effects.kind import CONSTANT
+from robustpolish.machines.mechanical.model import MechanicalModel
+
+MOST_SAMPLES = 40.0
+"""Independent errors that one output has at most: a fall by a fifth is worth 9 nats."""
+NEGLIGIBLE = 2e-3
+"""Share of the motion below which an error does not count."""
+WRITTEN_WRONG, WIDE = 1e-3, 20.0
+"""Share of numbers that are wrong altogether, and how many times wider these scatter."""
+STRONG = 5.0
+"""Nats of very strong evidence, 2 ln B = 10 (Kass and Raftery 1995, JASA 90, 773-795)."""
+
+Place = tuple[str, tuple[str, ...]]
+
+
+@dataclass(frozen=True, eq=False)
+class ScoredModel:
+    """A fitted model and its errors over the folds of a record.
+
+    Attributes
+    ----------
+    fitted : EvaluatedFit
+    reference : MechanicalModel
+        The model as it was given; what it has more than this was added.
+    """
+
+    fitted: EvaluatedFit
+    reference: MechanicalModel
+
+    @property
+    def prepared(self) -> PreparedRecord:
+        """The record."""
+        return self.fitted.prepared
+
+    @property
+    def model(self) -> MechanicalModel:
+        """The fitted model."""
+        return self.fitted.model
+
+    @property
+    def added(self) -> tuple[Effect, ...]:
+        """The effects that the reference lacks."""
+        return self.model.effects[len(self.reference.effects) :]
+
+    @property
+    def places(self) -> frozenset[Place]:
+        """Kinds and places of what was added."""
+        return frozenset((e.kind, e.at) for e in self.added)
+
+    @property
+    def laws(self) -> int:
+        """How many effects were added that are no constants."""
+        return sum(e.definition.family != CONSTANT for e in self.added)
+
+    @cached_property
+    def whole(self) -> tuple[Array, Array]:
+        """Sizes of errors, and independent samples, over whole folds, shape (folds, ny)."""
+        return self._over(self.prepared.folds)
+
+    @cached_property
+    def short(self) -> tuple[Array, Array]:
+        """The same over short windows, for models whose long runs are not reproducible."""
+        cut = [
+            self.prepared.cut_windows(self.model, [fold], self.prepared.short)
+            for fold in self.prepared.folds
+        ]
+        found = [self._over(windows, joined=True) for windows in cut]
+        return np.vstack([s for s, _ in found]), np.vstack([n for _, n in found])
+
+    def _over(self, pieces: Sequence[StartedPiece], joined: bool = False) -> tuple[Array, Array]:
+        run, started = self.prepared.run_with_fitted_starts(self.model, pieces)
+        errors = run.all_errors(started)
+        marks = [len(errors)] if joined else np.cumsum([p.record.samples for p in started])
+        sizes, counts = [], []
+        for part in np.split(errors, marks[:-1]):
+            with np.errstate(over="ignore", invalid="ignore"):
+                size = np.sqrt(np.mean(part**2, axis=0))
+            sizes.append(np.where(np.isfinite(size), size, np.inf))
+            counts.append([len(part) / bartlett_factor(e) for e in np.nan_to_num(part.T)])
+        return np.array(sizes), np.array(counts)
+
+    @cached_property
+    def numbers(self) -> float:
+        """How many numbers of added effects are fitted; of a learned curve as many as are free."""
+        first = len(self.reference.effects)
+        return sum(self._numbers(index) for index in range(first, len(self.model.effects)))
+
+    def _numbers(self, index: int) -> float:
+        effect, fit = self.model.effects[index], self.fitted.fit
+        fitted = sum(p.fitted for p in effect.definition.parameters) + has_smoothing(effect)
+        if not effect.definition.over or not fit.sensitivity.size:
+            return fitted
+        # with a prior those count that the data determine: the trace of (J'J + P)^-1 J'J
+        own = [j for j, f in enumerate(fit.free) if f.key.startswith(f"effect[{index}].")]
+        share = np.linalg.pinv(fit.information, hermitian=True) @ (
+            fit.sensitivity.T @ fit.sensitivity
+        )
+        return float(np.clip(np.trace(share[np.ix_(own, own)]), 1.0, fitted))
+
+    @cached_property
+    def deviations(self) -> dict[str, float]:
+        """How far the model's own numbers are from what was known, in standard deviations."""
+        values, prepared = self.model.parameters, self.prepared
+        free = free_parameters(
+            self.reference, prepared.scales.bandwidth, prepared.policy, self.reference
+        )
+        known = [f for f in free if np.isfinite(f.prior) and not f.is_effect]
+        return {f.key: (values[f.key] - f.centre) / f.prior for f in known}
+
+    @cached_property
+    def surprise(self) -> float:
+        """Nats that the deviations of the model's own numbers cost."""
+        z = np.array([*self.deviations.values()])
+        right, wrong = (1 - WRITTEN_WRONG) * np.exp(-(z**2) / 2), WRITTEN_WRONG / WIDE
+        at = np.log(right + wrong * np.exp(-((z / WIDE) ** 2) / 2))
+        return float(np.sum(np.log(1 - WRITTEN_WRONG + wrong) - at))
+
+
+def nats(after: ScoredModel, before: ScoredModel, best: ScoredModel | None = None) -> float:
+    """Return by how many nats one model is better than another one.
+
+    Parameters
+    ----------
+    after, before : ScoredModel
+    best : ScoredModel, optional
+        The one whose errors tell how many samples are independent; `after` by default. All models
+        that are ranked are compared with the same one.
+    """
+    counting = best or after
+    whole = all(m.fitted.reproducible for m in (after, before, counting))
+    (one, _), (other, _), (_, counts) = (
+        (m.whole if whole else m.short) for m in (after, before, counting)
+    )
+    if not np.isfinite(one).all():
+        return -np.inf
+    counts = counts * _counted_share(counting, counts)
+    least = NEGLIGIBLE * np.std(after.prepared.record.Y, axis=0)
+    with np.errstate(divide="ignore"):
+        falls = np.log(np.hypot(other, least) / np.hypot(one, least))
+    likelihood = float(np.sum(counts * np.nan_to_num(falls, posinf=50.0)))
+    cost = 0.5 * np.log(np.sum(counts)) * (after.numbers - before.numbers)
+    return likelihood - cost - (after.surprise - before.surprise)
+
+
+def _counted_share(counting: ScoredModel, counts: Array) -> Array:
+    """Return the share of independent errors of each output that counts, shape (ny,).
+
+    Of an error's variance the noise that the record shows without any model is independent from
+    sample to sample; the rest is an error of the model, of which `MOST_SAMPLES` count.
+    """
+    noise = counting.prepared.scales.noise
+    own = np.clip(1 - (noise / np.maximum(counting.fitted.error, 1e-300)) ** 2, 0.0, 1.0)
+    most = MOST_SAMPLES / np.maximum(own, 1e-12)
+    return np.minimum(1.0, most / np.sum(counts, axis=0))
+
+
+def scores(models: Sequence[ScoredModel], base: ScoredModel) -> list[float]:
+    """Return by how many nats each model is better than the base, all counted alike."""
+    if not models:
+        return []
+    first = [nats(m, base) for m in models]
+    best = models[int(np.argmax(first))]
+    return [nats(m, base, best) for m in models]
+
+
+def simplest_of_best(models: Sequence[ScoredModel], base: ScoredModel) -> ScoredModel:
+    """Return the model with the fewest numbers among those that are nearly as good as the best."""
+    gains = scores(models, base)
+    near = [(m, g) for m, g in zip(models, gains, strict=True) if g > max(gains) - STRONG]
+    return min(near, key=lambda pair: (pair[0].numbers, -pair[1]))[0]

@@ -1,0 +1,478 @@
+"""The search for missing effects: sets are fitted, the most promising first, and scored."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from robustpolish.base.arrays import Array
+from robustpolish.base.results import plus_minus
+from robustpolish.identification.fit.least_squares import covariance_of
+from robustpolish.identification.fit.parameters import chain_keys, connected
+from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.fit.result import stderr_from_covariance
+from robustpolish.identification.record import output_sizes
+from robustpolish.identification.refit import fit_own_parameters
+from robustpolish.identification.search.equivalents import find_force_equivalents
+from robustpolish.identification.search.fits import Fits
+from robustpolish.identification.search.plausible import implausible
+from robustpolish.identification.search.score import (
+    NEGLIGIBLE,
+    STRONG,
+    Place,
+    ScoredModel,
+    nats,
+    scores,
+    simplest_of_best,
+)
+from robustpolish.identification.search.screening import (
+    Screening,
+    null_score,
+    places,
+    screen,
+)
+from robustpolish.identification.search.sets import (
+    EffectSet,
+    problem_along_motion,
+    problem_of_free_runs,
+)
+from robustpolish.machines.effects.effect import Effect, kinds
+from robustpolish.machines.effects.kind import CONSTANT, Timing
+from robustpolish.machines.mechanical.data import effect_unit
+from robustpolish.machines.mechanical.model import MechanicalModel
+
+MOST_EFFECTS = 4
+"""Effects that are added at most, constants aside: with more the data decide nothing."""
+TOGETHER = 3
+"""Effects of a set that is proposed at once, constants aside."""
+BY_ODDS, BY_SIZE, REFITS = 2, 5, 5
+"""Sets that are proposed by the odds of innovations, and by the linear problems; and those that are
+fitted in a round."""
+PROMISING = 0.75
+"""Share of the nats reached so far that a set has to promise to be fitted too."""
+ELSEWHERE, CONSTANTS = 2, 4
+"""Other places of an effect that are fitted, and other constants in place of one."""
+NEAR = 0.5
+"""Share of the force of an effect that another kind may leave to be fitted in its place."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """A set of effects that was fitted, or why it was not.
+
+    Attributes
+    ----------
+    effects : tuple of Effect
+        All that were added to the model, with the values of the fit.
+    step : int
+        In the search for the how-manieth effect it was tried.
+    promised : float
+        Nats that linear least squares or the innovations promised.
+    scored : ScoredModel or None
+    refused : str
+        Why it cannot be the answer; empty if it could.
+    """
+
+    effects: tuple[Effect, ...]
+    step: int
+    promised: float
+    scored: ScoredModel | None
+    refused: str = ""
+
+
+@dataclass
+class EffectSearch:
+    """State of the search, complete after every step.
+
+    Attributes
+    ----------
+    fits : Fits
+    say : callable
+        Called with a short text at every step.
+    base, best : ScoredModel
+        The model's own numbers refitted, and the best so far.
+    led : MechanicalModel
+        The refitted model of a fit that was led by the data.
+    steps : list of (str, ScoredModel)
+    tried : list of Tried
+    screening : Screening, optional
+        Of the last step.
+    promised : dict
+        What linear least squares promised sets in the last step, by kinds and places.
+    most : int
+        Effects that are added at most.
+    enough : ndarray, shape (ny,), optional
+        Errors at which nothing more is added.
+    """
+
+    fits: Fits
+    say: Callable[[str], None]
+    base: ScoredModel
+    best: ScoredModel
+    led: MechanicalModel
+    steps: list[tuple[str, ScoredModel]] = field(default_factory=list)
+    tried: list[Tried] = field(default_factory=list)
+    screening: Screening | None = None
+    promised: dict[frozenset[Place], EffectSet] = field(default_factory=dict)
+    most: int = MOST_EFFECTS
+    enough: Array | None = None
+
+    @property
+    def prepared(self) -> PreparedRecord:
+        """The record."""
+        return self.fits.prepared
+
+    @property
+    def reference(self) -> MechanicalModel:
+        """The model as it was given."""
+        return self.fits.reference
+
+    def at_noise_floor(self, scored: ScoredModel) -> bool:
+        """Return whether the noise alone is left, or so little that it does not matter."""
+        enough = NEGLIGIBLE * np.std(self.prepared.record.Y, axis=0)
+        if self.enough is not None:
+            enough = np.maximum(enough, self.enough)
+        small = bool(np.all(scored.fitted.error <= enough))
+        return small or self.fits.at_noise_floor(scored.fitted)
+
+    def gain(self, other: ScoredModel) -> float:
+        """Return the nats by which another model is better than the best so far."""
+        return nats(other, self.best)
+
+    def note(
+        self, scored: ScoredModel | None, effects: Sequence[Effect], promised: float = 0.0
+    ) -> str:
+        """Enter a fit among what was tried, and return why it cannot be the answer."""
+        step = 1 + self.best.laws
+        refused, _ = judged(scored, self) if scored is not None else ("no fit ended well", None)
+        told = scored.added if scored is not None else (*self.best.added, *effects)
+        self.tried.append(Tried(told, step, promised, scored, refused))
+        return refused
+
+    def accept(self, chosen: ScoredModel) -> None:
+        """Go on with a model."""
+        new = [e for e in chosen.added if (e.kind, e.at) not in self.best.places]
+        name = " and ".join(e.kind for e in new) or "fewer effects"
+        size = output_sizes(self.prepared.record.Y)
+        errors = [(m.fitted.error / size).tolist() for m in (self.best, chosen)]
+        fell = ", ".join(
+            f"{output} {before:.3g} -> {after:.3g}"
+            for output, before, after in zip(chosen.model.output_names, *errors, strict=True)
+        )
+        self.best = chosen
+        self.steps.append((name, chosen))
+        found = "; ".join(described_effects(chosen)) or "nothing"
+        self.say(f"found {found}; held-out error over the output's deviation: {fell}")
+
+
+def described_effects(scored: ScoredModel) -> list[str]:
+    """Return the effects that were added, each with its sizes and their standard errors."""
+    errors = stderr_from_covariance(covariance_of(scored.fitted.fit))
+    first, said = len(scored.reference.effects), []
+    for index, effect in enumerate(scored.added, first):
+        sizes = [
+            f"{p.name} = {plus_minus(effect.values[p.name], errors[key])} "
+            f"{effect_unit(scored.model, effect, p.name)}"
+            for p in effect.definition.parameters
+            if (key := f"effect[{index}].{p.name}") in errors
+        ]
+        said.append(f"{effect}: {', '.join(sizes)}" if sizes else str(effect))
+    return said
+
+
+def begin_search(
+    reference: MechanicalModel,
+    prepared: PreparedRecord,
+    say: Callable[[str], None],
+    check: Callable[[], None],
+    most: int = MOST_EFFECTS,
+    enough: Array | None = None,
+) -> EffectSearch:
+    """Return a search that knows the model's own numbers only."""
+    say("refit of the model's own parameters")
+    own, led = fit_own_parameters(reference, prepared)
+    fits = Fits(prepared, reference, check)
+    base = ScoredModel(own, reference)
+    fits.done[frozenset()] = base
+    return EffectSearch(fits, say, base, base, led, [("refit", base)], most=most, enough=enough)
+
+
+def search(run: EffectSearch) -> None:
+    """Add, replace and remove effects until no step is worth very strong evidence."""
+    while _forward(run) or _exchange(run):
+        pass
+    _remove(run)
+    _explain_surprise(run)
+
+
+def _forward(run: EffectSearch) -> bool:
+    """Add one effect, or several together, if that gains very strong evidence."""
+    step = 1 + run.best.laws
+    if step > run.most or run.at_noise_floor(run.best) or not run.prepared.work.left():
+        return False
+    found: list[ScoredModel] = []
+    least = 0.0
+    for effects, promised in _proposals(run, step):
+        reached = max((run.gain(f) for f in found), default=0.0)
+        if len(found) >= REFITS or (found and promised < max(least, PROMISING * reached)):
+            break
+        if found and not run.prepared.work.left():
+            break
+        run.say(f"refit with {' and '.join(map(str, effects))}")
+        good = _determined_part(run, effects, promised, run.fits.with_effects(run.best, *effects))
+        found += [good] if good is not None and good not in found else []
+        if good is not None and run.at_noise_floor(good) and good.laws <= step:
+            least = promised - STRONG  # only what promised as much may be better
+    better = [f for f in found if run.gain(f) > STRONG]
+    if not better:
+        return False
+    chosen = simplest_of_best(better, run.best)
+    chosen = _best_alternative(run, chosen)
+    run.accept(chosen)
+    return True
+
+
+def _proposals(run: EffectSearch, step: int) -> Iterator[tuple[tuple[Effect, ...], float]]:
+    """Yield what is to be fitted, the most promising first, each set once."""
+    run.say(f"screening for effect {step}")
+    prepared = run.prepared
+    models = [run.best.model]
+    if not run.best.added:  # a fit of free runs bends the model's numbers to what is missing
+        models = sorted([run.best.model, run.led], key=lambda m: null_score(m, prepared))
+    run.screening = screening = screen(models[0], prepared)
+    spans = prepared.spans(prepared.trial, prepared.policy.growth)
+    span = (spans[1:-1] or spans[-1:])[-1]
+    problems = [problem_of_free_runs(run.best.fitted.fit, prepared, screening.finalists, span)]
+    if screening.free is not None:
+        problems.append(problem_along_motion(screening.free, screening.finalists))
+    run.promised.clear()
+    for problem in problems:
+        for found in problem.best_sets(min(TOGETHER, run.most - step + 1)) if problem else []:
+            known = run.promised.get(found.places)
+            if known is None or known.nats < found.nats:
+                run.promised[found.places] = found
+    kept = _distinct([s for s in run.promised.values() if s.nats > 0])[:BY_SIZE]
+    proposals = {s.places: (s.effects, s.nats) for s in kept}
+    most = max((p for _, p in proposals.values()), default=STRONG)
+    by_odds = [c for c in screening.candidates if c.sensible and c.score > STRONG]
+    for candidate in by_odds[:BY_ODDS]:
+        # odds of innovations count samples that errors of a model do not have
+        told = ((candidate.effect,), min(candidate.score, most))
+        proposals.setdefault(frozenset({candidate.place}), told)
+    ranked = sorted(proposals.values(), key=lambda p: (-p[1], len(p[0])))
+    named = (f"{' and '.join(map(str, effects))} ({gain:.0f} nats)" for effects, gain in ranked[:3])
+    run.say(f"most promising: {', '.join(named) or 'nothing'}")
+    yield from ranked
+
+
+def _distinct(sets: Sequence[EffectSet]) -> list[EffectSet]:
+    """Return the best sets, none of which is another one and effects more that gain little."""
+    kept: list[EffectSet] = []
+    for found in sorted(sets, key=lambda s: (len(s.places), -s.nats)):
+        if not any(k.places < found.places and found.nats < k.nats + STRONG for k in kept):
+            kept.append(found)
+    return sorted(kept, key=lambda s: (-s.nats, len(s.places)))
+
+
+def _determined_part(
+    run: EffectSearch, effects: tuple[Effect, ...], promised: float, scored: ScoredModel | None
+) -> ScoredModel | None:
+    """Return a fitted set, less the effects whose numbers the data leave open beside the others."""
+    while True:
+        refused = run.note(scored, effects, promised)
+        if scored is None:
+            return None
+        _, culprit = judged(scored, run)
+        if culprit is None:
+            return None if refused else scored
+        fewer = scored.places - {(culprit.kind, culprit.at)}
+        if not fewer or fewer == run.best.places:
+            return None
+        if fewer in run.fits.done:
+            again = run.fits.done[fewer]
+            return again if again is not None and not judged(again, run)[0] else None
+        run.say(f"refit without {culprit}")
+        scored = run.fits.replaced(scored, culprit)
+
+
+def judged(scored: ScoredModel, run: EffectSearch) -> tuple[str, Effect | None]:
+    """Say why a fitted set cannot be the answer, and for which effect; empty if it can.
+
+    It has a sign that is not physical, an absurd size, or a number that the data leave open.
+    """
+    fitted, prepared = scored.fitted, run.prepared
+    if not np.isfinite(fitted.error).all():
+        return "its runs diverge", None
+    for index in range(len(run.reference.effects), len(scored.model.effects)):
+        refused = implausible(fitted.fit, index, prepared.record)
+        if refused:
+            effect = scored.model.effects[index]
+            return f"{effect}: {refused}", effect
+    return "", None
+
+
+def _best_alternative(run: EffectSearch, chosen: ScoredModel) -> ScoredModel:
+    """Return a model, or the one with another kind or place for one of its new effects."""
+    found = [chosen]
+    for effect in [e for e in chosen.added if (e.kind, e.at) not in run.best.places]:
+        others = _elsewhere(run, chosen, effect)
+        if not run.at_noise_floor(chosen):
+            others += _alternatives(run, chosen, effect)
+        for other in others:
+            scored = _replaced(run, chosen, effect, other)
+            if scored is not None:
+                found.append(scored)
+    return simplest_of_best(found, run.best)
+
+
+def _elsewhere(run: EffectSearch, chosen: ScoredModel, effect: Effect) -> list[Effect]:
+    """Return the effect at other places that promised as much, and what acts alike by its kind.
+
+    These are other constants in place of one, and other timings of an input.
+    """
+    kind = effect.definition
+    if kind.family == CONSTANT:
+        constants = [k for k in kinds().values() if k.family == CONSTANT]
+        tried = [Effect.of(k, at) for k in constants for at in places(run.reference, k)]
+        return [e for e in tried if (e.kind, e.at) not in chosen.places][:CONSTANTS]
+    new = chosen.places - run.best.places
+    here = run.promised.get(new)
+    found = []
+    for places_of, promised in sorted(run.promised.items(), key=lambda item: -item[1].nats):
+        moved = next((e for e in promised.effects if e.kind == effect.kind), None)
+        if here is None or moved is None or promised.nats < here.nats - STRONG:
+            continue
+        if moved.at != effect.at and places_of - {(moved.kind, moved.at)} == new - {
+            (effect.kind, effect.at)
+        }:
+            found.append(moved)
+    late = Timing(*kind.timing(effect.values)) if kind.timing is not None else None
+    if late is not None and late.order is None:
+        found += [
+            Effect.of(other, effect.at, {p.name: late.delay + late.lag})
+            for other in kinds().values()
+            for p in other.parameters[:1]
+            if other.timing is not None and other.kind != effect.kind and p.dimension == "T"
+        ]
+    return found[:ELSEWHERE]
+
+
+def _replaced(
+    run: EffectSearch, scored: ScoredModel, effect: Effect, other: Effect
+) -> ScoredModel | None:
+    """Return a model with another effect in place of one, if it can be the answer."""
+    key = (scored.places - {(effect.kind, effect.at)}) | {(other.kind, other.at)}
+    new = key not in run.fits.done
+    if new:
+        run.say(f"refit with {other} in place of {effect}")
+    found = run.fits.replaced(scored, effect, other)
+    refused = (
+        run.note(found, (other,)) if new else ("" if found and not judged(found, run)[0] else "no")
+    )
+    return None if refused else found
+
+
+def _alternatives(run: EffectSearch, scored: ScoredModel, effect: Effect) -> list[Effect]:
+    """Return other kinds that make nearly the force of an effect, or it at other places."""
+    kind, at = effect.definition, scored.model.effects.index(effect)
+    if kind.swinging:
+        free = (p for p in places(run.reference, kind) if p != effect.at)
+        return [Effect.of(kind, p, effect.values) for p in free][:3]
+    if kind.domain in ("input", "output") or not kind.family or kind.family == CONSTANT:
+        return []
+    near = find_force_equivalents(scored.model, at, run.prepared)
+    return [m.effect for m in near if m.left < NEAR][:3]
+
+
+def _exchange(run: EffectSearch) -> bool:
+    """Put another kind in the place of an effect that was found, if it is better by far."""
+    if run.at_noise_floor(run.best) or run.best.laws < 2:
+        return False
+    before = run.best
+    for effect in before.added:
+        for other in _alternatives(run, before, effect):
+            scored = _replaced(run, before, effect, other)
+            if scored is not None and run.gain(scored) > STRONG:
+                run.accept(scored)
+    return run.best is not before
+
+
+def _remove(run: EffectSearch) -> None:
+    """Remove effects without which the model is as good."""
+    again = True
+    while again and run.best.added:
+        again = False
+        for effect in run.best.added:
+            fewer = run.fits.replaced(run.best, effect)
+            if fewer is not None and nats(run.best, fewer) < STRONG:
+                run.accept(fewer)
+                again = True
+                break
+
+
+def _explain_surprise(run: EffectSearch) -> None:
+    """Add the gain of an input or sensor that spares the model's own numbers a large surprise.
+
+    All masses and springs do not err by one factor by chance.
+    """
+    if run.best.surprise < STRONG:
+        return
+    start = replace(run.reference, effects=run.best.model.effects)
+    tried = []
+    for chain in connected(run.reference):
+        factor = _common_factor(run, chain)
+        tried += [
+            Effect("input_gain", (i.name,), {"gain": 1 / factor})
+            for i in run.reference.inputs
+            if i.imposes is None and i.on[0] in chain
+        ]
+        tried += [
+            Effect("sensor_gain", (o.name,), {"gain": gain})
+            for o in run.reference.outputs
+            if chain.intersection(o.of)
+            for gain in (factor, 1 / factor)
+        ]
+    found = []
+    for effect in tried:
+        run.say(f"refit with {effect}")
+        key = run.best.places | {(effect.kind, effect.at)}
+        scored = run.fits.scored(run.fits._grown(start, (effect,)))
+        known_one = run.fits.done.get(key)
+        if scored is None or (known_one is not None and nats(known_one, scored) > 0):
+            continue
+        run.fits.done[key] = scored
+        if not run.note(scored, (effect,)):
+            found.append(scored)
+    if found:
+        best = simplest_of_best(found, run.best)
+        if run.gain(best) > STRONG:
+            run.accept(best)
+
+
+def _common_factor(run: EffectSearch, chain: set[str]) -> float:
+    """Return the factor by which the fit has scaled the masses of a chain, in the mean."""
+    values, known = run.best.model.parameters, run.reference.parameters
+    keys = [k for k in chain_keys(run.reference, chain)[0] if known[k] > 0 and values[k] > 0]
+    return float(np.exp(np.mean([np.log(values[k] / known[k]) for k in keys]))) if keys else 1.0
+
+
+def told_alike(run: EffectSearch) -> list[tuple[Effect, Effect]]:
+    """Return effects of the best model, each with one that the data do not tell from it.
+
+    A set that was fitted and came within very strong evidence of the best one, and differs from it
+    in one effect.
+    """
+    pairs = []
+    sound = [t for t in run.tried if t.scored is not None and not t.refused]
+    models = [t.scored for t in sound if t.scored is not None and t.scored is not run.best]
+    gains = scores([run.best, *models], run.base)
+    for model, gain in zip(models, gains[1:], strict=True):
+        ours, theirs = run.best.places - model.places, model.places - run.best.places
+        if gain > gains[0] - STRONG and len(ours) == len(theirs) == 1:
+            one = next(e for e in run.best.added if (e.kind, e.at) in ours)
+            other = next(e for e in model.added if (e.kind, e.at) in theirs)
+            if all(p[1].kind != other.kind or p[1].at != other.at for p in pairs):
+                pairs.append((one, other))
+    return pairs

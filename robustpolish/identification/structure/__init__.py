@@ -1,1 +1,0 @@
-"""Selection of the physical effects that a model lacks."""
