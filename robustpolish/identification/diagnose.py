@@ -205,7 +205,7 @@ def _as_compared(found: Diagnosis, fewer: ReducedRecord, data: Any) -> Ledger:
     for entry in found.ledger.entries:
         if entry.model is not None:
             model = fewer.with_original_holds(entry.model)
-            compared = compare(model, data, window=window)
+            compared: Any = compare(model, data, window=window)
             nrmse = {name: error.nrmse for name, error in compared.outputs.items()}
             entries.append(replace(entry, model=model, nrmse=nrmse))
     return replace(found.ledger, entries=tuple(entries))

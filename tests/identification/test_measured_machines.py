@@ -376,3 +376,59 @@ def test_hysteresis(diagnosed):
     assert bend * numbers["beta"] == pytest.approx(1e3 * 0.8, rel=0.02)
     assert bend * numbers["gamma"] == pytest.approx(-1e3 * 1.1, rel=0.02)
     assert error < 2e-6
+
+
+# Machines that strangers brought: no all-clear where something is missing.
+
+
+ALL_CLEAR = ("adequate", "parameters")
+
+
+def test_a_joint_with_friction_and_an_offset_of_its_sensor(diagnosed):
+    """Friction alone gains little, the offset alone nothing: only together they explain."""
+    diagnosis, kinds, error = diagnosed("fairino_joint1", "M")
+    assert set(kinds) - {"sensor_offset"} <= MEMORY_OR_DAHL | {"coulomb_friction"}
+    assert "sensor_offset" in kinds
+    assert error < 2.6
+    assert diagnosis.verdict not in ALL_CLEAR
+
+
+def test_a_joint_with_presliding(diagnosed):
+    diagnosis, kinds, error = diagnosed("franka_joint2", "M")
+    assert set(kinds) & MEMORY_OR_DAHL
+    assert error < 0.142
+    assert diagnosis.verdict not in ALL_CLEAR
+
+
+@pytest.mark.parametrize("name", ["daisy_robot_arm", "servo_rate_limit"])
+def test_what_the_model_has_no_part_for_is_no_noise(name, shared):
+    folder = shared / "data/real" / name
+    model = rp.MechanicalModel.from_toml(folder / "model.toml")
+    records = [rp.read_measurement(path) for path in sorted(folder.glob("train*.csv"))]
+    assert rp.diagnose(model, records).verdict not in ALL_CLEAR
+
+
+def test_a_force_over_the_position_is_no_noise(shared):
+    """Cogging of 4 mm, which no effect of the catalogue is."""
+    folder = shared / "data/second_judge/cogging_4mm"
+    model = rp.MechanicalModel.from_toml(folder / "model.toml")
+    (path,) = folder.glob("*.csv")
+    assert rp.diagnose(model, rp.read_measurement(path)).verdict not in ALL_CLEAR
+
+
+def test_a_belt_axis_can_be_stopped_with_its_friction(shared):
+    """Three records; as soon as the friction was found, an interruption keeps it."""
+
+    def interrupt(text):
+        if text.startswith("found"):
+            raise KeyboardInterrupt
+
+    folder = shared / "data/belt_axis"
+    model = rp.MechanicalModel.from_toml(folder / "model.toml")
+    units = {"torque": "50 N", "enc": "0.02 m"}
+    records = [rp.read_measurement(path, units=units) for path in sorted(folder.glob("*.csv"))]
+    found = rp.diagnose(model, records, progress=interrupt)
+    assert found.status == "stopped"
+    (effect,) = found.effects
+    assert (effect.kind, effect.at) == ("coulomb_friction", ("carriage", "ground"))
+    assert effect.parameters["force"].value == pytest.approx(25.0, rel=0.01)
