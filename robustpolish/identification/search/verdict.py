@@ -21,6 +21,8 @@ NEAR_NOISE = 1.5
 DRIVEN = 0.2
 """Share of the residual's power that follows linearly from inputs, or of the missing force's power
 that follows from displacement and velocity, from which it is no noise."""
+MATTERS = 0.05
+"""Share of an output's deviation from which what is foretold of the rest is a missing part."""
 EXPLAINED = 0.85
 """Share of the error's power above the noise that has to go for effects to be the whole answer."""
 IMPROVED = 1.1
@@ -62,6 +64,8 @@ class Residual:
         Deviation of each output.
     foretold : tuple of str
         Which parts of it the inputs or the motion foretell.
+    matters : bool
+        Whether one of these parts is large beside the output.
     """
 
     error: Array
@@ -69,6 +73,7 @@ class Residual:
     sensor: Array
     size: Array
     foretold: tuple[str, ...]
+    matters: bool
 
     @property
     def times(self) -> float:
@@ -96,11 +101,14 @@ def residual_of(final: FinalFit, prepared: PreparedRecord) -> Residual:
     run, started = prepared.run_with_fitted_starts(model, pieces)
     errors = run.all_errors(started)
     floor = residual_noise_floor(model, prepared, final.predictable)
-    said = []
+    size = np.std(record.Y, axis=0)
+    relative = final.error / np.where(size > 0, size, 1.0)
+    said, largest = [], 0.0
     above = np.maximum(1 - (prepared.scales.noise / np.maximum(final.error, 1e-300)) ** 2, 0.0)
     for i, name in enumerate(model.output_names):
         share = above[i] * coherent_share(errors[:, i], record.signals(model), record.dt)
         if share > DRIVEN:
+            largest = max(largest, float(np.sqrt(share) * relative[i]))
             said.append(
                 f"{100 * share:.0f} % of the power that is left of {name} follows linearly from "
                 "the inputs: a motion that they drive is missing."
@@ -109,9 +117,10 @@ def residual_of(final: FinalFit, prepared: PreparedRecord) -> Residual:
     if np.any(final.error > NEAR_NOISE * prepared.scales.noise):
         maps = force_maps(model, prepared.motion(model, record))
         if maps and maps[0].follows > DRIVEN:
-            said.append(f"{maps[0].describe()}")
-    size = np.std(record.Y, axis=0)
-    return Residual(final.error, floor, prepared.scales.noise, size, tuple(said))
+            largest = max(largest, float(np.sqrt(maps[0].follows) * np.max(relative)))
+            said.append(maps[0].describe())
+    matters = largest > MATTERS
+    return Residual(final.error, floor, prepared.scales.noise, size, tuple(said), matters)
 
 
 def coherent_share(error: Array, inputs: Array, dt: float) -> float:
@@ -177,7 +186,7 @@ def verdict_on(
         share = explained(refitted, error, floor)
         told = [*into, *structure]
         told.append(f"The effects explain {100 * share:.0f} % of the error above the noise.")
-        explains = share > EXPLAINED and not residual.foretold
+        explains = share > EXPLAINED and not residual.matters
         if not structure or explains or not final.predictable:
             return Verdict("missing_effect", told if share > 0 else [], floor)
         return Verdict("partly_explained", told, floor)

@@ -235,7 +235,7 @@ def thesis_structures(
     Examples
     --------
     >>> from robustpolish.polishing import thesis_structures
-    >>> designs = thesis_structures("force", time_limit=2)
+    >>> designs = thesis_structures("force", time_limit=30)
     >>> [design.certificate.valid for design in designs.values()]
     [True, True, True, True, True]
     """
