@@ -10,9 +10,9 @@ model A by
 
 No model of a machine is exact, so that its errors are never independent samples of a noise, however
 long a record is: `MOST_SAMPLES` of one output count, more where noise is the larger part of what is
-left, and errors below a share of the motion are not compared. The prior of a number is a normal
-distribution about what was known, mixed with a wide one: one number in a thousand has been written
-down wrong.
+left, and errors below a share of the motion are not compared. The prior of a mass or gain is normal
+about what was known, mixed with a wide distribution: one number in a thousand has been written down
+wrong. Springs and dampers are guessed rather than weighed: their prior is Cauchy's.
 """
 
 from __future__ import annotations
@@ -38,6 +38,8 @@ NEGLIGIBLE = 2e-3
 """Share of the motion below which an error does not count."""
 WRITTEN_WRONG, WIDE = 1e-3, 20.0
 """Share of numbers that are wrong altogether, and how many times wider these scatter."""
+_GUESSED = ("spring", "damper")
+"""Numbers that are guessed rather than weighed."""
 STRONG = 5.0
 """Nats of very strong evidence, 2 ln B = 10 (Kass and Raftery 1995, JASA 90, 773-795)."""
 
@@ -87,6 +89,11 @@ class ScoredModel:
     def whole(self) -> tuple[Array, Array]:
         """Sizes of errors, and independent samples, over whole folds, shape (folds, ny)."""
         return self._over(self.prepared.folds)
+
+    @property
+    def sizes(self) -> Array:
+        """Sizes of errors over the folds that judge, shape (folds, ny)."""
+        return (self.whole if self.fitted.reproducible else self.short)[0]
 
     @cached_property
     def short(self) -> tuple[Array, Array]:
@@ -141,10 +148,13 @@ class ScoredModel:
     @cached_property
     def surprise(self) -> float:
         """Nats that the deviations of the model's own numbers cost."""
-        z = np.array([*self.deviations.values()])
+        weighed = {k: z for k, z in self.deviations.items() if not k.startswith(_GUESSED)}
+        guessed = [z for k, z in self.deviations.items() if k not in weighed]
+        z = np.array([*weighed.values()])
         right, wrong = (1 - WRITTEN_WRONG) * np.exp(-(z**2) / 2), WRITTEN_WRONG / WIDE
         at = np.log(right + wrong * np.exp(-((z / WIDE) ** 2) / 2))
-        return float(np.sum(np.log(1 - WRITTEN_WRONG + wrong) - at))
+        sure = float(np.sum(np.log(1 - WRITTEN_WRONG + wrong) - at))
+        return sure + float(np.sum(np.log1p(np.square(guessed))))
 
 
 def nats(after: ScoredModel, before: ScoredModel, best: ScoredModel | None = None) -> float:
@@ -180,7 +190,8 @@ def _counted_share(counting: ScoredModel, counts: Array) -> Array:
     sample to sample; the rest is an error of the model, of which `MOST_SAMPLES` count.
     """
     noise = counting.prepared.scales.noise
-    own = np.clip(1 - (noise / np.maximum(counting.fitted.error, 1e-300)) ** 2, 0.0, 1.0)
+    power = np.maximum(np.mean(counting.sizes**2, axis=0), 1e-300)
+    own = np.clip(1 - noise**2 / power, 0.0, 1.0)
     most = MOST_SAMPLES / np.maximum(own, 1e-12)
     return np.minimum(1.0, most / np.sum(counts, axis=0))
 

@@ -134,8 +134,9 @@ class EffectSearch:
         enough = NEGLIGIBLE * np.std(self.prepared.record.Y, axis=0)
         if self.enough is not None:
             enough = np.maximum(enough, self.enough)
-        small = bool(np.all(scored.fitted.error <= enough))
-        return small or self.fits.at_noise_floor(scored.fitted)
+        # what is held out of a decay is the quieter part of it
+        left = np.maximum(scored.fitted.error, np.sqrt(np.mean(scored.sizes**2, axis=0)))
+        return bool(np.all(left <= enough)) or self.fits.at_noise_floor(scored.fitted)
 
     def gain(self, other: ScoredModel) -> float:
         """Return the nats by which another model is better than the best so far."""
