@@ -214,18 +214,21 @@ def _forward(run: EffectSearch) -> bool:
     if step > run.most or run.at_noise_floor(run.best) or not run.prepared.work.left():
         return False
     found: list[ScoredModel] = []
-    least = 0.0
+    best = 0.0
     for effects, promised in _proposals(run, step):
+        best = max(best, promised)
         reached = max((run.gain(f) for f in found), default=0.0)
-        if len(found) >= REFITS or (found and promised < max(least, PROMISING * reached)):
+        silent = any(run.at_noise_floor(f) and f.laws <= step for f in found)
+        rival = (
+            promised >= best - STRONG
+        )  # promises that are as large say nothing of which is right
+        if found and not rival and (silent or promised < PROMISING * reached):
             break
-        if found and not run.prepared.work.left():
+        if len(found) >= REFITS or (found and not run.prepared.work.left()):
             break
         run.say(f"refit with {' and '.join(map(str, effects))}")
         good = _determined_part(run, effects, promised, run.fits.with_effects(run.best, *effects))
         found += [good] if good is not None and good not in found else []
-        if good is not None and run.at_noise_floor(good) and good.laws <= step:
-            least = promised - STRONG  # only what promised as much may be better
     better = [f for f in found if run.gain(f) > STRONG]
     if not better:
         return False
