@@ -149,12 +149,14 @@ def _better_law(run: EffectSearch, residual: Residual) -> tuple[ScoredModel, Lea
     run.say("a law that no catalogue holds")
     prepared, reference = run.prepared, run.reference
     at_floor = replace(prepared, scales=replace(prepared.scales, noise=residual.floor))
-    kinds = KINDS if residual.structure else CURVES
+    # a surface can be anything, so it takes the place of no name
+    kinds = KINDS if residual.structure and not run.best.laws else CURVES
     ways = [kinds, OVER_TIME] if reference.inputs and residual.structure else [kinds]
     found: list[tuple[ScoredModel, Learned]] = []
     for way in ways:
         learned = learn(run.base.model, at_floor, reference, way, prepared.scales.noise)
-        if learned is not None:
+        # a curve that leaves more than noise is no answer where there are names
+        if learned is not None and (learned.explains or not run.best.laws):
             fitted = replace(learned.fitted, prepared=prepared)
             found.append((ScoredModel(fitted, reference), learned))
             if learned.explains:
