@@ -48,7 +48,7 @@ FILES_AT_MOST := 295
 lint: $(READY) ## Check style, types, the direction of imports, cycles and the size of the package
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/pyright
+	$(BIN)/pyright --threads 2
 	$(BIN)/lint-imports
 	$(BIN)/python -m tests.structure.imports
 	$(BIN)/python -m tests.structure.size --lines $(LINES) --files $(FILES_AT_MOST)
