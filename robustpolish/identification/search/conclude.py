@@ -48,7 +48,7 @@ from robustpolish.identification.search.score import (
     scores,
     simplest_of_best,
 )
-from robustpolish.identification.search.search import EffectSearch, told_alike
+from robustpolish.identification.search.search import NEAR, EffectSearch, told_alike
 from robustpolish.identification.search.verdict import (
     FinalFit,
     Residual,
@@ -179,7 +179,7 @@ def _named(run: EffectSearch, scored: ScoredModel, learned: Learned) -> list[Sco
     at = scored.model.effects.index(law)
     found = []
     for near in find_force_equivalents(scored.model, at, run.prepared)[:_NAMED]:
-        if near.left < 0.5:
+        if near.left < NEAR:
             run.say(f"refit with {near.effect} in place of the curve")
             named = run.fits.replaced(scored, law, near.effect)
             if named is not None and not run.note(named, (near.effect,)):

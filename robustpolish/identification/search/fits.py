@@ -61,6 +61,11 @@ class Fits:
             self.done[key] = self._best(found)
         return self.done[key]
 
+    def beside_known_numbers(self, start: ScoredModel, effect: Effect) -> ScoredModel | None:
+        """Return a model with one more effect, fitted from the own numbers as they were known."""
+        known = replace(self.reference, effects=start.model.effects)
+        return self.scored(self._grown(known, (effect,)))
+
     def replaced(self, start: ScoredModel, effect: Effect, *instead: Effect) -> ScoredModel | None:
         """Return a model with others in place of one of its effects, or with none."""
         gone = {(effect.kind, effect.at)}

@@ -23,7 +23,7 @@ _LINE_STDERRS = 5.0
 """Standard errors from which a fitted frequency is none of the lines of the inputs."""
 
 
-def implausible(fitted: Fit, index: int, record: Record) -> str:
+def implausible(fitted: Fit, index: int, record: Record, errors: dict[str, float]) -> str:
     """Say why an effect of a fitted model cannot be what is missing; empty if it can.
 
     Parameters
@@ -32,6 +32,8 @@ def implausible(fitted: Fit, index: int, record: Record) -> str:
     index : int
         Where the effect stands.
     record : Record
+    errors : dict of str to float
+        Standard errors of the fit.
 
     Returns
     -------
@@ -39,7 +41,6 @@ def implausible(fitted: Fit, index: int, record: Record) -> str:
     """
     model = fitted.model
     effect = model.effects[index]
-    errors = stderr_from_covariance(covariance_of(fitted))
     lead = undetermined_parameter(fitted, index, errors)
     return (
         effect.definition.implausible(effect.values)

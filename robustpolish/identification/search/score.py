@@ -24,10 +24,16 @@ from functools import cached_property
 import numpy as np
 
 from robustpolish.base.arrays import Array
-from robustpolish.identification.fit.least_squares import EvaluatedFit, bartlett_factor
+from robustpolish.identification.fit.least_squares import (
+    EvaluatedFit,
+    bartlett_factor,
+    covariance_of,
+)
 from robustpolish.identification.fit.parameters import free_parameters, has_smoothing
 from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.fit.result import stderr_from_covariance
 from robustpolish.identification.observer.runs import StartedPiece
+from robustpolish.identification.search.plausible import implausible
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import CONSTANT
 from robustpolish.machines.mechanical.model import MechanicalModel
@@ -134,6 +140,22 @@ class ScoredModel:
             fit.sensitivity.T @ fit.sensitivity
         )
         return float(np.clip(np.trace(share[np.ix_(own, own)]), 1.0, fitted))
+
+    @cached_property
+    def refusal(self) -> tuple[str, Effect | None]:
+        """Why it cannot be the answer, and for which effect; empty if it can.
+
+        An effect has a sign that is not physical, an absurd size, or a size that the data leave
+        open.
+        """
+        if not np.isfinite(self.fitted.error).all():
+            return "its runs diverge", None
+        errors = stderr_from_covariance(covariance_of(self.fitted.fit)) if self.added else {}
+        for index, effect in enumerate(self.added, len(self.reference.effects)):
+            refused = implausible(self.fitted.fit, index, self.prepared.record, errors)
+            if refused:
+                return f"{effect}: {refused}", effect
+        return "", None
 
     @cached_property
     def deviations(self) -> dict[str, float]:

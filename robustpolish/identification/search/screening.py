@@ -492,26 +492,6 @@ class Screening:
     level: Level
     free: FilteredRecord | None = None
 
-    @property
-    def lines(self) -> list[tuple[ScreenedEffect, float]]:
-        """The forces from outside that have a line, and its frequency in Hz, the best first."""
-        named = [(c, c.effect.definition.line) for c in self.candidates]
-        return [(c, c.effect.values[name]) for c, name in named if name]
-
-    @property
-    def late(self) -> list[ScreenedEffect]:
-        """What makes an input act late: delays and lags."""
-        return [c for c in self.candidates if c.effect.definition.timing is not None]
-
-    def has_candidate(self, odds: float) -> bool:
-        """Return whether any effect with physical signs and values has at least such log odds."""
-        return any(c.sensible and c.score >= odds for c in self.candidates)
-
-    def score(self, effect: Effect) -> float:
-        """Return the log odds of an effect; none if it was no finalist."""
-        there = (c.score for c in self.candidates if c.place == (effect.kind, effect.at))
-        return next(there, 0.0)
-
 
 def screen(
     model: MechanicalModel, prepared: PreparedRecord, allowed: Sequence[Effect] | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from robustpolish.identification.record import output_sizes
 from robustpolish.identification.refit import fit_own_parameters
 from robustpolish.identification.search.equivalents import find_force_equivalents
 from robustpolish.identification.search.fits import Fits
-from robustpolish.identification.search.plausible import implausible
 from robustpolish.identification.search.score import (
     NEGLIGIBLE,
     STRONG,
@@ -147,7 +146,7 @@ class EffectSearch:
     ) -> str:
         """Enter a fit among what was tried, and return why it cannot be the answer."""
         step = 1 + self.best.laws
-        refused, _ = judged(scored, self) if scored is not None else ("no fit ended well", None)
+        refused = scored.refusal[0] if scored is not None else "no fit ended well"
         told = scored.added if scored is not None else (*self.best.added, *effects)
         self.tried.append(Tried(told, step, promised, scored, refused))
         return refused
@@ -219,9 +218,7 @@ def _forward(run: EffectSearch) -> bool:
         best = max(best, promised)
         reached = max((run.gain(f) for f in found), default=0.0)
         silent = any(run.at_noise_floor(f) and f.laws <= step for f in found)
-        rival = (
-            promised >= best - STRONG
-        )  # promises that are as large say nothing of which is right
+        rival = promised >= best - STRONG  # as large a promise may be the right one
         if found and not rival and (silent or promised < PROMISING * reached):
             break
         if len(found) >= REFITS or (found and not run.prepared.work.left()):
@@ -288,7 +285,7 @@ def _determined_part(
         refused = run.note(scored, effects, promised)
         if scored is None:
             return None
-        _, culprit = judged(scored, run)
+        culprit = scored.refusal[1]
         if culprit is None:
             return None if refused else scored
         fewer = scored.places - {(culprit.kind, culprit.at)}
@@ -296,25 +293,9 @@ def _determined_part(
             return None
         if fewer in run.fits.done:
             again = run.fits.done[fewer]
-            return again if again is not None and not judged(again, run)[0] else None
+            return again if again is not None and not again.refusal[0] else None
         run.say(f"refit without {culprit}")
         scored = run.fits.replaced(scored, culprit)
-
-
-def judged(scored: ScoredModel, run: EffectSearch) -> tuple[str, Effect | None]:
-    """Say why a fitted set cannot be the answer, and for which effect; empty if it can.
-
-    It has a sign that is not physical, an absurd size, or a number that the data leave open.
-    """
-    fitted, prepared = scored.fitted, run.prepared
-    if not np.isfinite(fitted.error).all():
-        return "its runs diverge", None
-    for index in range(len(run.reference.effects), len(scored.model.effects)):
-        refused = implausible(fitted.fit, index, prepared.record)
-        if refused:
-            effect = scored.model.effects[index]
-            return f"{effect}: {refused}", effect
-    return "", None
 
 
 def _best_alternative(run: EffectSearch, chosen: ScoredModel) -> ScoredModel:
@@ -372,10 +353,9 @@ def _replaced(
     if new:
         run.say(f"refit with {other} in place of {effect}")
     found = run.fits.replaced(scored, effect, other)
-    refused = (
-        run.note(found, (other,)) if new else ("" if found and not judged(found, run)[0] else "no")
-    )
-    return None if refused else found
+    if new:
+        run.note(found, (other,))
+    return None if found is None or found.refusal[0] else found
 
 
 def _alternatives(run: EffectSearch, scored: ScoredModel, effect: Effect) -> list[Effect]:
@@ -423,7 +403,6 @@ def _explain_surprise(run: EffectSearch) -> None:
     """
     if run.best.surprise < STRONG:
         return
-    start = replace(run.reference, effects=run.best.model.effects)
     tried = []
     for chain in connected(run.reference):
         factor = _common_factor(run, chain)
@@ -442,7 +421,7 @@ def _explain_surprise(run: EffectSearch) -> None:
     for effect in tried:
         run.say(f"refit with {effect}")
         key = run.best.places | {(effect.kind, effect.at)}
-        scored = run.fits.scored(run.fits._grown(start, (effect,)))
+        scored = run.fits.beside_known_numbers(run.best, effect)
         known_one = run.fits.done.get(key)
         if scored is None or (known_one is not None and nats(known_one, scored) > 0):
             continue
