@@ -169,7 +169,7 @@ class Policy:
     damper_prior: float = 1.0
     spring_share: float = 0.1
     damper_share: float = 0.5
-    weighed: tuple[float, float] = (0.4, 2.5)
+    weighed: tuple[float, float] = (0.1, 10.0)
     nothing: float = 1e-6
 
     null_levels: tuple[Level, ...] = _levels(1.0, 0.1, 0.01)
