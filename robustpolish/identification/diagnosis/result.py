@@ -65,6 +65,7 @@ def content(found: Findings) -> dict[str, Any]:
                 "step": c.step,
                 "parameters": dict(c.parameters),
                 "remark": c.remark,
+                "beside": [_place(e) for e in c.beside],
             }
             for c in found.candidates
         ],
@@ -128,6 +129,7 @@ def findings_from(fields: Fields) -> Findings:
                 parameters=c.numbers("parameters"),
                 remark=c.text("remark"),
                 own=_kind(c)[2],
+                beside=tuple(map(_effect, c.tables("beside"))) if "beside" in c else (),
             )
             for c in fields.tables("candidates")
         ),

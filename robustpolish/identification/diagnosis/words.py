@@ -141,6 +141,7 @@ def plain(found: Findings) -> dict[str, Any]:
                 "step": c.step,
                 "score": _number(c.score),
                 "remark": c.remark,
+                "beside": [_place(e) for e in c.beside],
             }
             for c in found.candidates
         ],

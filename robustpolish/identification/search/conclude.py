@@ -399,21 +399,17 @@ def _alike_pairs(run: EffectSearch, found: Conclusion) -> list[tuple[Effect, Eff
 def _candidates(run: EffectSearch) -> Iterator[RankedCandidate]:
     """Yield what was refitted, then what was only screened in the last round."""
     size = np.std(run.prepared.record.Y, axis=0)
-    done = set()
-    fitted = [t for t in run.tried if t.scored is not None]
+    once = {(t.step, frozenset((e.kind, e.at) for e in t.effects)): t for t in run.tried}
+    fitted = [t for t in once.values() if t.scored is not None and t.effects]
     gains = scores([t.scored for t in fitted if t.scored is not None], run.base)
     for tried, gain in sorted(zip(fitted, gains, strict=True), key=lambda p: (p[0].step, -p[1])):
         assert tried.scored is not None
         error = float(np.mean(tried.scored.fitted.error / size))
-        for effect in tried.effects:
-            place = (effect.kind, effect.at, tried.step)
-            if place not in done:
-                done.add(place)
-                yield RankedCandidate(
-                    effect.kind, effect.at, error, gain, tried.step, effect.values, tried.refused,
-                    effect.own,
-                )  # fmt: skip
-    places = {place[:2] for place in done}
+        e, *beside = tried.effects
+        yield RankedCandidate(
+            e.kind, e.at, error, gain, tried.step, e.values, tried.refused, e.own, tuple(beside)
+        )
+    places = {(e.kind, e.at) for t in fitted for e in t.effects}
     for other in run.screening.candidates if run.screening is not None else ():
         if other.place not in places and other.score > 0:
             e, remark = other.effect, other.remark or "screened only"

@@ -65,7 +65,7 @@ class Tried:
     Attributes
     ----------
     effects : tuple of Effect
-        All that were added to the model, with the values of the fit.
+        All that were added to the model, with the values of the fit, the new ones first.
     step : int
         In the search for the how-manieth effect it was tried.
     promised : float
@@ -149,6 +149,7 @@ class EffectSearch:
         step = 1 + self.best.laws
         refused = scored.refusal[0] if scored is not None else "no fit ended well"
         told = scored.added if scored is not None else (*self.best.added, *effects)
+        told = tuple(sorted(told, key=lambda e: (e.kind, e.at) in self.best.places))
         self.tried.append(Tried(told, step, promised, scored, refused))
         return refused
 
@@ -214,17 +215,21 @@ def _forward(run: EffectSearch) -> bool:
     if step > run.most or run.at_noise_floor(run.best) or not run.prepared.work.left():
         return False
     found: list[ScoredModel] = []
-    for proposed, rival in _proposals(run, step):
+    silent: int | None = None
+    for proposed, problem, rival in _proposals(run, step):
+        if silent is not None and not (rival and problem == silent):
+            continue
         reached = max((run.gain(f) for f in found), default=0.0)
-        silent = any(run.at_noise_floor(f) and f.laws <= step for f in found)
-        if found and not rival and (silent or proposed.nats < PROMISING * reached):
-            break
+        if found and not rival and proposed.nats < PROMISING * reached:
+            continue
         if found and not run.prepared.work.left():
             break
         run.say(f"refit with {' and '.join(map(str, proposed.effects))}")
         fitted = run.fits.with_effects(run.best, *proposed.effects)
         good = _determined_part(run, proposed, fitted)
         found += [good] if good is not None and good not in found else []
+        if good is not None and run.at_noise_floor(good) and good.laws <= step:
+            silent = problem
     better = [f for f in found if run.gain(f) > STRONG]
     if not better:
         return False
@@ -234,8 +239,8 @@ def _forward(run: EffectSearch) -> bool:
     return True
 
 
-def _proposals(run: EffectSearch, step: int) -> Iterator[tuple[EffectSet, bool]]:
-    """Yield the sets that are to be fitted, each once, and whether one is its problem's best.
+def _proposals(run: EffectSearch, step: int) -> Iterator[tuple[EffectSet, int, bool]]:
+    """Yield the sets that are to be fitted, their problem, and whether one is among its best.
 
     The problems speak of different runs, and their nats cannot be compared: each has its turn, the
     one that promises most first. A set is passed over if a part of it that promised as much was
@@ -261,10 +266,10 @@ def _proposals(run: EffectSearch, step: int) -> Iterator[tuple[EffectSet, bool]]
     done: list[EffectSet] = []
     while len(done) < REFITS:
         turn = [_next_of(run, source, done) for source in sources]
-        for source, proposed in zip(sources, turn, strict=True):
+        for problem, proposed in enumerate(turn):
             if proposed is not None and all(proposed.places != d.places for d in done):
                 done.append(proposed)
-                yield proposed, proposed.nats >= source[0].nats - STRONG
+                yield proposed, problem, proposed.nats >= sources[problem][0].nats - STRONG
         if not any(turn):
             return
 
