@@ -650,22 +650,13 @@ class EvaluatedFit:
 
     @cached_property
     def fitted(self) -> Array:
-        """Error over whole fitted pieces; measured only where fits ended on unlike windows."""
+        """Error over whole fitted pieces."""
         return free_run_rms(self.model, self.prepared, self.prepared.trial)
 
     @property
     def over_all(self) -> Array:
-        """Error of free runs by which fits are ranked, held out and, where motion fades, fitted.
-
-        Many laws do the same in a motion that has faded; which of them is there shows while it is
-        loud, and with thousands of samples for each number a fit cannot bend itself to noise.
-        """
-        return np.sqrt(self.free * self.fitted) if self.quieter_held_out else self.free
-
-    @property
-    def quieter_held_out(self) -> bool:
-        """Whether the held-out pieces are far quieter than those that fits are made to."""
-        return self.prepared.quieter_held_out
+        """Error of free runs by which fits are ranked: held out and fitted, as the score counts."""
+        return np.sqrt(self.free * self.fitted)
 
     @property
     def model(self) -> MechanicalModel:
@@ -730,7 +721,6 @@ def _rms(errors: Array) -> Array:
 
 
 def best_stage(stages: Sequence[Fit], prepared: PreparedRecord) -> EvaluatedFit:
-    """Return the stage that predicts the held-out pieces best."""
+    """Return the one of the last two stages that runs best over fitted and held-out pieces."""
     found = parallel_map(lambda stage: evaluate_fit(stage, prepared), stages[-2:])
-    whole = all(s.reproducible for s in found)
-    return min(found, key=lambda s: float(np.sum(np.log(s.free if whole else s.short))))
+    return min(found, key=lambda stage: ranking_log_error(stage, found))
