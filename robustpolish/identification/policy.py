@@ -144,7 +144,7 @@ class Policy:
         FREE,
         Level(0.0, 0.05),
     )
-    coarse: tuple[Level, ...] = _levels(0.1, 0.01)
+    coarse: tuple[Level, ...] = _levels(0.01)
     weak_guidance: tuple[Level, ...] = (Level(0.01), FREE)
     silent: float = 0.002
     noise_orders: tuple[int, ...] = (0, 1, 3)

@@ -127,7 +127,7 @@ def _final(run: EffectSearch, predictable: bool) -> Conclusion:
     asked = run.most > 0 and (run.enough is None or not run.at_noise_floor(run.best))
     if not asked or not run.prepared.work.left():
         return names
-    if not residual.structure and (run.at_noise_floor(run.best) or not run.best.laws):
+    if not residual.structure:
         return names
     law = _better_law(run, residual)
     if law is None:
