@@ -13,7 +13,7 @@ import xarray as xr
 from scipy.special import chdtri
 
 from robustpolish.base.arrays import Vector
-from robustpolish.base.checks import described, instance_of, invalid, positive
+from robustpolish.base.checks import described, instance_of, invalid, misfit, positive
 from robustpolish.errors import RobustPolishWarning
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import SignalSlope
@@ -360,8 +360,7 @@ def _slopes(model: MechanicalModel, effect: Effect, q: Vector) -> Vector:
     kind = effect.definition
     law = kind.law
     if law is None or kind.ports != 1 or kind.has_memory:
-        shown = described(str(effect))
-        raise invalid("effect", shown, "a force of one displacement", "Bound it by hand.")
+        raise misfit("effect", str(effect), "a force of one displacement", "Bound it by hand.")
     p = np.array([*effect.values.values(), *context_values(model, effect, 0.0)])
 
     def force(x: float, v: float, t: float) -> float:

@@ -13,7 +13,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.signal import find_peaks, peak_prominences
 
 from robustpolish.base.arrays import AnyArray, Array
-from robustpolish.base.checks import described, invalid
+from robustpolish.base.checks import described, invalid, misfit
 from robustpolish.machines.mechanical.linear import (
     linear_system,
     response_values,
@@ -147,8 +147,7 @@ def measured_response(model: MechanicalModel | None, data: Any) -> MeasuredRespo
         If no pair is the model's, or a unit is of another kind than the model says.
     """
     if model is not None and not isinstance(model, MechanicalModel):
-        shown = described(type(model).__name__)
-        raise invalid("model", shown, "a MechanicalModel", "Read it with from_toml.")
+        raise misfit("model", type(model).__name__, "a MechanicalModel", "Read it with from_toml.")
     array = read_frequency_response(data)
     array = array.isel(frequency=array["frequency"].values > 0)
     names = [[str(name) for name in array[side].values] for side in ("output", "input")]
