@@ -12,7 +12,6 @@ from robustpolish.identification.observer.kalman import (
     LinearObserver,
     PortForces,
     Scales,
-    displacement_amplitude,
     riccati,
     scales_of,
 )
@@ -38,7 +37,7 @@ def test_the_riccati_equation_is_solved(units):
 
 
 DT, SAMPLES = 0.01, 300
-SCALES = Scales(np.array([1e-4]), np.array([1.0]), np.array([1.0]), 25.0, 0.5, np.zeros(1))
+SCALES = Scales(np.array([1e-4]), np.array([1.0]), np.array([1.0]), 25.0, 0.5, np.zeros(1), 1.0)
 RANDOM = np.random.default_rng(2)
 FORCE = RANDOM.standard_normal((SAMPLES, 1))
 START = np.array([2e-3, -0.05, 0.0])
@@ -107,10 +106,7 @@ def pushed(hidden, noise=1e-3):
 
 def smoothed(model, data, levels=LEVELS):
     held = record_of(model, data)
-    scales = scales_of(model, held)
-    return smooth(
-        model, held, scales, displacement_amplitude(model, held, scales.bandwidth), levels
-    )
+    return smooth(model, held, scales_of(model, held), levels)
 
 
 def test_a_hidden_force_is_found_with_the_motion():

@@ -24,8 +24,15 @@ from robustpolish.identification.diagnosis.findings import (
     Value,
     learned_laws_of,
 )
-from robustpolish.identification.diagnosis.uncertainty import uncertain
-from robustpolish.identification.diagnosis.words import explain, headline, plain, shown_parameters
+from robustpolish.identification.diagnosis.uncertainty import Fitted
+from robustpolish.identification.diagnosis.words import (
+    TRIED,
+    explain,
+    headline,
+    plain,
+    plain_values,
+    shown_parameters,
+)
 from robustpolish.machines.effects.effect import Effect, lookup
 from robustpolish.machines.effects.kind import EffectKind
 from robustpolish.machines.effects.learned_law import LearnedLaw
@@ -46,45 +53,26 @@ STATUSES = ("complete", "stopped")
 def content(found: Findings) -> dict[str, Any]:
     """Return what stands in the file."""
     covariance = found.covariance
+    as_they_are = (
+        "verdict", "reasons", "notes", "reproducible", "status", "sites", "time", "missing_force",
+    )  # fmt: skip
     return {
-        "verdict": found.verdict,
-        "reasons": list(found.reasons),
-        "notes": list(found.notes),
-        "reproducible": found.reproducible,
-        "status": found.status,
+        **{name: getattr(found, name) for name in as_they_are},
         "model": found.model.to_toml().splitlines(),
-        "effects": [
-            {**_what(e), "at": e.at, "parameters": _values(e.parameters)} for e in found.effects
-        ],
+        "effects": [{**_what(e), "parameters": plain_values(e.parameters)} for e in found.effects],
         "candidates": [
-            {
-                **_what(c),
-                "at": c.at,
-                "nrmse_held_out": c.nrmse_held_out,
-                "score": c.score,
-                "step": c.step,
-                "parameters": dict(c.parameters),
-                "remark": c.remark,
-            }
-            for c in found.candidates
+            {**_place(c), **{name: getattr(c, name) for name in TRIED}} for c in found.candidates
         ],
         "indistinguishable": [
             {"first": _place(c.first), "second": _place(c.second), "experiment": c.experiment}
             for c in found.indistinguishable
         ],
         "ledger": [
-            {
-                "step": e.step,
-                "nrmse": dict(e.nrmse),
-                "model": None if e.model is None else e.model.to_toml().splitlines(),
-            }
+            {**vars(e), "model": None if e.model is None else e.model.to_toml().splitlines()}
             for e in found.ledger.entries
         ],
         "noise_floor": dict(found.noise_floor),
-        "parameters": _values(found.parameters),
-        "sites": found.sites,
-        "time": found.time,
-        "missing_force": found.missing_force,
+        "parameters": plain_values(found.parameters),
         "maps": [_table_of(item) for item in found.maps],
         "covariance": None
         if covariance is None
@@ -187,12 +175,6 @@ def _covariance(fields: Fields) -> xr.DataArray | None:
     return xr.DataArray(values, {"parameter": keys, "other": keys}, ("parameter", "other"))
 
 
-def _values(values: Any) -> dict[str, Any]:
-    return {
-        key: {"value": v.value, "stderr": v.stderr, "unit": v.unit} for key, v in values.items()
-    }
-
-
 def _read_values(table: Fields) -> dict[str, Value]:
     found = {key: table.table(key) for key in table}
     return {
@@ -201,8 +183,8 @@ def _read_values(table: Fields) -> dict[str, Value]:
     }
 
 
-def _place(effect: Effect) -> dict[str, Any]:
-    return {**_what(effect), "at": effect.at, "parameters": dict(effect.parameters)}
+def _place(effect: Effect | RankedCandidate) -> dict[str, Any]:
+    return {**_what(effect), "parameters": dict(effect.parameters)}
 
 
 def _effect(table: Fields) -> Effect:
@@ -222,9 +204,9 @@ def _table_of(item: ForceMap) -> dict[str, Any]:
 
 
 def _what(item: Effect | FoundEffect | RankedCandidate) -> dict[str, Any]:
-    """Return the kind by name, and what it is if no catalogue knows it."""
-    table = None if item.own is None else own_table(item.own)
-    return {"kind": item.kind} if table is None else {"kind": item.kind, "own": table}
+    """Return the kind by name with its place, and what it is if no catalogue knows it."""
+    own = {} if item.own is None else {"own": own_table(item.own)}
+    return {"kind": item.kind, "at": item.at, **own}
 
 
 def _kind(table: Fields) -> tuple[str, tuple[str, ...], EffectKind | None]:
@@ -242,7 +224,7 @@ def _kind(table: Fields) -> tuple[str, tuple[str, ...], EffectKind | None]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Diagnosis(Findings, Displayed):
+class Diagnosis(Findings, Fitted, Displayed):
     """Diagnosis of a model: the effects that it lacks, with their evidence.
 
     Attributes
@@ -299,8 +281,6 @@ class Diagnosis(Findings, Displayed):
     >>> again.effects == diagnosis.effects
     True
     """
-
-    uncertain = uncertain
 
     @property
     def laws(self) -> tuple[LearnedLaw, ...]:

@@ -6,7 +6,7 @@ import itertools
 import warnings
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -33,73 +33,65 @@ NAME = "fit"
 _FORCE, _DISPLACEMENT = " (force)", " (displacement)"
 
 
-class Fitted(Protocol):
-    """A model that was fitted to data."""
+class Fitted:
+    """A model that was fitted to data, and the machines that these allow."""
 
-    @property
-    def model(self) -> MechanicalModel:
-        """The fitted model."""
-        ...
+    model: MechanicalModel
+    covariance: Any
 
-    @property
-    def covariance(self) -> xr.DataArray | None:
-        """Covariance of the fitted numbers, over their keys twice."""
-        ...
+    def uncertain(
+        self,
+        confidence: float = 0.95,
+        *,
+        ranges: Mapping[str, Any] | None = None,
+        ports: Sequence[str] = (),
+    ) -> UncertainSystem:
+        """Return the machines that the data allow: the linear part, its numbers in an ellipsoid.
 
+        Parameters
+        ----------
+        confidence : float, optional
+            Probability that the true numbers lie in the ellipsoid, all of them together.
+        ranges : mapping of str to float, (float, float) or UncertainSystem, optional
+            Numbers of which something else is to be said, as :meth:`MechanicalModel.uncertain`
+            takes them: those that the data leave open, and others that were not fitted.
+        ports : sequence of str, optional
+            Effects such as ``"effect[0]"`` whose places get an input for the force and an output
+            for the displacement, each of that name, for :func:`robust_sector`.
 
-def uncertain(
-    self: Fitted,
-    confidence: float = 0.95,
-    *,
-    ranges: Mapping[str, Any] | None = None,
-    ports: Sequence[str] = (),
-) -> UncertainSystem:
-    """Return the machines that the data allow: the linear part, its numbers in an ellipsoid.
+        Returns
+        -------
+        UncertainSystem
+            With the inputs and outputs of the model. A witness is told in physical numbers by
+            :meth:`UncertainSystem.numbers`. Gains of inputs and sensors that were found as effects
+            are in it. A warning names the forces of effects and the delays, which are not.
 
-    Parameters
-    ----------
-    confidence : float, optional
-        Probability that the true numbers lie in the ellipsoid, all of them together.
-    ranges : mapping of str to float, (float, float) or UncertainSystem, optional
-        Numbers of which something else is to be said, as :meth:`MechanicalModel.uncertain`
-        takes them: those that the data leave open, and others that were not fitted.
-    ports : sequence of str, optional
-        Effects such as ``"effect[0]"`` whose places get an input for the force and an output
-        for the displacement, each of that name, for :func:`robust_sector`.
+        Raises
+        ------
+        InvalidInputError
+            If the data leave a number open, or a mass that may be 0.
 
-    Returns
-    -------
-    UncertainSystem
-        With the inputs and outputs of the model. A witness is told in physical numbers by
-        :meth:`UncertainSystem.numbers`. Gains of inputs and sensors that were found as effects
-        are in it. A warning names the forces of effects and the delays, which are not.
+        Notes
+        -----
+        The ellipsoid is that of a normal distribution with the covariance of the fit, for as many
+        numbers as there are, after the priors: standard errors of it account for residuals that are
+        coloured, not for a model that is wrong in kind. It may reach past what is physical, to a
+        negative damping, which proves more than is needed. Masses that gave forces their unit, and
+        whatever else was not fitted, are certain.
 
-    Raises
-    ------
-    InvalidInputError
-        If the data leave a number open, or a mass that may be 0.
-
-    Notes
-    -----
-    The ellipsoid is that of a normal distribution with the covariance of the fit, for as many
-    numbers as there are, after the priors: standard errors of it account for residuals that are
-    coloured, not for a model that is wrong in kind. It may reach past what is physical, to a
-    negative damping, which proves more than is needed. Masses that gave forces their unit, and
-    whatever else was not fitted, are certain.
-
-    Examples
-    --------
-    >>> import warnings
-    >>> import robustpolish as rp
-    >>> model, data = rp.datasets.sticky_slide()
-    >>> model = model.with_effect("coulomb_friction", ("x", "ground"))
-    >>> fitted = rp.refit(model, data.isel(time=slice(0, 500)))
-    >>> with warnings.catch_warnings(action="ignore"):  # the friction is no part of it
-    ...     machines = fitted.uncertain()
-    >>> sorted({element.group for element in machines.elements.values()})
-    ['fit']
-    """
-    return machines_in_ellipsoid(self.model, self.covariance, confidence, ranges, ports)
+        Examples
+        --------
+        >>> import warnings
+        >>> import robustpolish as rp
+        >>> model, data = rp.datasets.sticky_slide()
+        >>> model = model.with_effect("coulomb_friction", ("x", "ground"))
+        >>> fitted = rp.refit(model, data.isel(time=slice(0, 500)))
+        >>> with warnings.catch_warnings(action="ignore"):  # the friction is no part of it
+        ...     machines = fitted.uncertain()
+        >>> sorted({element.group for element in machines.elements.values()})
+        ['fit']
+        """
+        return machines_in_ellipsoid(self.model, self.covariance, confidence, ranges, ports)
 
 
 def machines_in_ellipsoid(

@@ -12,6 +12,7 @@ from robustpolish.base.results import plus_minus
 from robustpolish.identification.diagnosis.findings import (
     Findings,
     FoundEffect,
+    RankedCandidate,
     Value,
     learned_laws_of,
 )
@@ -112,64 +113,63 @@ def shown_parameters(effect: FoundEffect) -> Mapping[str, Value]:
     return {} if effect.definition.over else effect.parameters
 
 
+TRIED = ("nrmse_held_out", "step", "score", "remark")
+"""What is told of a candidate beside its kind, its place and its numbers."""
+
+
 def plain(found: Findings) -> dict[str, Any]:
     """Return the plain data of `Diagnosis.to_dict`."""
-    return {
-        "verdict": found.verdict,
-        "effects": [
-            {
-                "kind": e.kind,
-                "at": list(e.at),
-                "parameters": {k: _plain(v) for k, v in e.parameters.items()},
-            }
-            for e in found.effects
-        ],
-        "laws": [
-            {
-                "kind": law.effect.kind,
-                "at": list(law.effect.at),
-                "words": law.describe().splitlines(),
-                "formula": None if law.formula() is None else str(law.formula()),
-            }
-            for law in learned_laws_of(found.model, found.covariance)
-        ],
-        "candidates": [
-            {
-                "kind": c.kind,
-                "at": list(c.at),
-                "nrmse_held_out": _number(c.nrmse_held_out),
-                "step": c.step,
-                "score": _number(c.score),
-                "remark": c.remark,
-            }
-            for c in found.candidates
-        ],
-        "indistinguishable": [[_place(c.first), _place(c.second)] for c in found.indistinguishable],
-        "experiments": [c.experiment for c in found.indistinguishable],
-        "ledger": [
-            {"step": e.step, "nrmse": {k: _number(v) for k, v in e.nrmse.items()}}
-            for e in found.ledger.entries
-        ],
-        "noise_floor": {k: _number(v) for k, v in found.noise_floor.items()},
-        "parameters": {k: _plain(v) for k, v in found.parameters.items()},
-        "reasons": list(found.reasons),
-        "notes": list(found.notes),
-        "missing_force": [
-            {"at": list(m.at), "rms": m.size, "unit": m.unit, "follows": m.follows}
-            for m in found.maps
-        ],
-        "free_run_reproducible": found.reproducible,
-    }
+    return _finite(
+        {
+            "verdict": found.verdict,
+            "effects": [
+                {**_place(e), "parameters": plain_values(e.parameters)} for e in found.effects
+            ],
+            "laws": [
+                {
+                    **_place(law.effect),
+                    "words": law.describe().splitlines(),
+                    "formula": None if law.formula() is None else str(law.formula()),
+                }
+                for law in learned_laws_of(found.model, found.covariance)
+            ],
+            "candidates": [
+                {**_place(c), **{name: getattr(c, name) for name in TRIED}}
+                for c in found.candidates
+            ],
+            "indistinguishable": [
+                [_place(c.first), _place(c.second)] for c in found.indistinguishable
+            ],
+            "experiments": [c.experiment for c in found.indistinguishable],
+            "ledger": found.ledger.to_list(),
+            "noise_floor": dict(found.noise_floor),
+            "parameters": plain_values(found.parameters),
+            "reasons": list(found.reasons),
+            "notes": list(found.notes),
+            "missing_force": [
+                {"at": list(m.at), "rms": m.size, "unit": m.unit, "follows": m.follows}
+                for m in found.maps
+            ],
+            "free_run_reproducible": found.reproducible,
+        }
+    )
 
 
-def _plain(value: Value) -> dict[str, Any]:
-    return {"value": _number(value.value), "stderr": _number(value.stderr), "unit": value.unit}
+def plain_values(values: Mapping[str, Value]) -> dict[str, dict[str, Any]]:
+    """Return numbers with their standard errors and units."""
+    return {key: dict(vars(value)) for key, value in values.items()}
 
 
-def _number(value: float) -> float | None:
-    """JSON has no infinity: what is not known is null."""
-    return float(value) if np.isfinite(value) else None
+def _finite(value: Any) -> Any:
+    """Return plain data without infinity, which JSON has not: what is not known is null."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    if isinstance(value, float):
+        return float(value) if np.isfinite(value) else None
+    return value
 
 
-def _place(effect: Effect) -> dict[str, Any]:
+def _place(effect: Effect | FoundEffect | RankedCandidate) -> dict[str, Any]:
     return {"kind": effect.kind, "at": list(effect.at)}

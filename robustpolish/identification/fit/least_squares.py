@@ -643,23 +643,15 @@ class EvaluatedFit:
         return short_window_rms(self.model, self.prepared, self.prepared.held_out)
 
     @cached_property
-    def fitted(self) -> Array:
-        """Error over whole fitted pieces; measured only where fits ended on unlike windows."""
-        return free_run_rms(self.model, self.prepared, self.prepared.trial)
-
-    @property
     def over_all(self) -> Array:
         """Error of free runs by which fits are ranked, held out and, where motion fades, fitted.
 
         Many laws do the same in a motion that has faded; which of them is there shows while it is
         loud, and with thousands of samples for each number a fit cannot bend itself to noise.
         """
-        return np.sqrt(self.free * self.fitted) if self.quieter_held_out else self.free
-
-    @property
-    def quieter_held_out(self) -> bool:
-        """Whether the held-out pieces are far quieter than those that fits are made to."""
-        return self.prepared.quieter_held_out
+        if not self.prepared.quieter_held_out:
+            return self.free
+        return np.sqrt(self.free * free_run_rms(self.model, self.prepared, self.prepared.trial))
 
     @property
     def model(self) -> MechanicalModel:

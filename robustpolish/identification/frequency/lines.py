@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -129,11 +129,8 @@ class MeasuredResponse:
         every = -(-self.frequency.size // most)
         if every == 1:
             return self
-        take = slice(None, None, every)
-        return MeasuredResponse(
-            self.data[take], self.frequency[take], self.pairs, self.units, self.values[take],
-            self.variance[take], self.known,
-        )  # fmt: skip
+        kept = {n: getattr(self, n)[::every] for n in ("data", "frequency", "values", "variance")}
+        return replace(self, **kept)
 
 
 def measured_response(model: MechanicalModel | None, data: Any) -> MeasuredResponse:
