@@ -34,7 +34,6 @@ from robustpolish.identification.diagnosis.words import (
     shown_parameters,
 )
 from robustpolish.machines.effects.effect import Effect, lookup
-from robustpolish.machines.effects.kind import EffectKind
 from robustpolish.machines.effects.learned_law import LearnedLaw
 from robustpolish.machines.effects.user_defined import own_kind, own_table
 from robustpolish.machines.mechanical.model import MechanicalModel
@@ -104,18 +103,17 @@ def findings_from(fields: Fields) -> Findings:
         verdict=fields.text("verdict", VERDICTS),
         model=MechanicalModel.from_toml(_text(fields)),
         effects=tuple(
-            FoundEffect(*_kind(e)[:2], _read_values(e.table("parameters")), _kind(e)[2])
+            FoundEffect(**_kind(e), parameters=_read_values(e.table("parameters")))
             for e in fields.tables("effects")
         ),
         candidates=tuple(
             RankedCandidate(
-                *_kind(c)[:2],
+                **_kind(c),
                 nrmse_held_out=c.number("nrmse_held_out"),
                 score=c.number("score"),
                 step=c.whole("step"),
                 parameters=c.numbers("parameters"),
                 remark=c.text("remark"),
-                own=_kind(c)[2],
             )
             for c in fields.tables("candidates")
         ),
@@ -188,8 +186,7 @@ def _place(effect: Effect | RankedCandidate) -> dict[str, Any]:
 
 
 def _effect(table: Fields) -> Effect:
-    kind, at, own = _kind(table)
-    return Effect(kind, at, table.numbers("parameters"), own)
+    return Effect(**_kind(table), parameters=table.numbers("parameters"))
 
 
 def _table_of(item: ForceMap) -> dict[str, Any]:
@@ -209,7 +206,7 @@ def _what(item: Effect | FoundEffect | RankedCandidate) -> dict[str, Any]:
     return {"kind": item.kind, "at": item.at, **own}
 
 
-def _kind(table: Fields) -> tuple[str, tuple[str, ...], EffectKind | None]:
+def _kind(table: Fields) -> dict[str, Any]:
     """Return the name, the place and the kind itself, if no catalogue knows it."""
     at = table.texts("at")
     if "own" in table:
@@ -217,7 +214,7 @@ def _kind(table: Fields) -> tuple[str, tuple[str, ...], EffectKind | None]:
         kind = own_kind({key: own.raw(key) for key in own})
     else:
         kind = lookup(table.text("kind"))
-    return kind.kind, at, Effect.of(kind, at).own
+    return {"kind": kind.kind, "at": at, "own": Effect.of(kind, at).own}
 
 
 # The result of a diagnosis.

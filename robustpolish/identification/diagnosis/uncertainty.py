@@ -9,7 +9,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from scipy.special import chdtri
 
 from robustpolish.base.arrays import Vector
@@ -91,61 +90,31 @@ class Fitted:
         >>> sorted({element.group for element in machines.elements.values()})
         ['fit']
         """
-        return machines_in_ellipsoid(self.model, self.covariance, confidence, ranges, ports)
-
-
-def machines_in_ellipsoid(
-    model: MechanicalModel,
-    covariance: xr.DataArray | None,
-    confidence: float,
-    ranges: Mapping[str, Any] | None,
-    ports: Sequence[str] = (),
-) -> UncertainSystem:
-    """Return the linear part of a model with its fitted numbers in their ellipsoid.
-
-    Parameters
-    ----------
-    model : MechanicalModel
-        With its fitted numbers.
-    covariance : xarray.DataArray or None
-        Of the fitted numbers, over their keys twice.
-    confidence : float
-    ranges : mapping or None
-        What is to be said of other numbers, or of these instead.
-    ports : sequence of str, optional
-        Effects such as ``"effect[0]"`` that get an input and an output of this name: the force, and
-        the displacement on which it depends.
-
-    Returns
-    -------
-    UncertainSystem
-    """
-    said = dict(instance_of("ranges", ranges or {}, Mapping, "a mapping", 'Write {"key": 0.1}.'))
-    gains = _gains(model)
-    keys = [] if covariance is None else covariance["parameter"].values.tolist()
-    kept = [
-        key for key in keys if (key in gains or not key.startswith("effect[")) and key not in said
-    ]
-    known: Mapping[str, UncertainSystem] = {}
-    if covariance is not None and kept:
-        places = [keys.index(key) for key in kept]
-        known = _ellipsoid(model, kept, covariance.values[np.ix_(places, places)], confidence)
-    model = _with_ports(model, ports)
-    _warn_of_omitted_effects(model, {*gains, *(f"{name}.gain" for name in ports)})
-    own = {key: number for key, number in known.items() if key not in gains}
-    system = model.uncertain(own | {key: value for key, value in said.items() if key not in gains})
-    factors = {
-        key: _factor(key, model.parameters[key], said[key])
-        if key in said
-        else known.get(key, model.parameters[key])
-        for key in gains
-    }
-    system = _with_gains(model, system, gains, factors) if gains else system
-    # A model keeps names of inputs and outputs apart, a system need not.
-    ends = {name + end: name for name in ports for end in (_FORCE, _DISPLACEMENT)}
-    inputs = [ends.get(name, name) for name in system.input_labels]
-    outputs = [ends.get(name, name) for name in system.output_labels]
-    return UncertainSystem(system.matrices.names(inputs, outputs))
+        model, covariance = self.model, self.covariance
+        remedy = 'Write {"key": 0.1}.'
+        said = dict(instance_of("ranges", ranges or {}, Mapping, "a mapping", remedy))
+        gains = _gains(model)
+        keys = [] if covariance is None else covariance["parameter"].values.tolist()
+        linear = [key for key in keys if key in gains or not key.startswith("effect[")]
+        kept = [key for key in linear if key not in said]
+        known: Mapping[str, UncertainSystem] = {}
+        if covariance is not None and kept:
+            places = [keys.index(key) for key in kept]
+            known = _ellipsoid(model, kept, covariance.values[np.ix_(places, places)], confidence)
+        model = _with_ports(model, ports)
+        _warn_of_omitted_effects(model, {*gains, *(f"{name}.gain" for name in ports)})
+        numbers = {key: number for key, number in {**known, **said}.items() if key not in gains}
+        system, factors = model.uncertain(numbers), {}
+        for key in gains:
+            nominal = model.parameters[key]
+            told = key in said
+            factors[key] = _factor(key, nominal, said[key]) if told else known.get(key, nominal)
+        system = _with_gains(model, system, gains, factors) if gains else system
+        # A model keeps names of inputs and outputs apart, a system need not.
+        ends = {name + end: name for name in ports for end in (_FORCE, _DISPLACEMENT)}
+        inputs = [ends.get(name, name) for name in system.input_labels]
+        outputs = [ends.get(name, name) for name in system.output_labels]
+        return UncertainSystem(system.matrices.names(inputs, outputs))
 
 
 def _ellipsoid(
@@ -243,7 +212,7 @@ def _warn_of_omitted_effects(model: MechanicalModel, kept: Collection[str]) -> N
             f"Left out of the uncertain machine: {', '.join(map(str, missing))}. What is proven "
             "of it holds for the linear part: judge the rest by simulating the model.",
             RobustPolishWarning,
-            stacklevel=4,
+            stacklevel=3,
         )
 
 
