@@ -162,21 +162,6 @@ def case(effect=None, start=(2e-3, 0.1)):
     return model, record_of(model, data.assign(x=("time", x)))
 
 
-def delayed(samples=400):
-    model = oscillator(damping=0.8).with_effect("input_delay", "F", {"delay": 0.05})
-    time = np.arange(samples) * 5e-3
-    force = np.sin(30 * time) + np.random.default_rng(1).standard_normal(samples)
-    data = xr.Dataset({"F": ("time", force), "x": ("time", np.zeros(samples))}, {"time": time})
-    return model, data
-
-
-def test_a_run_over_a_record_is_a_simulation():
-    model, data = delayed()
-    record = record_of(model, data)
-    outputs = free_run(model, record).over(StartedPiece(record, rest(model))).outputs
-    np.testing.assert_array_equal(outputs, rp.simulation.simulate_model(model, data).outputs)
-
-
 @pytest.mark.parametrize(
     "effect",
     [None, ("cubic_stiffness", PLACE, {"stiffness": 1e7}), ("dahl_friction", PLACE,
