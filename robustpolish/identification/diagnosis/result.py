@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,14 +26,7 @@ from robustpolish.identification.diagnosis.findings import (
     learned_laws_of,
 )
 from robustpolish.identification.diagnosis.uncertainty import Fitted
-from robustpolish.identification.diagnosis.words import (
-    TRIED,
-    explain,
-    headline,
-    plain,
-    plain_values,
-    shown_parameters,
-)
+from robustpolish.identification.diagnosis.words import explain, headline, shown_parameters
 from robustpolish.machines.effects.effect import Effect, lookup
 from robustpolish.machines.effects.learned_law import LearnedLaw
 from robustpolish.machines.effects.user_defined import own_kind, own_table
@@ -47,6 +41,8 @@ VERDICTS = (
 
 
 STATUSES = ("complete", "stopped")
+_TRIED = ("nrmse_held_out", "step", "score", "remark")
+"""What is told of a candidate beside its kind, its place and its numbers."""
 
 
 def content(found: Findings) -> dict[str, Any]:
@@ -58,9 +54,9 @@ def content(found: Findings) -> dict[str, Any]:
     return {
         **{name: getattr(found, name) for name in as_they_are},
         "model": found.model.to_toml().splitlines(),
-        "effects": [{**_what(e), "parameters": plain_values(e.parameters)} for e in found.effects],
+        "effects": [{**_what(e), "parameters": _values(e.parameters)} for e in found.effects],
         "candidates": [
-            {**_place(c), **{name: getattr(c, name) for name in TRIED}} for c in found.candidates
+            {**_place(c), **{name: getattr(c, name) for name in _TRIED}} for c in found.candidates
         ],
         "indistinguishable": [
             {"first": _place(c.first), "second": _place(c.second), "experiment": c.experiment}
@@ -71,7 +67,7 @@ def content(found: Findings) -> dict[str, Any]:
             for e in found.ledger.entries
         ],
         "noise_floor": dict(found.noise_floor),
-        "parameters": plain_values(found.parameters),
+        "parameters": _values(found.parameters),
         "maps": [_table_of(item) for item in found.maps],
         "covariance": None
         if covariance is None
@@ -79,8 +75,8 @@ def content(found: Findings) -> dict[str, Any]:
     }
 
 
-def findings_from(fields: Fields) -> Findings:
-    """Return the findings in a file.
+def diagnosis_from(fields: Fields) -> Diagnosis:
+    """Return the diagnosis in a file.
 
     Raises
     ------
@@ -99,7 +95,7 @@ def findings_from(fields: Fields) -> Findings:
             shown = described(f"errors of {', '.join(e.nrmse) or 'nothing'} at {e.step!r}")
             remedy = "The file is damaged or was edited; save it again."
             raise invalid(f"{fields.where}: ledger", shown, "errors of the same outputs", remedy)
-    return Findings(
+    return Diagnosis(
         verdict=fields.text("verdict", VERDICTS),
         model=MechanicalModel.from_toml(_text(fields)),
         effects=tuple(
@@ -217,6 +213,26 @@ def _kind(table: Fields) -> dict[str, Any]:
     return {"kind": kind.kind, "at": at, "own": Effect.of(kind, at).own}
 
 
+def _values(values: Mapping[str, Value]) -> dict[str, dict[str, Any]]:
+    """Return numbers with their standard errors and units."""
+    return {key: dict(vars(value)) for key, value in values.items()}
+
+
+def _finite(value: Any) -> Any:
+    """Return plain data without infinity, which JSON has not: what is not known is null."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    if isinstance(value, float):
+        return float(value) if np.isfinite(value) else None
+    return value
+
+
+def _kind_and_place(effect: Effect | FoundEffect | RankedCandidate) -> dict[str, Any]:
+    return {"kind": effect.kind, "at": list(effect.at)}
+
+
 # The result of a diagnosis.
 
 
@@ -291,7 +307,40 @@ class Diagnosis(Findings, Fitted, Displayed):
         -------
         dict
         """
-        return plain(self)
+        told = {
+            "verdict": self.verdict,
+            "effects": [
+                {**_kind_and_place(e), "parameters": _values(e.parameters)} for e in self.effects
+            ],
+            "laws": [
+                {
+                    **_kind_and_place(law.effect),
+                    "words": law.describe().splitlines(),
+                    "formula": None if law.formula() is None else str(law.formula()),
+                }
+                for law in learned_laws_of(self.model, self.covariance)
+            ],
+            "candidates": [
+                {**_kind_and_place(c), **{name: getattr(c, name) for name in _TRIED}}
+                for c in self.candidates
+            ],
+            "indistinguishable": [
+                [_kind_and_place(c.first), _kind_and_place(c.second)]
+                for c in self.indistinguishable
+            ],
+            "experiments": [c.experiment for c in self.indistinguishable],
+            "ledger": self.ledger.to_list(),
+            "noise_floor": dict(self.noise_floor),
+            "parameters": _values(self.parameters),
+            "reasons": list(self.reasons),
+            "notes": list(self.notes),
+            "missing_force": [
+                {"at": list(m.at), "rms": m.size, "unit": m.unit, "follows": m.follows}
+                for m in self.maps
+            ],
+            "free_run_reproducible": self.reproducible,
+        }
+        return _finite(told)
 
     def explain(self) -> str:
         """Say in words what was found, why, and what to check on the machine.
@@ -398,14 +447,3 @@ class Diagnosis(Findings, Fitted, Displayed):
         ledger = self.ledger._card()
         tables += [Table(ledger.title, t.columns, t.rows) for t in ledger.tables]
         return Card(headline(self), tuple(tables), (*self.reasons, *self.notes))
-
-
-def diagnosis_from(fields: Fields) -> Diagnosis:
-    """Return the diagnosis in a file.
-
-    Raises
-    ------
-    InvalidInputError
-        If a key is missing or wrong, or names an effect that is not in the catalogue.
-    """
-    return Diagnosis(**vars(findings_from(fields)))

@@ -1,22 +1,17 @@
-"""Report of a diagnosis as text, and as plain data for JSON."""
+"""Report of a diagnosis as text."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping
-from typing import Any
-
-import numpy as np
 
 from robustpolish.base.results import plus_minus
 from robustpolish.identification.diagnosis.findings import (
     Findings,
     FoundEffect,
-    RankedCandidate,
     Value,
     learned_laws_of,
 )
-from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.learned_law import LearnedLaw
 
 _VERDICTS = {
@@ -111,65 +106,3 @@ def learned_law_of(found: Findings, effect: FoundEffect) -> LearnedLaw | None:
 def shown_parameters(effect: FoundEffect) -> Mapping[str, Value]:
     """Return the numbers that tell something about an effect: the coefficients of a law do not."""
     return {} if effect.definition.over else effect.parameters
-
-
-TRIED = ("nrmse_held_out", "step", "score", "remark")
-"""What is told of a candidate beside its kind, its place and its numbers."""
-
-
-def plain(found: Findings) -> dict[str, Any]:
-    """Return the plain data of `Diagnosis.to_dict`."""
-    return _finite(
-        {
-            "verdict": found.verdict,
-            "effects": [
-                {**_place(e), "parameters": plain_values(e.parameters)} for e in found.effects
-            ],
-            "laws": [
-                {
-                    **_place(law.effect),
-                    "words": law.describe().splitlines(),
-                    "formula": None if law.formula() is None else str(law.formula()),
-                }
-                for law in learned_laws_of(found.model, found.covariance)
-            ],
-            "candidates": [
-                {**_place(c), **{name: getattr(c, name) for name in TRIED}}
-                for c in found.candidates
-            ],
-            "indistinguishable": [
-                [_place(c.first), _place(c.second)] for c in found.indistinguishable
-            ],
-            "experiments": [c.experiment for c in found.indistinguishable],
-            "ledger": found.ledger.to_list(),
-            "noise_floor": dict(found.noise_floor),
-            "parameters": plain_values(found.parameters),
-            "reasons": list(found.reasons),
-            "notes": list(found.notes),
-            "missing_force": [
-                {"at": list(m.at), "rms": m.size, "unit": m.unit, "follows": m.follows}
-                for m in found.maps
-            ],
-            "free_run_reproducible": found.reproducible,
-        }
-    )
-
-
-def plain_values(values: Mapping[str, Value]) -> dict[str, dict[str, Any]]:
-    """Return numbers with their standard errors and units."""
-    return {key: dict(vars(value)) for key, value in values.items()}
-
-
-def _finite(value: Any) -> Any:
-    """Return plain data without infinity, which JSON has not: what is not known is null."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_finite(item) for item in value]
-    if isinstance(value, float):
-        return float(value) if np.isfinite(value) else None
-    return value
-
-
-def _place(effect: Effect | FoundEffect | RankedCandidate) -> dict[str, Any]:
-    return {"kind": effect.kind, "at": list(effect.at)}
