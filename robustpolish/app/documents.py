@@ -21,8 +21,7 @@ from robustpolish.app.machine_design import MachineDesign
 from robustpolish.base.results import Card, Table, as_text, prefix_power, prefixed
 from robustpolish.errors import InvalidInputError
 from robustpolish.identification.compare import Comparison
-from robustpolish.identification.diagnosis.result import Diagnosis
-from robustpolish.identification.diagnosis.words import headline, shown_parameters
+from robustpolish.identification.diagnosis.result import Diagnosis, headline, shown_parameters
 from robustpolish.identification.residual_tests import MAP_TELLS, MAPS_SHOWN
 from robustpolish.identification.residuals import residual_analysis
 from robustpolish.identification.steps import StepRun

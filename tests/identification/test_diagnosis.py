@@ -15,7 +15,7 @@ from robustpolish.identification.diagnosis.findings import (
     RankedCandidate,
     Value,
 )
-from robustpolish.identification.diagnosis.words import headline, learned_law_of
+from robustpolish.identification.diagnosis.result import headline
 from tests import made_up
 from tests.identification.learned_diagnosis import unknown_law
 from tests.identification.oscillators import PLACE, oscillator, record
@@ -145,7 +145,6 @@ def test_the_words_tell_the_law_and_no_coefficients():
     assert "It hardens" in text
     assert "force = 3.100 +- 0.020 N" in text
     assert "c3 = " not in text
-    assert learned_law_of(told, told.effects[0]) is None
     assert "c3" not in str(told)
     assert "largest force" in str(told)
 

@@ -1,22 +1,23 @@
-"""Result of a diagnosis: report, pictures, and its JSON file."""
+"""Result of a diagnosis: report in words, pictures, and its JSON file."""
 
 from __future__ import annotations
 
 import os
+import textwrap
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
+from robustpolish.base.arrays import Array
 from robustpolish.base.checks import described, invalid
-from robustpolish.base.results import Card, Displayed, Table, estimate
+from robustpolish.base.results import Card, Displayed, Table, estimate, plus_minus
 from robustpolish.base.saved import Fields, read_saved, write_saved
 from robustpolish.identification.diagnosis.findings import (
     Entry,
-    Findings,
     ForceMap,
     FoundEffect,
     IndistinguishablePair,
@@ -26,7 +27,6 @@ from robustpolish.identification.diagnosis.findings import (
     learned_laws_of,
 )
 from robustpolish.identification.diagnosis.uncertainty import Fitted
-from robustpolish.identification.diagnosis.words import explain, headline, shown_parameters
 from robustpolish.machines.effects.effect import Effect, lookup
 from robustpolish.machines.effects.learned_law import LearnedLaw
 from robustpolish.machines.effects.user_defined import own_kind, own_table
@@ -45,7 +45,7 @@ _TRIED = ("nrmse_held_out", "step", "score", "remark")
 """What is told of a candidate beside its kind, its place and its numbers."""
 
 
-def content(found: Findings) -> dict[str, Any]:
+def content(found: Diagnosis) -> dict[str, Any]:
     """Return what stands in the file."""
     covariance = found.covariance
     as_they_are = (
@@ -233,11 +233,60 @@ def _kind_and_place(effect: Effect | FoundEffect | RankedCandidate) -> dict[str,
     return {"kind": effect.kind, "at": list(effect.at)}
 
 
+# A diagnosis in words.
+
+_VERDICTS = {
+    "adequate": "The model is adequate: what is left is noise.",
+    "parameters": "Nothing is missing, but the model's numbers were wrong; they were refitted.",
+    "missing_effect": "The model lacks a physical effect.",
+    "partly_explained": "The model lacks physical effects; a part of the error is left.",
+    "unknown_law": "The model lacks a force that no effect of the catalogue describes; it was "
+    "learned as a curve.",
+    "unexplained": "Something is missing that no effect of the catalogue explains.",
+}
+
+# Verdicts that leave more than noise.
+_LEFT = ("partly_explained", "unknown_law", "unexplained")
+_FAR = 3.0
+"""Times the noise from which what is left is named beside what was found."""
+
+
+def headline(found: Diagnosis) -> str:
+    """Return the verdict as a sentence, with the effects by name."""
+    told = ("missing_effect", "partly_explained", "unknown_law")
+    if found.effects and found.verdict in told:
+        named = " and ".join(f"{e.definition.title} at {', '.join(e.at)}" for e in found.effects)
+        if found.verdict == "unknown_law":
+            return f"The model lacked a force that no catalogue describes: {named}."
+        more = " Far more than noise is left." if _far_from_noise(found) else ""
+        if found.verdict == "partly_explained":
+            more = " And something else is missing."
+        return f"The model lacked: {named}.{more}"
+    return _VERDICTS[found.verdict]
+
+
+def _far_from_noise(found: Diagnosis) -> bool:
+    """Return whether the error of the final model is several times the noise of a sensor."""
+    floor, entries = found.noise_floor, found.ledger.entries
+    left = entries[-1].nrmse if entries else {}
+    return any(error > _FAR * floor[name] > 0 for name, error in left.items() if name in floor)
+
+
+def _wrap(text: str) -> list[str]:
+    """Return lines that no notebook and no terminal breaks in the middle of a word."""
+    return textwrap.wrap(text, 88, initial_indent=" " * 3, subsequent_indent=" " * 6)
+
+
+def shown_parameters(effect: FoundEffect) -> Mapping[str, Value]:
+    """Return the numbers that tell something about an effect: the coefficients of a law do not."""
+    return {} if effect.definition.over else effect.parameters
+
+
 # The result of a diagnosis.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Diagnosis(Findings, Fitted, Displayed):
+class Diagnosis(Fitted, Displayed):
     """Diagnosis of a model: the effects that it lacks, with their evidence.
 
     Attributes
@@ -295,6 +344,28 @@ class Diagnosis(Findings, Fitted, Displayed):
     True
     """
 
+    verdict: str
+    model: MechanicalModel
+    effects: tuple[FoundEffect, ...]
+    candidates: tuple[RankedCandidate, ...]
+    indistinguishable: tuple[IndistinguishablePair, ...]
+    ledger: Ledger
+    missing_force: Array
+    sites: tuple[tuple[str, ...], ...]
+    parameters: Mapping[str, Value] = field(default_factory=dict)
+    covariance: xr.DataArray | None = None
+    reasons: tuple[str, ...] = ()
+    reproducible: bool = True
+    time: Array = field(default_factory=lambda: np.zeros(0))
+    notes: tuple[str, ...] = ()
+    maps: tuple[ForceMap, ...] = ()
+    status: str = "complete"
+
+    @property
+    def noise_floor(self) -> Mapping[str, float]:
+        """Noise over each output's standard deviation."""
+        return self.ledger.noise_floor
+
     @property
     def laws(self) -> tuple[LearnedLaw, ...]:
         """The learned laws of the model, each with its curve, its words and its picture."""
@@ -318,7 +389,7 @@ class Diagnosis(Findings, Fitted, Displayed):
                     "words": law.describe().splitlines(),
                     "formula": None if law.formula() is None else str(law.formula()),
                 }
-                for law in learned_laws_of(self.model, self.covariance)
+                for law in self.laws
             ],
             "candidates": [
                 {**_kind_and_place(c), **{name: getattr(c, name) for name in _TRIED}}
@@ -349,7 +420,42 @@ class Diagnosis(Findings, Fitted, Displayed):
         -------
         str
         """
-        return explain(self)
+        lines = [headline(self), *self.reasons]
+        if self.notes:
+            lines += ["", "Look at the record and the numbers first:"]
+            lines += [f"   {note}." if note[-1:].isalnum() else f"   {note}" for note in self.notes]
+        for number, effect in enumerate(self.effects, 1):
+            kind = effect.definition
+            lines += ["", f"{number}. {kind.title} at {', '.join(effect.at)}"]
+            for law in self.laws:
+                if (law.effect.kind, law.effect.at) == (effect.kind, effect.at):
+                    lines += [f"   {line}" for line in law.describe().splitlines()]
+            for name, v in shown_parameters(effect).items():
+                lines.append(f"   {name} = {plus_minus(v.value, v.stderr)} {v.unit}")
+            lines += _wrap(f"In the residual: {kind.looks_like}")
+            lines += [line for check in kind.checks for line in _wrap(f"Check: {check}")]
+            lines += [line for source in kind.references for line in _wrap(f"See {source}")]
+        if self.maps and self.verdict in _LEFT:
+            lines += ["", "What is left, where displacement and velocity foretell it best:"]
+            lines += [f"   {item.describe()}" for item in self.maps[:2]]
+        if self.ledger.entries:
+            lines += ["", "Error of a free run over the standard deviation of each output:"]
+            for entry in self.ledger.entries:
+                shown = ", ".join(f"{k} {v:.3g}" for k, v in entry.nrmse.items())
+                lines.append(f"   {entry.step}: {shown}")
+            shown = ", ".join(f"{k} {v:.3g}" for k, v in self.noise_floor.items())
+            lines.append(f"   noise floor: {shown}")
+        if self.indistinguishable:
+            lines += ["", "This data cannot tell apart:"]
+            for c in self.indistinguishable:
+                lines.append(f"   {c.first} and {c.second}. {c.experiment}")
+        if not self.reproducible:
+            lines += [
+                "",
+                "A free run is not reproducible: a tiny change of the start grows beyond the "
+                "noise, so its error judges nothing. Runs led by the data were used instead.",
+            ]
+        return "\n".join(lines)
 
     def save(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
         """Write the diagnosis, its model included, to one JSON file, whole or not at all.
