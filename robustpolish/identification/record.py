@@ -591,18 +591,12 @@ class Repeats:
     ----------
     noise : ndarray, shape (ny,)
         Standard deviation, in the outputs' units.
-    pairs : tuple of (str, str)
-        Names of the records.
+    names : str
+        The records, in words.
     """
 
     noise: Array
-    pairs: tuple[tuple[str, str], ...]
-
-    @property
-    def names(self) -> str:
-        """The records, in words."""
-        found = list(dict.fromkeys(name for pair in self.pairs for name in pair))
-        return f"{', '.join(found[:-1])} and {found[-1]}"
+    names: str
 
 
 def repeats(model: MechanicalModel, record: Record) -> Repeats | None:
@@ -620,7 +614,7 @@ def repeats(model: MechanicalModel, record: Record) -> Repeats | None:
     """
     inputs = record.signals(model)
     parts = [(part, part.own(inputs)) for part in record.parts]
-    found, pairs = [], []
+    found, names = [], []
     for (one, u), (other, w) in combinations(parts, 2):
         n = min(one.samples, other.samples)
         if n < _FEWEST_SAMPLES or not _same(u[:n], w[:n]):
@@ -629,10 +623,11 @@ def repeats(model: MechanicalModel, record: Record) -> Repeats | None:
         motion = (one.Y[:n] + other.Y[:n]) / 2
         if all(_noise_alone(d, m) for d, m in zip(difference.T, motion.T, strict=True)):
             found.append(np.mean(difference**2, axis=0))
-            pairs.append((one.name, other.name))
+            names += [one.name, other.name]
     if not found or np.any(np.mean(found, axis=0) == 0):
         return None  # copies of one record, or a record without noise
-    return Repeats(np.sqrt(np.mean(found, axis=0)), tuple(pairs))
+    *first, last = dict.fromkeys(names)
+    return Repeats(np.sqrt(np.mean(found, axis=0)), f"{', '.join(first)} and {last}")
 
 
 def _same(one: Array, other: Array) -> bool:

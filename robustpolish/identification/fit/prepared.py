@@ -337,7 +337,7 @@ def _residual_bandwidth(model: MechanicalModel, record: Record, policy: Policy) 
     run = free_run(model.without_effects(), record)
     still = rest(run.model)
     sizes = visible_sizes(run, record, still) if still.vector.size else np.zeros(0)
-    error = run.errors(StartedPiece(record, fitted_start(run, record, [still], sizes)))
+    error = run.all_errors([StartedPiece(record, fitted_start(run, record, [still], sizes))])
     if not np.isfinite(error).all():
         return 0.0
     spectra = (_spectrum(e, record.dt) for e in error.T)
