@@ -59,7 +59,6 @@ def test_a_known_force_is_no_innovation():
     known = PortForces(np.ones((1, 1)), [PLACE], push)
     errors = observer().innovations(Y, FORCE, known, START)[1]
     np.testing.assert_allclose(errors, 0.0, atol=1e-12)
-    assert known.head(10).values.shape == (1, 10)
 
 
 def test_smoothing_is_the_mean_of_all_states_given_all_data():

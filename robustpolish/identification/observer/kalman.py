@@ -441,10 +441,6 @@ class PortForces(NamedTuple):
     pairs: list[tuple[str, ...]]
     values: Array
 
-    def head(self, samples: int) -> PortForces:
-        """Return the first samples."""
-        return PortForces(self.rows, self.pairs, self.values[:, :samples])
-
 
 class LinearObserver:
     """The observer of a model's linear part, other forces being known."""

@@ -160,7 +160,7 @@ def _smooth(
     bound = _DIVERGED_AMPLITUDE * scales.amplitude or np.inf
 
     def along(forces: PortForces | None) -> Array:
-        head = None if forces is None else forces.head(first)
+        head = None if forces is None else forces._replace(values=forces.values[:, :first])
         errors = observer.innovations(Y[:first], W[:first], head, lines=begin)[1]
         start = observer.likeliest_start(errors, sizes)
         return observer.smooth(*observer.innovations(Y, W, forces, start, lines))
