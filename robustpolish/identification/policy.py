@@ -111,9 +111,6 @@ class Policy:
     nats : float
         Fall of the log-likelihood below which the last stage of a final fit stops: a standard error
         is half of one, so that a fit that stops sooner is off by more than it says.
-    quieter_held_out : float
-        Times by which a motion is louder where models are fitted than where they are judged, from
-        which both judge.
     windows, shortest_window : int
         Number and least length of windows, for models whose long runs judge nothing ("backlash
         between, in motion").
@@ -169,7 +166,7 @@ class Policy:
     damper_prior: float = 1.0
     spring_share: float = 0.1
     damper_share: float = 0.5
-    weighed: tuple[float, float] = (0.4, 2.5)
+    weighed: tuple[float, float] = (0.1, 10.0)
     nothing: float = 1e-6
 
     null_levels: tuple[Level, ...] = _levels(1.0, 0.1, 0.01)
@@ -194,7 +191,6 @@ class Policy:
     settled: float = 0.03
     shares: tuple[float, ...] = (1.0, 0.5, 0.25, 0.1)
     nats: float = 0.05
-    quieter_held_out: float = 2.0
     windows: int = 25
     shortest_window: int = 60
     long_record: int = 4000

@@ -21,6 +21,7 @@ from robustpolish.identification.fit.least_squares import (
     homotopy,
     log_odds,
     residuals_of,
+    short_window_rms,
 )
 from robustpolish.identification.fit.parameters import chain_keys, connected, inputs_of_chain
 from robustpolish.identification.fit.prepared import PreparedRecord, prepare, reduce_record
@@ -30,7 +31,7 @@ from robustpolish.identification.frequency.fit import refit_frequency_response
 from robustpolish.identification.policy import POLICY, Policy
 from robustpolish.identification.record import output_sizes, record_of, require_length
 from robustpolish.identification.sanity import implausible_changes, sanity_warnings
-from robustpolish.identification.search.screening import null_score, screen
+from robustpolish.identification.search.screening import null_score, numbers_along_motion, screen
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import CONSTANT
 from robustpolish.machines.mechanical.model import MechanicalModel
@@ -47,6 +48,8 @@ _HOLD = "input_hold"
 _LINEAR = 1.0
 # Samples to either side of a first delay that are tried.
 _AROUND = 4
+# Regressions along the motion, each with the motion that the numbers of the one before show.
+_REGRESSIONS = 4
 # Samples of a window that still tells a curvature from a slope.
 _SHORTEST = 8
 
@@ -209,7 +212,35 @@ def fit_own_parameters(
     short_window_model = stages[min(1, len(stages) - 1)].model
     if np.any(stage.error * prepared.policy.better > prepared.scales.noise):
         stage = _improve_by_direct_fit(stage, model, prepared)
+        begun = _begun_along_motion(model, stage.model, prepared)
+        if begun is not None:
+            stages = homotopy(begun, prepared, pieces, model, [*shortest, *spans])
+            found = [stage, best_stage(stages, prepared)] if stages else [stage]
+            stage = min(found, key=lambda s: float(np.mean(np.log(s.error))))
     return _with_fixed_scale(stage, model, prepared), short_window_model
+
+
+def _begun_along_motion(
+    model: MechanicalModel, fitted: MechanicalModel, prepared: PreparedRecord
+) -> MechanicalModel | None:
+    """Return a model from which a better fit may begin, None if none is better than a fitted one.
+
+    Slopes of runs that swing at another frequency than the machine lead nowhere; a regression along
+    the measured motion, repeated with the motion that its numbers show, does. What runs better over
+    short windows than a fit shows that this ended in a wrong minimum.
+    """
+
+    def left(tried: MechanicalModel) -> float:
+        error = np.nan_to_num(short_window_rms(tried, prepared, prepared.trial), nan=np.inf)
+        return float(np.mean(np.log(error)))
+
+    best, least, moved = None, left(fitted), model
+    for _ in range(_REGRESSIONS if model.free else 0):
+        moved = numbers_along_motion(moved, model, prepared)
+        now = left(moved)
+        if now < least:
+            best, least = moved, now
+    return best
 
 
 def _improve_by_direct_fit(
@@ -393,6 +424,13 @@ def refit(model: MechanicalModel, data: Any, progress: Callable[[], None] | None
         fits = homotopy(
             started, prepared, prepared.everything, model, spans, progress=progress, last=last
         )
+        begun = _begun_along_motion(model, fits[-1].model, prepared) if fits else None
+        if begun is not None:
+            again = homotopy(
+                begun, prepared, prepared.everything, model, spans, progress=progress, last=last
+            )
+            errors = _run_errors([f.model for f in (*fits[-1:], *again[-1:])], prepared)
+            fits = again if errors[-1] < errors[0] else fits
         best = _best_not_worse_than_start(fits[-2:][::-1], [model, started], prepared)
         share = (best.rmse / np.std(prepared.record.Y, axis=0)).tolist()
         nrmse = dict(zip(best.model.output_names, share, strict=True))

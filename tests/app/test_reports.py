@@ -216,7 +216,7 @@ def test_which_and_how_much_and_what_to_check(told):
         report, "All fitted numbers"
     ).tables[0].rows
     candidates = section(report, "Candidates").tables[0].rows
-    assert candidates[1] == (1, "quadratic_damping", "x, ground", None, 9.1, "not sensible")
+    assert candidates[1] == (1, "quadratic_damping at x, ground", None, 9.1, "", "not sensible")
 
 
 def test_a_learned_law_is_drawn_and_told():

@@ -293,11 +293,12 @@ class FoundEffect:
 
 @dataclass(frozen=True)
 class RankedCandidate:
-    """A candidate effect that was tried, alone or with others.
+    """A set of effects that was tried, or an effect that was screened only.
 
     Attributes
     ----------
     kind : str
+        Of the effect that was new; of the one that explains most where several were.
     at : tuple of str
     parameters : mapping of str to float
     step : int
@@ -305,12 +306,14 @@ class RankedCandidate:
     nrmse_held_out : float
         Error on held-out blocks over the deviation, the mean over the outputs.
     score : float
-        Nats by which the best set with it beats the model without effects; log odds from screening
-        if it was not refitted.
+        Nats by which the set beats the model without effects; log odds from screening if it was not
+        refitted.
     remark : str
         Why it was not taken, if there is a reason.
     own : EffectKind or None
         Its kind, if no catalogue's.
+    beside : tuple of Effect
+        The other effects of the set.
     """
 
     kind: str
@@ -321,6 +324,13 @@ class RankedCandidate:
     parameters: Mapping[str, float]
     remark: str = ""
     own: EffectKind | None = None
+    beside: tuple[Effect, ...] = ()
+
+    def sizes(self) -> str:
+        """Return the sizes of the effects of the set, in SI units, in a line."""
+        each = [self.parameters, *(e.parameters for e in self.beside)]
+        told = (", ".join(f"{k} = {v:.4g}" for k, v in values.items()) for values in each)
+        return "; ".join(t for t in told if t)
 
 
 @dataclass(frozen=True)

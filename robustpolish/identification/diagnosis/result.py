@@ -56,7 +56,12 @@ def content(found: Diagnosis) -> dict[str, Any]:
         "model": found.model.to_toml().splitlines(),
         "effects": [{**_what(e), "parameters": _values(e.parameters)} for e in found.effects],
         "candidates": [
-            {**_place(c), **{name: getattr(c, name) for name in _TRIED}} for c in found.candidates
+            {
+                **_place(c),
+                **{name: getattr(c, name) for name in _TRIED},
+                "beside": [_place(e) for e in c.beside],
+            }
+            for c in found.candidates
         ],
         "indistinguishable": [
             {"first": _place(c.first), "second": _place(c.second), "experiment": c.experiment}
@@ -110,6 +115,7 @@ def diagnosis_from(fields: Fields) -> Diagnosis:
                 step=c.whole("step"),
                 parameters=c.numbers("parameters"),
                 remark=c.text("remark"),
+                beside=tuple(map(_effect, c.tables("beside"))) if "beside" in c else (),
             )
             for c in fields.tables("candidates")
         ),
@@ -392,7 +398,11 @@ class Diagnosis(Fitted, Displayed):
                 for law in self.laws
             ],
             "candidates": [
-                {**_kind_and_place(c), **{name: getattr(c, name) for name in _TRIED}}
+                {
+                    **_kind_and_place(c),
+                    **{name: getattr(c, name) for name in _TRIED},
+                    "beside": [_kind_and_place(e) for e in c.beside],
+                }
                 for c in self.candidates
             ],
             "indistinguishable": [

@@ -16,7 +16,9 @@ from robustpolish.base.budget import parallel_map
 from robustpolish.identification.fit.parameters import (
     FreeParameter,
     free_parameters,
+    is_guessed,
     joint_priors,
+    prior_nats,
     with_fixed_force_scale,
 )
 from robustpolish.identification.fit.prepared import PreparedRecord
@@ -114,6 +116,7 @@ class Residuals:
         self.joint = joint_priors(model, self.free) * self.scale
         self.x = np.array([f.start for f in free]) / self.scale
         self.keys = keys = [f.key for f in free]
+        self.guessed = np.array([is_guessed(key) for key in keys], dtype=bool)
         self._at: tuple[Array, MechanicalModel] | None = None
         self.coupled = np.array([key.startswith("coupled_inertia") for key in keys])
         self.above = [(j, keys.index(f.at_least)) for j, f in enumerate(free) if f.at_least in keys]
@@ -147,9 +150,10 @@ class Residuals:
 
     def cost(self, x: Array, errors: Array, sigma: Array) -> float:
         """Return half the sum of squares, priors included; infinite where a run diverges."""
-        prior = np.concatenate([(x - self.centre) * self.prior, self.joint @ x])
+        joint = self.joint @ x
+        known, _ = prior_nats((x - self.centre) * self.prior, self.guessed)
         with np.errstate(over="ignore", invalid="ignore"):
-            total = 0.5 * float(np.sum((errors / sigma) ** 2) + prior @ prior)
+            total = float(np.sum((errors / sigma) ** 2) + joint @ joint) / 2 + float(np.sum(known))
         return total if np.isfinite(total) else np.inf
 
     def better_starts(
@@ -310,7 +314,9 @@ class Normal:
         marks = np.cumsum([0, *(len(block) for block in blocks)])
         self.rows = [slice(a, b) for a, b in itertools.pairwise(marks)]
         p, n = J.shape[1], blocks[0].shape[1] if blocks else 0
-        own, joint = residuals.prior**2, residuals.joint.T @ residuals.joint
+        # priors that are not normal count as normal ones of the same slope
+        _, slope = prior_nats((x - residuals.centre) * residuals.prior, residuals.guessed)
+        own, joint = residuals.prior**2 * slope, residuals.joint.T @ residuals.joint
         self.prior = np.diag(own) + joint
         self.H = J.T @ J + self.prior
         self.g = J.T @ error + own * (x - residuals.centre) + joint @ x
@@ -644,13 +650,7 @@ class EvaluatedFit:
 
     @cached_property
     def over_all(self) -> Array:
-        """Error of free runs by which fits are ranked, held out and, where motion fades, fitted.
-
-        Many laws do the same in a motion that has faded; which of them is there shows while it is
-        loud, and with thousands of samples for each number a fit cannot bend itself to noise.
-        """
-        if not self.prepared.quieter_held_out:
-            return self.free
+        """Error of free runs by which fits are ranked: held out and fitted, as the score counts."""
         return np.sqrt(self.free * free_run_rms(self.model, self.prepared, self.prepared.trial))
 
     @property
@@ -716,7 +716,6 @@ def _rms(errors: Array) -> Array:
 
 
 def best_stage(stages: Sequence[Fit], prepared: PreparedRecord) -> EvaluatedFit:
-    """Return the stage that predicts the held-out pieces best."""
+    """Return the one of the last two stages that runs best over fitted and held-out pieces."""
     found = parallel_map(lambda stage: evaluate_fit(stage, prepared), stages[-2:])
-    whole = all(s.reproducible for s in found)
-    return min(found, key=lambda s: float(np.sum(np.log(s.free if whole else s.short))))
+    return min(found, key=lambda stage: ranking_log_error(stage, found))

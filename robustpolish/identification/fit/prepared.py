@@ -496,15 +496,6 @@ class PreparedRecord:
         """All pieces over which models are compared: fitted and held out."""
         return [*self.trial, *self.held_out]
 
-    @cached_property
-    def quieter_held_out(self) -> bool:
-        """Whether all outputs are far quieter where fits are judged than where they are made."""
-        held, fitted = (
-            np.std(np.concatenate([piece.record.Y for piece in pieces]), axis=0)
-            for pieces in (self.held_out, self.trial)
-        )
-        return bool(np.all(self.policy.quieter_held_out * held < fitted))
-
     @property
     def steps(self) -> int:
         """Most steps of a stage."""

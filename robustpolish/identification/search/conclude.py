@@ -18,6 +18,7 @@ from robustpolish.identification.diagnosis.findings import (
     RankedCandidate,
     Value,
     indistinguishable_pair,
+    learned_laws_of,
 )
 from robustpolish.identification.diagnosis.result import Diagnosis
 from robustpolish.identification.fit.least_squares import (
@@ -32,24 +33,20 @@ from robustpolish.identification.fit.least_squares import (
 from robustpolish.identification.fit.parameters import has_smoothing
 from robustpolish.identification.fit.result import stderr_from_covariance
 from robustpolish.identification.observer.kalman import force_sites
-from robustpolish.identification.residual_tests import force_maps
+from robustpolish.identification.residual_tests import force_maps, residual_noise_floor
 from robustpolish.identification.search.equivalents import find_force_equivalents
-from robustpolish.identification.search.laws import (
-    CURVES,
-    KINDS,
-    OVER_TIME,
-    Learned,
-    learn,
-)
+from robustpolish.identification.search.laws import CURVES, KINDS, OVER_TIME, learn
 from robustpolish.identification.search.plausible import DETERMINED, undetermined_parameter
 from robustpolish.identification.search.score import (
     STRONG,
     ScoredModel,
+    nats,
     scores,
     simplest_of_best,
 )
 from robustpolish.identification.search.search import NEAR, EffectSearch, told_alike
 from robustpolish.identification.search.verdict import (
+    NEAR_NOISE,
     FinalFit,
     Residual,
     Verdict,
@@ -67,12 +64,16 @@ _DRY = ("coulomb_friction", "stribeck_friction")
 
 
 class Conclusion(NamedTuple):
-    """The model that is the answer, and what else could be."""
+    """The model that is the answer, fitted to parts of the record and to the whole of it."""
 
     scored: ScoredModel
     final: FinalFit
     residual: Residual
-    learned: Learned | None
+
+    @property
+    def learned(self) -> list[Effect]:
+        """The curves of it."""
+        return [e for e in self.scored.added if e.definition.over]
 
 
 def conclude(run: EffectSearch, model: MechanicalModel, stopped: bool = False) -> Diagnosis:
@@ -89,7 +90,7 @@ def conclude(run: EffectSearch, model: MechanicalModel, stopped: bool = False) -
     predictable = _predictable(run)
     if stopped:
         final = _as_it_is(run, predictable)
-        found = Conclusion(run.best, final, residual_of(final, run.prepared), None)
+        found = Conclusion(run.best, final, residual_of(final, run.prepared))
     else:
         run.say("final fit")
         found = _final(run, predictable)
@@ -107,7 +108,7 @@ def conclude(run: EffectSearch, model: MechanicalModel, stopped: bool = False) -
         # how an input acts between its samples is no number of the model
         base = whole_record_error(run.reference, run, final.predictable)
     refitted = errors[1] if len(errors) > 1 else final.error
-    if found.learned is not None:
+    if found.learned:
         verdict = _verdict_on_law(run, found)
     else:
         verdict = verdict_on(run, final, found.residual, base, refitted)
@@ -122,7 +123,7 @@ def _final(run: EffectSearch, predictable: bool) -> Conclusion:
     """Return the best model fitted to the whole record, or a learned law that is better."""
     final = _smooth_frictions(run, fit_whole_record(run, run.best, predictable))
     residual = residual_of(final, run.prepared)
-    names = Conclusion(run.best, final, residual, None)
+    names = Conclusion(run.best, final, residual)
     asked = run.most > 0 and (run.enough is None or not run.at_noise_floor(run.best))
     if not asked or not run.prepared.work.left():
         return names
@@ -131,66 +132,68 @@ def _final(run: EffectSearch, predictable: bool) -> Conclusion:
     law = _better_law(run, residual)
     if law is None:
         return names
-    scored, learned = law
-    if learned is None:  # the law has a name
-        final = _smooth_frictions(run, fit_whole_record(run, scored, predictable))
-        run.accept(scored)
-    else:
-        error = whole_record_error(learned.model, run, predictable)
-        final = FinalFit(learned.final, error, predictable)
-    return Conclusion(scored, final, residual_of(final, run.prepared), learned)
+    final = fit_whole_record(run, law, predictable)
+    found = Conclusion(law, final, residual_of(final, run.prepared))
+    if found.learned:
+        return found
+    run.accept(law)  # it has a name
+    return found._replace(final=_smooth_frictions(run, final))
 
 
-def _better_law(run: EffectSearch, residual: Residual) -> tuple[ScoredModel, Learned | None] | None:
+def _better_law(run: EffectSearch, residual: Residual) -> ScoredModel | None:
     """Return a learned law in place of all that was added, if it is better by strong evidence.
 
     A kind of the catalogue that makes its force takes its place if it is as good.
     """
     run.say("a law that no catalogue holds")
-    prepared, reference = run.prepared, run.reference
-    at_floor = replace(prepared, scales=replace(prepared.scales, noise=residual.floor))
     # a surface can be anything, so it takes the place of no name
     kinds = KINDS if residual.structure and not run.best.laws else CURVES
-    ways = [kinds, OVER_TIME] if reference.inputs and residual.structure else [kinds]
-    found: list[tuple[ScoredModel, Learned]] = []
+    ways = [kinds, OVER_TIME] if run.reference.inputs and residual.structure else [kinds]
+    found = []
     for way in ways:
-        learned = learn(run.base.model, at_floor, reference, way, prepared.scales.noise)
+        law = learn(run, way, residual.floor)
+        if law is None:
+            continue
         # a curve that leaves more than noise is no answer where there are names
-        if learned is not None and (learned.explains or not run.best.laws):
-            fitted = replace(learned.fitted, prepared=prepared)
-            found.append((ScoredModel(fitted, reference), learned))
-            if learned.explains:
-                break
-    if not found:
-        return None
-    models = [run.best, *(scored for scored, _ in found)]
-    named = [m for scored, learned in found for m in _named(run, scored, learned)]
-    chosen = simplest_of_best([*models, *named], run.base)
-    if chosen is run.best:
-        return None
-    return chosen, next((learned for scored, learned in found if scored is chosen), None)
+        left = residual_noise_floor(law.model, run.prepared, law.fitted.reproducible)
+        explains = bool(np.all(law.fitted.error < NEAR_NOISE * left))
+        if explains or not run.best.laws:
+            found += [law, *_named(run, law)]
+        if explains:
+            break
+    chosen = simplest_of_best([run.best, *found], run.base)
+    return None if chosen is run.best else chosen
 
 
-def _named(run: EffectSearch, scored: ScoredModel, learned: Learned) -> list[ScoredModel]:
+def _named(run: EffectSearch, scored: ScoredModel) -> list[ScoredModel]:
     """Return models with kinds of the catalogue that make nearly the force of a learned curve."""
-    if len(learned.laws) != 1 or len(learned.laws[0].effect.definition.over) != 1:
+    laws = [e for e in scored.added if e.definition.over]
+    if len(laws) != 1 or len(laws[0].definition.over) != 1:
         return []
-    law = next(e for e in scored.added if e.definition.over)
-    at = scored.model.effects.index(law)
+    at = scored.model.effects.index(laws[0])
     found = []
     for near in find_force_equivalents(scored.model, at, run.prepared)[:_NAMED]:
         if near.left < NEAR:
             run.say(f"refit with {near.effect} in place of the curve")
-            named = run.fits.replaced(scored, law, near.effect)
+            named = run.fits.replaced(scored, laws[0], near.effect)
             if named is not None and not run.note(named, (near.effect,)):
                 found.append(named)
     return found
 
 
 def _verdict_on_law(run: EffectSearch, found: Conclusion) -> Verdict:
-    learned = found.learned
-    assert learned is not None
-    reasons = [learned.evidence(), *found.residual.structure]
+    over = " and ".join(name for e in found.learned for name in e.definition.over)
+    size = np.std(run.prepared.record.Y, axis=0)
+    before, after = (
+        float(np.max(scored.fitted.error / size)) for scored in (run.base, found.scored)
+    )
+    what = learned_laws_of(found.final.model, None)[-1].quantity
+    gain = nats(found.scored, run.base)
+    reasons = [
+        f"A {what} over {over} at {', '.join(found.learned[0].at)} takes the held-out error from "
+        f"{before:.3g} to {after:.3g} of the output's deviation ({gain:.0f} nats).",
+        *found.residual.structure,
+    ]
     if run.best.added:
         named = " and ".join(map(str, run.best.added))
         gain = float(np.diff(scores([run.best, found.scored], run.base))[0])
@@ -396,21 +399,17 @@ def _alike_pairs(run: EffectSearch, found: Conclusion) -> list[tuple[Effect, Eff
 def _candidates(run: EffectSearch) -> Iterator[RankedCandidate]:
     """Yield what was refitted, then what was only screened in the last round."""
     size = np.std(run.prepared.record.Y, axis=0)
-    done = set()
-    fitted = [t for t in run.tried if t.scored is not None]
+    once = {(t.step, frozenset((e.kind, e.at) for e in t.effects)): t for t in run.tried}
+    fitted = [t for t in once.values() if t.scored is not None and t.effects]
     gains = scores([t.scored for t in fitted if t.scored is not None], run.base)
     for tried, gain in sorted(zip(fitted, gains, strict=True), key=lambda p: (p[0].step, -p[1])):
         assert tried.scored is not None
         error = float(np.mean(tried.scored.fitted.error / size))
-        for effect in tried.effects:
-            place = (effect.kind, effect.at, tried.step)
-            if place not in done:
-                done.add(place)
-                yield RankedCandidate(
-                    effect.kind, effect.at, error, gain, tried.step, effect.values, tried.refused,
-                    effect.own,
-                )  # fmt: skip
-    places = {place[:2] for place in done}
+        e, *beside = tried.effects
+        yield RankedCandidate(
+            e.kind, e.at, error, gain, tried.step, e.values, tried.refused, e.own, tuple(beside)
+        )
+    places = {(e.kind, e.at) for t in fitted for e in t.effects}
     for other in run.screening.candidates if run.screening is not None else ():
         if other.place not in places and other.score > 0:
             e, remark = other.effect, other.remark or "screened only"

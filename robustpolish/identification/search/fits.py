@@ -61,6 +61,14 @@ class Fits:
             self.done[key] = self._best(found)
         return self.done[key]
 
+    def grown(self, model: MechanicalModel, effects: Sequence[Effect]) -> ScoredModel | None:
+        """Return a model with learned laws, fitted; None if no fit ended well."""
+        return self.scored(self._grown(model, effects))
+
+    def near(self, model: MechanicalModel) -> ScoredModel | None:
+        """Return a model whose numbers are nearly right, fitted over the longest windows."""
+        return self.scored(self._over(model, self.prepared.spans(self.prepared.trial)[-2:]))
+
     def beside_known_numbers(self, start: ScoredModel, effect: Effect) -> ScoredModel | None:
         """Return a model with one more effect, fitted from the own numbers as they were known."""
         known = replace(self.reference, effects=start.model.effects)

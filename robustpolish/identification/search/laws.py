@@ -1,33 +1,31 @@
-"""Laws that no catalogue holds, learned as curves."""
+"""Laws that no catalogue holds, learned as curves.
+
+At every place a curve over the displacement, one over the velocity, both, and a surface over the
+two, or a stiffness and a damping that vary with time, are fitted to the innovations of an observer.
+The columns of B-splines along the smoothed motion go through the same filter as every candidate of
+a screening. Their second differences are expected to be normal; how large they are is what makes
+the innovations likeliest (restricted maximum likelihood, as for the variances of a mixed model:
+Ruppert, Wand, Carroll 2003, Semiparametric Regression, chapter 4). The likeliest laws go into the
+model as effects like any other, are refitted by free runs, and compared by the score of every set.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from robustpolish.base.arrays import Array
-from robustpolish.identification.diagnosis.findings import learned_laws_of
-from robustpolish.identification.fit.least_squares import (
-    EvaluatedFit,
-    Fit,
-    best_stage,
-    covariance_of,
-    free_run_rms,
-    free_run_rms_checked,
-    homotopy,
-    short_window_rms,
-)
+from robustpolish.identification.fit.least_squares import short_window_rms
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.observer.missing_force import SmoothedMotion, motion_of
 from robustpolish.identification.record import Record
-from robustpolish.identification.residual_tests import residual_noise_floor
+from robustpolish.identification.search.score import STRONG, ScoredModel, nats, simplest_of_best
 from robustpolish.identification.search.screening import FilteredRecord, places
+from robustpolish.identification.search.search import EffectSearch
 from robustpolish.machines.effects.effect import Effect, lookup
-from robustpolish.machines.effects.learned_law import LearnedLaw
 from robustpolish.machines.effects.spline_law import (
     Over,
     coefficients_of,
@@ -39,20 +37,113 @@ from robustpolish.machines.effects.spline_law import (
 from robustpolish.machines.mechanical.data import port_row
 from robustpolish.machines.mechanical.model import MechanicalModel
 
-# Penalised splines in the innovations of an observer.
-#
-# The columns of B-splines along the smoothed motion go through the same filter as every candidate
-# of a screening. Their second differences are expected to be normal; how large they are is what
-# makes the innovations likeliest (restricted maximum likelihood, as for the variances of a mixed
-# model: Ruppert, Wand, Carroll 2003, Semiparametric Regression, chapter 4).
+LawKinds = tuple[Over | Literal["dry"], ...]
+CURVES: tuple[LawKinds, ...] = (
+    ("stiffness",),
+    ("damping",),
+    ("stiffness", "dry"),
+    ("stiffness", "damping"),
+)
+"""What is tried at every place: one curve or two. Dry friction stands beside one over the
+displacement because no smooth curve jumps as it does."""
+KINDS: tuple[LawKinds, ...] = (*CURVES, ("force",))
+"""All of these, and a force over displacement and velocity at once, which can be anything."""
+OVER_TIME: tuple[LawKinds, ...] = (("varying_stiffness",), ("varying_damping",))
+"""What is tried where no law of the motion explains what is left."""
 
+_COEFFICIENTS, _ACROSS, _MOST = 11, 7, 60
+"""Coefficients of a curve, of a surface in each direction, and of a curve at most."""
+_ODDS, _NEAR, _REFITS = 12.0, 0.6, 4
+"""Log odds from which a law is worth a refit, share of the best odds below which it is no rival,
+and laws that are refitted at most: one with twenty coefficients costs seconds."""
+_SHARES = (1.0, 0.5, 0.25, 0.0)
+"""Of a curve with which its refit may begin: free runs of a steep one may diverge."""
+_NARROW = 0.05
+"""Share of a range by which the ends of knots may be off it."""
+_DRY, _TURNS_OVER = "coulomb_friction", 0.02
+"""Dry friction, and the share of the speed over which it turns over, as screening has it."""
 _PENALTY_GRID = np.geomspace(1e-9, 1e3, 37)
 """What is tried for the price of bending, in units in which data and bending weigh alike."""
-DRY = "coulomb_friction"
-_TURNS_OVER = 0.02
-"""Share of the speed over which dry friction turns over, as screening has it."""
 _HOLD = 1e-9
 """Share of the information that holds what neither data nor bending determines."""
+
+
+def learn(run: EffectSearch, kinds: Sequence[LawKinds], noise: Array) -> ScoredModel | None:
+    """Learn the law that explains best what the refitted model leaves.
+
+    Parameters
+    ----------
+    run : EffectSearch
+    kinds : sequence of tuple
+        What is tried at every place: `KINDS`, `CURVES` or `OVER_TIME`.
+    noise : ndarray, shape (ny,)
+        Of each output, of whatever colour.
+
+    Returns
+    -------
+    ScoredModel or None
+        The model with the laws, one or two at one place. Its springs and dampers stay as they were
+        given where a law contains them. None if no law is better by very strong evidence.
+    """
+    at_floor = replace(run.prepared, scales=replace(run.prepared.scales, noise=noise))
+    ranked = _rank_laws(run, at_floor, kinds)
+    least = max(_ODDS, _NEAR * ranked[0].odds) if ranked else np.inf
+    found: list[ScoredModel] = []
+    for law in [law for law in ranked if law.odds >= least][:_REFITS]:
+        names = " and ".join(e.definition.title for e in law.effects)
+        run.say(f"refit with a learned law: {names} at {', '.join(law.effects[0].at)}")
+        fitted = _refitted(run, law)
+        if fitted is not None and nats(fitted, run.base) > STRONG:
+            found.append(fitted)
+    return _with_suitable_knots(run, simplest_of_best(found, run.base)) if found else None
+
+
+class _RankedLaw(NamedTuple):
+    """Laws at a place, their log odds, and the model beside which they are likeliest."""
+
+    odds: float
+    effects: tuple[Effect, ...]
+    beside: MechanicalModel
+
+
+def _rank_laws(
+    run: EffectSearch, prepared: PreparedRecord, kinds: Sequence[LawKinds]
+) -> list[_RankedLaw]:
+    """Return laws by their log odds, the best of each place and kind, the best first.
+
+    They are tried beside the refitted numbers and beside those that were given: without the law, a
+    fit may have bent them far off.
+    """
+    policy, record, found = prepared.policy, prepared.screened, []
+    looks = []
+    for model in dict.fromkeys([run.base.model, run.reference]):
+        motion = prepared.motion(model, record)
+        seen = [FilteredRecord(model, prepared, record, at, motion) for at in policy.shape_levels]
+        looks.append((model, motion, seen))
+    null = min(
+        min(f.null_scores(policy.noise_orders).values()) for _, _, seen in looks for f in seen
+    )
+    for at in places(run.reference, lookup("cubic_stiffness")):
+        for over in kinds:
+            tried = []
+            for model, motion, seen in looks:
+                blocks = [_columns(model, at, each, motion, record) for each in over]
+                made = [b for b in blocks if b is not None]
+                if len(made) == len(blocks):
+                    row = port_row(model, at)
+                    tried += [(*_fit_curves(f, row, made), model) for f in seen]
+            # dry friction does not push
+            sound = [
+                t for t in tried if np.isfinite(t[0]) and all(_pulls(effect) for effect in t[1])
+            ]
+            if sound:
+                score, effects, model = min(sound, key=lambda t: t[0])
+                found.append(_RankedLaw((null - score) / 2, effects, model))
+    return sorted(found, key=lambda law: -law.odds)
+
+
+def _pulls(effect: Effect) -> bool:
+    return effect.kind != _DRY or effect.values["force"] > 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,115 +164,47 @@ class LawColumns:
     bending: Array
 
 
-@dataclass(frozen=True, eq=False)
-class CurveFit:
-    """Laws at one place, as the innovations of one level show them.
-
-    Attributes
-    ----------
-    effects : tuple of Effect
-    score : float
-        The information criterion; every coefficient counts as far as the data determine it.
-    freedom : float
-        How many coefficients that are.
-    fall : float
-        Share by which the innovations fell.
-    """
-
-    effects: tuple[Effect, ...]
-    score: float
-    freedom: float
-    fall: float
-
-    @property
-    def at(self) -> tuple[str, ...]:
-        """The place."""
-        return self.effects[0].at
-
-    @property
-    def laws(self) -> tuple[Effect, ...]:
-        """Those that are curves."""
-        return tuple(e for e in self.effects if e.kind != DRY)
-
-    @property
-    def others(self) -> tuple[Effect, ...]:
-        """Dry friction beside them, if any."""
-        return tuple(e for e in self.effects if e.kind == DRY)
-
-    def within(self, other: CurveFit) -> bool:
-        """Return whether the laws of another one at the same place are these, and more."""
-        these, those = ({e.definition.over for e in each.effects} for each in (self, other))
-        return self.at == other.at and these < those
-
-    @property
-    def sensible(self) -> bool:
-        """Whether dry friction does not push."""
-        return all(e.values["force"] > 0 for e in self.others)
-
-
-def dry_friction_block(
-    model: MechanicalModel, at: tuple[str, ...], motion: SmoothedMotion
-) -> LawColumns | None:
-    """Return dry friction at a place as a law with one coefficient, None if nothing moves there.
-
-    Parameters
-    ----------
-    model : MechanicalModel
-    at : tuple of str
-    motion : SmoothedMotion
-    """
-    v = port_row(model, at) @ motion.v
-    width = _TURNS_OVER * float(np.percentile(np.abs(v), 95))
-    if not (width > 0 and np.isfinite(width)):
-        return None
-    effect = Effect(DRY, at, {"force": 0.0, "width": width})
-    return LawColumns(effect, -np.tanh(v / width)[None, None], np.zeros((0, 1)))
-
-
-def block(
+def _columns(
     model: MechanicalModel,
     at: tuple[str, ...],
-    over: Over,
-    count: int,
+    over: Over | Literal["dry"],
     motion: SmoothedMotion,
     record: Record,
 ) -> LawColumns | None:
-    """Return the splines of a law at a place, None if nothing moves there.
-
-    Parameters
-    ----------
-    model : MechanicalModel
-    at : tuple of str
-    over : {"stiffness", "damping", "force", "varying_stiffness", "varying_damping"}
-    count : int
-        Of coefficients, in each direction.
-    motion : SmoothedMotion
-    record : Record
-        The part that moved so: what changes along the record does so over the whole of it.
-    """
+    """Return the splines of a law at a place, None if nothing moves there or a law is there."""
     row = port_row(model, at)
     q, v = row @ motion.q, row @ motion.v
     if not (np.ptp(q) > 0 and np.ptp(v) > 0 and np.isfinite(q + v).all()):
         return None
+    here = [e for e in model.effects if set(e.at) == set(at)]
+    if over == "dry":
+        width = _TURNS_OVER * float(np.percentile(np.abs(v), 95))
+        if any(e.kind == _DRY for e in here) or not width > 0:
+            return None
+        effect = Effect(_DRY, at, {"force": 0.0, "width": width})
+        return LawColumns(effect, -np.tanh(v / width)[None, None], np.zeros((0, 1)))
+    count = _ACROSS if over == "force" else _COEFFICIENTS
     varies = over in ("varying_stiffness", "varying_damping")
     x = record.time if varies else v if over == "damping" else q
-    seen = record.times if varies else x
+    seen = record.times if varies else x  # what changes along the record does so over all of it
     knots = {"low": float(seen.min()), "high": float(seen.max())}
     basis = spline_basis(x, knots["low"], knots["high"], count, over not in ("stiffness", "force"))
     if over == "force":
         knots |= {"slow": float(v.min()), "fast": float(v.max())}
         across = spline_basis(v, knots["slow"], knots["fast"], count, True)
         basis = (basis[:, None] * across).reshape(count * count, -1)
-    elif over == "varying_stiffness":
-        basis = basis * q
-    elif over == "varying_damping":
-        basis = basis * v
+    elif varies:
+        basis = basis * (q if over == "varying_stiffness" else v)
     effect = Effect(learned_name(over, count), at, knots)
+    if any({*e.definition.over} & {*effect.definition.over} for e in here):
+        return None
     bending = smoothness_prior({**effect.values, "roughness": 1.0})
     return LawColumns(effect, -basis[:, None, :], bending)
 
 
-def fit_curves(f: FilteredRecord, row: Array, blocks: Sequence[LawColumns]) -> CurveFit:
+def _fit_curves(
+    f: FilteredRecord, row: Array, blocks: Sequence[LawColumns]
+) -> tuple[float, tuple[Effect, ...]]:
     """Fit laws at one place to the innovations of one level.
 
     Parameters
@@ -190,46 +213,42 @@ def fit_curves(f: FilteredRecord, row: Array, blocks: Sequence[LawColumns]) -> C
     row : ndarray, shape (coordinates,)
         Of the place.
     blocks : sequence of LawColumns
+
+    Returns
+    -------
+    score : float
+        The information criterion; every coefficient counts as far as the data determine it.
+    effects : tuple of Effect
     """
     columns = np.concatenate([b.columns for b in blocks])
-    at = blocks[0].effect.at
-    X = f.weighted(f.observer.respond(row[None], [at], columns))
+    X = f.weighted(f.observer.respond(row[None], [blocks[0].effect.at], columns))
     NX = f.N @ X.T
     A = X @ X.T - NX.T @ f.factor @ NX
     b = X @ f.e - NX.T @ f.factor @ f.Ne
     total = float(f.e @ f.e - f.Ne @ f.factor @ f.Ne)
-    priced = _select_bending_penalty(A, b, total, len(f.e), [block.bending for block in blocks])
-    V = np.linalg.inv(A + priced.price)
+    weights, price = _bending_penalty(A, b, total, len(f.e), [block.bending for block in blocks])
+    V = np.linalg.inv(A + price)
     c = V @ b
-    freedom = float(np.trace(V @ A))
     rest = f.e - f.N.T @ (f.factor @ (f.Ne - NX @ c)) - X.T @ c
     rest = rest.reshape(f.errors.shape) * f.sigma
-    before = f.residual(None)[0]
-    scores = f.scores(rest, 0, f.policy.noise_orders)
-    score = min(scores.values()) + freedom * np.log(len(rest))
-    fall = 1 - float(np.min(np.std(rest, axis=0) / np.std(before, axis=0)))
+    score = min(f.scores(rest, 0, f.policy.noise_orders).values())
+    score += float(np.trace(V @ A)) * np.log(len(rest))
     variance = float(np.mean((rest / f.sigma) ** 2))
     effects, first = [], 0
-    for item, weight in zip(blocks, priced.weights, strict=True):
+    for item, weight in zip(blocks, weights, strict=True):
         last = first + item.bending.shape[1]
-        law = with_coefficients(item.effect, c[first:last])
+        law = _with_coefficients(item.effect, c[first:last])
         if len(item.bending):
             law = law.with_parameters(roughness=float(np.sqrt(variance / weight)))
         effects.append(law)
         first = last
-    return CurveFit(tuple(effects), float(score), freedom, fall)
+    return float(score), tuple(effects)
 
 
-@dataclass(frozen=True, eq=False)
-class _BendingPenalty:
-    weights: tuple[float, ...]
-    price: Array
-
-
-def _select_bending_penalty(
+def _bending_penalty(
     A: Array, b: Array, total: float, samples: int, bending: Sequence[Array]
-) -> _BendingPenalty:
-    """Return the price of bending that makes the data likeliest, one weight for each law."""
+) -> tuple[list[float], Array]:
+    """Return the weight of bending of each law that makes the data likeliest, and its matrix."""
     n = len(b)
     hold = _HOLD * float(np.trace(A)) / n * np.eye(n)
     grams, ranks, units, first = [], [], [], 0
@@ -256,23 +275,39 @@ def _select_bending_penalty(
         for k, unit in ((k, unit) for k, unit in enumerate(units) if ranks[k]):
             tried = [[*weights[:k], unit * share, *weights[k + 1 :]] for share in _PENALTY_GRID]
             weights = min(tried, key=unlikely)
-    return _BendingPenalty(tuple(weights), price(weights))
+    return weights, price(weights)
 
 
-def absorb_own_parameters(
+# Refits of models with learned laws.
+
+
+def _refitted(run: EffectSearch, law: _RankedLaw) -> ScoredModel | None:
+    """Return the model with laws, fitted by free runs that grow longer.
+
+    Where the record hardly saw a curve, the whole of it may be too much for a run: it begins with
+    the share of it that predicts best.
+    """
+    prepared, best, least = run.prepared, None, np.inf
+    for share in _SHARES:
+        scaled = [
+            e if e.kind == _DRY else _with_coefficients(e, share * coefficients_of(e.values))
+            for e in law.effects
+        ]
+        bare, laws = _absorb_own_parameters(scaled, law.beside, run.reference)
+        begun = replace(bare, effects=(*bare.effects, *laws))
+        error = np.nan_to_num(short_window_rms(begun, prepared, prepared.trial), nan=np.inf)
+        if best is None or np.sum(np.log(error)) < least:
+            best, least = (bare, laws), float(np.sum(np.log(error)))
+    return run.fits.grown(*best) if best is not None else None
+
+
+def _absorb_own_parameters(
     effects: Sequence[Effect], model: MechanicalModel, reference: MechanicalModel
 ) -> tuple[MechanicalModel, tuple[Effect, ...]]:
     """Return a model whose springs and dampers at the place of laws are as they were, and the laws.
 
     What a fit has made of these numbers moves into the laws: the force stays the same, and the
     curves tell what the model as it was given lacks.
-
-    Parameters
-    ----------
-    effects : sequence of Effect
-        Learned laws at one place.
-    model, reference : MechanicalModel
-        Fitted, and before any fit.
     """
     known, changes, moved = reference.parameters, {}, []
     for effect in effects:
@@ -289,7 +324,7 @@ def absorb_own_parameters(
         }
         k, c = (sum(v - known.get(key, v) for key, v in m.items()) for m in (springs, dampers))
         changes |= {key: known[key] for key in (*springs, *dampers) if key in known}
-        moved.append(_steeper(effect, k, c))
+        moved.append(_steeper(effect, k, c) if contains else effect)
     return model.with_parameters(changes), tuple(moved)
 
 
@@ -300,240 +335,66 @@ def _steeper(effect: Effect, stiffness: float, damping: float) -> Effect:
     c = coefficients_of(values)
     if c.ndim == 2:
         along, across = (spline_centres(ends[n], ends[n + 1], len(c)) for n in (0, 2))
-        added = c + stiffness * along[:, None] + damping * across
-    else:
-        slope = stiffness if "spring" in kind.contains else damping
-        varies = kind.over == ("time",)
-        added = c + slope * (1.0 if varies else spline_centres(ends[0], ends[1], len(c)))
-    return with_coefficients(effect, added.ravel())
+        return _with_coefficients(effect, c + stiffness * along[:, None] + damping * across)
+    slope = stiffness if "spring" in kind.contains else damping
+    varies = kind.over == ("time",)
+    added = slope * (1.0 if varies else spline_centres(ends[0], ends[1], len(c)))
+    return _with_coefficients(effect, c + added)
 
 
-def with_coefficients(effect: Effect, c: Array) -> Effect:
+def _with_coefficients(effect: Effect, c: Array) -> Effect:
     """Return a law with other fitted numbers."""
     names = [p.name for p in effect.definition.parameters if p.fitted]
-    return effect.with_parameters(**dict(zip(names, c.tolist(), strict=True)))
+    return effect.with_parameters(**dict(zip(names, c.ravel().tolist(), strict=True)))
 
 
-# Refits of models with learned laws, over windows that grow, with closer knots.
+def _with_suitable_knots(run: EffectSearch, scored: ScoredModel) -> ScoredModel:
+    """Return a model whose curves have their knots where it moves, as close as the data ask for.
 
-
-@dataclass(frozen=True)
-class LearnPolicy:
-    """What the learning of laws goes by.
-
-    Attributes
-    ----------
-    first : int
-        Coefficients of a curve at the first look at every place.
-    counts : tuple of int
-        What is tried at the best places: a law with corners needs closer knots, and the price of
-        bending keeps smooth ones smooth.
-    across : tuple of int
-        The same in each direction of a surface, whose coefficients are as many as the square.
-    samples : int
-        Least samples for each coefficient: fewer say nothing about it.
-    odds : float
-        Log odds from which a law is worth a refit, as of a named effect.
-    refits : int
-        Most laws that are refitted: a refit with twenty coefficients costs seconds.
-    near : float
-        Share of the best odds below which a law is no rival.
-    simpler : float
-        Log odds that closer knots have to bring.
-    better : float
-        Log of the held-out error that a law has to bring to stand before one with higher odds.
-    steps : int
-        Most steps of a stage, each of which runs the model once for every coefficient.
-    shares : tuple of float
-        Of a curve with which its refit may begin: free runs of a steep one may diverge ("saturating
-        spring, accelerations").
-    rest : float
-        Times the noise up to which white noise alone is left. Above it closer knots are tried: a
-        regression on the smoothed motion does not see corners that a free run feels ("dead zone and
-        friction").
-    closest : int
-        Most coefficients of a curve.
-    narrow : float
-        Share of a range by which the ends of knots may be off it.
-    fall : float
-        Share by which the held-out error has to fall for a law to earn its place.
-    explains : float
-        Times the noise up to which a law explains what was left.
+    Before the law was known, a place may have seemed to move farther than it does: what a curve
+    does there nobody has seen. What a curve leaves whose knots are too far apart looks like noise
+    of some colour, so knots are halved as long as that is worth very strong evidence.
     """
-
-    first: int = 11
-    counts: tuple[int, ...] = (8, 15, 25)
-    across: tuple[int, ...] = (7,)
-    samples: int = 20
-    odds: float = 12.0
-    refits: int = 3
-    near: float = 0.6
-    simpler: float = 6.0
-    better: float = 0.02
-    steps: int = 7
-    shares: tuple[float, ...] = (1.0, 0.5, 0.25, 0.0)
-    rest: float = 1.1
-    closest: int = 60
-    narrow: float = 0.05
-    fall: float = 0.1
-    explains: float = 1.5
-
-
-LEARNING = LearnPolicy()
-"""What `learn` goes by."""
-
-
-def mean_log_error(error: Array) -> float:
-    """Return the mean log of the errors of all outputs: what a fit makes small."""
-    return float(np.mean(np.log(error)))
-
-
-def held_out(model: MechanicalModel, prepared: PreparedRecord) -> Array:
-    """Return the held-out error of a model, of short runs where whole ones judge nothing."""
-    error, predictable = free_run_rms_checked(model, prepared, prepared.held_out)
-    if predictable:
-        return error
-    return short_window_rms(model, prepared, prepared.held_out)
-
-
-def fit_with_laws(
-    model: MechanicalModel,
-    curves: CurveFit,
-    prepared: PreparedRecord,
-    reference: MechanicalModel,
-) -> EvaluatedFit | None:
-    """Return the model with the laws, fitted by free runs that grow longer.
-
-    Where the record hardly saw a curve, the whole of it may be too much for a run: it begins with
-    the share of it that predicts best.
-    """
-    spans = prepared.spans(prepared.trial, prepared.policy.growth)
-    starts = []
-    for share in LEARNING.shares:
-        effects = [
-            with_coefficients(e, share * coefficients_of(e.values).ravel()) for e in curves.laws
-        ]
-        start, laws = absorb_own_parameters(effects, model, reference)
-        extended = replace(start, effects=(*start.effects, *laws, *curves.others))
-        error = short_window_rms(extended, prepared, prepared.trial)
-        starts.append((float(np.sum(np.log(np.nan_to_num(error, nan=np.inf)))), share, extended))
-    extended = min(starts, key=lambda item: (item[0], -item[1]))[2]
-    stages = homotopy(extended, prepared, prepared.trial, reference, spans, LEARNING.steps)
-    return best_stage(stages, prepared) if stages else None
-
-
-def refine_knots(
-    stage: EvaluatedFit,
-    first: int,
-    prepared: PreparedRecord,
-    reference: MechanicalModel,
-    white: Array,
-) -> EvaluatedFit:
-    """Return a stage with twice as close knots, over the motion that its model now shows.
-
-    As long as more than white noise is left and the held-out error falls: what a curve leaves
-    whose knots are too far apart looks like noise of some colour.
-
-    Parameters
-    ----------
-    stage : EvaluatedFit
-    first : int
-        From which effect on laws are concerned.
-    prepared : PreparedRecord
-    reference : MechanicalModel
-    white : ndarray, shape (ny,)
-        Noise of the sensors if it has no colour.
-    """
-    while np.any(stage.error > LEARNING.rest * white):
-        finer = _with_other_knots(stage, first, with_halved_spacing, prepared, reference, 2)
-        if (
-            finer is None
-            or mean_log_error(finer.error) > mean_log_error(stage.error) - LEARNING.better
-        ):
+    there = _with_other_knots(run, scored, 1)
+    if there is not None and nats(scored, there) < STRONG:
+        scored = there
+    while not run.at_noise_floor(scored):
+        finer = _with_other_knots(run, scored, 2)
+        if finer is None or nats(finer, scored) < STRONG:
             break
-        stage = finer
-    return stage
+        scored = finer
+    return scored
 
 
-def with_knots_over_motion(
-    stage: EvaluatedFit, first: int, prepared: PreparedRecord, reference: MechanicalModel
-) -> EvaluatedFit:
-    """Return a stage whose curves have their knots where its model moves.
+def _with_other_knots(run: EffectSearch, scored: ScoredModel, times: int) -> ScoredModel | None:
+    """Return a model with its curves' knots so many times as close, over the motion of its own.
 
-    Before it was known, a place may have seemed to move farther than it does: what a curve does
-    there nobody has seen. As many knots, if they do as well.
-
-    Parameters
-    ----------
-    stage : EvaluatedFit
-    first, prepared, reference
-        As of :func:`refine_knots`.
+    None if no knot is another one, or no fit ended well.
     """
-
-    def as_many(effect: Effect, low: float, high: float) -> Effect:
-        values, narrow = effect.values, LEARNING.narrow * (high - low)
-        if abs(values["low"] - low) <= narrow and abs(values["high"] - high) <= narrow:
-            return effect
-        return resampled_spline(effect, low, high, coefficients_of(values).size)
-
-    other = _with_other_knots(stage, first, as_many, prepared, reference, 1)
-    if other is None or mean_log_error(other.error) > mean_log_error(stage.error) + LEARNING.better:
-        return stage
-    return other
-
-
-def _simulated_motion(stage: EvaluatedFit, prepared: PreparedRecord) -> tuple[Array, Array]:
-    """Return displacements and velocities of a model's own runs, shape (coordinates, samples)."""
-    model, pieces = stage.model, prepared.everything if stage.reproducible else prepared.windows
-    run, started = prepared.run_with_fitted_starts(model, pieces)
-    signals = np.concatenate([run.runner.inputs(model, piece.record) for piece in started])
-    return motion_of(model, run.over_all(started, keep=True).states, signals)
-
-
-def _with_other_knots(
-    stage: EvaluatedFit,
-    first: int,
-    knots: Callable[[Effect, float, float], Effect],
-    prepared: PreparedRecord,
-    reference: MechanicalModel,
-    spans: int,
-) -> EvaluatedFit | None:
-    """Return a stage with other knots by the range of each law, fitted over the longest windows.
-
-    The range is that of the model's own runs: smoothed accelerations wander. None if no knot is
-    another one, or no fit ended well.
-    """
-    effects, motion = list(stage.model.effects), _simulated_motion(stage, prepared)
-    for i in range(first, len(effects)):
-        over = effects[i].definition.over
+    prepared, model, effects = run.prepared, scored.model, list(scored.model.effects)
+    pieces = prepared.everything if scored.fitted.reproducible else prepared.windows
+    own, started = prepared.run_with_fitted_starts(model, pieces)
+    signals = np.concatenate([own.runner.inputs(model, piece.record) for piece in started])
+    motion = motion_of(model, own.over_all(started, keep=True).states, signals)
+    for i, effect in enumerate(effects):
+        over = effect.definition.over
         if len(over) == 1:
-            q, v = (port_row(stage.model, effects[i].at) @ part for part in motion)
+            q, v = (port_row(model, effect.at) @ part for part in motion)
             x = {"displacement": q, "velocity": v}.get(over[0], prepared.record.times)
-            low, high = float(x.min()), float(x.max())
-            effects[i] = knots(effects[i], low, high)
-    model = replace(stage.model, effects=tuple(effects))
-    if model == stage.model:
+            effects[i] = _resampled(effect, float(x.min()), float(x.max()), times)
+    if all(new is old for new, old in zip(effects, model.effects, strict=True)):
         return None
-    last = prepared.spans(prepared.trial, prepared.policy.growth)[-spans:]
-    fits = homotopy(model, prepared, prepared.trial, reference, last, LEARNING.steps, known=True)
-    return best_stage(fits, prepared) if fits else None
+    return run.fits.near(replace(model, effects=tuple(effects)))
 
 
-def with_halved_spacing(effect: Effect, low: float, high: float) -> Effect:
-    """Return a learned curve with twice as many stretches between knots over a range.
-
-    The same effect if there would be too many.
-    """
-    count = 2 * coefficients_of(effect.values).size - 3
-    return effect if count > LEARNING.closest else resampled_spline(effect, low, high, count)
-
-
-def resampled_spline(effect: Effect, low: float, high: float, count: int) -> Effect:
-    """Return a learned curve with so many coefficients over a range; itself if that is none."""
+def _resampled(effect: Effect, low: float, high: float, times: int) -> Effect:
+    """Return a curve with knots so many times as close over a range; itself if that is none."""
     values = effect.values
-    if not high > low:
+    c, off = coefficients_of(values), _NARROW * (high - low)
+    count = times * (c.size - 3) + 3
+    same = abs(values["low"] - low) <= off and abs(values["high"] - high) <= off
+    if not high > low or count > _MOST or (times == 1 and same):
         return effect
-    c = coefficients_of(values)
     stays = effect.definition.over != ("displacement",)
     grid = np.linspace(low, high, 8 * count)
     curve = c @ spline_basis(grid, values["low"], values["high"], c.size, stays)
@@ -542,321 +403,4 @@ def resampled_spline(effect: Effect, low: float, high: float, count: int) -> Eff
     step = (high - low) / (count - 3) / ((values["high"] - values["low"]) / (c.size - 3))
     knots = {"low": low, "high": high, "roughness": values["roughness"] * step}
     kind = f"{effect.kind.rpartition('_')[0]}_{count}"
-    return with_coefficients(Effect(kind, effect.at, knots), finer)
-
-
-def fit_laws_to_record(
-    stage: EvaluatedFit, prepared: PreparedRecord, reference: MechanicalModel
-) -> Fit:
-    """Return the fit to the whole record, the one to its trial pieces if that did not end well."""
-    if not stage.reproducible:
-        return stage.fit
-    pieces = prepared.everything
-    whole = prepared.spans(pieces)[-1:]
-    fits = homotopy(stage.model, prepared, pieces, reference, whole, LEARNING.steps, known=True)
-    before = free_run_rms(stage.model, prepared, prepared.everything)
-    if not fits or mean_log_error(fits[-1].rmse) > mean_log_error(before):
-        return stage.fit
-    return fits[-1]
-
-
-# Identification of a nonparametric force: its place, its arguments, its curve.
-#
-# At every place a curve over the displacement, one over the velocity, both, and a surface over the
-# two are fitted to the innovations, or a stiffness and a damping that vary with
-# time; the information criterion says which explains best what is left, beside the numbers of the
-# refitted model or beside those that were given. The best few go into the model as effects like
-# any other and are refitted by free runs that grow longer; the held-out error judges, as it judges
-# every named effect.
-
-LawKinds = tuple[Over | Literal["dry"], ...]
-
-SINGLE_CURVE: tuple[LawKinds, ...] = (("stiffness",), ("damping",), ("stiffness", "dry"))
-"""What is tried at every place first: one curve. Dry friction stands beside one over the
-displacement because no smooth curve jumps as it does."""
-CURVES: tuple[LawKinds, ...] = (*SINGLE_CURVE, ("stiffness", "damping"))
-"""The same, and two curves."""
-KINDS: tuple[LawKinds, ...] = (*CURVES, ("force",))
-"""All of these, and a force over displacement and velocity at once, which can be anything."""
-OVER_TIME: tuple[LawKinds, ...] = (("varying_stiffness",), ("varying_damping",))
-"""What is tried where no law of the motion explains what is left."""
-
-
-@dataclass(frozen=True, eq=False)
-class TriedLaw:
-    """A law that was tried.
-
-    Attributes
-    ----------
-    at : tuple of str
-    over : str
-        What the laws are curves over.
-    odds : float
-        Log odds against no law, from the innovations.
-    fall : float
-        Share by which the innovations fell.
-    ratio : float
-        Held-out error over the noise after the refit; infinite if there was none.
-    helps : bool
-        Whether that error fell.
-    """
-
-    at: tuple[str, ...]
-    over: str
-    odds: float
-    fall: float
-    ratio: float = np.inf
-    helps: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class Learned:
-    """What was learned.
-
-    Attributes
-    ----------
-    fitted : EvaluatedFit
-        The model with the laws, fitted to parts of the record and judged on the others.
-    final : Fit
-        The same, fitted to the whole of it.
-    laws : tuple of LearnedLaw
-        Those that were added, one or two at one place.
-    covariance : xarray.DataArray
-        Of the fitted numbers.
-    before, after : ndarray, shape (ny,)
-        Held-out errors over the noise, without and with the laws.
-    tried : tuple of Tried
-        What was added first, then the best.
-    explains : bool
-        Whether the held-out error is as good as the noise now. If not, what is missing is no such
-        law, or not that alone: it may depend on time, on the past, or on more than one place.
-    """
-
-    fitted: EvaluatedFit
-    final: Fit
-    laws: tuple[LearnedLaw, ...]
-    covariance: xr.DataArray
-    before: Array
-    after: Array
-    tried: tuple[TriedLaw, ...]
-    explains: bool
-
-    @property
-    def model(self) -> MechanicalModel:
-        """The model with the laws, fitted."""
-        return self.final.model
-
-    @property
-    def what(self) -> str:
-        """What they are, over what and where, as in "force over velocity at arm, ground"."""
-        best = self.tried[0]
-        return f"{self.laws[0].quantity} over {best.over} at {', '.join(best.at)}"
-
-    def evidence(self) -> str:
-        """Say in a sentence what the laws explain.
-
-        Returns
-        -------
-        str
-        """
-        before, after = float(np.max(self.before)), float(np.max(self.after))
-        told = (
-            f"A {self.what} takes the held-out error from {before:.3g} to {after:.3g} times the "
-            f"noise (log odds {self.tried[0].odds:.0f})"
-        )
-        if self.explains:
-            return f"{told}: such a law explains what was left."
-        return (
-            f"{told}: it does not explain what is left, which may depend on time, on the past, "
-            "or on more than this place."
-        )
-
-
-def learn(
-    model: MechanicalModel,
-    prepared: PreparedRecord,
-    reference: MechanicalModel,
-    kinds: Sequence[LawKinds] = KINDS,
-    white: Array | None = None,
-) -> Learned | None:
-    """Learn the law that explains best what a model leaves, and add it to the model.
-
-    Parameters
-    ----------
-    model : MechanicalModel
-        Fitted, with the effects that were found.
-    prepared : PreparedRecord
-    reference : MechanicalModel
-        The model before any fit: its springs and dampers stay where a law contains them, and laws
-        are looked for beside its numbers, too. Without the law, a fit may have bent them far off.
-    kinds : sequence of tuple, optional
-        What is tried at every place: `KINDS`, `CURVES` or `OVER_TIME`.
-    white : ndarray, shape (ny,), optional
-        Noise of the sensors if it has no colour; if not given, the noise as prepared has none.
-
-    Returns
-    -------
-    Learned or None
-        None if no law makes the held-out error fall.
-    """
-    before = held_out(model, prepared)
-    given = replace(reference, effects=model.effects)
-    ranked = _rank_laws([model] if given == model else [model, given], prepared, kinds)
-    least = max(LEARNING.odds, LEARNING.near * ranked[0].odds) if ranked else np.inf
-    likely = [(i, law) for i, law in enumerate(ranked) if law.odds >= least]
-    enough = prepared.policy.at_noise_floor * prepared.scales.noise
-    refits: dict[int, EvaluatedFit] = {}
-    stood: int | None = None
-    for i, law in likely:
-        if len(refits) == LEARNING.refits:
-            break
-        # a law that is less likely than one that helps there is none beside it
-        here = [fitted for j, fitted in refits.items() if ranked[j].curves.at == law.curves.at]
-        if any(_helps(fitted.error, before) for fitted in here):
-            continue
-        fitted = fit_with_laws(law.beside, law.curves, prepared, reference)
-        if fitted is None:
-            continue
-        refits[i] = fitted
-        if stood is None or _has_lower_error(fitted, refits[stood]):
-            stood = i
-        if np.all(refits[stood].error < enough):
-            break
-    if stood is None or not _helps(refits[stood].error, before):
-        return None
-    for i, law in likely:  # a second law at a place has to earn it
-        if law.curves.within(ranked[stood].curves) and i not in refits:
-            fitted = fit_with_laws(law.beside, law.curves, prepared, reference)
-            if fitted is not None and not _has_lower_error(refits[stood], fitted):
-                refits[i], stood = fitted, i
-                break
-    best = with_knots_over_motion(refits[stood], len(model.effects), prepared, reference)
-    least_noise = prepared.scales.noise if white is None else white
-    best = refine_knots(best, len(model.effects), prepared, reference, least_noise)
-    final = fit_laws_to_record(best, prepared, reference)
-    covariance = covariance_of(final)
-    noise = residual_noise_floor(final.model, prepared, best.reproducible)
-    old = sum(bool(e.definition.over) for e in model.effects)
-    told = [
-        (i != stood, _tried_law(law, refits.get(i), before, prepared))
-        for i, law in enumerate(ranked)
-    ]
-    told.sort(key=lambda item: (item[0], item[1].ratio, -item[1].odds))
-    return Learned(
-        best,
-        final,
-        learned_laws_of(final.model, covariance)[old:],
-        covariance,
-        before / noise,
-        best.error / noise,
-        tuple(tried for _, tried in told),
-        bool(np.all(best.error <= LEARNING.explains * noise)),
-    )
-
-
-def _has_lower_error(one: EvaluatedFit, other: EvaluatedFit) -> bool:
-    return mean_log_error(one.error) < mean_log_error(other.error) - LEARNING.better
-
-
-def _tried_law(
-    law: _RankedLaw, fitted: EvaluatedFit | None, before: Array, prepared: PreparedRecord
-) -> TriedLaw:
-    curves = law.curves
-    over = " and ".join(
-        name for e in curves.effects for name in e.definition.over or [e.definition.title]
-    )
-    ratio, helps = np.inf, False
-    if fitted is not None:
-        ratio = float(np.max(fitted.error / prepared.scales.noise))
-        helps = _helps(fitted.error, before)
-    return TriedLaw(curves.at, over, law.odds, curves.fall, ratio, helps)
-
-
-def _helps(error: Array, before: Array) -> bool:
-    return mean_log_error(error) <= mean_log_error(before) + np.log(1 - LEARNING.fall)
-
-
-class _ModelView(NamedTuple):
-    """A model and what it makes of the record: its motion, and its innovations at some levels."""
-
-    model: MechanicalModel
-    motion: SmoothedMotion
-    seen: list[FilteredRecord]
-
-
-class _RankedLaw(NamedTuple):
-    """Laws at a place, their log odds, and the model beside which they are likeliest."""
-
-    odds: float
-    curves: CurveFit
-    beside: MechanicalModel
-
-
-def _rank_laws(
-    models: Sequence[MechanicalModel], prepared: PreparedRecord, tried: Sequence[LawKinds]
-) -> list[_RankedLaw]:
-    """Return laws by their log odds, the best of each place and kind, the best first."""
-    policy, record = prepared.policy, prepared.screened
-    looks = []
-    for model in models:
-        motion = prepared.motion(model, record)
-        seen = [FilteredRecord(model, prepared, record, n, motion) for n in policy.shape_levels]
-        looks.append(_ModelView(model, motion, seen))
-    null = min(
-        min(f.null_scores(policy.noise_orders).values()) for look in looks for f in look.seen
-    )
-    rough = []
-    for at in places(models[0], lookup("cubic_stiffness")):
-        for kinds in tried:
-            found = [
-                (_fit_at_best_level(look, at, kinds, LEARNING.first, record), look)
-                for look in looks
-            ]
-            known = [(fit, look) for fit, look in found if fit is not None]
-            if known:
-                fit, look = min(known, key=lambda item: item[0].score)
-                rough.append(
-                    (_RankedLaw(float(null - fit.score) / 2, fit, look.model), look, kinds)
-                )
-    rough.sort(key=lambda item: -item[0].odds)
-    ranked = [law for law, _, _ in rough]
-    for i, (law, look, kinds) in enumerate(rough[: LEARNING.refits]):
-        for count in LEARNING.counts if kinds != ("force",) else ():
-            if count * LEARNING.samples > record.samples:
-                continue
-            finer = _fit_at_best_level(look, law.curves.at, kinds, count, record)
-            if finer is None:
-                continue
-            odds = float(null - finer.score) / 2
-            if odds > ranked[i].odds + LEARNING.simpler:
-                ranked[i] = _RankedLaw(odds, finer, law.beside)
-    return sorted(ranked, key=lambda law: -law.odds)
-
-
-def _fit_at_best_level(
-    look: _ModelView,
-    at: tuple[str, ...],
-    kinds: Sequence[Over | Literal["dry"]],
-    count: int,
-    record: Record,
-) -> CurveFit | None:
-    """Return laws at a place at the level where they are likeliest."""
-    model, motion = look.model, look.motion
-    here = {name for e in model.effects if set(e.at) == set(at) for name in e.definition.over}
-    blocks: list[LawColumns] = []
-    if "dry" in kinds and any(e.kind == DRY and set(e.at) == set(at) for e in model.effects):
-        return None
-    for over in kinds:
-        size = LEARNING.across[0] if over == "force" else count
-        made = (
-            dry_friction_block(model, at, motion)
-            if over == "dry"
-            else block(model, at, over, size, motion, record)
-        )
-        if made is None or here & {*made.effect.definition.over}:
-            return None
-        blocks.append(made)
-    row = port_row(model, at)
-    found = [fit_curves(f, row, blocks) for f in look.seen]
-    found = [f for f in found if np.isfinite(f.score) and f.sensible]
-    return min(found, key=lambda f: f.score, default=None)
+    return _with_coefficients(Effect(kind, effect.at, knots), finer)

@@ -29,7 +29,12 @@ from robustpolish.identification.fit.least_squares import (
     bartlett_factor,
     covariance_of,
 )
-from robustpolish.identification.fit.parameters import free_parameters, has_smoothing
+from robustpolish.identification.fit.parameters import (
+    free_parameters,
+    has_smoothing,
+    is_guessed,
+    prior_nats,
+)
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.fit.result import stderr_from_covariance
 from robustpolish.identification.observer.runs import StartedPiece
@@ -42,10 +47,6 @@ MOST_SAMPLES = 40.0
 """Independent errors that one output has at most: a fall by a fifth is worth 9 nats."""
 NEGLIGIBLE = 2e-3
 """Share of the motion below which an error does not count."""
-WRITTEN_WRONG, WIDE = 1e-3, 20.0
-"""Share of numbers that are wrong altogether, and how many times wider these scatter."""
-_GUESSED = ("spring", "damper")
-"""Numbers that are guessed rather than weighed."""
 STRONG = 5.0
 """Nats of very strong evidence, 2 ln B = 10 (Kass and Raftery 1995, JASA 90, 773-795)."""
 
@@ -170,13 +171,9 @@ class ScoredModel:
     @cached_property
     def surprise(self) -> float:
         """Nats that the deviations of the model's own numbers cost."""
-        weighed = {k: z for k, z in self.deviations.items() if not k.startswith(_GUESSED)}
-        guessed = [z for k, z in self.deviations.items() if k not in weighed]
-        z = np.array([*weighed.values()])
-        right, wrong = (1 - WRITTEN_WRONG) * np.exp(-(z**2) / 2), WRITTEN_WRONG / WIDE
-        at = np.log(right + wrong * np.exp(-((z / WIDE) ** 2) / 2))
-        sure = float(np.sum(np.log(1 - WRITTEN_WRONG + wrong) - at))
-        return sure + float(np.sum(np.log1p(np.square(guessed))))
+        z, guessed = [*self.deviations.values()], [is_guessed(key) for key in self.deviations]
+        cost, _ = prior_nats(np.array(z), np.array(guessed, dtype=bool))
+        return float(np.sum(cost))
 
 
 def nats(after: ScoredModel, before: ScoredModel, best: ScoredModel | None = None) -> float:

@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 
 from robustpolish.base.arrays import Array
 from robustpolish.base.budget import parallel_map
-from robustpolish.identification.fit.parameters import connected, free_parameters
+from robustpolish.identification.fit.parameters import connected, free_parameters, is_guessed
 from robustpolish.identification.fit.prepared import PreparedRecord, has_integrator
 from robustpolish.identification.observer.kalman import FREE, Level, LinearObserver, force_sites
 from robustpolish.identification.observer.missing_force import SmoothedMotion, known_forces
@@ -235,7 +235,8 @@ class FilteredRecord:
         _, errors = self.observer.innovations(Y, motion.inputs, forces, lines=lines)
         self.errors = errors
         self.sigma = np.ones(errors.shape[1])
-        self.raw, self.ridge = nuisance_columns(model, self.policy, self.observer, motion, record)
+        own = nuisance_columns(model, self.policy, self.observer, motion, record)
+        self.raw, self.ridge, self.keys = own
         # a mean that no constant explains is no constant's alone: it hides what else is missing
         for column in (self.respond(entry) for entry in constants):
             if np.any(column) and np.isfinite(column).all():
@@ -328,7 +329,7 @@ def nuisance_columns(
     observer: LinearObserver,
     motion: SmoothedMotion,
     record: Record,
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array, list[str]]:
     """Return innovations left by errors of the model's own numbers and of the start.
 
     Returns
@@ -336,27 +337,30 @@ def nuisance_columns(
     columns : ndarray, shape (count, samples, ny)
     ridge : ndarray, shape (count,)
         The inverse of how far each number may be off; 0 where nothing is known.
+    keys : list of str
+        Of the model's own numbers, which stand first.
     """
-    rows, pairs, forces, ridge = [], [], [], []
+    rows, pairs, forces, ridge, keys = [], [], [], [], []
 
-    def add(row: Array, pair: tuple[str, ...], force: Array, prior: float) -> None:
+    def add(key: str, row: Array, pair: tuple[str, ...], force: Array, prior: float) -> None:
         if np.any(force):
+            keys.append(key)
             rows.append(row)
             pairs.append(pair)
             forces.append(force)
             ridge.append(prior)
 
-    for spring in model.springs:
-        row = port_row(model, spring.between)
-        add(row, spring.between, -(row @ motion.q), _ridge(spring.stiffness, policy.spring_share))
-    for damper in model.dampers:
-        row = port_row(model, damper.between)
-        add(row, damper.between, -(row @ motion.v), _ridge(damper.damping, policy.damper_share))
+    for i, spring in enumerate(model.springs):
+        row, prior = port_row(model, spring.between), _ridge(spring.stiffness, policy.spring_share)
+        add(f"spring[{i}].stiffness", row, spring.between, -(row @ motion.q), prior)
+    for i, damper in enumerate(model.dampers):
+        row, prior = port_row(model, damper.between), _ridge(damper.damping, policy.damper_share)
+        add(f"damper[{i}].damping", row, damper.between, -(row @ motion.v), prior)
     m = model.matrices
     for name in model.free:
         i = model.dof_names.index(name)
-        row = port_row(model, (name,))
-        add(row, (name, "ground"), -motion.a[i], 1 / (policy.mass_prior * m.M[i, i]))
+        key, row = ".".join(model.dof(name).key), port_row(model, (name,))
+        add(key, row, (name, "ground"), -motion.a[i], 1 / (policy.mass_prior * m.M[i, i]))
     columns = []
     for row, pair, force in zip(rows, pairs, forces, strict=True):
         columns.append(observer.respond(row[None], [pair], force[None, None])[0])
@@ -367,6 +371,7 @@ def nuisance_columns(
         force = IntersampleLines(only * lines.begin, only * lines.end)
         columns.append(-observer.innovations(nothing, only * motion.inputs, None, lines=force)[1])
         ridge.append(1 / policy.gain_prior)
+        keys.append(f"input.{m.force_inputs[j]}.gain")
     for column in _effect_columns(model, policy, observer, motion, record):
         columns.append(column)
         ridge.append(0.0)
@@ -374,8 +379,48 @@ def nuisance_columns(
     columns += list(starts)
     ridge += [0.0] * len(starts)
     if not columns:
-        return np.zeros((0, record.samples, len(model.outputs))), np.zeros(0)
-    return np.stack(columns), np.array(ridge)
+        return np.zeros((0, record.samples, len(model.outputs))), np.zeros(0), keys
+    return np.stack(columns), np.array(ridge), keys
+
+
+def numbers_along_motion(
+    model: MechanicalModel, reference: MechanicalModel, prepared: PreparedRecord
+) -> MechanicalModel:
+    """Return a model with the numbers of a linear regression along its smoothed motion.
+
+    However far off the numbers are, the observer follows the measured motion, and what it has to
+    add to the forces tells in which direction they are wrong: no run of the model is needed that
+    would have to swing as the machine does. The effects of the model stay.
+
+    Parameters
+    ----------
+    model, reference : MechanicalModel
+        As it is, and before any fit.
+    prepared : PreparedRecord
+    """
+    policy, record = prepared.policy, prepared.screened
+    motion = prepared.motion(model, record)
+    seen = FilteredRecord(model, prepared, record, policy.null_levels[0], motion)
+    numbers = free_parameters(model, prepared.scales.bandwidth, policy, reference)
+    free = {f.key: f for f in numbers if f.key not in prepared.held}
+    columns = [j for j in range(len(seen.raw)) if j >= len(seen.keys) or seen.keys[j] in free]
+    own = [j for j in columns if j < len(seen.keys)]
+    X = seen.weighted(seen.raw)[columns].T
+    if not (own and np.isfinite(X).all() and np.isfinite(seen.e).all()):
+        return model
+    size = np.sqrt(np.sum(X**2, axis=0))
+    size[size == 0] = 1.0
+    # masses and gains are weighed, springs and dampers may be off by decades
+    sure = [j < len(seen.keys) and not is_guessed(seen.keys[j]) for j in columns]
+    prior = np.diag(np.where(sure, seen.ridge[columns], 0.0) / size)
+    A, b = np.vstack([X / size, prior]), np.concatenate([seen.e, np.zeros(len(prior))])
+    change = np.linalg.lstsq(A, b, rcond=1e-10)[0] / size
+    moved = {}
+    for j, by in zip(columns, change.tolist(), strict=True):
+        if j in own:
+            f = free[seen.keys[j]]
+            moved[f.key] = float(np.clip(f.start + by, f.lower, f.upper))
+    return model.with_parameters(moved)
 
 
 def _ridge(value: float, share: float) -> float:

@@ -46,11 +46,12 @@ MOST_EFFECTS = 4
 """Effects that are added at most, constants aside: with more the data decide nothing."""
 TOGETHER = 3
 """Effects of a set that is proposed at once, constants aside."""
-BY_ODDS, BY_SIZE, REFITS = 2, 5, 5
-"""Sets that are proposed by the odds of innovations, and by the linear problems; and those that are
-fitted in a round."""
+BY_ODDS, REFITS = 2, 5
+"""Effects that are proposed by the odds of innovations, and sets that are fitted in a round."""
 PROMISING = 0.75
 """Share of the nats reached so far that a set has to promise to be fitted too."""
+KEPT = 0.5
+"""Share of the promised nats that a fit has to reach to have kept the promise."""
 ELSEWHERE, CONSTANTS = 2, 4
 """Other places of an effect that are fitted, and other constants in place of one."""
 NEAR = 0.5
@@ -64,7 +65,7 @@ class Tried:
     Attributes
     ----------
     effects : tuple of Effect
-        All that were added to the model, with the values of the fit.
+        All that were added to the model, with the values of the fit, the new ones first.
     step : int
         In the search for the how-manieth effect it was tried.
     promised : float
@@ -148,6 +149,7 @@ class EffectSearch:
         step = 1 + self.best.laws
         refused = scored.refusal[0] if scored is not None else "no fit ended well"
         told = scored.added if scored is not None else (*self.best.added, *effects)
+        told = tuple(sorted(told, key=lambda e: (e.kind, e.at) in self.best.places))
         self.tried.append(Tried(told, step, promised, scored, refused))
         return refused
 
@@ -213,19 +215,21 @@ def _forward(run: EffectSearch) -> bool:
     if step > run.most or run.at_noise_floor(run.best) or not run.prepared.work.left():
         return False
     found: list[ScoredModel] = []
-    best = 0.0
-    for effects, promised in _proposals(run, step):
-        best = max(best, promised)
+    silent: int | None = None
+    for proposed, problem, rival in _proposals(run, step):
+        if silent is not None and not (rival and problem == silent):
+            continue
         reached = max((run.gain(f) for f in found), default=0.0)
-        silent = any(run.at_noise_floor(f) and f.laws <= step for f in found)
-        rival = promised >= best - STRONG  # as large a promise may be the right one
-        if found and not rival and (silent or promised < PROMISING * reached):
+        if found and not rival and proposed.nats < PROMISING * reached:
+            continue
+        if found and not run.prepared.work.left():
             break
-        if len(found) >= REFITS or (found and not run.prepared.work.left()):
-            break
-        run.say(f"refit with {' and '.join(map(str, effects))}")
-        good = _determined_part(run, effects, promised, run.fits.with_effects(run.best, *effects))
+        run.say(f"refit with {' and '.join(map(str, proposed.effects))}")
+        fitted = run.fits.with_effects(run.best, *proposed.effects)
+        good = _determined_part(run, proposed, fitted)
         found += [good] if good is not None and good not in found else []
+        if good is not None and run.at_noise_floor(good) and good.laws <= step:
+            silent = problem
     better = [f for f in found if run.gain(f) > STRONG]
     if not better:
         return False
@@ -235,8 +239,13 @@ def _forward(run: EffectSearch) -> bool:
     return True
 
 
-def _proposals(run: EffectSearch, step: int) -> Iterator[tuple[tuple[Effect, ...], float]]:
-    """Yield what is to be fitted, the most promising first, each set once."""
+def _proposals(run: EffectSearch, step: int) -> Iterator[tuple[EffectSet, int, bool]]:
+    """Yield the sets that are to be fitted, their problem, and whether one is among its best.
+
+    The problems speak of different runs, and their nats cannot be compared: each has its turn, the
+    one that promises most first. A set is passed over if a part of it that promised as much was
+    fitted, unless that fit broke the promise.
+    """
     run.say(f"screening for effect {step}")
     prepared = run.prepared
     models = [run.best.model]
@@ -248,41 +257,50 @@ def _proposals(run: EffectSearch, step: int) -> Iterator[tuple[tuple[Effect, ...
     problems = [problem_of_free_runs(run.best.fitted.fit, prepared, screening.finalists, span)]
     if screening.free is not None:
         problems.append(problem_along_motion(screening.free, screening.finalists))
-    run.promised.clear()
-    for problem in problems:
-        for found in problem.best_sets(min(TOGETHER, run.most - step + 1)) if problem else []:
-            known = run.promised.get(found.places)
-            if known is None or known.nats < found.nats:
-                run.promised[found.places] = found
-    kept = _distinct([s for s in run.promised.values() if s.nats > 0])[:BY_SIZE]
-    proposals = {s.places: (s.effects, s.nats) for s in kept}
-    most = max((p for _, p in proposals.values()), default=STRONG)
+    most = min(TOGETHER, run.most - step + 1)
+    sources = [[s for s in p.best_sets(most) if s.nats > 0] for p in problems if p is not None]
+    sources.sort(key=lambda source: -max((s.nats for s in source), default=0.0))
+    run.promised = {s.places: s for source in reversed(sources) for s in source}
     by_odds = [c for c in screening.candidates if c.sensible and c.score > STRONG]
-    for candidate in by_odds[:BY_ODDS]:
-        # odds of innovations count samples that errors of a model do not have
-        told = ((candidate.effect,), min(candidate.score, most))
-        proposals.setdefault(frozenset({candidate.place}), told)
-    ranked = sorted(proposals.values(), key=lambda p: (-p[1], len(p[0])))
-    named = (f"{' and '.join(map(str, effects))} ({gain:.0f} nats)" for effects, gain in ranked[:3])
-    run.say(f"most promising: {', '.join(named) or 'nothing'}")
-    yield from ranked
+    sources.append([EffectSet((c.effect,), c.score) for c in by_odds[:BY_ODDS]])
+    done: list[EffectSet] = []
+    while len(done) < REFITS:
+        turn = [_next_of(run, source, done) for source in sources]
+        for problem, proposed in enumerate(turn):
+            if proposed is not None and all(proposed.places != d.places for d in done):
+                done.append(proposed)
+                yield proposed, problem, proposed.nats >= sources[problem][0].nats - STRONG
+        if not any(turn):
+            return
 
 
-def _distinct(sets: Sequence[EffectSet]) -> list[EffectSet]:
-    """Return the best sets, none of which is another one and effects more that gain little."""
-    kept: list[EffectSet] = []
-    for found in sorted(sets, key=lambda s: (len(s.places), -s.nats)):
-        if not any(k.places < found.places and found.nats < k.nats + STRONG for k in kept):
-            kept.append(found)
-    return sorted(kept, key=lambda s: (-s.nats, len(s.places)))
+def _next_of(
+    run: EffectSearch, source: Sequence[EffectSet], done: Sequence[EffectSet]
+) -> EffectSet | None:
+    """Return the smallest of the sets that promise as much as the best that is left, if any."""
+    kept = [d for d in done if _kept_promise(run, d)]
+    left = [
+        s
+        for s in source
+        if all(s.places != d.places for d in done)
+        and not any(k.places < s.places and s.nats < k.nats + STRONG for k in kept)
+    ]
+    near = [s for s in left if s.nats > max(other.nats for other in left) - STRONG]
+    return min(near, key=lambda s: (len(s.places), -s.nats), default=None)
+
+
+def _kept_promise(run: EffectSearch, proposed: EffectSet) -> bool:
+    """Return whether the fit of a set gained about what was promised."""
+    fitted = run.fits.done.get(run.best.places | proposed.places)
+    return fitted is not None and run.gain(fitted) > KEPT * proposed.nats
 
 
 def _determined_part(
-    run: EffectSearch, effects: tuple[Effect, ...], promised: float, scored: ScoredModel | None
+    run: EffectSearch, proposed: EffectSet, scored: ScoredModel | None
 ) -> ScoredModel | None:
     """Return a fitted set, less the effects whose numbers the data leave open beside the others."""
     while True:
-        refused = run.note(scored, effects, promised)
+        refused = run.note(scored, proposed.effects, proposed.nats)
         if scored is None:
             return None
         culprit = scored.refusal[1]

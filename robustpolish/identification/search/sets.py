@@ -59,7 +59,7 @@ class EffectSet:
     Attributes
     ----------
     effects : tuple of Effect
-        Constants that are worth their cost stand last.
+        What explains most stands first; constants that are worth their cost stand last.
     nats : float
         Gain of the score to be expected.
     """
@@ -208,8 +208,16 @@ class SetProblem:
         return 0.5 * self.samples * np.log(self.total / left) - 0.5 * numbers * np.log(self.samples)
 
     def _effects(self, found: _Sized) -> tuple[Effect, ...]:
-        size = dict(zip(found.rows, (found.sizes / self.unit[found.rows]).tolist(), strict=True))
-        each = [(i, np.array([size[k] for k in self.rows[i]])) for i in found.which]
+        """Return the effects of a set, what explains most first, constants last."""
+        size = dict(zip(found.rows, found.sizes.tolist(), strict=True))
+
+        def explains(i: int) -> tuple[bool, float]:
+            return i in self.constants, -sum(self.target[k] * size[k] for k in self.rows[i])
+
+        each = [
+            (i, np.array([size[k] / self.unit[k] for k in self.rows[i]]))
+            for i in sorted(found.which, key=explains)
+        ]
         return tuple(effect_from(self.entries[i], c) for i, c in each)
 
     def _place(self, i: int) -> Place:
