@@ -22,9 +22,8 @@ from robustpolish.base.results import Card, Table, as_text, prefix_power, prefix
 from robustpolish.errors import InvalidInputError
 from robustpolish.identification.compare import Comparison
 from robustpolish.identification.diagnosis.findings import RankedCandidate
-from robustpolish.identification.diagnosis.result import Diagnosis
-from robustpolish.identification.diagnosis.words import headline, shown_parameters
-from robustpolish.identification.residual_tests import MAPS
+from robustpolish.identification.diagnosis.result import Diagnosis, headline, shown_parameters
+from robustpolish.identification.residual_tests import MAP_TELLS, MAPS_SHOWN
 from robustpolish.identification.residuals import residual_analysis
 from robustpolish.identification.steps import StepRun
 from robustpolish.identification.tell_apart import ToldApart
@@ -486,10 +485,10 @@ def _missing_force_section(diagnosis: Diagnosis) -> Section | None:
         "A force that follows from displacement and velocity at a place is a law that the model "
         "still lacks there; one that does not is noise, has a memory, or acts elsewhere."
     ]
-    if diagnosis.maps and diagnosis.maps[0].follows < MAPS.tells:
+    if diagnosis.maps and diagnosis.maps[0].follows < MAP_TELLS:
         text.append("Here the motion foretells next to nothing of what is left.")
     shown = {"each site": diagnosis.plot_missing_force}
-    shown |= {item.name: item.plot for item in diagnosis.maps[: MAPS.shown]}
+    shown |= {item.name: item.plot for item in diagnosis.maps[:MAPS_SHOWN]}
     pictures = [
         picture(f"Force that is still missing at {at}.", draw) for at, draw in shown.items()
     ]

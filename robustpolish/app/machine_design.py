@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from robustpolish.app.design_task import DesignTask
-from robustpolish.base.checks import described, invalid, known_keys
+from robustpolish.base.checks import known_keys, misfit
 from robustpolish.base.results import Card, Displayed, Table, quantities
 from robustpolish.errors import InfeasibleError, InvalidInputError, SolverError
 from robustpolish.implementation.sampled_design import SampledDesign
@@ -111,9 +111,8 @@ def _loaded(machine: Any) -> MechanicalModel | GeneralizedPlant:
     if isinstance(machine, MechanicalModel | GeneralizedPlant):
         return machine
     if not isinstance(machine, str | Path):
-        shown = described(type(machine).__name__)
         want = "a file, a MechanicalModel or a GeneralizedPlant"
-        raise invalid("machine", shown, want, "Pass one of these.")
+        raise misfit("machine", type(machine).__name__, want, "Pass one of these.")
     read = GeneralizedPlant.load if Path(machine).suffix == ".json" else MechanicalModel.from_toml
     return read(machine)
 

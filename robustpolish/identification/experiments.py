@@ -191,8 +191,8 @@ class Experiment:
 def experiments(
     model: MechanicalModel,
     record: Record,
-    places: Sequence[str] = (),
-    limits: Mapping[str, float] | None = None,
+    places: Sequence[str],
+    limits: Mapping[str, float] | None,
 ) -> list[Experiment]:
     """Return the experiments that the inputs of a model allow.
 
@@ -229,22 +229,20 @@ def _driven(model: MechanicalModel, record: Record) -> list[Experiment]:
     drives = [(item, size) for item, size in drives if size > 0]
     found = []
     for times in _TIMES:
-
-        def made(
-            kind: str, item: Input, size: float, band: tuple[float, ...], inputs: xr.Dataset,
-            times: float = times,
-        ) -> Experiment:  # fmt: skip
-            unit = model.unit_of(item)
-            return Experiment(
-                kind, item.name, times, times * size, unit, band, inputs, still, times * motion
-            )
-
-        found += [made("record", *each, (), _scaled(model, record, times)) for each in drives[:1]]
-        found += [
-            made(kind, item, size, band, _single_input(model, record, item, times * size * wave))
+        made: list[tuple[str, Input, float, tuple[float, ...], xr.Dataset]] = [
+            ("record", *each, (), _scaled(model, record, times)) for each in drives[:1]
+        ]
+        made += [
+            (kind, item, size, band, _single_input(model, record, item, times * size * wave))
             for item, size in drives
             for kind, band, wave in _waves(item, record.dt, low, high)
         ]
+        for kind, item, size, band, inputs in made:
+            amplitude = times, times * size, model.unit_of(item)
+            experiment = Experiment(
+                kind, item.name, *amplitude, band, inputs, still, times * motion
+            )
+            found.append(experiment)
     return found
 
 

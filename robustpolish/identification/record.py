@@ -18,7 +18,7 @@ import pandas as pd
 import xarray as xr
 
 from robustpolish.base.arrays import AnyArray, Array
-from robustpolish.base.checks import described, invalid
+from robustpolish.base.checks import described, invalid, misfit
 from robustpolish.errors import InvalidInputError
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import Input, Output
@@ -75,13 +75,11 @@ def named_records(data: Any) -> dict[str, Any]:
     else:
         return {_ONLY: data}
     if not found:
-        shown, remedy = described("no record at all"), "Pass a record, or a list of them."
-        raise invalid("data", shown, "one or more", remedy)
+        raise misfit("data", "no record at all", "one or more", "Pass a record, or a list of them.")
     for name, record in found.items():
         if holds_frequency_response(record):
-            shown = described(f"frequency responses as {name!r}")
             remedy = "Pass frequency responses alone, all pairs in one array."
-            raise invalid("data", shown, "records over time", remedy)
+            raise misfit("data", f"frequency responses as {name!r}", "records over time", remedy)
         if not isinstance(record, xr.Dataset | pd.DataFrame | str | Path):
             shown = described(f"{type(record).__name__} as {name!r}")
             raise invalid("data", shown, "datasets, tables or paths", "Read it first.")
@@ -497,8 +495,7 @@ def checked_data(model: MechanicalModel, data: Any) -> xr.Dataset:
         uniform; if the sampling rate is too low for the model's modes.
     """
     if not isinstance(model, MechanicalModel):
-        shown = described(type(model).__name__)
-        raise invalid("model", shown, "a MechanicalModel", "Read it with from_toml.")
+        raise misfit("model", type(model).__name__, "a MechanicalModel", "Read it with from_toml.")
     items = [*model.inputs, *model.outputs]
     if not isinstance(data, xr.Dataset):
         data = read_measurement(data, columns=[item.name for item in items])
@@ -537,14 +534,12 @@ def _check_column(model: MechanicalModel, item: Input | Output, data: xr.Dataset
         raise invalid(name, shown, "numbers over time", "Read it with read_measurement.")
     if not np.isfinite(values).all():
         i = int(np.flatnonzero(~np.isfinite(values))[0])
-        shown = described(f"{values[i]} at sample {i}")
-        raise invalid(name, shown, "finite numbers", "Cut the record there.")
+        raise misfit(name, f"{values[i]} at sample {i}", "finite numbers", "Cut the record there.")
     unit, wanted = str(column.attrs.get("units", "")), model.unit_of(item)
     converts = isinstance(item, Input) and abs(item.gain) != 1 and item.unit is None
     if not converts and not same_kind(unit, wanted):
         remedy = "Correct the unit or the quantity, or give the gain that converts."
-        shown = described(f"a column in {unit}")
-        raise invalid(name, shown, f"{wanted}, as the model says", remedy)
+        raise misfit(name, f"a column in {unit}", f"{wanted}, as the model says", remedy)
 
 
 def poles_of(model: MechanicalModel) -> AnyArray:
@@ -596,18 +591,12 @@ class Repeats:
     ----------
     noise : ndarray, shape (ny,)
         Standard deviation, in the outputs' units.
-    pairs : tuple of (str, str)
-        Names of the records.
+    names : str
+        The records, in words.
     """
 
     noise: Array
-    pairs: tuple[tuple[str, str], ...]
-
-    @property
-    def names(self) -> str:
-        """The records, in words."""
-        found = list(dict.fromkeys(name for pair in self.pairs for name in pair))
-        return f"{', '.join(found[:-1])} and {found[-1]}"
+    names: str
 
 
 def repeats(model: MechanicalModel, record: Record) -> Repeats | None:
@@ -625,7 +614,7 @@ def repeats(model: MechanicalModel, record: Record) -> Repeats | None:
     """
     inputs = record.signals(model)
     parts = [(part, part.own(inputs)) for part in record.parts]
-    found, pairs = [], []
+    found, names = [], []
     for (one, u), (other, w) in combinations(parts, 2):
         n = min(one.samples, other.samples)
         if n < _FEWEST_SAMPLES or not _same(u[:n], w[:n]):
@@ -634,10 +623,11 @@ def repeats(model: MechanicalModel, record: Record) -> Repeats | None:
         motion = (one.Y[:n] + other.Y[:n]) / 2
         if all(_noise_alone(d, m) for d, m in zip(difference.T, motion.T, strict=True)):
             found.append(np.mean(difference**2, axis=0))
-            pairs.append((one.name, other.name))
+            names += [one.name, other.name]
     if not found or np.any(np.mean(found, axis=0) == 0):
         return None  # copies of one record, or a record without noise
-    return Repeats(np.sqrt(np.mean(found, axis=0)), tuple(pairs))
+    *first, last = dict.fromkeys(names)
+    return Repeats(np.sqrt(np.mean(found, axis=0)), f"{', '.join(first)} and {last}")
 
 
 def _same(one: Array, other: Array) -> bool:

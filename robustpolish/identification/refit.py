@@ -108,7 +108,7 @@ def _hold_choices(model: MechanicalModel, policy: Policy) -> dict[float, list[Ef
 
 
 def with_reselected_holds(
-    model: MechanicalModel, reference: MechanicalModel, prepared: PreparedRecord, fall: float = 0.0
+    model: MechanicalModel, reference: MechanicalModel, prepared: PreparedRecord
 ) -> MechanicalModel | None:
     """Return the reference with other holds, if runs beside the effects that were found ask for it.
 
@@ -123,8 +123,6 @@ def with_reselected_holds(
     reference : MechanicalModel
         Without, with the holds that were taken for its inputs.
     prepared : PreparedRecord
-    fall : float, optional
-        Share by which the error of an output has to fall besides.
     """
     choices = _hold_choices(reference, prepared.policy)
     if not choices:
@@ -153,10 +151,8 @@ def with_reselected_holds(
         return None
     now = left[order_now]
     best = min(left, key=lambda order: float(np.sum(np.log(left[order].rmse))))
-    falls = np.log(now.rmse / left[best].rmse)
-    odds = log_odds(left[best], now)
-    believed = odds > prepared.policy.hold_odds and np.max(falls) >= -np.log(1 - fall)
-    return held[best] if believed else None
+    likelier = log_odds(left[best], now) > prepared.policy.hold_odds
+    return held[best] if likelier and np.any(left[best].rmse <= now.rmse) else None
 
 
 def with_resolved_delay(effect: Effect, model: MechanicalModel, prepared: PreparedRecord) -> Effect:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import coherence as welch_coherence
-from scipy.signal import welch
+from scipy.signal import correlate, welch
 from scipy.signal.windows import parzen
 from scipy.stats import norm
 
@@ -125,7 +125,7 @@ def autocorrelation(signal: ArrayLike, step: float = 1.0, lags: int | None = Non
     e = _samples("signal", signal)
     n = e.size
     count = _lags(lags, n)
-    covariance = _correlate(e, e)[n - 1 : n + count]
+    covariance = correlate(e, e, method="fft")[n - 1 : n + count]
     size = covariance[0] if covariance[0] > 0 else 1.0
     k = np.arange(1, count + 1)
     value = covariance[1:] / size + (n - k) / (n * (n - 1.0))
@@ -173,7 +173,7 @@ def cross_correlation(
     n = u.size
     count = _lags(lags if lags is not None else n // 4, n)
     size = float(np.sqrt((u @ u) * (e @ e))) or 1.0
-    value = _correlate(e, u)[n - 1 - count : n + count] / size
+    value = correlate(e, u, method="fft")[n - 1 - count : n + count] / size
     k = np.arange(-count, count + 1)
     variance = _bartlett_sum(u, e) / n * (n - np.abs(k)) / n
     return _correlation(value, norm.ppf((1 + CONFIDENCE) / 2) * np.sqrt(variance), k * step)
@@ -225,21 +225,12 @@ def _lags(lags: int | None, samples: int) -> int:
     return count
 
 
-def _correlate(first: Array, second: Array) -> Array:
-    """Return the sums of first[t + lag] * second[t] for the lags -(n-1) to n-1."""
-    n = first.size
-    length = 1 << (2 * n - 1).bit_length()
-    product = np.fft.rfft(first, length) * np.conj(np.fft.rfft(second, length))
-    full = np.fft.irfft(product, length)
-    return np.concatenate([full[-(n - 1) :], full[:n]])
-
-
 def _bartlett_sum(u: Array, e: Array) -> float:
     n = u.size
     window = parzen(2 * n // 3 * 2 + 1)
     half = window.size // 2
     middle = slice(n - 1 - half, n + half)
-    ru, re = (_correlate(x, x)[middle] / max(float(x @ x), 1e-300) for x in (u, e))
+    ru, re = (correlate(x, x, method="fft")[middle] / max(float(x @ x), 1e-300) for x in (u, e))
     return max(float(np.sum(window * ru * re)), 1 / n)
 
 
@@ -578,6 +569,13 @@ def _normalised(
 #
 # With it how much of a force follows from the motion at one place.
 
+MAP_BINS = 12
+"""Cells of a map in each direction: a dozen show a dead zone and a step at standstill, and 3000
+samples still fill them."""
+_BLOCKS = 20
+"""Stretches of the record that belong to one half and to the other in turn: many, so that a decay
+has its large and its small swings in both."""
+
 
 @dataclass(frozen=True, eq=False)
 class PlaceShares:
@@ -627,30 +625,18 @@ def place_shares(comparison: Comparison, residual: xr.Dataset, bins: int) -> dic
     skip = q.shape[1] - residual.sizes["time"]
     found = {}
     q, v, force = (part[:, skip:] for part in (q, v, force))
-    for at, dq, dv, pull, shown in forces_at_places(comparison.model, q, v, force, bins):
+    for here, dq, dv in maps_at_places(comparison.model, q, v, force, bins):
         q_shares = value_shares(residual, dq, bins, "displacement")
         v_shares = value_shares(residual, dv, bins, "velocity")
-        follows, name = predictable_share(dq, dv, pull, bins), " - ".join(at)
-        found[name.removesuffix(" - ground")] = PlaceShares(
-            at, q_shares, v_shares, shown, observed, follows
-        )
+        shares = PlaceShares(here.at, q_shares, v_shares, here.surface, observed, here.follows)
+        found[here.name] = shares
     return found
 
 
-class PlaceForce(NamedTuple):
-    """Relative motion at a place and the force that is missing there, with its map."""
-
-    at: tuple[str, str]
-    displacement: Array
-    velocity: Array
-    force: Array
-    surface: xr.Dataset
-
-
-def forces_at_places(
+def maps_at_places(
     model: MechanicalModel, q: Array, v: Array, force: Array, bins: int
-) -> list[PlaceForce]:
-    """Return the missing force at every coordinate and connection of a model that moves.
+) -> Iterator[tuple[ForceMap, Array, Array]]:
+    """Yield the missing force and the motion at every coordinate and connection that moves.
 
     Parameters
     ----------
@@ -662,13 +648,14 @@ def forces_at_places(
     bins : int
         Of the maps, in each direction.
 
-    Returns
-    -------
-    list of PlaceForce
-        With units in the maps.
+    Yields
+    ------
+    map : ForceMap
+        With units.
+    displacement, velocity : ndarray, shape (samples,)
+        Relative ones.
     """
     sites = force_sites(model)[0]
-    found = []
     for at in _places(model):
         row = port_row(model, at)
         dq, dv = row @ q, row @ v
@@ -678,8 +665,8 @@ def forces_at_places(
         shown = surface(dq, dv, pull, bins)
         for name in ("force", *_AXES):
             shown[name].attrs["units"] = UNITS[model.dof(at[0]).rotational][name]
-        found.append(PlaceForce(at, dq, dv, pull, shown))
-    return found
+        size, follows = np.sqrt(np.mean(pull**2)), predictable_share(dq, dv, pull, bins)
+        yield ForceMap(at, shown, float(size), follows), dq, dv
 
 
 def _motion(comparison: Comparison) -> tuple[Array, Array, Array, bool]:
@@ -708,7 +695,7 @@ def _places(model: MechanicalModel) -> list[tuple[str, str]]:
     return pairs
 
 
-def predictable_share(q: Array, v: Array, force: Array, bins: int = 12, blocks: int = 20) -> float:
+def predictable_share(q: Array, v: Array, force: Array, bins: int = MAP_BINS) -> float:
     """Return the share of a force's power that the map of one half of a record says of the other.
 
     Parameters
@@ -717,8 +704,6 @@ def predictable_share(q: Array, v: Array, force: Array, bins: int = 12, blocks: 
         Displacement, velocity and force; NaN forces follow from nothing.
     bins : int, optional
         Cells of the map in each direction.
-    blocks : int, optional
-        Stretches of the record that belong to one half and to the other in turn.
 
     Returns
     -------
@@ -739,7 +724,7 @@ def predictable_share(q: Array, v: Array, force: Array, bins: int = 12, blocks: 
     if not 0 < total < np.inf:
         return 0.0
     cell = bins * _cells(q, bins) + _cells(v, bins)
-    half = (np.arange(force.size) * blocks // force.size) % 2
+    half = (np.arange(force.size) * _BLOCKS // force.size) % 2
     left = 0.0
     for this in (0, 1):
         other = half != this
@@ -757,38 +742,16 @@ def _cells(values: Array, bins: int) -> np.ndarray:
 # Restoring-force maps at every place, the most predictable first.
 
 
-@dataclass(frozen=True)
-class MapPolicy:
-    """How maps are made and chosen.
-
-    Attributes
-    ----------
-    bins : int
-        Cells in each direction: a dozen show a dead zone and a step at standstill, and 3000 samples
-        still fill them.
-    blocks : int
-        Stretches of the record that belong to one half and to the other in turn: many, so that a
-        decay has its large and its small swings in both.
-    least : float
-        Share of the largest missing force of the same unit below which a place is left out: what
-        is next to nothing follows from anything.
-    most, shown : int
-        Maps that are kept, and of these that are drawn in a report: where two masses are joined,
-        a force between them shows at both and at their connection.
-    tells : float
-        Share of the force that has to follow from the motion for a map to say anything.
-    """
-
-    bins: int = 12
-    blocks: int = 20
-    least: float = 0.05
-    most: int = 4
-    shown: int = 2
-    tells: float = 0.1
-
-
-MAPS = MapPolicy()
-"""What maps go by."""
+_LEAST = 0.05
+"""Share of the largest missing force of the same unit below which a place is left out: what is next
+to nothing follows from anything."""
+_MOST = 4
+"""Maps that are kept."""
+MAPS_SHOWN = 2
+"""Maps that are drawn in a report: where two masses are joined, a force between them shows at both
+and at their connection."""
+MAP_TELLS = 0.1
+"""Share of the force that has to follow from the motion for a map to say anything."""
 
 
 def force_maps(model: MechanicalModel, motion: SmoothedMotion) -> tuple[ForceMap, ...]:
@@ -807,12 +770,8 @@ def force_maps(model: MechanicalModel, motion: SmoothedMotion) -> tuple[ForceMap
     """
     if not all(np.isfinite(part).all() for part in (motion.q, motion.v, motion.force)):
         return ()
-    found = []
-    places = forces_at_places(model, motion.q, motion.v, motion.force, MAPS.bins)
-    for at, q, v, force, shown in places:
-        size = float(np.sqrt(np.mean(force**2)))
-        follows = predictable_share(q, v, force, MAPS.bins, MAPS.blocks)
-        found.append(ForceMap(at=at, surface=shown, size=size, follows=follows))
+    places = maps_at_places(model, motion.q, motion.v, motion.force, MAP_BINS)
+    found = [here for here, _, _ in places]
     largest = {f.unit: f.size for f in sorted(found, key=lambda f: f.size)}
-    seen = [f for f in found if f.size > MAPS.least * largest[f.unit]]
-    return tuple(sorted(seen, key=lambda f: -f.follows)[: MAPS.most])
+    seen = [f for f in found if f.size > _LEAST * largest[f.unit]]
+    return tuple(sorted(seen, key=lambda f: -f.follows)[:_MOST])

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
-from scipy.signal import detrend, get_window
+from scipy.signal import csd, welch
 
 from robustpolish.base.arrays import Vector
 from robustpolish.identification.record import poles_of
@@ -190,21 +190,17 @@ def coherent_gain(simulated: Vector, measured: Vector, dt: float) -> CoherentGai
     (True, 2.0, 1.0)
     """
     length = int(2 * simulated.size / (_AVERAGES + 1))
-    window = get_window("hann", length)
-    parts = [
-        [np.fft.rfft(window * detrend(y[i : i + length])) for y in (simulated, measured)]
-        for i in range(0, simulated.size - length + 1, length // 2)
-    ]
-    S, Y = np.transpose(np.array(parts), (1, 0, 2))
-    across = np.mean(S.conj() * Y, axis=0)
-    power, seen = np.mean(np.abs(S) ** 2, axis=0), np.mean(np.abs(Y) ** 2, axis=0)
+    f, across = csd(simulated, measured, 1 / dt, nperseg=length, detrend="linear")
+    power, seen = (
+        welch(y, 1 / dt, nperseg=length, detrend="linear")[1] for y in (simulated, measured)
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
         coherence = np.abs(across) ** 2 / (power * seen)
     # The lowest two lines hold what is left of trends.
     spoken = np.flatnonzero((coherence > _COHERENT) & (power > _EXCITED * power.max()))
     spoken = spoken[spoken >= 2]
-    f = spoken / (length * dt)
-    if f.size < _LINES or f[-1] < _BAND * f[0]:
+    lines = f[spoken]
+    if lines.size < _LINES or lines[-1] < _BAND * lines[0]:
         return CoherentGain(False)
     gain = across[spoken] / power[spoken]
     size = float(np.median(np.abs(gain)))

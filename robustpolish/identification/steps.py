@@ -15,7 +15,7 @@ from robustpolish.base.checks import one_of
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.errors import RobustPolishError
 from robustpolish.identification.compare import Comparison, compare
-from robustpolish.identification.diagnosis.findings import Findings
+from robustpolish.identification.diagnosis.result import Diagnosis
 from robustpolish.identification.fit.prepared import has_integrator
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import Record, record_of
@@ -153,7 +153,7 @@ def comparison_window(model: MechanicalModel, record: Record, reproducible: bool
     return None if whole else POLICY.window(record.samples) * record.dt
 
 
-def step_runs(diagnosis: Findings, data: Any) -> tuple[StepRun, ...]:
+def step_runs(diagnosis: Diagnosis, data: Any) -> tuple[StepRun, ...]:
     """Run the model of every step of a diagnosis over a record, freely.
 
     Parameters

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from robustpolish.base.arrays import Array
 from robustpolish.base.budget import progress_bar
-from robustpolish.base.checks import described, invalid, positive
+from robustpolish.base.checks import described, invalid, misfit, positive
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.identification.diagnosis.findings import IndistinguishablePair
 from robustpolish.identification.diagnosis.result import Diagnosis
@@ -146,8 +146,7 @@ class ToldApart(Displayed):
         """
         if not self.tried:
             why = "; ".join(reason for _, reason in self.refused) or "nothing drives the machine"
-            shown, remedy = described(f"none: {why}"), "Give wider limits."
-            raise invalid("experiments", shown, "at least one", remedy)
+            raise misfit("experiments", f"none: {why}", "at least one", "Give wider limits.")
         return max(self.tried, key=lambda t: t.left)
 
     def _figures(self, tried: SimulatedExperiment) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import overload
 
@@ -83,9 +83,6 @@ class Modes(Displayed, Sequence[Mode]):
     def __getitem__(self, index: slice) -> tuple[Mode, ...]: ...
     def __getitem__(self, index: int | slice) -> Mode | tuple[Mode, ...]:
         return self.modes[index]
-
-    def __iter__(self) -> Iterator[Mode]:
-        return iter(self.modes)
 
     @property
     def eigenvalues(self) -> NDArray[np.complex128]:

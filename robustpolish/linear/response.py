@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import expm, matrix_balance
 
 from robustpolish.base.arrays import Array, Matrix
-from robustpolish.base.checks import described, invalid, matrix, state_space
+from robustpolish.base.checks import described, invalid, matrix, misfit, state_space
 from robustpolish.base.jit import njit
 
 # The exact response of a linear system to an input that is linear between its samples.
@@ -89,9 +89,8 @@ def linear_response(
 
     if system.dt is not None and system.dt != 0:
         if system.dt is not True and t.size > 1 and not np.isclose(step, system.dt, rtol=1e-6):
-            shown = described(f"a step of {step:.6g} s")
             want = f"the system's sampling time, {system.dt:.6g} s"
-            raise invalid("time", shown, want, "Resample the signals to it.")
+            raise misfit("time", f"a step of {step:.6g} s", want, "Resample the signals to it.")
         transition, now, later = A, B, None
     else:
         transition, now, later = first_order_hold(A, B, step)

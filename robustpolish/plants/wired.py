@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from robustpolish.base.checks import described, instance_of, invalid, is_whole, positive
+from robustpolish.base.checks import described, instance_of, invalid, is_whole, misfit, positive
 from robustpolish.linear.delayed_systems import (
     DelayedSystem,
     DelayLine,
@@ -125,9 +125,8 @@ def single_filter(argument: str, value: Any, dt: float | bool) -> control.StateS
         raise invalid(argument, shown, "one of each", "Give each signal a filter of its own.")
     own = dt if system.dt is None or not system.nstates else system.dt
     if own != dt:
-        shown = described(f"sampling time {system.dt}")
         remedy = "Discretise it, for instance with control.sample_system."
-        raise invalid(argument, shown, f"{dt} like the plant", remedy)
+        raise misfit(argument, f"sampling time {system.dt}", f"{dt} like the plant", remedy)
     return system
 
 

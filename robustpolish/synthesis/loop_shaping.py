@@ -15,7 +15,7 @@ from scipy import linalg
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.arrays import AnyVector as Vector
 from robustpolish.base.budget import Budget, single_threaded_blas
-from robustpolish.base.checks import described, invalid, is_whole, positive
+from robustpolish.base.checks import described, invalid, is_whole, misfit, positive
 from robustpolish.errors import SolverError
 from robustpolish.linear.delayed_systems import resolvent_response
 from robustpolish.plants.blocks import as_state_space, named_system
@@ -548,8 +548,7 @@ def _target_loop(
 ) -> TargetLoop | None:
     """Return the loop that is wanted, if weights are not."""
     if target is None and band_hz is not None:
-        shown = described("a band without a target")
-        raise invalid("band_hz", shown, "a band of target=", "Leave it out.")
+        raise misfit("band_hz", "a band without a target", "a band of target=", "Leave it out.")
     if target is None:
         return None
     if W1 is not None:

@@ -11,7 +11,7 @@ import control
 import numpy as np
 
 from robustpolish.base.budget import single_threaded_blas
-from robustpolish.base.checks import described, invalid, is_whole, positive
+from robustpolish.base.checks import described, invalid, is_whole, misfit, positive
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.implementation.reduction import ReducedCandidate, Reducer
 from robustpolish.linear.norms.h2 import h2_norm
@@ -79,9 +79,8 @@ def reduce_controller(
         given = described(f"order={order!r} and tolerance={tolerance!r}")
         raise invalid("order", given, "one of the two", "Leave one of them out.")
     if n == kept:
-        shown = described("a static gain")
         remedy = "There is nothing to reduce; discretise or export it as it is."
-        raise invalid("controller", shown, "a controller with states", remedy)
+        raise misfit("controller", "a static gain", "a controller with states", remedy)
     reducer = Reducer(plant, controller)
     name = figure or f"{norm_in_words(before.norm)} norm"
     limit, part = math.inf, 0.0

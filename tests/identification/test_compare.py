@@ -342,11 +342,6 @@ def test_where_the_error_of_several_records_is():
         rp.residual_analysis(ahead)
 
 
-def test_several_records_refused():
-    with pytest.raises(rp.InvalidInputError, match="'x' in 'record 1', but not in 'record 2'"):
-        rp.compare(oscillator(), [SOFT, SOFT[["F"]]])
-
-
 # True models of drawn machines: the error is the noise.
 
 

@@ -202,7 +202,7 @@ def machines(first, second, known=(), precision=None, noise=1e-4):
 
 def step(times=1.0, kind="step"):
     model = oscillator()
-    found = experiments(model, record_of(model, record()))
+    found = experiments(model, record_of(model, record()), (), None)
     return next(e for e in found if (e.kind, e.times) == (kind, times))
 
 
@@ -218,7 +218,9 @@ def test_two_springs_differ_by_what_statics_say():
 
 def test_what_nobody_can_repeat_is_no_experiment():
     well, data = double_well(400.0)
-    (first, *_) = (e for e in experiments(well, record_of(well, data)) if e.kind == "record")
+    (first, *_) = (
+        e for e in experiments(well, record_of(well, data), (), None) if e.kind == "record"
+    )
     strong = replace(first, inputs=data[["F"]], motion=1.0)
     other = well.with_parameters({"damper[0].damping": 0.151})
     with pytest.raises(UnusableExperimentError, match="tiny change of the start"):

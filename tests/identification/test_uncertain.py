@@ -8,7 +8,7 @@ import xarray as xr
 from scipy.stats import chi2
 
 import robustpolish as rp
-from robustpolish.identification.diagnosis.uncertainty import machines_in_ellipsoid
+from robustpolish.identification.diagnosis.uncertainty import Fitted
 from tests.identification.oscillators import PLACE, oscillator, record
 
 KEYS = ("dof.x.mass", "spring[0].stiffness", "damper[0].damping")
@@ -29,6 +29,11 @@ def same(found, wanted):
         np.testing.assert_allclose(
             getattr(found, name), getattr(wanted, name), rtol=1e-9, atol=1e-9
         )
+
+
+def machines_in_ellipsoid(model, covariance, confidence, ranges, ports=()):
+    fit = SimpleNamespace(model=model, covariance=covariance)
+    return Fitted.uncertain(fit, confidence, ranges=ranges, ports=ports)
 
 
 def test_ellipsoid_is_that_of_the_covariance():

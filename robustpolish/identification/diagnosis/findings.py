@@ -11,7 +11,6 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from robustpolish.base.arrays import Array
 from robustpolish.base.checks import one_of
 from robustpolish.base.results import Card, Displayed, Table, quantities
 from robustpolish.machines.effects.effect import Effect, lookup
@@ -341,33 +340,6 @@ class IndistinguishablePair:
     first: Effect
     second: Effect
     experiment: str
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Findings:
-    """What :class:`Diagnosis` tells, draws and saves; its attributes are described there."""
-
-    verdict: str
-    model: MechanicalModel
-    effects: tuple[FoundEffect, ...]
-    candidates: tuple[RankedCandidate, ...]
-    indistinguishable: tuple[IndistinguishablePair, ...]
-    ledger: Ledger
-    missing_force: Array
-    sites: tuple[tuple[str, ...], ...]
-    parameters: Mapping[str, Value] = field(default_factory=dict)
-    covariance: xr.DataArray | None = None
-    reasons: tuple[str, ...] = ()
-    reproducible: bool = True
-    time: Array = field(default_factory=lambda: np.zeros(0))
-    notes: tuple[str, ...] = ()
-    maps: tuple[ForceMap, ...] = ()
-    status: str = "complete"
-
-    @property
-    def noise_floor(self) -> Mapping[str, float]:
-        """Noise over each output's standard deviation."""
-        return self.ledger.noise_floor
 
 
 # Indistinguishable pairs of effects, and experiments that separate them.

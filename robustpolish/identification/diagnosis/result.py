@@ -1,21 +1,23 @@
-"""Result of a diagnosis: report, pictures, and its JSON file."""
+"""Result of a diagnosis: report in words, pictures, and its JSON file."""
 
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
+from robustpolish.base.arrays import Array
 from robustpolish.base.checks import described, invalid
-from robustpolish.base.results import Card, Displayed, Table, estimate
+from robustpolish.base.results import Card, Displayed, Table, estimate, plus_minus
 from robustpolish.base.saved import Fields, read_saved, write_saved
 from robustpolish.identification.diagnosis.findings import (
     Entry,
-    Findings,
     ForceMap,
     FoundEffect,
     IndistinguishablePair,
@@ -24,10 +26,8 @@ from robustpolish.identification.diagnosis.findings import (
     Value,
     learned_laws_of,
 )
-from robustpolish.identification.diagnosis.uncertainty import uncertain
-from robustpolish.identification.diagnosis.words import explain, headline, plain, shown_parameters
+from robustpolish.identification.diagnosis.uncertainty import Fitted
 from robustpolish.machines.effects.effect import Effect, lookup
-from robustpolish.machines.effects.kind import EffectKind
 from robustpolish.machines.effects.learned_law import LearnedLaw
 from robustpolish.machines.effects.user_defined import own_kind, own_table
 from robustpolish.machines.mechanical.model import MechanicalModel
@@ -41,30 +41,24 @@ VERDICTS = (
 
 
 STATUSES = ("complete", "stopped")
+_TRIED = ("nrmse_held_out", "step", "score", "remark")
+"""What is told of a candidate beside its kind, its place and its numbers."""
 
 
-def content(found: Findings) -> dict[str, Any]:
+def content(found: Diagnosis) -> dict[str, Any]:
     """Return what stands in the file."""
     covariance = found.covariance
+    as_they_are = (
+        "verdict", "reasons", "notes", "reproducible", "status", "sites", "time", "missing_force",
+    )  # fmt: skip
     return {
-        "verdict": found.verdict,
-        "reasons": list(found.reasons),
-        "notes": list(found.notes),
-        "reproducible": found.reproducible,
-        "status": found.status,
+        **{name: getattr(found, name) for name in as_they_are},
         "model": found.model.to_toml().splitlines(),
-        "effects": [
-            {**_what(e), "at": e.at, "parameters": _values(e.parameters)} for e in found.effects
-        ],
+        "effects": [{**_what(e), "parameters": _values(e.parameters)} for e in found.effects],
         "candidates": [
             {
-                **_what(c),
-                "at": c.at,
-                "nrmse_held_out": c.nrmse_held_out,
-                "score": c.score,
-                "step": c.step,
-                "parameters": dict(c.parameters),
-                "remark": c.remark,
+                **_place(c),
+                **{name: getattr(c, name) for name in _TRIED},
                 "beside": [_place(e) for e in c.beside],
             }
             for c in found.candidates
@@ -74,18 +68,11 @@ def content(found: Findings) -> dict[str, Any]:
             for c in found.indistinguishable
         ],
         "ledger": [
-            {
-                "step": e.step,
-                "nrmse": dict(e.nrmse),
-                "model": None if e.model is None else e.model.to_toml().splitlines(),
-            }
+            {**vars(e), "model": None if e.model is None else e.model.to_toml().splitlines()}
             for e in found.ledger.entries
         ],
         "noise_floor": dict(found.noise_floor),
         "parameters": _values(found.parameters),
-        "sites": found.sites,
-        "time": found.time,
-        "missing_force": found.missing_force,
         "maps": [_table_of(item) for item in found.maps],
         "covariance": None
         if covariance is None
@@ -93,8 +80,8 @@ def content(found: Findings) -> dict[str, Any]:
     }
 
 
-def findings_from(fields: Fields) -> Findings:
-    """Return the findings in a file.
+def diagnosis_from(fields: Fields) -> Diagnosis:
+    """Return the diagnosis in a file.
 
     Raises
     ------
@@ -113,22 +100,21 @@ def findings_from(fields: Fields) -> Findings:
             shown = described(f"errors of {', '.join(e.nrmse) or 'nothing'} at {e.step!r}")
             remedy = "The file is damaged or was edited; save it again."
             raise invalid(f"{fields.where}: ledger", shown, "errors of the same outputs", remedy)
-    return Findings(
+    return Diagnosis(
         verdict=fields.text("verdict", VERDICTS),
         model=MechanicalModel.from_toml(_text(fields)),
         effects=tuple(
-            FoundEffect(*_kind(e)[:2], _read_values(e.table("parameters")), _kind(e)[2])
+            FoundEffect(**_kind(e), parameters=_read_values(e.table("parameters")))
             for e in fields.tables("effects")
         ),
         candidates=tuple(
             RankedCandidate(
-                *_kind(c)[:2],
+                **_kind(c),
                 nrmse_held_out=c.number("nrmse_held_out"),
                 score=c.number("score"),
                 step=c.whole("step"),
                 parameters=c.numbers("parameters"),
                 remark=c.text("remark"),
-                own=_kind(c)[2],
                 beside=tuple(map(_effect, c.tables("beside"))) if "beside" in c else (),
             )
             for c in fields.tables("candidates")
@@ -189,12 +175,6 @@ def _covariance(fields: Fields) -> xr.DataArray | None:
     return xr.DataArray(values, {"parameter": keys, "other": keys}, ("parameter", "other"))
 
 
-def _values(values: Any) -> dict[str, Any]:
-    return {
-        key: {"value": v.value, "stderr": v.stderr, "unit": v.unit} for key, v in values.items()
-    }
-
-
 def _read_values(table: Fields) -> dict[str, Value]:
     found = {key: table.table(key) for key in table}
     return {
@@ -203,13 +183,12 @@ def _read_values(table: Fields) -> dict[str, Value]:
     }
 
 
-def _place(effect: Effect) -> dict[str, Any]:
-    return {**_what(effect), "at": effect.at, "parameters": dict(effect.parameters)}
+def _place(effect: Effect | RankedCandidate) -> dict[str, Any]:
+    return {**_what(effect), "parameters": dict(effect.parameters)}
 
 
 def _effect(table: Fields) -> Effect:
-    kind, at, own = _kind(table)
-    return Effect(kind, at, table.numbers("parameters"), own)
+    return Effect(**_kind(table), parameters=table.numbers("parameters"))
 
 
 def _table_of(item: ForceMap) -> dict[str, Any]:
@@ -224,12 +203,12 @@ def _table_of(item: ForceMap) -> dict[str, Any]:
 
 
 def _what(item: Effect | FoundEffect | RankedCandidate) -> dict[str, Any]:
-    """Return the kind by name, and what it is if no catalogue knows it."""
-    table = None if item.own is None else own_table(item.own)
-    return {"kind": item.kind} if table is None else {"kind": item.kind, "own": table}
+    """Return the kind by name with its place, and what it is if no catalogue knows it."""
+    own = {} if item.own is None else {"own": own_table(item.own)}
+    return {"kind": item.kind, "at": item.at, **own}
 
 
-def _kind(table: Fields) -> tuple[str, tuple[str, ...], EffectKind | None]:
+def _kind(table: Fields) -> dict[str, Any]:
     """Return the name, the place and the kind itself, if no catalogue knows it."""
     at = table.texts("at")
     if "own" in table:
@@ -237,14 +216,83 @@ def _kind(table: Fields) -> tuple[str, tuple[str, ...], EffectKind | None]:
         kind = own_kind({key: own.raw(key) for key in own})
     else:
         kind = lookup(table.text("kind"))
-    return kind.kind, at, Effect.of(kind, at).own
+    return {"kind": kind.kind, "at": at, "own": Effect.of(kind, at).own}
+
+
+def _values(values: Mapping[str, Value]) -> dict[str, dict[str, Any]]:
+    """Return numbers with their standard errors and units."""
+    return {key: dict(vars(value)) for key, value in values.items()}
+
+
+def _finite(value: Any) -> Any:
+    """Return plain data without infinity, which JSON has not: what is not known is null."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    if isinstance(value, float):
+        return float(value) if np.isfinite(value) else None
+    return value
+
+
+def _kind_and_place(effect: Effect | FoundEffect | RankedCandidate) -> dict[str, Any]:
+    return {"kind": effect.kind, "at": list(effect.at)}
+
+
+# A diagnosis in words.
+
+_VERDICTS = {
+    "adequate": "The model is adequate: what is left is noise.",
+    "parameters": "Nothing is missing, but the model's numbers were wrong; they were refitted.",
+    "missing_effect": "The model lacks a physical effect.",
+    "partly_explained": "The model lacks physical effects; a part of the error is left.",
+    "unknown_law": "The model lacks a force that no effect of the catalogue describes; it was "
+    "learned as a curve.",
+    "unexplained": "Something is missing that no effect of the catalogue explains.",
+}
+
+# Verdicts that leave more than noise.
+_LEFT = ("partly_explained", "unknown_law", "unexplained")
+_FAR = 3.0
+"""Times the noise from which what is left is named beside what was found."""
+
+
+def headline(found: Diagnosis) -> str:
+    """Return the verdict as a sentence, with the effects by name."""
+    told = ("missing_effect", "partly_explained", "unknown_law")
+    if found.effects and found.verdict in told:
+        named = " and ".join(f"{e.definition.title} at {', '.join(e.at)}" for e in found.effects)
+        if found.verdict == "unknown_law":
+            return f"The model lacked a force that no catalogue describes: {named}."
+        more = " Far more than noise is left." if _far_from_noise(found) else ""
+        if found.verdict == "partly_explained":
+            more = " And something else is missing."
+        return f"The model lacked: {named}.{more}"
+    return _VERDICTS[found.verdict]
+
+
+def _far_from_noise(found: Diagnosis) -> bool:
+    """Return whether the error of the final model is several times the noise of a sensor."""
+    floor, entries = found.noise_floor, found.ledger.entries
+    left = entries[-1].nrmse if entries else {}
+    return any(error > _FAR * floor[name] > 0 for name, error in left.items() if name in floor)
+
+
+def _wrap(text: str) -> list[str]:
+    """Return lines that no notebook and no terminal breaks in the middle of a word."""
+    return textwrap.wrap(text, 88, initial_indent=" " * 3, subsequent_indent=" " * 6)
+
+
+def shown_parameters(effect: FoundEffect) -> Mapping[str, Value]:
+    """Return the numbers that tell something about an effect: the coefficients of a law do not."""
+    return {} if effect.definition.over else effect.parameters
 
 
 # The result of a diagnosis.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Diagnosis(Findings, Displayed):
+class Diagnosis(Fitted, Displayed):
     """Diagnosis of a model: the effects that it lacks, with their evidence.
 
     Attributes
@@ -302,7 +350,27 @@ class Diagnosis(Findings, Displayed):
     True
     """
 
-    uncertain = uncertain
+    verdict: str
+    model: MechanicalModel
+    effects: tuple[FoundEffect, ...]
+    candidates: tuple[RankedCandidate, ...]
+    indistinguishable: tuple[IndistinguishablePair, ...]
+    ledger: Ledger
+    missing_force: Array
+    sites: tuple[tuple[str, ...], ...]
+    parameters: Mapping[str, Value] = field(default_factory=dict)
+    covariance: xr.DataArray | None = None
+    reasons: tuple[str, ...] = ()
+    reproducible: bool = True
+    time: Array = field(default_factory=lambda: np.zeros(0))
+    notes: tuple[str, ...] = ()
+    maps: tuple[ForceMap, ...] = ()
+    status: str = "complete"
+
+    @property
+    def noise_floor(self) -> Mapping[str, float]:
+        """Noise over each output's standard deviation."""
+        return self.ledger.noise_floor
 
     @property
     def laws(self) -> tuple[LearnedLaw, ...]:
@@ -316,7 +384,44 @@ class Diagnosis(Findings, Displayed):
         -------
         dict
         """
-        return plain(self)
+        told = {
+            "verdict": self.verdict,
+            "effects": [
+                {**_kind_and_place(e), "parameters": _values(e.parameters)} for e in self.effects
+            ],
+            "laws": [
+                {
+                    **_kind_and_place(law.effect),
+                    "words": law.describe().splitlines(),
+                    "formula": None if law.formula() is None else str(law.formula()),
+                }
+                for law in self.laws
+            ],
+            "candidates": [
+                {
+                    **_kind_and_place(c),
+                    **{name: getattr(c, name) for name in _TRIED},
+                    "beside": [_kind_and_place(e) for e in c.beside],
+                }
+                for c in self.candidates
+            ],
+            "indistinguishable": [
+                [_kind_and_place(c.first), _kind_and_place(c.second)]
+                for c in self.indistinguishable
+            ],
+            "experiments": [c.experiment for c in self.indistinguishable],
+            "ledger": self.ledger.to_list(),
+            "noise_floor": dict(self.noise_floor),
+            "parameters": _values(self.parameters),
+            "reasons": list(self.reasons),
+            "notes": list(self.notes),
+            "missing_force": [
+                {"at": list(m.at), "rms": m.size, "unit": m.unit, "follows": m.follows}
+                for m in self.maps
+            ],
+            "free_run_reproducible": self.reproducible,
+        }
+        return _finite(told)
 
     def explain(self) -> str:
         """Say in words what was found, why, and what to check on the machine.
@@ -325,7 +430,42 @@ class Diagnosis(Findings, Displayed):
         -------
         str
         """
-        return explain(self)
+        lines = [headline(self), *self.reasons]
+        if self.notes:
+            lines += ["", "Look at the record and the numbers first:"]
+            lines += [f"   {note}." if note[-1:].isalnum() else f"   {note}" for note in self.notes]
+        for number, effect in enumerate(self.effects, 1):
+            kind = effect.definition
+            lines += ["", f"{number}. {kind.title} at {', '.join(effect.at)}"]
+            for law in self.laws:
+                if (law.effect.kind, law.effect.at) == (effect.kind, effect.at):
+                    lines += [f"   {line}" for line in law.describe().splitlines()]
+            for name, v in shown_parameters(effect).items():
+                lines.append(f"   {name} = {plus_minus(v.value, v.stderr)} {v.unit}")
+            lines += _wrap(f"In the residual: {kind.looks_like}")
+            lines += [line for check in kind.checks for line in _wrap(f"Check: {check}")]
+            lines += [line for source in kind.references for line in _wrap(f"See {source}")]
+        if self.maps and self.verdict in _LEFT:
+            lines += ["", "What is left, where displacement and velocity foretell it best:"]
+            lines += [f"   {item.describe()}" for item in self.maps[:2]]
+        if self.ledger.entries:
+            lines += ["", "Error of a free run over the standard deviation of each output:"]
+            for entry in self.ledger.entries:
+                shown = ", ".join(f"{k} {v:.3g}" for k, v in entry.nrmse.items())
+                lines.append(f"   {entry.step}: {shown}")
+            shown = ", ".join(f"{k} {v:.3g}" for k, v in self.noise_floor.items())
+            lines.append(f"   noise floor: {shown}")
+        if self.indistinguishable:
+            lines += ["", "This data cannot tell apart:"]
+            for c in self.indistinguishable:
+                lines.append(f"   {c.first} and {c.second}. {c.experiment}")
+        if not self.reproducible:
+            lines += [
+                "",
+                "A free run is not reproducible: a tiny change of the start grows beyond the "
+                "noise, so its error judges nothing. Runs led by the data were used instead.",
+            ]
+        return "\n".join(lines)
 
     def save(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
         """Write the diagnosis, its model included, to one JSON file, whole or not at all.
@@ -423,14 +563,3 @@ class Diagnosis(Findings, Displayed):
         ledger = self.ledger._card()
         tables += [Table(ledger.title, t.columns, t.rows) for t in ledger.tables]
         return Card(headline(self), tuple(tables), (*self.reasons, *self.notes))
-
-
-def diagnosis_from(fields: Fields) -> Diagnosis:
-    """Return the diagnosis in a file.
-
-    Raises
-    ------
-    InvalidInputError
-        If a key is missing or wrong, or names an effect that is not in the catalogue.
-    """
-    return Diagnosis(**vars(findings_from(fields)))

@@ -6,14 +6,13 @@ import itertools
 import warnings
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-import xarray as xr
 from scipy.special import chdtri
 
 from robustpolish.base.arrays import Vector
-from robustpolish.base.checks import described, instance_of, invalid, positive
+from robustpolish.base.checks import described, instance_of, invalid, misfit, positive
 from robustpolish.errors import RobustPolishWarning
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import SignalSlope
@@ -33,127 +32,89 @@ NAME = "fit"
 _FORCE, _DISPLACEMENT = " (force)", " (displacement)"
 
 
-class Fitted(Protocol):
-    """A model that was fitted to data."""
+class Fitted:
+    """A model that was fitted to data, and the machines that these allow."""
 
-    @property
-    def model(self) -> MechanicalModel:
-        """The fitted model."""
-        ...
+    model: MechanicalModel
+    covariance: Any
 
-    @property
-    def covariance(self) -> xr.DataArray | None:
-        """Covariance of the fitted numbers, over their keys twice."""
-        ...
+    def uncertain(
+        self,
+        confidence: float = 0.95,
+        *,
+        ranges: Mapping[str, Any] | None = None,
+        ports: Sequence[str] = (),
+    ) -> UncertainSystem:
+        """Return the machines that the data allow: the linear part, its numbers in an ellipsoid.
 
+        Parameters
+        ----------
+        confidence : float, optional
+            Probability that the true numbers lie in the ellipsoid, all of them together.
+        ranges : mapping of str to float, (float, float) or UncertainSystem, optional
+            Numbers of which something else is to be said, as :meth:`MechanicalModel.uncertain`
+            takes them: those that the data leave open, and others that were not fitted.
+        ports : sequence of str, optional
+            Effects such as ``"effect[0]"`` whose places get an input for the force and an output
+            for the displacement, each of that name, for :func:`robust_sector`.
 
-def uncertain(
-    self: Fitted,
-    confidence: float = 0.95,
-    *,
-    ranges: Mapping[str, Any] | None = None,
-    ports: Sequence[str] = (),
-) -> UncertainSystem:
-    """Return the machines that the data allow: the linear part, its numbers in an ellipsoid.
+        Returns
+        -------
+        UncertainSystem
+            With the inputs and outputs of the model. A witness is told in physical numbers by
+            :meth:`UncertainSystem.numbers`. Gains of inputs and sensors that were found as effects
+            are in it. A warning names the forces of effects and the delays, which are not.
 
-    Parameters
-    ----------
-    confidence : float, optional
-        Probability that the true numbers lie in the ellipsoid, all of them together.
-    ranges : mapping of str to float, (float, float) or UncertainSystem, optional
-        Numbers of which something else is to be said, as :meth:`MechanicalModel.uncertain`
-        takes them: those that the data leave open, and others that were not fitted.
-    ports : sequence of str, optional
-        Effects such as ``"effect[0]"`` whose places get an input for the force and an output
-        for the displacement, each of that name, for :func:`robust_sector`.
+        Raises
+        ------
+        InvalidInputError
+            If the data leave a number open, or a mass that may be 0.
 
-    Returns
-    -------
-    UncertainSystem
-        With the inputs and outputs of the model. A witness is told in physical numbers by
-        :meth:`UncertainSystem.numbers`. Gains of inputs and sensors that were found as effects
-        are in it. A warning names the forces of effects and the delays, which are not.
+        Notes
+        -----
+        The ellipsoid is that of a normal distribution with the covariance of the fit, for as many
+        numbers as there are, after the priors: standard errors of it account for residuals that are
+        coloured, not for a model that is wrong in kind. It may reach past what is physical, to a
+        negative damping, which proves more than is needed. Masses that gave forces their unit, and
+        whatever else was not fitted, are certain.
 
-    Raises
-    ------
-    InvalidInputError
-        If the data leave a number open, or a mass that may be 0.
-
-    Notes
-    -----
-    The ellipsoid is that of a normal distribution with the covariance of the fit, for as many
-    numbers as there are, after the priors: standard errors of it account for residuals that are
-    coloured, not for a model that is wrong in kind. It may reach past what is physical, to a
-    negative damping, which proves more than is needed. Masses that gave forces their unit, and
-    whatever else was not fitted, are certain.
-
-    Examples
-    --------
-    >>> import warnings
-    >>> import robustpolish as rp
-    >>> model, data = rp.datasets.sticky_slide()
-    >>> model = model.with_effect("coulomb_friction", ("x", "ground"))
-    >>> fitted = rp.refit(model, data.isel(time=slice(0, 500)))
-    >>> with warnings.catch_warnings(action="ignore"):  # the friction is no part of it
-    ...     machines = fitted.uncertain()
-    >>> sorted({element.group for element in machines.elements.values()})
-    ['fit']
-    """
-    return machines_in_ellipsoid(self.model, self.covariance, confidence, ranges, ports)
-
-
-def machines_in_ellipsoid(
-    model: MechanicalModel,
-    covariance: xr.DataArray | None,
-    confidence: float,
-    ranges: Mapping[str, Any] | None,
-    ports: Sequence[str] = (),
-) -> UncertainSystem:
-    """Return the linear part of a model with its fitted numbers in their ellipsoid.
-
-    Parameters
-    ----------
-    model : MechanicalModel
-        With its fitted numbers.
-    covariance : xarray.DataArray or None
-        Of the fitted numbers, over their keys twice.
-    confidence : float
-    ranges : mapping or None
-        What is to be said of other numbers, or of these instead.
-    ports : sequence of str, optional
-        Effects such as ``"effect[0]"`` that get an input and an output of this name: the force, and
-        the displacement on which it depends.
-
-    Returns
-    -------
-    UncertainSystem
-    """
-    said = dict(instance_of("ranges", ranges or {}, Mapping, "a mapping", 'Write {"key": 0.1}.'))
-    gains = _gains(model)
-    keys = [] if covariance is None else covariance["parameter"].values.tolist()
-    kept = [
-        key for key in keys if (key in gains or not key.startswith("effect[")) and key not in said
-    ]
-    known: Mapping[str, UncertainSystem] = {}
-    if covariance is not None and kept:
-        places = [keys.index(key) for key in kept]
-        known = _ellipsoid(model, kept, covariance.values[np.ix_(places, places)], confidence)
-    model = _with_ports(model, ports)
-    _warn_of_omitted_effects(model, {*gains, *(f"{name}.gain" for name in ports)})
-    own = {key: number for key, number in known.items() if key not in gains}
-    system = model.uncertain(own | {key: value for key, value in said.items() if key not in gains})
-    factors = {
-        key: _factor(key, model.parameters[key], said[key])
-        if key in said
-        else known.get(key, model.parameters[key])
-        for key in gains
-    }
-    system = _with_gains(model, system, gains, factors) if gains else system
-    # A model keeps names of inputs and outputs apart, a system need not.
-    ends = {name + end: name for name in ports for end in (_FORCE, _DISPLACEMENT)}
-    inputs = [ends.get(name, name) for name in system.input_labels]
-    outputs = [ends.get(name, name) for name in system.output_labels]
-    return UncertainSystem(system.matrices.names(inputs, outputs))
+        Examples
+        --------
+        >>> import warnings
+        >>> import robustpolish as rp
+        >>> model, data = rp.datasets.sticky_slide()
+        >>> model = model.with_effect("coulomb_friction", ("x", "ground"))
+        >>> fitted = rp.refit(model, data.isel(time=slice(0, 500)))
+        >>> with warnings.catch_warnings(action="ignore"):  # the friction is no part of it
+        ...     machines = fitted.uncertain()
+        >>> sorted({element.group for element in machines.elements.values()})
+        ['fit']
+        """
+        model, covariance = self.model, self.covariance
+        remedy = 'Write {"key": 0.1}.'
+        said = dict(instance_of("ranges", ranges or {}, Mapping, "a mapping", remedy))
+        gains = _gains(model)
+        keys = [] if covariance is None else covariance["parameter"].values.tolist()
+        linear = [key for key in keys if key in gains or not key.startswith("effect[")]
+        kept = [key for key in linear if key not in said]
+        known: Mapping[str, UncertainSystem] = {}
+        if covariance is not None and kept:
+            places = [keys.index(key) for key in kept]
+            known = _ellipsoid(model, kept, covariance.values[np.ix_(places, places)], confidence)
+        model = _with_ports(model, ports)
+        _warn_of_omitted_effects(model, {*gains, *(f"{name}.gain" for name in ports)})
+        numbers = {key: number for key, number in {**known, **said}.items() if key not in gains}
+        system, factors = model.uncertain(numbers), {}
+        for key in gains:
+            nominal = model.parameters[key]
+            told = key in said
+            factors[key] = _factor(key, nominal, said[key]) if told else known.get(key, nominal)
+        system = _with_gains(model, system, gains, factors) if gains else system
+        # A model keeps names of inputs and outputs apart, a system need not.
+        ends = {name + end: name for name in ports for end in (_FORCE, _DISPLACEMENT)}
+        inputs = [ends.get(name, name) for name in system.input_labels]
+        outputs = [ends.get(name, name) for name in system.output_labels]
+        return UncertainSystem(system.matrices.names(inputs, outputs))
 
 
 def _ellipsoid(
@@ -251,7 +212,7 @@ def _warn_of_omitted_effects(model: MechanicalModel, kept: Collection[str]) -> N
             f"Left out of the uncertain machine: {', '.join(map(str, missing))}. What is proven "
             "of it holds for the linear part: judge the rest by simulating the model.",
             RobustPolishWarning,
-            stacklevel=4,
+            stacklevel=3,
         )
 
 
@@ -360,8 +321,7 @@ def _slopes(model: MechanicalModel, effect: Effect, q: Vector) -> Vector:
     kind = effect.definition
     law = kind.law
     if law is None or kind.ports != 1 or kind.has_memory:
-        shown = described(str(effect))
-        raise invalid("effect", shown, "a force of one displacement", "Bound it by hand.")
+        raise misfit("effect", str(effect), "a force of one displacement", "Bound it by hand.")
     p = np.array([*effect.values.values(), *context_values(model, effect, 0.0)])
 
     def force(x: float, v: float, t: float) -> float:

@@ -649,14 +649,9 @@ class EvaluatedFit:
         return short_window_rms(self.model, self.prepared, self.prepared.held_out)
 
     @cached_property
-    def fitted(self) -> Array:
-        """Error over whole fitted pieces."""
-        return free_run_rms(self.model, self.prepared, self.prepared.trial)
-
-    @property
     def over_all(self) -> Array:
         """Error of free runs by which fits are ranked: held out and fitted, as the score counts."""
-        return np.sqrt(self.free * self.fitted)
+        return np.sqrt(self.free * free_run_rms(self.model, self.prepared, self.prepared.trial))
 
     @property
     def model(self) -> MechanicalModel:

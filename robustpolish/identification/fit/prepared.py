@@ -18,7 +18,6 @@ from robustpolish.base.budget import Budget
 from robustpolish.base.checks import described, invalid
 from robustpolish.identification.observer.kalman import (
     Scales,
-    displacement_amplitude,
     displacement_peak,
     scales_of,
 )
@@ -338,7 +337,7 @@ def _residual_bandwidth(model: MechanicalModel, record: Record, policy: Policy) 
     run = free_run(model.without_effects(), record)
     still = rest(run.model)
     sizes = visible_sizes(run, record, still) if still.vector.size else np.zeros(0)
-    error = run.errors(StartedPiece(record, fitted_start(run, record, [still], sizes)))
+    error = run.all_errors([StartedPiece(record, fitted_start(run, record, [still], sizes))])
     if not np.isfinite(error).all():
         return 0.0
     spectra = (_spectrum(e, record.dt) for e in error.T)
@@ -398,8 +397,8 @@ class PreparedRecord:
     policy : Policy
         What fits and decisions go by.
     scales : Scales
-    amplitude, peak : float
-        Of displacements, in m or rad, and the largest; the second decides on steps.
+    peak : float
+        Largest displacement, in m or rad; decides on steps.
     motion_sizes : ndarray, shape (n,)
         Sizes of the free displacements and velocities.
     estimation, trial, held_out, everything : list of StartedPiece
@@ -421,7 +420,6 @@ class PreparedRecord:
     record: Record
     policy: Policy
     scales: Scales
-    amplitude: float
     peak: float
     motion_sizes: Array
     estimation: list[StartedPiece]
@@ -521,7 +519,7 @@ class PreparedRecord:
 
     def motion(self, model: MechanicalModel, record: Record) -> SmoothedMotion:
         """Return the smoothed motion along the record or a part of it."""
-        return smooth(model, record, self.scales, self.amplitude, self.policy.following)
+        return smooth(model, record, self.scales, self.policy.following)
 
     def sizes(self, model: MechanicalModel) -> Array:
         """Return the sizes of a model's states, internal ones included."""
@@ -564,17 +562,16 @@ class PreparedRecord:
 def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedRecord:
     """Prepare a record for fits of a model and its extensions."""
     scales = scales_of(model, record)
-    amplitude = displacement_amplitude(model, record, scales.bandwidth)
     linear, m, omega = model.without_effects(), model.matrices, scales.bandwidth
     # the largest force that a motion of this size takes in the model
     stiffness = [np.abs(np.diag(matrix)) for matrix in (m.K, m.C * omega, m.M * omega**2)]
-    moving = float(np.max(np.sum(stiffness, axis=0)) * amplitude)
+    moving = float(np.max(np.sum(stiffness, axis=0)) * scales.amplitude)
     try:
         if 0 < _OUT_OF_PROPORTION * moving < np.max(scales.force):
             raise np.linalg.LinAlgError
-        motion = smooth(linear, record, scales, amplitude, policy.following)
+        motion = smooth(linear, record, scales, policy.following)
     except np.linalg.LinAlgError as error:
-        shown = f"motions of {amplitude:.3g} with forces of {np.max(scales.force):.3g}"
+        shown = f"motions of {scales.amplitude:.3g} with forces of {np.max(scales.force):.3g}"
         remedy = "Check the units of the columns, and the model's masses and stiffnesses."
         wanted = "motions that the model can have"
         raise invalid("data", described(shown), wanted, remedy) from error
@@ -594,7 +591,7 @@ def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedR
         return with_initial_memory(model, started)
 
     return PreparedRecord(
-        record, policy, scales, amplitude, peak, _motion_sizes(model, motion),
+        record, policy, scales, peak, _motion_sizes(model, motion),
         estimation=pieces(kept),
         trial=pieces([part.part(0, min(first, part.samples)) for part in kept]),
         held_out=pieces(judges),

@@ -12,7 +12,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from robustpolish.base.results import Card, Displayed, Table, estimate
-from robustpolish.identification.diagnosis.uncertainty import uncertain
+from robustpolish.identification.diagnosis.uncertainty import Fitted
 from robustpolish.identification.fit.parameters import FreeParameter
 from robustpolish.identification.free_runs import RecordError, records_content, records_table
 from robustpolish.machines.mechanical.data import unit_of
@@ -21,7 +21,7 @@ from robustpolish.plots.charts import plot_bars
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Refit(Displayed):
+class Refit(Fitted, Displayed):
     """A model with fitted parameters.
 
     Attributes
@@ -69,8 +69,6 @@ class Refit(Displayed):
     covariance: xr.DataArray
     notes: tuple[str, ...] = ()
     records: Mapping[str, RecordError] = field(default_factory=dict)
-
-    uncertain = uncertain
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the standard error of every parameter relative to its value.

@@ -318,8 +318,6 @@ def _mode(track: Mapping[float, Resonance], shapes: Sequence[_Shape]) -> Amplitu
 
 def _trend(amplitudes: Array, values: Array, errors: Array, same: float) -> Trend:
     """Return whether values rise with the logarithm of the amplitude, beyond their errors."""
-    if values.size < 2:
-        return "stays"
     spread = np.hypot(errors, same * values)
     weights = spread**-2
     x = np.log(amplitudes)

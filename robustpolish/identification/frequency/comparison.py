@@ -319,25 +319,21 @@ def _modes(model: MechanicalModel, measured: MeasuredResponse) -> tuple[ModeComp
     """Put the model's modes and the measured ones side by side."""
     ours, theirs = model_resonances(model, measured), measured_resonances(measured)
     partners = dict(match_modes(ours, theirs))
-    rows = []
-    sides: list[tuple[Resonance | None, Resonance | None]] = [
-        (mode, theirs[partners[i]] if i in partners else None) for i, mode in enumerate(ours)
-    ]
-    sides += [(None, mode) for j, mode in enumerate(theirs) if j not in partners.values()]
     low, high = measured.frequency[[0, -1]]
-
-    def figure(of: Resonance | None, name: str) -> float | None:
-        return None if of is None else getattr(of, name)
-
-    for mode, seen in sides:
-        if seen is None and mode is not None and not low <= mode.frequency <= high:
-            continue
-        alike = None if mode is None or seen is None else likeness(mode.shape, seen.shape)
-        rows.append(
-            ModeComparison(
-                figure(mode, "frequency"), figure(mode, "damping"), figure(seen, "frequency"),
-                figure(seen, "damping"), figure(seen, "frequency_error"),
-                figure(seen, "damping_error"), alike,
-            )
-        )  # fmt: skip
+    absent: Any = Resonance(*[None] * 5)  # pyright: ignore[reportArgumentType]
+    sides = [(mode, theirs[partners[i]]) for i, mode in enumerate(ours) if i in partners]
+    sides += [
+        (mode, absent)
+        for i, mode in enumerate(ours)
+        if i not in partners and low <= mode.frequency <= high
+    ]
+    sides += [(absent, mode) for j, mode in enumerate(theirs) if j not in partners.values()]
+    rows = [
+        ModeComparison(
+            mode.frequency, mode.damping, seen.frequency, seen.damping, seen.frequency_error,
+            seen.damping_error,
+            None if absent in (mode, seen) else likeness(mode.shape, seen.shape),
+        )
+        for mode, seen in sides
+    ]  # fmt: skip
     return tuple(sorted(rows, key=lambda row: row.frequency or row.model_frequency or 0.0))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.signal import find_peaks, peak_prominences
 
 from robustpolish.base.arrays import AnyArray, Array
-from robustpolish.base.checks import described, invalid
+from robustpolish.base.checks import described, invalid, misfit
 from robustpolish.machines.mechanical.linear import (
     linear_system,
     response_values,
@@ -129,11 +129,8 @@ class MeasuredResponse:
         every = -(-self.frequency.size // most)
         if every == 1:
             return self
-        take = slice(None, None, every)
-        return MeasuredResponse(
-            self.data[take], self.frequency[take], self.pairs, self.units, self.values[take],
-            self.variance[take], self.known,
-        )  # fmt: skip
+        kept = {n: getattr(self, n)[::every] for n in ("data", "frequency", "values", "variance")}
+        return replace(self, **kept)
 
 
 def measured_response(model: MechanicalModel | None, data: Any) -> MeasuredResponse:
@@ -147,8 +144,7 @@ def measured_response(model: MechanicalModel | None, data: Any) -> MeasuredRespo
         If no pair is the model's, or a unit is of another kind than the model says.
     """
     if model is not None and not isinstance(model, MechanicalModel):
-        shown = described(type(model).__name__)
-        raise invalid("model", shown, "a MechanicalModel", "Read it with from_toml.")
+        raise misfit("model", type(model).__name__, "a MechanicalModel", "Read it with from_toml.")
     array = read_frequency_response(data)
     array = array.isel(frequency=array["frequency"].values > 0)
     names = [[str(name) for name in array[side].values] for side in ("output", "input")]

@@ -60,6 +60,8 @@ class Scales:
         Rate in 1/s at which a missing force is forgotten.
     rounded : ndarray, shape (ny,)
         Standard deviation of what sensors round away that count in steps.
+    amplitude : float
+        Of displacements, in m or rad.
     """
 
     noise: Array
@@ -68,6 +70,7 @@ class Scales:
     bandwidth: float
     leak: float
     rounded: Array
+    amplitude: float
 
 
 @dataclass(frozen=True)
@@ -205,6 +208,7 @@ def scales_of(model: MechanicalModel, record: Record) -> Scales:
         seen = (white_noise(y, record.dt, record.honest) for y in moving)
         noise[i] = max(min(seen, default=1.0), least)
     bandwidth = excited_bandwidth(model, record)
+    amplitude = displacement_amplitude(model, record, bandwidth)
     forces = W[:, : m.B.shape[1]] @ m.B.T
     driving = float(np.sqrt(np.mean(np.sum(forces**2, axis=1)))) if forces.size else 0.0
     rows, _ = force_sites(model)
@@ -217,10 +221,10 @@ def scales_of(model: MechanicalModel, record: Record) -> Scales:
         force = np.full(len(rows), driving or max(measured))
     else:
         elastic = np.abs(np.diag(m.K)) + np.diag(m.M) * bandwidth**2 / 4
-        q = displacement_amplitude(model, record, bandwidth)
-        force = np.array([abs(row) @ elastic for row in rows]) * q / np.sqrt(2)
+        force = np.array([abs(row) @ elastic for row in rows]) * amplitude / np.sqrt(2)
     leak = bandwidth / max(_LEAK.get(o.quantity, 60.0) for o in model.outputs)
-    return Scales(noise, np.maximum(force, 1e-300), np.std(W, axis=0), bandwidth, leak, rounded)
+    force, inputs = np.maximum(force, 1e-300), np.std(W, axis=0)
+    return Scales(noise, force, inputs, bandwidth, leak, rounded, amplitude)
 
 
 def white_noise(y: Array, dt: float, honest: float = 1.0) -> float:
@@ -436,10 +440,6 @@ class PortForces(NamedTuple):
     rows: Array
     pairs: list[tuple[str, ...]]
     values: Array
-
-    def head(self, samples: int) -> PortForces:
-        """Return the first samples."""
-        return PortForces(self.rows, self.pairs, self.values[:, :samples])
 
 
 class LinearObserver:

@@ -14,7 +14,6 @@ from robustpolish.identification.observer.kalman import (
     LinearObserver,
     PortForces,
     Scales,
-    displacement_amplitude,
     scales_of,
 )
 from robustpolish.identification.observer.runs import InitialState, Runner, StartedPiece, rest
@@ -82,11 +81,7 @@ _DIVERGED_AMPLITUDE = 1e3
 
 
 def best_observer_level(
-    model: MechanicalModel,
-    record: Record,
-    scales: Scales,
-    amplitude: float,
-    levels: Sequence[Level],
+    model: MechanicalModel, record: Record, scales: Scales, levels: Sequence[Level]
 ) -> tuple[Level, NonlinearResponse]:
     """Return the level at which an observer predicts the record best, and what it saw.
 
@@ -97,8 +92,6 @@ def best_observer_level(
     model : MechanicalModel
     record : Record
     scales : Scales
-    amplitude : float
-        Of displacements, see :class:`~robustpolish.identification.observer.runs.Runner`.
     levels : sequence of Level
         The first of them if the observer diverges at all.
 
@@ -111,7 +104,7 @@ def best_observer_level(
     piece = StartedPiece(record, rest(model))
     for level in levels:
         try:
-            run = Runner(model, record.dt, amplitude, level, scales).run(model)
+            run = Runner(model, record.dt, scales.amplitude, level, scales).run(model)
         except np.linalg.LinAlgError as error:
             unsolved = error
             continue
@@ -130,11 +123,7 @@ def best_observer_level(
 
 
 def smooth(
-    model: MechanicalModel,
-    record: Record,
-    scales: Scales,
-    amplitude: float,
-    levels: Sequence[Level],
+    model: MechanicalModel, record: Record, scales: Scales, levels: Sequence[Level]
 ) -> SmoothedMotion:
     """Return motion and missing force along a record, led by the data as far as they ask for.
 
@@ -143,7 +132,7 @@ def smooth(
     :func:`best_observer_level`.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # no level may follow the record
-        each = [_smooth(model, part, scales, amplitude, levels) for part in record.parts]
+        each = [_smooth(model, part, scales, levels) for part in record.parts]
     if len(each) == 1:
         return each[0]
     rows = ("inputs", "outputs", "internal")  # have a row for each sample, others a column
@@ -156,26 +145,22 @@ def smooth(
 
 
 def _smooth(
-    model: MechanicalModel,
-    record: Record,
-    scales: Scales,
-    amplitude: float,
-    levels: Sequence[Level],
+    model: MechanicalModel, record: Record, scales: Scales, levels: Sequence[Level]
 ) -> SmoothedMotion:
     """Smooth one record, or a contiguous part of one."""
-    level, seen = best_observer_level(model, record, scales, amplitude, levels)
+    level, seen = best_observer_level(model, record, scales, levels)
     W, Y, nf = record.own(record.signals(model)), record.raw_outputs(model), len(model.free)
     observer = LinearObserver(model, record.dt, level, scales)
-    sizes, m = _start_sizes(model, scales, amplitude), model.matrices
+    sizes, m = _start_sizes(model, scales), model.matrices
     lines = record.own_lines(record.lines(model))
     first = min(len(Y), _START_SAMPLES)
     begin = None if lines is None else IntersampleLines(*(side[:first] for side in lines))
     # The force of a law far stronger than the springs is none that is known from a motion that
     # lacks it: where it leaves all bounds it is left out.
-    bound = _DIVERGED_AMPLITUDE * amplitude if amplitude > 0 else np.inf
+    bound = _DIVERGED_AMPLITUDE * scales.amplitude or np.inf
 
     def along(forces: PortForces | None) -> Array:
-        head = None if forces is None else forces.head(first)
+        head = None if forces is None else forces._replace(values=forces.values[:, :first])
         errors = observer.innovations(Y[:first], W[:first], head, lines=begin)[1]
         start = observer.likeliest_start(errors, sizes)
         return observer.smooth(*observer.innovations(Y, W, forces, start, lines))
@@ -209,23 +194,19 @@ def _smooth(
 
 def best_observer_run(model: MechanicalModel, record: Record) -> NonlinearResponse:
     """Return the predictions and states of the observer that predicts a record best."""
-    scales = scales_of(model, record)
-    amplitude = displacement_amplitude(model, record, scales.bandwidth)
-    return best_observer_level(model, record, scales, amplitude, _OBSERVER_LEVELS)[1]
+    return best_observer_level(model, record, scales_of(model, record), _OBSERVER_LEVELS)[1]
 
 
 def smoothed_motion(model: MechanicalModel, record: Record) -> SmoothedMotion | None:
     """Return the smoothed motion of a record; None if it is too short or cannot be followed."""
     if min(part.samples for part in record.parts) < least_samples(model):
         return None
-    scales = scales_of(model, record)
-    amplitude = displacement_amplitude(model, record, scales.bandwidth)
-    found = smooth(model, record, scales, amplitude, _OBSERVER_LEVELS)
+    found = smooth(model, record, scales_of(model, record), _OBSERVER_LEVELS)
     finite = all(np.isfinite(part).all() for part in (found.q, found.force, found.internal))
     return found if finite else None
 
 
-def _start_sizes(model: MechanicalModel, scales: Scales, amplitude: float) -> Array:
+def _start_sizes(model: MechanicalModel, scales: Scales) -> Array:
     """Return what free displacements and velocities may be at the start, roughly.
 
     No coordinate holds much more energy than the softest one does at the measured amplitude, and
@@ -235,9 +216,9 @@ def _start_sizes(model: MechanicalModel, scales: Scales, amplitude: float) -> Ar
     m = model.matrices
     mass, stiffness = np.diag(m.M)[m.free], np.diag(m.K)[m.free]
     elastic = np.where(stiffness > 0, stiffness, mass * scales.bandwidth**2)
-    if amplitude == 0 or not elastic.size:
+    if scales.amplitude == 0 or not elastic.size:
         return np.full(2 * len(elastic), np.inf)
-    energy = np.min(elastic) * (_INITIAL_AMPLITUDE * amplitude) ** 2
+    energy = np.min(elastic) * (_INITIAL_AMPLITUDE * scales.amplitude) ** 2
     q = np.where(stiffness > 0, np.sqrt(energy / elastic), np.inf)
     v = np.minimum(np.sqrt(energy / mass), _INITIAL_AMPLITUDE * scales.bandwidth * q)
     return np.concatenate([q, v])

@@ -243,10 +243,6 @@ class RecordRun:
         """Return measured minus predicted outputs of :meth:`along`, shape (samples, ny)."""
         return self.runner.course(self.model, records)[1] - self.along(records, starts).outputs
 
-    def errors(self, piece: StartedPiece) -> Array:
-        """Return measured minus predicted outputs, shape (samples, ny)."""
-        return piece.record.Y - self.over(piece).outputs
-
 
 def free_run(model: MechanicalModel, record: Record) -> RecordRun:
     """Return a model ready to run freely over a record."""

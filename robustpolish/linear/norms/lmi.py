@@ -19,7 +19,7 @@ from flint import fmpq, fmpq_mat
 from numpy.typing import NDArray
 
 from robustpolish.base.arrays import Matrix
-from robustpolish.base.checks import described, invalid, one_of
+from robustpolish.base.checks import invalid, misfit, one_of
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear.arithmetic.balls import bounded_real, is_definite
 from robustpolish.linear.arithmetic.rational import ExactModel, fraction, rational
@@ -322,9 +322,8 @@ def _checked(system: control.StateSpace, equation: Equation) -> LmiCheck:
     """Solve each decoupled part and put the proofs together."""
     model = realisation("system", system)
     if model.discrete:
-        shown = described(f"a discrete system, dt = {system.dt}")
         remedy = "Use hinf_norm or h2_norm, which take both."
-        raise invalid("system", shown, "a continuous one", remedy)
+        raise misfit("system", f"a discrete system, dt = {system.dt}", "a continuous one", remedy)
     K: Matrix | None = np.zeros((model.states, model.states))
     combined = math.hypot if equation == "10.45" else max
     found = parts_with_indices(model)

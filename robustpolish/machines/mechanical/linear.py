@@ -16,7 +16,7 @@ from scipy.linalg import block_diag
 from scipy.signal import tf2ss
 
 from robustpolish.base.arrays import AnyArray, Array, Matrix
-from robustpolish.base.checks import closest_name_remedy, described, invalid, one_of
+from robustpolish.base.checks import closest_name_remedy, described, invalid, misfit, one_of
 from robustpolish.base.results import Card, Table
 from robustpolish.errors import RobustPolishWarning
 from robustpolish.machines.effects.effect import Effect
@@ -526,9 +526,8 @@ def _uncertain_value(model: MechanicalData, key: str) -> float:
         expected = "numbers of masses, springs, dampers and gains"
         raise invalid("ranges", shown, expected, "Put the linear part of the effect into a spring.")
     if key in {f"input.{item.name}.gain" for item in model.inputs if item.imposes}:
-        shown = described(f"{key}, of an imposed motion")
         remedy = "Multiply the system by an uncertain_real."
-        raise invalid("ranges", shown, "gains of forces", remedy)
+        raise misfit("ranges", f"{key}, of an imposed motion", "gains of forces", remedy)
     return known[key]
 
 

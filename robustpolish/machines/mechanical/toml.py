@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from robustpolish.base.atomic_writes import write_file
-from robustpolish.base.checks import Key, described, instance_of, invalid, known_keys
+from robustpolish.base.checks import Key, described, instance_of, invalid, known_keys, misfit
 from robustpolish.base.input_files import FileSpec, check_tree
 from robustpolish.base.input_files import text as read_text
 from robustpolish.base.versions import __version__
@@ -195,8 +195,7 @@ def _table(where: Key, value: Any) -> Table:
 def _list(table: Table, key: str, make: Callable[[Key, Table], Any]) -> tuple[Any, ...]:
     items = table.get(key, [])
     if not isinstance(items, list):
-        shown = described("a single table")
-        raise invalid(key, shown, f"[[{key}]]", "Write two brackets: it is a list.")
+        raise misfit(key, "a single table", f"[[{key}]]", "Write two brackets: it is a list.")
     return tuple(make((key, i), _table((key, i), item)) for i, item in enumerate(items))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, overload
 
@@ -147,9 +147,6 @@ class RotorModes(Displayed, Sequence[WhirlMode]):
     def __getitem__(self, index: slice) -> tuple[WhirlMode, ...]: ...
     def __getitem__(self, index: int | slice) -> WhirlMode | tuple[WhirlMode, ...]:
         return self.modes[index]
-
-    def __iter__(self) -> Iterator[WhirlMode]:
-        return iter(self.modes)
 
     @property
     def frequencies_hz(self) -> AnyVector:

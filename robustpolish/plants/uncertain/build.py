@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.special import chdtri
 
 from robustpolish.base.arrays import Matrix
-from robustpolish.base.checks import described, invalid, is_whole, matrix, positive
+from robustpolish.base.checks import described, invalid, is_whole, matrix, misfit, positive
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.plants.uncertain.lft import (
     ComplexElement,
@@ -221,8 +221,7 @@ def uncertain_system(
             shown = described(f"shape {part.shape}")
             raise invalid(name, shown, f"shape {wanted[name]}", "Check its rows and columns.")
         if not part.is_static:
-            shown = described("dynamic entries")
-            raise invalid(name, shown, "numbers", "Join systems with feedback or lft.")
+            raise misfit(name, "dynamic entries", "numbers", "Join systems with feedback or lft.")
     whole = _table([[parts["A"], parts["B"]], [parts["C"], parts["D"]]]).matrices
     F = np.block([[whole.J[:n, :n], whole.H[:n]], [whole.G[:, :n], whole.F]])
     G, H = np.vstack([whole.J[:n, n:], whole.G[:, n:]]), np.hstack([whole.J[n:, :n], whole.H[n:]])

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
-from robustpolish.base.checks import described, instance_of, invalid, is_whole
+from robustpolish.base.checks import described, instance_of, invalid, is_whole, misfit
 from robustpolish.plants.blocks import SignalChoice, chosen_names
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.lft import Lft, RealElement, block_slices
@@ -443,8 +443,7 @@ def _of_system(
     for element in system.elements.values():
         if not isinstance(element, RealElement):
             remedy = "Use robust_output_feedback for dynamics and complex numbers."
-            shown = described(f"{element.name}, {element}")
-            raise invalid("plant", shown, "real numbers only", remedy)
+            raise misfit("plant", f"{element.name}, {element}", "real numbers only", remedy)
     count = len(system.elements)
     if not 1 <= count <= _MOST_NUMBERS:
         want = f"1 to {_MOST_NUMBERS}, which have {2**_MOST_NUMBERS} vertices at most"

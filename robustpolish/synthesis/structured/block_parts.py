@@ -12,7 +12,7 @@ import numpy as np
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.arrays import AnyVector as Vector
-from robustpolish.base.checks import described, invalid
+from robustpolish.base.checks import described, invalid, misfit
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.wired import single_filter
@@ -141,9 +141,8 @@ class Tunable:
             shown = described(f"no value for {self.name}, which is held")
             raise invalid("value", shown, "a number", "Say which value it is held at.")
         if value is not None and not low <= value <= high:
-            shown = described(f"{value:g} for {self.name}")
             want = f"a number between its limits, {low:g} and {high:g}"
-            raise invalid("value", shown, want, "Start inside the limits.")
+            raise misfit("value", f"{value:g} for {self.name}", want, "Start inside the limits.")
         for field, checked in (("value", value), ("low", low), ("high", high)):
             object.__setattr__(self, field, checked)
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.arrays import AnyVector as Vector
-from robustpolish.base.checks import described, invalid, is_whole, one_of
+from robustpolish.base.checks import described, invalid, is_whole, misfit, one_of
 from robustpolish.synthesis.structured.block_parts import (
     Given,
     Names,
@@ -69,9 +69,8 @@ class FreeEntries(Stage):
         """Return the stage for so many signals, with a number for each entry."""
         shape, want = (outputs, inputs), f"{(outputs, inputs)}: controls by measurements"
         if self.structure is not None and self.structure.shape != shape:
-            shown = described(f"shape {self.structure.shape}")
             remedy = "Mark the entries that may differ from zero."
-            raise invalid("structure", shown, want, remedy)
+            raise misfit("structure", f"shape {self.structure.shape}", want, remedy)
         given: Any = np.full((1, 1), None) if self.gain is None else self.gain
         if given.size == 1:
             given = np.full(shape, given.item())

@@ -20,7 +20,7 @@ from robustpolish.base.budget import (
     progress_bar,
     single_threaded_blas,
 )
-from robustpolish.base.checks import described, instance_of, invalid, positive
+from robustpolish.base.checks import described, instance_of, invalid, misfit, positive
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.plants.blocks import sorted_signals
@@ -340,8 +340,7 @@ def robust_output_feedback(
     most = None if order is None else checked_order(order)
     mask = None if structure is None else checked_structure(structure, most or 0, nu, ny)
     if mask is not None and not mask.any():
-        shown = described("no free entry")
-        raise invalid("structure", shown, "one at least", "Mark some entries.")
+        raise misfit("structure", "no free entry", "one at least", "Mark some entries.")
     problem = RobustProblem.of(system, ny, nu, gamma)
 
     def none(reason: str) -> RobustDesign:
