@@ -16,9 +16,7 @@ from robustpolish.base.budget import parallel_map
 from robustpolish.identification.fit.parameters import (
     FreeParameter,
     free_parameters,
-    is_guessed,
     joint_priors,
-    prior_nats,
     with_fixed_force_scale,
 )
 from robustpolish.identification.fit.prepared import PreparedRecord
@@ -116,7 +114,6 @@ class Residuals:
         self.joint = joint_priors(model, self.free) * self.scale
         self.x = np.array([f.start for f in free]) / self.scale
         self.keys = keys = [f.key for f in free]
-        self.guessed = np.array([is_guessed(key) for key in keys], dtype=bool)
         self._at: tuple[Array, MechanicalModel] | None = None
         self.coupled = np.array([key.startswith("coupled_inertia") for key in keys])
         self.above = [(j, keys.index(f.at_least)) for j, f in enumerate(free) if f.at_least in keys]
@@ -150,10 +147,9 @@ class Residuals:
 
     def cost(self, x: Array, errors: Array, sigma: Array) -> float:
         """Return half the sum of squares, priors included; infinite where a run diverges."""
-        joint = self.joint @ x
-        known, _ = prior_nats((x - self.centre) * self.prior, self.guessed)
+        prior = np.concatenate([(x - self.centre) * self.prior, self.joint @ x])
         with np.errstate(over="ignore", invalid="ignore"):
-            total = float(np.sum((errors / sigma) ** 2) + joint @ joint) / 2 + float(np.sum(known))
+            total = 0.5 * float(np.sum((errors / sigma) ** 2) + prior @ prior)
         return total if np.isfinite(total) else np.inf
 
     def better_starts(
@@ -314,9 +310,7 @@ class Normal:
         marks = np.cumsum([0, *(len(block) for block in blocks)])
         self.rows = [slice(a, b) for a, b in itertools.pairwise(marks)]
         p, n = J.shape[1], blocks[0].shape[1] if blocks else 0
-        # priors that are not normal count as normal ones of the same slope
-        _, slope = prior_nats((x - residuals.centre) * residuals.prior, residuals.guessed)
-        own, joint = residuals.prior**2 * slope, residuals.joint.T @ residuals.joint
+        own, joint = residuals.prior**2, residuals.joint.T @ residuals.joint
         self.prior = np.diag(own) + joint
         self.H = J.T @ J + self.prior
         self.g = J.T @ error + own * (x - residuals.centre) + joint @ x

@@ -26,10 +26,6 @@ _STEEPER = 10.0
 _UNOBSERVABLE_SHARE = 1e-9
 
 
-WRITTEN_WRONG, WIDE = 1e-3, 20.0
-"""Share of masses and gains that are wrong altogether, and how many times wider these scatter."""
-
-
 @dataclass(frozen=True)
 class FreeParameter:
     """A number of a model that a fit may change.
@@ -159,11 +155,15 @@ def free_parameters(
     )
     mass = float(np.mean([d.mass for d in model.dofs if d.mass > 0] or [1.0]))
 
+    def known_to(value: float, centre: float, share: float) -> float:
+        """Return how well a number is known: what the data moved far was not known that well."""
+        return max(share * abs(centre), abs(value - centre))
+
     def near(key: str, value: float, share: float) -> FreeParameter:
         """Describe a number that is known rather well."""
         centre = known.get(key, value)
         low, high = sorted(bound * centre for bound in policy.weighed)
-        scale, prior = abs(centre) or 1.0, share * abs(centre)
+        scale, prior = abs(centre) or 1.0, known_to(value, centre, share)
         return FreeParameter(key, value, scale, low, high, prior, centre)
 
     def elastic(key: str, value: float, natural: float, share: float) -> FreeParameter:
@@ -172,7 +172,7 @@ def free_parameters(
         if abs(centre) <= policy.nothing * natural:  # as good as none: it may well be missing
             return FreeParameter(key, value, natural, 0.0, np.inf)
         low, high = (0.0, np.inf) if centre > 0 else (-np.inf, 0.0)
-        scale, prior = abs(value) or natural, share * abs(centre)
+        scale, prior = abs(value) or natural, known_to(value, centre, share)
         return FreeParameter(key, value, scale, low, high, prior, centre)
 
     result = [
@@ -222,27 +222,6 @@ def free_parameters(
 def is_guessed(key: str) -> bool:
     """Return whether a number is guessed rather than weighed, as springs and dampers are."""
     return key.startswith(("spring", "damper"))
-
-
-def prior_nats(z: Array, guessed: Array) -> tuple[Array, Array]:
-    """Return the negative log prior of numbers in nats, 0 at the centre, and its slopes over z.
-
-    What is weighed is normal, mixed with a far wider distribution: one number in a thousand has
-    been written down wrong. What is guessed may be off by decades: its prior is Cauchy's, as wide
-    as a normal one near the centre.
-
-    Parameters
-    ----------
-    z : ndarray, shape (n,)
-        How far the numbers are from what was known, in standard deviations.
-    guessed : ndarray of bool, shape (n,)
-    """
-    right, wrong = np.log(1 - WRITTEN_WRONG), np.log(WRITTEN_WRONG / WIDE)
-    weighed = np.logaddexp(right - z**2 / 2, wrong - (z / WIDE) ** 2 / 2)
-    sure = np.exp(right - z**2 / 2 - weighed)
-    cost = np.where(guessed, np.log1p(z**2 / 2), np.logaddexp(right, wrong) - weighed)
-    slope = np.where(guessed, 1 / (1 + z**2 / 2), sure + (1 - sure) / WIDE**2)
-    return cost, slope
 
 
 def has_smoothing(effect: Effect) -> bool:

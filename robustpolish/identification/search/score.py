@@ -33,7 +33,6 @@ from robustpolish.identification.fit.parameters import (
     free_parameters,
     has_smoothing,
     is_guessed,
-    prior_nats,
 )
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.fit.result import stderr_from_covariance
@@ -47,6 +46,8 @@ MOST_SAMPLES = 40.0
 """Independent errors that one output has at most: a fall by a fifth is worth 9 nats."""
 NEGLIGIBLE = 2e-3
 """Share of the motion below which an error does not count."""
+WRITTEN_WRONG, WIDE = 1e-3, 20.0
+"""Share of masses and gains that are wrong altogether, and how many times wider these scatter."""
 STRONG = 5.0
 """Nats of very strong evidence, 2 ln B = 10 (Kass and Raftery 1995, JASA 90, 773-795)."""
 
@@ -171,9 +172,11 @@ class ScoredModel:
     @cached_property
     def surprise(self) -> float:
         """Nats that the deviations of the model's own numbers cost."""
-        z, guessed = [*self.deviations.values()], [is_guessed(key) for key in self.deviations]
-        cost, _ = prior_nats(np.array(z), np.array(guessed, dtype=bool))
-        return float(np.sum(cost))
+        guessed = np.array([z for k, z in self.deviations.items() if is_guessed(k)])
+        z = np.array([z for k, z in self.deviations.items() if not is_guessed(k)])
+        right, wrong = np.log(1 - WRITTEN_WRONG), np.log(WRITTEN_WRONG / WIDE)
+        weighed = np.logaddexp(right - z**2 / 2, wrong - (z / WIDE) ** 2 / 2)
+        return float(np.sum(np.logaddexp(right, wrong) - weighed) + np.sum(np.log1p(guessed**2)))
 
 
 def nats(after: ScoredModel, before: ScoredModel, best: ScoredModel | None = None) -> float:
