@@ -424,7 +424,9 @@ def refit(model: MechanicalModel, data: Any, progress: Callable[[], None] | None
         fits = homotopy(
             started, prepared, prepared.everything, model, spans, progress=progress, last=last
         )
-        begun = _begun_along_motion(model, fits[-1].model, prepared) if fits else None
+        begun = None
+        if fits and np.any(fits[-1].rmse * POLICY.better > prepared.scales.noise):
+            begun = _begun_along_motion(model, fits[-1].model, prepared)
         if begun is not None:
             again = homotopy(
                 begun, prepared, prepared.everything, model, spans, progress=progress, last=last
