@@ -280,7 +280,10 @@ def test_positioning_system_from_the_command_line(shared, tmp_path):
 
 
 def test_friction_damper_diagnosed():
-    """Imposed motion, measured force: friction with memory first, then the clearance."""
+    """Imposed motion, measured force: friction with memory first, then the clearance.
+
+    Dahl's friction has a memory too, and is within five nats of an elastic Coulomb friction.
+    """
     at = ("x", "ground")
     model = rp.MechanicalModel(
         [rp.Dof("x", 0.0)],
@@ -293,7 +296,7 @@ def test_friction_damper_diagnosed():
     later = other.assign_coords(time=other["time"] + float(one["time"][-1]) + 1 / 1024)
     diagnosis = rp.diagnose(model, xr.concat([one, later], "time"))
     found = kinds(diagnosis)
-    assert found[0] in MEMORY
+    assert found[0] in MEMORY_OR_DAHL
     assert found[1] == "backlash"
     held_out = [rp.datasets.friction_damper(*test) for test in ((1, 1), (1, 0.5), (0.5, 1))]
     assert pooled(diagnosis.model, held_out, "F") < 2.4e3

@@ -6,6 +6,7 @@ import xarray as xr
 
 import robustpolish as rp
 from robustpolish.identification.sanity import sanity_warnings
+from robustpolish.simulation import linear_response
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.hidden_effects.catalogue import all_cases
 from tests.hidden_effects.drawn import drawn_cases
@@ -37,6 +38,23 @@ def test_a_free_decay_gives_its_frequency(stiffness):
     assert found["spring[0].stiffness"] == pytest.approx(25, rel=1e-3)
     assert found["damper[0].damping"] == pytest.approx(0.4, rel=0.01)
     assert fitted.nrmse["x"] * np.std(decay + noise) == pytest.approx(1e-3, rel=0.05)
+
+
+@pytest.mark.parametrize("share", [0.03, 0.1, 10.0])
+@pytest.mark.parametrize("quantity", ["acceleration", "displacement"])
+def test_a_spring_that_is_wrong_by_a_factor_of_ten_or_thirty_is_found(share, quantity):
+    def machine(stiffness):
+        return oscillator(stiffness, 4.0, outputs=[rp.Output("x", PLACE, quantity)])
+
+    time, rng = np.arange(1500) * 0.002, np.random.default_rng(0)
+    force = rng.standard_normal(time.size)
+    y = linear_response(machine(1.6e5).state_space(), time, force[:, None]).outputs[:, 0]
+    noise = 0.01 * np.std(y) * rng.standard_normal(time.size)
+    data = xr.Dataset({"F": ("time", force), "x": ("time", y + noise)}, coords={"time": time})
+    fitted = rp.refit(machine(share * 1.6e5), data)
+    found = fitted.model.parameters
+    assert found["spring[0].stiffness"] / found["dof.x.mass"] == pytest.approx(1.6e5, rel=1e-3)
+    assert fitted.nrmse["x"] == pytest.approx(0.01, rel=0.05)
 
 
 def test_values_and_errors_are_those_of_a_regression():
