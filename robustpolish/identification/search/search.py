@@ -215,9 +215,11 @@ def _forward(run: EffectSearch) -> bool:
     if step > run.most or run.at_noise_floor(run.best) or not run.prepared.work.left():
         return False
     found: list[ScoredModel] = []
-    silent: int | None = None
+    silent: tuple[int, set[str]] | None = None
     for proposed, problem, rival in _proposals(run, step):
-        if silent is not None and not (rival and problem == silent):
+        kinds_of = {e.kind for e in proposed.effects}
+        # the noise alone is left: only what promised as much, or the same kind elsewhere, may be it
+        if silent is not None and not (rival and (problem == silent[0] or kinds_of == silent[1])):
             continue
         reached = max((run.gain(f) for f in found), default=0.0)
         if found and not rival and proposed.nats < PROMISING * reached:
@@ -229,7 +231,7 @@ def _forward(run: EffectSearch) -> bool:
         good = _determined_part(run, proposed, fitted)
         found += [good] if good is not None and good not in found else []
         if good is not None and run.at_noise_floor(good) and good.laws <= step:
-            silent = problem
+            silent = problem, kinds_of
     better = [f for f in found if run.gain(f) > STRONG]
     if not better:
         return False
