@@ -62,8 +62,11 @@ class Fits:
         return self.done[key]
 
     def grown(self, model: MechanicalModel, effects: Sequence[Effect]) -> ScoredModel | None:
-        """Return a model with learned laws, fitted; None if no fit ended well."""
-        return self.scored(self._grown(model, effects))
+        """Return a model with learned laws, fitted; None if no fit ended well.
+
+        A step runs the model once for every coefficient: few have to do.
+        """
+        return self.scored(self._grown(model, effects, steps=self.prepared.policy.few_steps))
 
     def near(self, model: MechanicalModel) -> ScoredModel | None:
         """Return a model whose numbers are nearly right, fitted over the longest windows."""
@@ -108,7 +111,11 @@ class Fits:
         return bool(np.all(stage.error < least) and fitted)
 
     def _grown(
-        self, model: MechanicalModel, effects: Sequence[Effect], near: bool = False
+        self,
+        model: MechanicalModel,
+        effects: Sequence[Effect],
+        near: bool = False,
+        steps: int | None = None,
     ) -> EvaluatedFit | None:
         """Return a model with more effects, fitted, begun with a share of their first sizes.
 
@@ -118,7 +125,7 @@ class Fits:
         """
         prepared, policy = self.prepared, self.prepared.policy
         first = [with_resolved_delay(effect, model, prepared) for effect in effects]
-        steps = prepared.steps if model.free else 2 * prepared.steps
+        steps = steps or (prepared.steps if model.free else 2 * prepared.steps)
         spans = prepared.spans(prepared.trial, policy.growth)
         found = None
         for share in policy.shares if first else policy.shares[:1]:

@@ -353,14 +353,14 @@ def _with_suitable_knots(run: EffectSearch, scored: ScoredModel) -> ScoredModel:
 
     Before the law was known, a place may have seemed to move farther than it does: what a curve
     does there nobody has seen. What a curve leaves whose knots are too far apart looks like noise
-    of some colour, so knots are halved as long as that is worth very strong evidence.
+    of some colour, so knots are halved as long as the score rises.
     """
     there = _with_other_knots(run, scored, 1)
     if there is not None and nats(scored, there) < STRONG:
         scored = there
     while not run.at_noise_floor(scored):
         finer = _with_other_knots(run, scored, 2)
-        if finer is None or nats(finer, scored) < STRONG:
+        if finer is None or nats(finer, scored) <= 0:
             break
         scored = finer
     return scored
