@@ -235,9 +235,13 @@ def _with_other_holds(
     if other is None:
         return run
     again = begin(other)
-    beside = again.fits.with_effects(again.base, *run.best.added)
+    # what was found is nearly right beside any hold
+    found = {k: v for k, v in run.best.model.parameters.items() if not k.startswith("effect")}
+    begun = other.with_parameters(found)
+    beside = again.fits.near(replace(begun, effects=(*begun.effects, *run.best.added)))
     if beside is None or nats(beside, run.best) <= 0:
         return run
+    again.fits.done[beside.places] = beside
     again.screening, again.tried = run.screening, run.tried
     again.accept(beside)
     search(again)
