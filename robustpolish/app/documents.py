@@ -21,7 +21,6 @@ from robustpolish.app.machine_design import MachineDesign
 from robustpolish.base.results import Card, Table, as_text, prefix_power, prefixed
 from robustpolish.errors import InvalidInputError
 from robustpolish.identification.compare import Comparison
-from robustpolish.identification.diagnosis.findings import RankedCandidate
 from robustpolish.identification.diagnosis.result import Diagnosis, headline, shown_parameters
 from robustpolish.identification.residual_tests import MAP_TELLS, MAPS_SHOWN
 from robustpolish.identification.residuals import residual_analysis
@@ -529,17 +528,12 @@ def _candidates(diagnosis: Diagnosis) -> Section | None:
     if not diagnosis.candidates:
         return None
     rows = tuple(
-        (c.step, _set_of(c), _known(c.nrmse_held_out), c.score, c.sizes(), c.remark)
+        (c.step, str(c), _known(c.nrmse_held_out), c.score, c.sizes(), c.remark)
         for c in diagnosis.candidates
     )
     head = ("step", "effects", "held-out error", "score in nats", "sizes", "why not")
     text = ("What was tried, the best of each step first.",)
     return Section("Candidates", text, tables=(Table("", head, rows),))
-
-
-def _set_of(candidate: RankedCandidate) -> str:
-    first = f"{candidate.kind} at {', '.join(candidate.at)}"
-    return " + ".join([first, *map(str, candidate.beside)])
 
 
 def _known(value: float) -> float | None:

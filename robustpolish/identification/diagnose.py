@@ -16,6 +16,7 @@ from robustpolish.base.checks import one_of, positive
 from robustpolish.identification.compare import compare
 from robustpolish.identification.diagnosis.findings import Ledger
 from robustpolish.identification.diagnosis.result import Diagnosis
+from robustpolish.identification.fit.least_squares import evaluate_fit
 from robustpolish.identification.fit.prepared import ReducedRecord, prepare, reduce_record
 from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import Record, record_of, require_length, require_time_data
@@ -26,7 +27,7 @@ from robustpolish.identification.refit import (
     with_selected_holds,
 )
 from robustpolish.identification.search.conclude import conclude
-from robustpolish.identification.search.score import STRONG, nats
+from robustpolish.identification.search.score import STRONG, ScoredModel, nats
 from robustpolish.identification.search.search import (
     MOST_EFFECTS,
     EffectSearch,
@@ -231,16 +232,14 @@ def _with_other_holds(
 
     What is missing from a model may look like a hold that is none, or hide one.
     """
-    other = with_reselected_holds(run.best.model, run.reference, run.prepared)
-    if other is None:
+    found = with_reselected_holds(run.best.model, run.reference, run.prepared)
+    if found is None:
+        return run
+    other, fitted = found
+    beside = ScoredModel(evaluate_fit(fitted, run.prepared), other)
+    if nats(beside, run.best) <= 0:
         return run
     again = begin(other)
-    # what was found is nearly right beside any hold
-    found = {k: v for k, v in run.best.model.parameters.items() if not k.startswith("effect")}
-    begun = other.with_parameters(found)
-    beside = again.fits.near(replace(begun, effects=(*begun.effects, *run.best.added)))
-    if beside is None or nats(beside, run.best) <= 0:
-        return run
     again.fits.done[beside.places] = beside
     again.screening, again.tried = run.screening, run.tried
     again.accept(beside)

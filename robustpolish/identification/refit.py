@@ -21,7 +21,7 @@ from robustpolish.identification.fit.least_squares import (
     homotopy,
     log_odds,
     residuals_of,
-    short_window_rms,
+    short_window_log_error,
 )
 from robustpolish.identification.fit.parameters import chain_keys, connected, inputs_of_chain
 from robustpolish.identification.fit.prepared import PreparedRecord, prepare, reduce_record
@@ -109,7 +109,7 @@ def _hold_choices(model: MechanicalModel, policy: Policy) -> dict[float, list[Ef
 
 def with_reselected_holds(
     model: MechanicalModel, reference: MechanicalModel, prepared: PreparedRecord
-) -> MechanicalModel | None:
+) -> tuple[MechanicalModel, Fit] | None:
     """Return the reference with other holds, if runs beside the effects that were found ask for it.
 
     What is missing from a model may look like a hold that is none, or hide one, and a delay takes
@@ -123,6 +123,11 @@ def with_reselected_holds(
     reference : MechanicalModel
         Without, with the holds that were taken for its inputs.
     prepared : PreparedRecord
+
+    Returns
+    -------
+    (MechanicalModel, Fit) or None
+        The reference, and the fit of the model, effects included, with these holds.
     """
     choices = _hold_choices(reference, prepared.policy)
     if not choices:
@@ -152,7 +157,9 @@ def with_reselected_holds(
     now = left[order_now]
     best = min(left, key=lambda order: float(np.sum(np.log(left[order].rmse))))
     likelier = log_odds(left[best], now) > prepared.policy.hold_odds
-    return held[best] if likelier and np.any(left[best].rmse <= now.rmse) else None
+    if not (likelier and np.any(left[best].rmse <= now.rmse)):
+        return None
+    return held[best], left[best]
 
 
 def with_resolved_delay(effect: Effect, model: MechanicalModel, prepared: PreparedRecord) -> Effect:
@@ -229,15 +236,10 @@ def _begun_along_motion(
     the measured motion, repeated with the motion that its numbers show, does. What runs better over
     short windows than a fit shows that this ended in a wrong minimum.
     """
-
-    def left(tried: MechanicalModel) -> float:
-        error = np.nan_to_num(short_window_rms(tried, prepared, prepared.trial), nan=np.inf)
-        return float(np.mean(np.log(error)))
-
-    best, least, moved = None, left(fitted), model
+    best, least, moved = None, short_window_log_error(fitted, prepared), model
     for _ in range(_REGRESSIONS if model.free else 0):
         moved = numbers_along_motion(moved, model, prepared)
-        now = left(moved)
+        now = short_window_log_error(moved, prepared)
         if now < least:
             best, least = moved, now
     return best
@@ -421,16 +423,18 @@ def refit(model: MechanicalModel, data: Any, progress: Callable[[], None] | None
     spans = prepared.spans(prepared.everything)
     with progress_bar("Refitting"):
         last = POLICY.follows(prepared.record.Y.size)
-        fits = homotopy(
-            started, prepared, prepared.everything, model, spans, progress=progress, last=last
-        )
+
+        def fits_from(start: MechanicalModel) -> list[Fit]:
+            return homotopy(
+                start, prepared, prepared.everything, model, spans, progress=progress, last=last
+            )
+
+        fits = fits_from(started)
         begun = None
         if fits and np.any(fits[-1].rmse * POLICY.better > prepared.scales.noise):
             begun = _begun_along_motion(model, fits[-1].model, prepared)
         if begun is not None:
-            again = homotopy(
-                begun, prepared, prepared.everything, model, spans, progress=progress, last=last
-            )
+            again = fits_from(begun)
             errors = _run_errors([f.model for f in (*fits[-1:], *again[-1:])], prepared)
             fits = again if errors[-1] < errors[0] else fits
         best = _best_not_worse_than_start(fits[-2:][::-1], [model, started], prepared)

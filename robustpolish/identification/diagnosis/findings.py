@@ -326,6 +326,10 @@ class RankedCandidate:
     own: EffectKind | None = None
     beside: tuple[Effect, ...] = ()
 
+    def __str__(self) -> str:
+        """Name the effects of the set with their places."""
+        return " + ".join([f"{self.kind} at {', '.join(self.at)}", *map(str, self.beside)])
+
     def sizes(self) -> str:
         """Return the sizes of the effects of the set, in SI units, in a line."""
         each = [self.parameters, *(e.parameters for e in self.beside)]

@@ -695,6 +695,11 @@ def short_window_rms(
     return free_run_rms(model, prepared, prepared.cut_windows(model, pieces, prepared.short))
 
 
+def short_window_log_error(model: MechanicalModel, prepared: PreparedRecord) -> float:
+    """Return the mean log of the errors over short windows of what is fitted to."""
+    return float(np.mean(np.log(short_window_rms(model, prepared, prepared.trial))))
+
+
 def free_run_rms(
     model: MechanicalModel, prepared: PreparedRecord, pieces: Sequence[StartedPiece]
 ) -> Array:

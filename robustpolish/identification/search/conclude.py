@@ -70,11 +70,6 @@ class Conclusion(NamedTuple):
     final: FinalFit
     residual: Residual
 
-    @property
-    def learned(self) -> list[Effect]:
-        """The curves of it."""
-        return [e for e in self.scored.added if e.definition.over]
-
 
 def conclude(run: EffectSearch, model: MechanicalModel, stopped: bool = False) -> Diagnosis:
     """Fit the final model to the whole record and choose the verdict.
@@ -108,7 +103,7 @@ def conclude(run: EffectSearch, model: MechanicalModel, stopped: bool = False) -
         # how an input acts between its samples is no number of the model
         base = whole_record_error(run.reference, run, final.predictable)
     refitted = errors[1] if len(errors) > 1 else final.error
-    if found.learned:
+    if found.scored.curves:
         verdict = _verdict_on_law(run, found)
     else:
         verdict = verdict_on(run, final, found.residual, base, refitted)
@@ -125,16 +120,14 @@ def _final(run: EffectSearch, predictable: bool) -> Conclusion:
     residual = residual_of(final, run.prepared)
     names = Conclusion(run.best, final, residual)
     asked = run.most > 0 and (run.enough is None or not run.at_noise_floor(run.best))
-    if not asked or not run.prepared.work.left():
-        return names
-    if not residual.structure:
+    if not (asked and residual.structure and run.prepared.work.left()):
         return names
     law = _better_law(run, residual)
     if law is None:
         return names
     final = fit_whole_record(run, law, predictable)
     found = Conclusion(law, final, residual_of(final, run.prepared))
-    if found.learned:
+    if found.scored.curves:
         return found
     run.accept(law)  # it has a name
     return found._replace(final=_smooth_frictions(run, final))
@@ -147,8 +140,8 @@ def _better_law(run: EffectSearch, residual: Residual) -> ScoredModel | None:
     """
     run.say("a law that no catalogue holds")
     # a surface can be anything, so it takes the place of no name
-    kinds = KINDS if residual.structure and not run.best.laws else CURVES
-    ways = [kinds, OVER_TIME] if run.reference.inputs and residual.structure else [kinds]
+    kinds = CURVES if run.best.laws else KINDS
+    ways = [kinds, OVER_TIME] if run.reference.inputs else [kinds]
     found = []
     for way in ways:
         law = learn(run, way, residual.floor)
@@ -167,7 +160,7 @@ def _better_law(run: EffectSearch, residual: Residual) -> ScoredModel | None:
 
 def _named(run: EffectSearch, scored: ScoredModel) -> list[ScoredModel]:
     """Return models with kinds of the catalogue that make nearly the force of a learned curve."""
-    laws = [e for e in scored.added if e.definition.over]
+    laws = scored.curves
     if len(laws) != 1 or len(laws[0].definition.over) != 1:
         return []
     at = scored.model.effects.index(laws[0])
@@ -182,7 +175,8 @@ def _named(run: EffectSearch, scored: ScoredModel) -> list[ScoredModel]:
 
 
 def _verdict_on_law(run: EffectSearch, found: Conclusion) -> Verdict:
-    over = " and ".join(name for e in found.learned for name in e.definition.over)
+    curves = found.scored.curves
+    over = " and ".join(name for e in curves for name in e.definition.over)
     size = np.std(run.prepared.record.Y, axis=0)
     before, after = (
         float(np.max(scored.fitted.error / size)) for scored in (run.base, found.scored)
@@ -190,7 +184,7 @@ def _verdict_on_law(run: EffectSearch, found: Conclusion) -> Verdict:
     what = learned_laws_of(found.final.model, None)[-1].quantity
     gain = nats(found.scored, run.base)
     reasons = [
-        f"A {what} over {over} at {', '.join(found.learned[0].at)} takes the held-out error from "
+        f"A {what} over {over} at {', '.join(curves[0].at)} takes the held-out error from "
         f"{before:.3g} to {after:.3g} of the output's deviation ({gain:.0f} nats).",
         *found.residual.structure,
     ]
@@ -341,7 +335,8 @@ def _diagnosis(
     numbers = model.parameters
     added = range(len(reference.effects), len(model.effects))
     effects = tuple(_found_effect(model, index, deviations) for index in added)
-    alike = [] if found.learned else [indistinguishable_pair(*p) for p in _alike_pairs(run, found)]
+    named = not found.scored.curves
+    alike = [indistinguishable_pair(*p) for p in _alike_pairs(run, found)] if named else []
     limited = []
     if run.prepared.work.refused:
         limited = ["The search was ended by its limit of work before all was tried."]

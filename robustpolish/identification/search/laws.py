@@ -18,7 +18,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from robustpolish.base.arrays import Array
-from robustpolish.identification.fit.least_squares import short_window_rms
+from robustpolish.identification.fit.least_squares import short_window_log_error
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.observer.missing_force import SmoothedMotion, motion_of
 from robustpolish.identification.record import Record
@@ -287,7 +287,7 @@ def _refitted(run: EffectSearch, law: _RankedLaw) -> ScoredModel | None:
     Where the record hardly saw a curve, the whole of it may be too much for a run: it begins with
     the share of it that predicts best.
     """
-    prepared, best, least = run.prepared, None, np.inf
+    starts = []
     for share in _SHARES:
         scaled = [
             e if e.kind == _DRY else _with_coefficients(e, share * coefficients_of(e.values))
@@ -295,10 +295,9 @@ def _refitted(run: EffectSearch, law: _RankedLaw) -> ScoredModel | None:
         ]
         bare, laws = _absorb_own_parameters(scaled, law.beside, run.reference)
         begun = replace(bare, effects=(*bare.effects, *laws))
-        error = np.nan_to_num(short_window_rms(begun, prepared, prepared.trial), nan=np.inf)
-        if best is None or np.sum(np.log(error)) < least:
-            best, least = (bare, laws), float(np.sum(np.log(error)))
-    return run.fits.grown(*best) if best is not None else None
+        starts.append((short_window_log_error(begun, run.prepared), bare, laws))
+    _, bare, laws = min(starts, key=lambda start: start[0])
+    return run.fits.grown(bare, laws)
 
 
 def _absorb_own_parameters(

@@ -84,6 +84,11 @@ class ScoredModel:
         return self.model.effects[len(self.reference.effects) :]
 
     @property
+    def curves(self) -> list[Effect]:
+        """The learned laws among them."""
+        return [e for e in self.added if e.definition.over]
+
+    @property
     def places(self) -> frozenset[Place]:
         """Kinds and places of what was added."""
         return frozenset((e.kind, e.at) for e in self.added)

@@ -49,9 +49,9 @@ TOGETHER = 3
 BY_ODDS, REFITS = 2, 5
 """Effects that are proposed by the odds of innovations, and sets that are fitted in a round."""
 PROMISING = 0.75
-"""Share of the nats reached so far that a set has to promise to be fitted too."""
-KEPT = 0.5
-"""Share of the promised nats that a fit has to reach to have kept the promise."""
+"""Share of the nats gained so far that is to be expected of a set that is fitted too."""
+REACHED = 0.5
+"""Share of the nats expected of a set that its fit has to gain, or larger sets are tried too."""
 ELSEWHERE, CONSTANTS = 2, 4
 """Other places of an effect that are fitted, and other constants in place of one."""
 NEAR = 0.5
@@ -68,8 +68,6 @@ class Tried:
         All that were added to the model, with the values of the fit, the new ones first.
     step : int
         In the search for the how-manieth effect it was tried.
-    promised : float
-        Nats that linear least squares or the innovations promised.
     scored : ScoredModel or None
     refused : str
         Why it cannot be the answer; empty if it could.
@@ -77,7 +75,6 @@ class Tried:
 
     effects: tuple[Effect, ...]
     step: int
-    promised: float
     scored: ScoredModel | None
     refused: str = ""
 
@@ -99,8 +96,8 @@ class EffectSearch:
     tried : list of Tried
     screening : Screening, optional
         Of the last step.
-    promised : dict
-        What linear least squares promised sets in the last step, by kinds and places.
+    expected : dict
+        Sets with the gain that linear least squares expected in the last step, by kinds and places.
     most : int
         Effects that are added at most.
     enough : ndarray, shape (ny,), optional
@@ -115,7 +112,7 @@ class EffectSearch:
     steps: list[tuple[str, ScoredModel]] = field(default_factory=list)
     tried: list[Tried] = field(default_factory=list)
     screening: Screening | None = None
-    promised: dict[frozenset[Place], EffectSet] = field(default_factory=dict)
+    expected: dict[frozenset[Place], EffectSet] = field(default_factory=dict)
     most: int = MOST_EFFECTS
     enough: Array | None = None
 
@@ -142,15 +139,13 @@ class EffectSearch:
         """Return the nats by which another model is better than the best so far."""
         return nats(other, self.best)
 
-    def note(
-        self, scored: ScoredModel | None, effects: Sequence[Effect], promised: float = 0.0
-    ) -> str:
+    def note(self, scored: ScoredModel | None, effects: Sequence[Effect]) -> str:
         """Enter a fit among what was tried, and return why it cannot be the answer."""
         step = 1 + self.best.laws
         refused = scored.refusal[0] if scored is not None else "no fit ended well"
         told = scored.added if scored is not None else (*self.best.added, *effects)
         told = tuple(sorted(told, key=lambda e: (e.kind, e.at) in self.best.places))
-        self.tried.append(Tried(told, step, promised, scored, refused))
+        self.tried.append(Tried(told, step, scored, refused))
         return refused
 
     def accept(self, chosen: ScoredModel) -> None:
@@ -215,12 +210,15 @@ def _forward(run: EffectSearch) -> bool:
     if step > run.most or run.at_noise_floor(run.best) or not run.prepared.work.left():
         return False
     found: list[ScoredModel] = []
-    silent: tuple[int, set[str]] | None = None
+    at_floor: tuple[int, set[str]] | None = None
     for proposed, problem, rival in _proposals(run, step):
         kinds_of = {e.kind for e in proposed.effects}
-        # the noise alone is left: only what promised as much, or the same kind elsewhere, may be it
-        if silent is not None and not (rival and (problem == silent[0] or kinds_of == silent[1])):
-            continue
+        # the error is at the noise: the others that this problem expects to be as good stay rivals,
+        # and the same kinds at other places
+        if at_floor is not None:
+            alike = problem == at_floor[0] or kinds_of == at_floor[1]
+            if not (rival and alike):
+                continue
         reached = max((run.gain(f) for f in found), default=0.0)
         if found and not rival and proposed.nats < PROMISING * reached:
             continue
@@ -231,7 +229,7 @@ def _forward(run: EffectSearch) -> bool:
         good = _determined_part(run, proposed, fitted)
         found += [good] if good is not None and good not in found else []
         if good is not None and run.at_noise_floor(good) and good.laws <= step:
-            silent = problem, kinds_of
+            at_floor = problem, kinds_of
     better = [f for f in found if run.gain(f) > STRONG]
     if not better:
         return False
@@ -244,9 +242,9 @@ def _forward(run: EffectSearch) -> bool:
 def _proposals(run: EffectSearch, step: int) -> Iterator[tuple[EffectSet, int, bool]]:
     """Yield the sets that are to be fitted, their problem, and whether one is among its best.
 
-    The problems speak of different runs, and their nats cannot be compared: each has its turn, the
-    one that promises most first. A set is passed over if a part of it that promised as much was
-    fitted, unless that fit broke the promise.
+    The problems are about different runs, so that their nats cannot be compared: each has its turn,
+    the one with the largest expected gain first. A set is left out if a part of it with as large an
+    expected gain was fitted, unless that fit gained far less.
     """
     run.say(f"screening for effect {step}")
     prepared = run.prepared
@@ -262,7 +260,7 @@ def _proposals(run: EffectSearch, step: int) -> Iterator[tuple[EffectSet, int, b
     most = min(TOGETHER, run.most - step + 1)
     sources = [[s for s in p.best_sets(most) if s.nats > 0] for p in problems if p is not None]
     sources.sort(key=lambda source: -max((s.nats for s in source), default=0.0))
-    run.promised = {s.places: s for source in reversed(sources) for s in source}
+    run.expected = {s.places: s for source in reversed(sources) for s in source}
     by_odds = [c for c in screening.candidates if c.sensible and c.score > STRONG]
     sources.append([EffectSet((c.effect,), c.score) for c in by_odds[:BY_ODDS]])
     done: list[EffectSet] = []
@@ -279,8 +277,8 @@ def _proposals(run: EffectSearch, step: int) -> Iterator[tuple[EffectSet, int, b
 def _next_of(
     run: EffectSearch, source: Sequence[EffectSet], done: Sequence[EffectSet]
 ) -> EffectSet | None:
-    """Return the smallest of the sets that promise as much as the best that is left, if any."""
-    kept = [d for d in done if _kept_promise(run, d)]
+    """Return the smallest of the sets whose expected gain is near the best that is left, if any."""
+    kept = [d for d in done if _gained_as_expected(run, d)]
     left = [
         s
         for s in source
@@ -291,10 +289,10 @@ def _next_of(
     return min(near, key=lambda s: (len(s.places), -s.nats), default=None)
 
 
-def _kept_promise(run: EffectSearch, proposed: EffectSet) -> bool:
-    """Return whether the fit of a set gained about what was promised."""
+def _gained_as_expected(run: EffectSearch, proposed: EffectSet) -> bool:
+    """Return whether the fit of a set gained a good part of what was expected."""
     fitted = run.fits.done.get(run.best.places | proposed.places)
-    return fitted is not None and run.gain(fitted) > KEPT * proposed.nats
+    return fitted is not None and run.gain(fitted) > REACHED * proposed.nats
 
 
 def _determined_part(
@@ -302,7 +300,7 @@ def _determined_part(
 ) -> ScoredModel | None:
     """Return a fitted set, less the effects whose numbers the data leave open beside the others."""
     while True:
-        refused = run.note(scored, proposed.effects, proposed.nats)
+        refused = run.note(scored, proposed.effects)
         if scored is None:
             return None
         culprit = scored.refusal[1]
@@ -333,7 +331,7 @@ def _best_alternative(run: EffectSearch, chosen: ScoredModel) -> ScoredModel:
 
 
 def _elsewhere(run: EffectSearch, chosen: ScoredModel, effect: Effect) -> list[Effect]:
-    """Return the effect at other places that promised as much, and what acts alike by its kind.
+    """Return the effect at other places of as large an expected gain, and what acts alike by kind.
 
     These are other constants in place of one, and other timings of an input.
     """
@@ -343,11 +341,11 @@ def _elsewhere(run: EffectSearch, chosen: ScoredModel, effect: Effect) -> list[E
         tried = [Effect.of(k, at) for k in constants for at in places(run.reference, k)]
         return [e for e in tried if (e.kind, e.at) not in chosen.places][:CONSTANTS]
     new = chosen.places - run.best.places
-    here = run.promised.get(new)
+    here = run.expected.get(new)
     found = []
-    for places_of, promised in sorted(run.promised.items(), key=lambda item: -item[1].nats):
-        moved = next((e for e in promised.effects if e.kind == effect.kind), None)
-        if here is None or moved is None or promised.nats < here.nats - STRONG:
+    for places_of, elsewhere in sorted(run.expected.items(), key=lambda item: -item[1].nats):
+        moved = next((e for e in elsewhere.effects if e.kind == effect.kind), None)
+        if here is None or moved is None or elsewhere.nats < here.nats - STRONG:
             continue
         if moved.at != effect.at and places_of - {(moved.kind, moved.at)} == new - {
             (effect.kind, effect.at)
