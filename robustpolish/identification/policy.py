@@ -27,18 +27,16 @@ class Policy:
     screening : tuple of Level
         From close guidance to a free run, then free runs with noise on the inputs ("quadratic
         damping, noise on the force"); the right effect lets the missing force vanish.
-    coarse : tuple of Level
-        What a first look at all shapes tries, beside the likeliest level.
-    weak_guidance : tuple of Level
-        Where the error is far above the noise, the odds go to what explains its fine structure;
-        what is large shows in runs that are hardly led ("cubic and coulomb").
+    guidance : tuple of Level
+        Where all shapes are compared, beside the likeliest level: where the error is far above the
+        noise, that one shows its fine structure; what is large shows in runs that are hardly led
+        ("cubic and coulomb").
     silent : float
         Level up to which no missing force is seen: what is left is noise of some colour.
     noise_orders : tuple of int
         Of the autoregressive noise that competes with every effect ("nothing, coloured").
     finalists : int
-        Places looked at with every level and noise colour; most of the catalogue's some 200 are
-        hopeless at the first look.
+        Effects at places that go on from each level; most of the catalogue's some 200 are hopeless.
 
     smoothing_shares : tuple of float
         Shares of the typical velocity over which a friction may turn over, among which a fit of it
@@ -77,8 +75,6 @@ class Policy:
         What is tried to find out how inputs act between samples: orders of the hold beside the
         linear one, and delays in samples (a long delay looks half like a hold: "input delay");
         and the log odds from which a hold is believed.
-    sensor_gain : float
-        Largest relative change of a sensor's scale that the linear screening can judge.
     own_damping : float
         Damping ratio below which coloured noise resonates: that is a machine, no sensor.
 
@@ -144,8 +140,7 @@ class Policy:
         FREE,
         Level(0.0, 0.05),
     )
-    coarse: tuple[Level, ...] = _levels(0.01)
-    weak_guidance: tuple[Level, ...] = (Level(0.01), FREE)
+    guidance: tuple[Level, ...] = (Level(0.01), FREE)
     silent: float = 0.002
     noise_orders: tuple[int, ...] = (0, 1, 3)
     finalists: int = 24
@@ -173,7 +168,6 @@ class Policy:
     hold_orders: tuple[float, ...] = (0.0, 3.0)
     hold_delays: tuple[int, ...] = (1, 2, 4)
     hold_odds: float = 20.0
-    sensor_gain: float = 0.6
     own_damping: float = 0.35
 
     shape_above: float = 1.5
@@ -207,11 +201,6 @@ class Policy:
     def at_noise_floor(self) -> float:
         """Times the noise below which not even the noise alone would be a visible fall."""
         return 1 / (1 - self.visible_fall)
-
-    @property
-    def further_finalists(self) -> int:
-        """Places that are looked at for their size, beside the likeliest."""
-        return self.finalists // 4
 
     @property
     def null_orders(self) -> tuple[int, ...]:

@@ -407,31 +407,40 @@ def _backward(L, CS, P, states, errors):  # type: ignore[no-untyped-def]  # comp
 
 @njit(cache=True, nogil=True)
 def _respond(L, C, G0, G1, GK, H, columns, out):  # type: ignore[no-untyped-def]  # compiled
-    """Innovations that unit columns of port forces leave, shape (columns, samples, ny)."""
-    count, ports, samples = columns.shape
+    """Innovations that unit columns (samples, ports, columns) of port forces leave."""
+    samples, ports, count = columns.shape
     n, ny = L.shape[0], C.shape[0]
-    x, new = np.empty(n), np.empty(n)
-    for c in range(count):
-        x[:] = 0.0
-        for k in range(samples):
-            for i in range(ny):
-                total = 0.0
-                for j in range(n):
-                    total += C[i, j] * x[j]
-                for j in range(ports):
-                    total += H[i, j] * columns[c, j, k]
-                out[c, k, i] = total
-            if k + 1 == samples:
-                break
-            for i in range(n):
-                total = 0.0
-                for j in range(n):
-                    total += L[i, j] * x[j]
-                for j in range(ports):
-                    total += (G0[i, j] - GK[i, j]) * columns[c, j, k]
-                    total += G1[i, j] * columns[c, j, k + 1]
-                new[i] = total
-            x, new = new, x
+    x, new = np.zeros((n, count)), np.empty((n, count))
+    # the innermost loops go over the columns: processors take several at a time
+    for k in range(samples):
+        for i in range(ny):
+            y = out[k, i]
+            y[:] = 0.0
+            for j in range(n):
+                w, xj = C[i, j], x[j]
+                if w != 0.0:
+                    for c in range(count):
+                        y[c] += w * xj[c]
+            for j in range(ports):
+                w, u = H[i, j], columns[k, j]
+                if w != 0.0:
+                    for c in range(count):
+                        y[c] += w * u[c]
+        if k + 1 == samples:
+            break
+        for i in range(n):
+            xi = new[i]
+            xi[:] = 0.0
+            for j in range(n):
+                w, xj = L[i, j], x[j]
+                for c in range(count):
+                    xi[c] += w * xj[c]
+            for j in range(ports):
+                now, later = G0[i, j] - GK[i, j], G1[i, j]
+                u, ahead = columns[k, j], columns[k + 1, j]
+                for c in range(count):
+                    xi[c] += now * u[c] + later * ahead[c]
+        x, new = new, x
 
 
 class PortForces(NamedTuple):
@@ -515,9 +524,10 @@ class LinearObserver:
 
     def _respond(self, G0: Array, G1: Array, H: Array, columns: Array) -> Array:
         C, GK = self.system.C, np.ascontiguousarray(self.gain.predictor @ H)
-        out = np.empty((columns.shape[0], columns.shape[2], C.shape[0]))
-        _respond(self.L, C, G0, G1, GK, H, np.ascontiguousarray(columns), out)
-        return out
+        out = np.empty((columns.shape[2], C.shape[0], columns.shape[0]))
+        forces = np.ascontiguousarray(columns.transpose(2, 1, 0))
+        _respond(self.L, C, G0, G1, GK, H, forces, out)
+        return out.transpose(2, 0, 1)
 
     def likeliest_start(self, errors: Array, sizes: Array) -> Array:
         """Return the state at the first sample, from the innovations of a start at zero.
@@ -538,13 +548,7 @@ class LinearObserver:
 
     def respond_start(self, samples: int) -> Array:
         """Return the innovations that a unit of each state at the start leaves."""
-        n = self.states
-        out = np.empty((n, samples, self.system.C.shape[0]))
-        power = np.eye(n)
-        for k in range(samples):
-            out[:, k, :] = (self.system.C @ power).T
-            power = self.L @ power
-            if np.max(np.abs(power)) < 1e-12:
-                out[:, k + 1 :, :] = 0.0
-                break
-        return out
+        seen, power = self.system.C[None], self.L
+        while len(seen) < samples:  # C, C L, C L^2, ..., twice as many in each round
+            seen, power = np.concatenate([seen, seen @ power]), power @ power
+        return np.moveaxis(seen[:samples], 2, 0)

@@ -406,10 +406,10 @@ def _candidates(run: EffectSearch) -> Iterator[RankedCandidate]:
         )
     places = {(e.kind, e.at) for t in fitted for e in t.effects}
     for other in run.screening.candidates if run.screening is not None else ():
-        if other.place not in places and other.score > 0:
+        if other.place not in places and other.nats > 0:
             e, remark = other.effect, other.remark or "screened only"
             step = 1 + run.best.laws
-            yield RankedCandidate(e.kind, e.at, np.inf, other.score, step, e.values, remark, e.own)
+            yield RankedCandidate(e.kind, e.at, np.inf, other.nats, step, e.values, remark, e.own)
 
 
 def _undetermined_effects(final: Fit, added: Sequence[int]) -> list[str]:

@@ -231,7 +231,7 @@ def _fit_curves(
     c = V @ b
     rest = f.e - f.N.T @ (f.factor @ (f.Ne - NX @ c)) - X.T @ c
     rest = rest.reshape(f.errors.shape) * f.sigma
-    score = min(f.scores(rest, 0, f.policy.noise_orders).values())
+    score = min(f.scores(rest, f.policy.noise_orders).values())
     score += float(np.trace(V @ A)) * np.log(len(rest))
     variance = float(np.mean((rest / f.sigma) ** 2))
     effects, first = [], 0

@@ -25,6 +25,7 @@ import numpy as np
 
 from robustpolish.base.arrays import Array
 from robustpolish.identification.fit.least_squares import (
+    MOST_SAMPLES,
     EvaluatedFit,
     bartlett_factor,
     covariance_of,
@@ -42,8 +43,6 @@ from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import CONSTANT
 from robustpolish.machines.mechanical.model import MechanicalModel
 
-MOST_SAMPLES = 40.0
-"""Independent errors that one output has at most: a fall by a fifth is worth 9 nats."""
 NEGLIGIBLE = 2e-3
 """Share of the motion below which an error does not count."""
 WRITTEN_WRONG, WIDE = 1e-3, 20.0

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -13,6 +14,7 @@ from scipy.signal import lfilter
 
 from robustpolish.base.arrays import Array
 from robustpolish.base.budget import parallel_map
+from robustpolish.identification.fit.least_squares import independent_errors
 from robustpolish.identification.fit.parameters import connected, free_parameters, is_guessed
 from robustpolish.identification.fit.prepared import PreparedRecord, has_integrator
 from robustpolish.identification.observer.kalman import FREE, Level, LinearObserver, force_sites
@@ -39,6 +41,20 @@ class CandidateColumns:
     rows: Array | None
     pairs: list[tuple[str, ...]]
     values: Array
+
+    @property
+    def numbers(self) -> int:
+        """Coefficients to be found."""
+        return len(self.values)
+
+
+def effect_from(entry: CandidateColumns, c: Array) -> Effect:
+    """Return a candidate with the parameters that its coefficients tell, within their bounds."""
+    values = dict(entry.shape.values(c))
+    for name, value in values.items():
+        parameter = entry.kind.parameter(name)
+        values[name] = float(np.clip(value, parameter.lower, parameter.upper))
+    return Effect.of(entry.kind, entry.at, values)
 
 
 def places(model: MechanicalModel, kind: EffectKind) -> list[tuple[str, ...]]:
@@ -198,6 +214,21 @@ def _signal_columns(
     return found
 
 
+def _by_place(entries: Sequence[CandidateColumns]) -> list[list[int]]:
+    """Return the numbers of the entries whose forces act along the same rows."""
+    found: dict[object, list[int]] = {}
+    for i, entry in enumerate(entries):
+        rows = None if entry.rows is None else entry.rows.tobytes()
+        found.setdefault((rows, *entry.pairs), []).append(i)
+    return list(found.values())
+
+
+HIDDEN = 1e-4
+"""Share of a column's power below which the model's own numbers and starts do it all."""
+LEAST_LEFT = 1e-6
+"""Share of the errors' power that is never explained before it is tried."""
+
+
 # Innovations of a record at one observer level, less the effect of errors of the model's numbers.
 
 
@@ -238,14 +269,13 @@ class FilteredRecord:
         own = nuisance_columns(model, self.policy, self.observer, motion, record)
         self.raw, self.ridge, self.keys = own
         # a mean that no constant explains is no constant's alone: it hides what else is missing
-        for column in (self.respond(entry) for entry in constants):
-            if np.any(column) and np.isfinite(column).all():
-                self.raw = np.concatenate([self.raw, column])
-                self.ridge = np.concatenate([self.ridge, np.zeros(len(column))])
+        means = self.columns(constants).reshape(-1, *errors.shape)
+        means = means[np.any(means, axis=(1, 2)) & np.isfinite(means).all(axis=(1, 2))]
+        self.raw = np.concatenate([self.raw, means])
+        self.ridge = np.concatenate([self.ridge, np.zeros(len(means))])
         self.reweigh(np.std(errors[len(errors) // 20 :], axis=0))
         for _ in range(2):
-            rest = self.residual(None)[0]
-            self.reweigh(np.std(rest, axis=0))
+            self.reweigh(np.std(self.residual(), axis=0))
 
     def reweigh(self, sigma: Array) -> None:
         """Weight the outputs and factor the nuisance columns."""
@@ -265,32 +295,27 @@ class FilteredRecord:
         """Return columns (count, samples, ny) weighted and flattened."""
         return (columns / self.sigma).reshape(len(columns), -1)
 
-    def residual(self, X: Array | None) -> tuple[Array, Array]:
-        """Return the residual in the outputs' units and the coefficients of X."""
-        if X is None:
-            rest = self.e - self.N.T @ (self.factor @ self.Ne)
-            return rest.reshape(self.errors.shape) * self.sigma, np.zeros(0)
-        NX = self.N @ X.T
-        gram = X @ X.T
-        projected = gram - NX.T @ self.factor @ NX
-        target = X @ self.e - NX.T @ self.factor @ self.Ne
-        size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        scaled = projected / np.outer(size, size)
-        # hidden behind the model's own parameters, or of a motion that no observer could follow
-        if not np.all(np.diag(scaled) >= 1e-4):
-            return self.errors, np.full(len(X), np.nan)
-        c = np.linalg.lstsq(scaled, target / size, rcond=1e-8)[0] / size
-        beta = self.factor @ (self.Ne - NX @ c)
-        rest = self.e - self.N.T @ beta - X.T @ c
-        return rest.reshape(self.errors.shape) * self.sigma, c
+    def residual(self) -> Array:
+        """Return what the model's own numbers, starts and constants leave, in outputs' units."""
+        rest = self.e - self.N.T @ (self.factor @ self.Ne)
+        return rest.reshape(self.errors.shape) * self.sigma
 
-    def respond(self, entry: CandidateColumns) -> Array:
-        """Return the innovations that an entry's columns leave."""
-        if entry.rows is None:
-            return self.observer.respond_outputs(entry.values)
-        return self.observer.respond(entry.rows, entry.pairs, entry.values)
+    def columns(self, entries: Sequence[CandidateColumns]) -> Array:
+        """Return the weighted innovations that entries leave, shape (coefficients, errors)."""
+        ends = np.cumsum([0, *(entry.numbers for entry in entries)])
+        found = np.empty((ends[-1], self.errors.size))
+        # a column alone would take several times as long
+        for here in _by_place(entries):
+            first, values = entries[here[0]], np.concatenate([entries[i].values for i in here])
+            if first.rows is None:
+                left = self.observer.respond_outputs(values)
+            else:
+                left = self.observer.respond(first.rows, first.pairs, values)
+            rows = np.concatenate([np.arange(ends[i], ends[i + 1]) for i in here])
+            found[rows] = self.weighted(left)
+        return found
 
-    def scores(self, rest: Array, coefficients: int, orders: Sequence[int]) -> dict[int, float]:
+    def scores(self, rest: Array, orders: Sequence[int]) -> dict[int, float]:
         """Return the information criterion for noise of several autoregressive orders."""
         samples, found = len(rest), {}
         if not np.isfinite(rest).all():
@@ -304,12 +329,12 @@ class FilteredRecord:
                     break
                 white = np.asarray(lfilter(a, [1.0], e)) if order else e
                 total += samples * np.log(max(float(np.mean(white**2)), 1e-300))
-            found[order] = total + (coefficients + order * rest.shape[1]) * np.log(samples)
+            found[order] = total + order * rest.shape[1] * np.log(samples)
         return found
 
     def null_scores(self, orders: Sequence[int]) -> dict[int, float]:
         """Return the same of the model as it is, with no force added."""
-        return self.scores(self.residual(None)[0], 0, orders)
+        return self.scores(self.residual(), orders)
 
 
 def null_score(model: MechanicalModel, prepared: PreparedRecord) -> float:
@@ -361,9 +386,9 @@ def nuisance_columns(
         i = model.dof_names.index(name)
         key, row = ".".join(model.dof(name).key), port_row(model, (name,))
         add(key, row, (name, "ground"), -motion.a[i], 1 / (policy.mass_prior * m.M[i, i]))
-    columns = []
-    for row, pair, force in zip(rows, pairs, forces, strict=True):
-        columns.append(observer.respond(row[None], [pair], force[None, None])[0])
+    each = np.zeros((len(rows), len(rows), record.samples))
+    each[np.arange(len(rows)), np.arange(len(rows))] = forces
+    columns = list(observer.respond(np.array(rows), pairs, each)) if rows else []
     lines = record.own_lines(record.lines(model)) or linear_interpolation(motion.inputs)
     nothing = np.zeros((record.samples, len(model.outputs)))
     for j in range(m.B.shape[1]):
@@ -477,41 +502,27 @@ def autoregression(e: Array, order: int) -> Array:
     return np.concatenate([[1.0], -a])
 
 
-@dataclass(frozen=True, eq=False)
-class ScreenedEffect:
+class ScreenedEffect(NamedTuple):
     """An effect that might be missing, as far as screening can tell.
 
     Attributes
     ----------
     effect : Effect
         With first values of its parameters.
-    score : float
-        Half the fall of the Bayesian information criterion against no effect: log odds.
-    fall : float
-        Share by which the innovations fall at the level without effect.
+    nats : float
+        Gain of the score to be expected of it alone.
     remark : str
-        Why its signs or values cannot be physical, if they cannot.
+        Why its signs cannot be physical, if they cannot.
     """
 
     effect: Effect
-    score: float
-    fall: float
-    remark: str = ""
-
-    @property
-    def sensible(self) -> bool:
-        """Whether signs and values are physical."""
-        return not self.remark
+    nats: float
+    remark: str
 
     @property
     def place(self) -> tuple[str, tuple[str, ...]]:
         """Kind and place."""
         return self.effect.kind, self.effect.at
-
-    @property
-    def constant(self) -> bool:
-        """Whether it never changes, as an offset or a preload."""
-        return self.effect.definition.family == CONSTANT
 
 
 @dataclass(frozen=True, eq=False)
@@ -521,11 +532,10 @@ class Screening:
     Attributes
     ----------
     candidates : tuple of ScreenedEffect
-        By their odds, the sensible ones first.
-    finalists : tuple of Columns
-        The shapes of the likeliest, and of those that are large, for a look at free runs; and all
-        that have one shape only, for where the smoothed motion is poor (accelerometers with
-        coloured noise) it names none.
+        The likeliest kinds and places, the sensible ones first.
+    finalists : tuple of CandidateColumns
+        The shapes of the likeliest, those on sensors, and all that have one shape only: where the
+        smoothed motion is poor (accelerometers with coloured noise) it names none.
     level : Level
         At which the model is likeliest without any.
     free : FilteredRecord or None
@@ -541,7 +551,10 @@ class Screening:
 def screen(
     model: MechanicalModel, prepared: PreparedRecord, allowed: Sequence[Effect] | None = None
 ) -> Screening:
-    """Score every effect of the catalogue at every place it can act.
+    """Rank every effect of the catalogue at every place it can act.
+
+    Closely led by the data, the innovations show the fine structure of a missing force; what is
+    large shows in runs that are hardly led, or not at all.
 
     Parameters
     ----------
@@ -553,126 +566,116 @@ def screen(
     """
     policy, record = prepared.policy, prepared.screened
     motion = prepared.motion(model, record)
-    levels = policy.screening
     tried_at = [(e.definition, e.at) for e in allowed or ()]
     if allowed is None:
         tried_at = [(kind, at) for kind in kinds().values() for at in places(model, kind)]
     at_each = parallel_map(lambda where: candidate_columns(model, *where, motion, record), tried_at)
     entries = [entry for found in at_each for entry in found]
     constants = [e for e in entries if e.kind.family == CONSTANT] if allowed is None else []
-    beside = [e for e in entries if e not in constants]
     seen = parallel_map(
-        lambda at: FilteredRecord(model, prepared, record, at, motion, constants), levels
+        lambda at: FilteredRecord(model, prepared, record, at, motion, constants), policy.screening
     )
-    filtered = dict(zip(levels, seen, strict=True))
-    if not all(np.isfinite(f.errors).all() for f in filtered.values()):
+    if not all(np.isfinite(f.errors).all() for f in seen):
         # along the smoothed motion an effect of the model diverges: nothing can be said beside it
         return Screening((), (), FREE)
-    alone = parallel_map(lambda f: f.null_scores(policy.noise_orders), seen)
-    nulls = {
-        (level, order): score
-        for level, scores in zip(levels, alone, strict=True)
-        for order, score in scores.items()
-    }
-    best_level = min(nulls, key=lambda key: nulls[key])[0]
-    null = min(nulls.values())
-    coarse = dict.fromkeys([best_level, *policy.coarse])
-    hardly = dict.fromkeys(policy.weak_guidance)
-    rough, wide = _FirstScreening(), _FirstScreening()
-    first = {level: filtered[level] for level in {**coarse, **hardly}}
-    for entry, tried in zip(beside, _score_entries(first, beside, (0,)), strict=True):
-        rough.add(entry, [(tried[level][0][0], tried[level][1]) for level in coarse])
-        wide.add(
-            entry, [(tried[level][0][0] - nulls[level, 0], tried[level][1]) for level in hardly]
-        )
-    found = []
-    chosen: dict[int, CandidateColumns] = {}
-    _select_finalists(chosen, rough.right, policy.finalists, 2)
-    _select_finalists(chosen, wide.right, policy.further_finalists, 1)
-    _select_finalists(chosen, rough.wrong, policy.further_finalists, 1)
-    finalists = list(chosen.values())
-    looked = _score_entries(filtered, finalists, policy.noise_orders)
-    for entry, tried in zip(finalists, looked, strict=True):
-        right = {level: t for level, t in tried.items() if not _has_wrong_sign(entry, t[1])}
-        score, level = min(
-            (
-                (score, level)
-                for level, (scores, _) in (right or tried).items()
-                for score in scores.values()
-            ),
-            key=lambda o: o[0],
-        )
-        odds = (null - score) / 2
-        found.append(_candidate(entry, odds, tried[level][1], filtered[level]))
-    found.sort(key=lambda c: (-c.sensible, -c.score))
-    shapes = Counter((entry.kind.kind, entry.at) for entry in entries)
-    plain = [e for e in entries if id(e) not in chosen and shapes[e.kind.kind, e.at] == 1]
+    nulls = parallel_map(lambda f: min(f.null_scores(policy.noise_orders).values()), seen)
+    likeliest = seen[int(np.argmin(nulls))]
     # the free run of a plant that integrates shows its drift and nothing else
     drifts = has_integrator(model, record.samples * record.dt)
-    level = policy.weak_guidance[0] if drifts else FREE
-    free = FilteredRecord(model, prepared, record, level, motion)
-    return Screening(_best_per_place(found), (*finalists, *plain), best_level, free)
-
-
-def _score_entries(
-    filtered: Mapping[Level, FilteredRecord],
-    entries: Sequence[CandidateColumns],
-    orders: Sequence[int],
-) -> list[dict[Level, tuple[dict[int, float], Array]]]:
-    """Return for each entry what :func:`_score_entry` finds at some levels."""
-    return parallel_map(
-        lambda entry: {level: _score_entry(f, entry, orders) for level, f in filtered.items()},
-        entries,
-    )
-
-
-def _score_entry(
-    f: FilteredRecord, entry: CandidateColumns, orders: Sequence[int]
-) -> tuple[dict[int, float], Array]:
-    """Return the information criterion with an entry's columns, and their coefficients."""
-    raw = f.respond(entry)
-    bad = dict.fromkeys(orders, np.inf)
-    if not np.isfinite(raw).all():
-        return bad, np.full(len(raw), np.nan)
-    rest, c = f.residual(f.weighted(raw))
-    if (
-        not np.isfinite(c).all()
-        or not entry.shape.valid(c)
-        or exceeds_machine_mass(entry, c, f.model)
+    looked = {f.level: f for f in seen if f.level in policy.guidance[: 1 if drifts else None]}
+    looked[likeliest.level] = likeliest
+    on_sensors = [e for e in entries if e.kind.domain == "output" and e not in constants]
+    beside = [e for e in entries if e not in constants and e not in on_sensors]
+    best: dict[int, _Alone] = {}
+    chosen = {id(entry): entry for entry in on_sensors}
+    for f in looked.values():
+        alone = _gains(f, beside)
+        for entry, found in zip(beside, alone, strict=True):
+            known = best.get(id(entry))
+            if known is None or (found.right, found.nats) > (known.right, known.nats):
+                best[id(entry)] = found
+        # a shape that pulls the wrong way may fit best of all shapes of its effect: it takes no
+        # place from the best right one
+        right = [(found.nats, e) for e, found in zip(beside, alone, strict=True) if found.right]
+        _select_finalists(chosen, right, policy.finalists, 2)
+    wrong = [(best[id(e)].nats, e) for e in beside if not best[id(e)].right]
+    _select_finalists(chosen, wrong, policy.finalists // 2, 1)
+    shapes = Counter((entry.kind.kind, entry.at) for entry in entries)
+    plain = [e for e in entries if id(e) not in chosen and shapes[e.kind.kind, e.at] == 1]
+    candidates: dict[tuple[str, tuple[str, ...]], ScreenedEffect] = {}
+    for entry in sorted(
+        (e for e in beside if id(e) in chosen),
+        key=lambda e: (-best[id(e)].right, -best[id(e)].nats),
     ):
-        return bad, c
-    samples = len(f.errors)
-    scores = f.scores(rest, len(c), orders)
-    if entry.kind.domain == "output":
-        # scaling the data down makes every error smaller: the density of the data pays for it
-        effect = Effect.of(entry.kind, entry.at, entry.shape.values(c))
-        gain = entry.kind.signal_slope(effect.values).gain
-        if abs(1 - 1 / gain) > f.policy.sensor_gain:
-            return bad, c
-        scores = {order: score + 2 * samples * np.log(gain) for order, score in scores.items()}
-    return scores, c
+        found = best[id(entry)]
+        remark = "" if found.right else "its force has the wrong sign"
+        one = ScreenedEffect(effect_from(entry, found.sizes), found.nats, remark)
+        candidates.setdefault(one.place, one)
+    free = FilteredRecord(model, prepared, record, policy.guidance[0] if drifts else FREE, motion)
+    return Screening(tuple(candidates.values()), (*chosen.values(), *plain), likeliest.level, free)
 
 
-class _FirstScreening:
-    """What a first look found: shapes that pull the right way somewhere, and those that never do.
+class _Alone(NamedTuple):
+    """Sizes of a candidate alone by linear least squares, its gain, and whether signs are right."""
 
-    A shape that pulls the wrong way may well fit best of all shapes of its effect: the place of the
-    best right one is not to be taken by it.
+    nats: float
+    sizes: Array
+    right: bool
+
+
+def _gains(f: FilteredRecord, entries: Sequence[CandidateColumns]) -> list[_Alone]:
+    """Return what each candidate alone would gain in the innovations of one level."""
+    rest = (f.residual() / f.sigma).ravel()
+    total, samples = float(f.e @ rest), independent_errors(f.residual())
+    nothing = _Alone(-np.inf, np.zeros(0), False)
+
+    def alone(here: Sequence[int]) -> dict[int, _Alone]:
+        X = f.columns([entries[i] for i in here])
+        hidden, target = f.N @ X.T, X @ rest
+        found, end = {}, 0
+        for i in here:
+            own = slice(end, end + entries[i].numbers)
+            end = own.stop
+            gram = X[own] @ X[own].T
+            left = gram - hidden[:, own].T @ f.factor @ hidden[:, own]
+            c = _sizes_alone(entries[i], gram, left, target[own], f.model)
+            found[i] = nothing
+            if c is not None:
+                fall = min(float(target[own] @ c) / total, 1 - LEAST_LEFT)
+                cost = 0.5 * len(c) * np.log(samples)
+                right = all(s * v >= 0 for s, v in zip(entries[i].shape.signs, c, strict=True))
+                found[i] = _Alone(-0.5 * samples * float(np.log1p(-fall)) - cost, c, right)
+        return found
+
+    found: dict[int, _Alone] = {}
+    for some in parallel_map(alone, _by_place(entries)):
+        found |= some
+    return [found[i] for i in range(len(entries))]
+
+
+def _sizes_alone(
+    entry: CandidateColumns, gram: Array, left: Array, target: Array, model: MechanicalModel
+) -> Array | None:
+    """Return the coefficients of one candidate, None if they cannot be its own.
+
+    Parameters
+    ----------
+    entry : CandidateColumns
+    gram, left : ndarray, shape (coefficients, coefficients)
+        Its columns, and what is left of them beside the model's own numbers and starts.
+    target : ndarray, shape (coefficients,)
+    model : MechanicalModel
     """
-
-    def __init__(self) -> None:
-        self.right: list[tuple[float, CandidateColumns]] = []
-        self.wrong: list[tuple[float, CandidateColumns]] = []
-
-    def add(self, entry: CandidateColumns, tried: Sequence[tuple[float, Array]]) -> None:
-        """Add a shape with its scores and coefficients at some levels."""
-        right = [score for score, c in tried if not _has_wrong_sign(entry, c)]
-        where = self.right if right else self.wrong
-        where.append((min(right or [score for score, _ in tried]), entry))
-
-
-def _has_wrong_sign(entry: CandidateColumns, c: Array) -> bool:
-    return any(s * v < 0 for s, v in zip(entry.shape.signs, c, strict=True))
+    if not (np.isfinite(gram).all() and np.isfinite(target).all()):
+        return None
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    scaled = left / np.outer(size, size)
+    # hidden behind the model's own parameters, or of a motion that no observer could follow
+    if not np.all(np.diag(scaled) >= HIDDEN):
+        return None
+    c = np.linalg.lstsq(scaled, target / size, rcond=1e-8)[0] / size
+    sound = entry.shape.valid(c) and not exceeds_machine_mass(entry, c, model)
+    return c if sound else None
 
 
 def exceeds_machine_mass(entry: CandidateColumns, c: Array, model: MechanicalModel) -> bool:
@@ -697,12 +700,12 @@ def _select_finalists(
 ) -> None:
     """Add the best shapes of each effect and place, the best places first, no two much alike."""
     seen: dict[tuple[str, tuple[str, ...]], list[CandidateColumns]] = {}
-    for score, entry in sorted(scored, key=lambda item: item[0]):
+    for nats, entry in sorted(scored, key=lambda item: -item[0]):
         key = (entry.kind.kind, entry.at)
         full = len(seen) >= most if key not in seen else len(seen[key]) >= shapes
         if (
             full
-            or not np.isfinite(score)
+            or not np.isfinite(nats)
             or any(_nearly_collinear(entry, s) for s in seen.get(key, []))
         ):
             continue
@@ -718,32 +721,3 @@ def _nearly_collinear(one: CandidateColumns, other: CandidateColumns) -> bool:
     a, b = one.shape.columns[0].ravel(), other.shape.columns[0].ravel()
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
     return abs(float(a @ b)) > _COLLINEAR_COSINE * size
-
-
-def _candidate(
-    entry: CandidateColumns, score: float, c: Array, f: FilteredRecord
-) -> ScreenedEffect:
-    """Return an entry at one level, with the coefficients that it has there."""
-    remark = "its force has the wrong sign" if _has_wrong_sign(entry, c) else ""
-    values = dict(entry.shape.values(c)) if np.isfinite(c).all() else {}
-    for name, value in values.items():
-        parameter = entry.kind.parameter(name)
-        values[name] = float(np.clip(value, parameter.lower, parameter.upper))
-    effect = Effect.of(entry.kind, entry.at, values)
-    before = _size(f.residual(None)[0], entry)
-    after = _size(f.residual(f.weighted(f.respond(entry)))[0], entry)
-    return ScreenedEffect(effect, score, float(1 - np.min(after / before)), remark)
-
-
-def _size(errors: Array, entry: CandidateColumns) -> Array:
-    """Return the size of errors; their mean is the business of constants alone."""
-    if entry.kind.family == CONSTANT:
-        return np.sqrt(np.mean(errors**2, axis=0))
-    return np.std(errors, axis=0)
-
-
-def _best_per_place(found: list[ScreenedEffect]) -> tuple[ScreenedEffect, ...]:
-    best: dict[tuple[str, tuple[str, ...]], ScreenedEffect] = {}
-    for candidate in found:
-        best.setdefault(candidate.place, candidate)
-    return tuple(best.values())

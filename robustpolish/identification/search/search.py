@@ -46,8 +46,8 @@ MOST_EFFECTS = 4
 """Effects that are added at most, constants aside: with more the data decide nothing."""
 TOGETHER = 3
 """Effects of a set that is proposed at once, constants aside."""
-BY_ODDS, REFITS = 2, 5
-"""Effects that are proposed by the odds of innovations, and sets that are fitted in a round."""
+REFITS = 5
+"""Sets that are fitted in a round."""
 PROMISING = 0.75
 """Share of the nats gained so far that is to be expected of a set that is fitted too."""
 REACHED = 0.5
@@ -261,8 +261,6 @@ def _proposals(run: EffectSearch, step: int) -> Iterator[tuple[EffectSet, int, b
     sources = [[s for s in p.best_sets(most) if s.nats > 0] for p in problems if p is not None]
     sources.sort(key=lambda source: -max((s.nats for s in source), default=0.0))
     run.expected = {s.places: s for source in reversed(sources) for s in source}
-    by_odds = [c for c in screening.candidates if c.sensible and c.score > STRONG]
-    sources.append([EffectSet((c.effect,), c.score) for c in by_odds[:BY_ODDS]])
     done: list[EffectSet] = []
     while len(done) < REFITS:
         turn = [_next_of(run, source, done) for source in sources]

@@ -21,17 +21,20 @@ from robustpolish.base.arrays import Array
 from robustpolish.base.budget import parallel_map
 from robustpolish.identification.fit.least_squares import (
     Fit,
-    bartlett_factor,
     fit,
+    independent_errors,
     normal_of,
     residuals_of,
     windows_from_stage,
 )
 from robustpolish.identification.fit.prepared import PreparedRecord
-from robustpolish.identification.search.score import MOST_SAMPLES, Place
+from robustpolish.identification.search.score import Place
 from robustpolish.identification.search.screening import (
+    HIDDEN,
+    LEAST_LEFT,
     CandidateColumns,
     FilteredRecord,
+    effect_from,
     mutually_exclusive,
 )
 from robustpolish.machines.effects.effect import Effect
@@ -44,12 +47,8 @@ _CONSTANT = 1e-9
 """Spread of a column over its size, from which it varies."""
 _WIDTH, _KEPT = 8, 24
 """Sets of each size from which larger ones are made, and that are kept at least."""
-_HIDDEN = 1e-4
-"""Share of a column's power below which the model's own numbers and starts do it all."""
 _TRACE = 1e-10
 """Share of its trace that makes a matrix of nearly equal columns regular."""
-_LEAST_LEFT = 1e-6
-"""Share of the errors' power that is never explained before it is tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,15 +104,15 @@ class SetProblem:
         e: Array,
     ) -> None:
         self.entries, self.shape = entries, e.shape
-        self.tasks = [(i, j) for i, entry in enumerate(entries) for j in range(_numbers(entry))]
+        self.tasks = [(i, j) for i, entry in enumerate(entries) for j in range(entry.numbers)]
         self.unit = np.sqrt(np.sum(X**2, axis=0))
         X = X / np.where(self.unit > 0, self.unit, 1.0)
-        self.C, self.rest = project(X), project(e.reshape(-1, 1))[:, 0]
-        self.gram, self.target = X.T @ self.C, -X.T @ self.rest
+        self.C, self.rest = np.ascontiguousarray(project(X).T), project(e.reshape(-1, 1))[:, 0]
+        self.gram, self.target = self.C @ X, -X.T @ self.rest
         self.total = max(float(e.ravel() @ self.rest), 1e-300)
-        self.usable = (self.unit > 0) & (np.diag(self.gram) >= _HIDDEN)
+        self.usable = (self.unit > 0) & (np.diag(self.gram) >= HIDDEN)
         self.signs = np.array([entries[i].shape.signs[j] for i, j in self.tasks])
-        self.samples = _independent(self.rest.reshape(self.shape))
+        self.samples = independent_errors(self.rest.reshape(self.shape))
         self.rows: dict[int, list[int]] = {}
         for k, (i, _) in enumerate(self.tasks):
             self.rows.setdefault(i, []).append(k)
@@ -127,8 +126,8 @@ class SetProblem:
         # better how many of them are independent
         if found:
             best = found[0]
-            left = self.rest + self.C[:, best.rows] @ best.sizes
-            counted = _independent(left.reshape(self.shape))
+            left = self.rest + best.sizes @ self.C[best.rows]
+            counted = independent_errors(left.reshape(self.shape))
             if counted > self.samples:
                 self.samples = counted
                 found = self._grow(most)
@@ -198,13 +197,13 @@ class SetProblem:
             c = coefficients(self.gram[np.ix_(rows, rows)], self.target[rows], self.signs[rows])
             size = dict(zip(rows, c.tolist(), strict=True))
             if all(any(size[k] != 0 for k in self.rows[i]) for i in which):
-                left = self.rest + self.C[:, rows] @ c  # no difference of large numbers
+                left = self.rest + c @ self.C[rows]  # no difference of large numbers
                 nats = self._nats(self.total - float(left @ left), len(rows))
                 found.append(_Sized((*which, *also), rows, c, nats))
         return max(found, key=lambda s: s.nats, default=None)
 
     def _nats(self, fall: float, numbers: int) -> float:
-        left = max(self.total - fall, _LEAST_LEFT * self.total)
+        left = max(self.total - fall, LEAST_LEFT * self.total)
         return 0.5 * self.samples * np.log(self.total / left) - 0.5 * numbers * np.log(self.samples)
 
     def _effects(self, found: _Sized) -> tuple[Effect, ...]:
@@ -234,15 +233,6 @@ class SetProblem:
         return True
 
 
-def effect_from(entry: CandidateColumns, c: Array) -> Effect:
-    """Return a candidate with the parameters that its coefficients tell, within their bounds."""
-    values = dict(entry.shape.values(c))
-    for name, value in values.items():
-        parameter = entry.kind.parameter(name)
-        values[name] = float(np.clip(value, parameter.lower, parameter.upper))
-    return Effect.of(entry.kind, entry.at, values)
-
-
 def problem_of_free_runs(
     stage: Fit, prepared: PreparedRecord, entries: Sequence[CandidateColumns], span: int
 ) -> SetProblem | None:
@@ -265,7 +255,7 @@ def problem_of_free_runs(
         target = force if entry.rows is not None else spread if varies else signal
         if not size:
             return np.zeros(settled.errors.size)
-        unit = np.zeros(_numbers(entry))
+        unit = np.zeros(entry.numbers)
         unit[j] = _TINY * target / size
         extended = settled.model.with_effect(entry.kind, entry.at, entry.shape.values(unit))
         run = prepared.runner(extended).run(extended)
@@ -274,7 +264,7 @@ def problem_of_free_runs(
         known = np.nan_to_num(change.ravel(), nan=0.0, posinf=0.0, neginf=0.0)
         return known if np.max(np.abs(known)) < _DIVERGED else np.zeros(known.size)
 
-    tasks = [(entry, j) for entry in entries for j in range(_numbers(entry))]
+    tasks = [(entry, j) for entry in entries for j in range(entry.numbers)]
     X = np.array(parallel_map(column, tasks)).reshape(len(tasks), -1).T
     return SetProblem(entries, X, normal.without_nuisance, settled.errors / settled.sigma)
 
@@ -285,24 +275,14 @@ def problem_along_motion(
     """Return the problem about the linear model's run along the measured motion."""
     # a scale of a sensor makes the data smaller, and every error with them
     entries = [e for e in entries if e.kind.domain != "output" or e.kind.family == CONSTANT]
-    columns = [seen.weighted(seen.respond(entry)) for entry in entries]
-    X = np.concatenate(columns).T if columns else np.zeros((0, 0))
-    if not (columns and np.isfinite(X).all()):
+    X = seen.columns(entries).T
+    if not (entries and np.isfinite(X).all()):
         return None
 
     def project(of: Array) -> Array:
         return of - seen.N.T @ (seen.factor @ (seen.N @ of))
 
     return SetProblem(entries, -X, project, seen.e.reshape(seen.errors.shape))
-
-
-def _numbers(entry: CandidateColumns) -> int:
-    return len(entry.shape.columns)
-
-
-def _independent(errors: Array) -> float:
-    """Return how many errors are independent, of each output no more than the score counts."""
-    return float(sum(min(len(e) / bartlett_factor(e), MOST_SAMPLES) for e in errors.T))
 
 
 def coefficients(gram: Array, target: Array, signs: Array) -> Array:
