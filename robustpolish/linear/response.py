@@ -157,7 +157,16 @@ def uniform_step(t: Array) -> float:
     return step
 
 
-@njit(cache=True)
+def linear_recursion(transition: Array, drive: Array, start: Array | None = None) -> Array:
+    """Return x[k+1] = transition x[k] + drive[k] from a start, zero by default, one row longer."""
+    states = np.zeros((len(drive) + 1, len(transition)))
+    if start is not None:
+        states[0] = start
+    _recursion(np.ascontiguousarray(transition.T), np.ascontiguousarray(drive), states)
+    return states
+
+
+@njit(cache=True, nogil=True)
 def _recursion(transition_T: Array, drive: Array, states: Array) -> None:
     """x[k+1] = transition x[k] + drive[k] from the first row of states on.
 

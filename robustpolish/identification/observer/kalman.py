@@ -16,6 +16,7 @@ from scipy.signal import welch
 from robustpolish.base.arrays import Array
 from robustpolish.base.jit import njit
 from robustpolish.identification.record import Record, poles_of
+from robustpolish.linear.response import linear_recursion
 from robustpolish.machines.mechanical.data import port_matrices
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import ACCELERATION, DISPLACEMENT, FORCE, VELOCITY
@@ -355,57 +356,6 @@ def displacement_peak(
 
 
 @njit(cache=True, nogil=True)
-def _forward(F, Kp, C, drive, direct, Y, s0):  # type: ignore[no-untyped-def]  # compiled
-    samples, n = drive.shape
-    ny = C.shape[0]
-    states = np.empty((samples, n))
-    errors = np.empty((samples, ny))
-    x = s0.copy()
-    new = np.empty(n)
-    for k in range(samples):
-        for i in range(ny):
-            total = Y[k, i] - direct[k, i]
-            for j in range(n):
-                total -= C[i, j] * x[j]
-            errors[k, i] = total
-        for i in range(n):
-            states[k, i] = x[i]
-            total = drive[k, i]
-            for j in range(n):
-                total += F[i, j] * x[j]
-            for j in range(ny):
-                total += Kp[i, j] * errors[k, j]
-            new[i] = total
-        x, new = new, x
-    return states, errors
-
-
-@njit(cache=True, nogil=True)
-def _backward(L, CS, P, states, errors):  # type: ignore[no-untyped-def]  # compiled
-    samples, n = states.shape
-    ny = errors.shape[1]
-    smoothed = np.empty((samples, n))
-    r = np.zeros(n)
-    new = np.empty(n)
-    for m in range(samples):
-        k = samples - 1 - m
-        for i in range(n):
-            total = 0.0
-            for j in range(ny):
-                total += CS[i, j] * errors[k, j]
-            for j in range(n):
-                total += L[j, i] * r[j]
-            new[i] = total
-        r, new = new, r
-        for i in range(n):
-            total = states[k, i]
-            for j in range(n):
-                total += P[i, j] * r[j]
-            smoothed[k, i] = total
-    return smoothed
-
-
-@njit(cache=True, nogil=True)
 def _respond(L, C, G0, G1, GK, H, columns, out):  # type: ignore[no-untyped-def]  # compiled
     """Innovations that unit columns (samples, ports, columns) of port forces leave."""
     samples, ports, count = columns.shape
@@ -483,17 +433,15 @@ class LinearObserver:
         begin, end = lines or linear_interpolation(W)
         drive = np.zeros((len(Y), self.states))
         drive[:-1] = begin[:-1] @ self.m.full_now.T + end[:-1] @ self.m.full_later.T
-        direct = W @ self.system.D.T
-        if forces is not None:
-            G0, G1, H = self.port_steps(forces.rows, forces.pairs)
-            with np.errstate(over="ignore", invalid="ignore"):  # along a motion that diverged
+        seen = Y - W @ self.system.D.T
+        with np.errstate(over="ignore", invalid="ignore"):  # along a motion that diverged
+            if forces is not None:
+                G0, G1, H = self.port_steps(forces.rows, forces.pairs)
                 drive[:-1] += (G0 @ forces.values[:, :-1] + G1 @ forces.values[:, 1:]).T
-                direct = direct + (H @ forces.values).T
-        start = np.zeros(self.states) if s0 is None else s0
-        return _forward(
-            self.m.full, self.gain.predictor, self.system.C, drive, direct,
-            np.ascontiguousarray(Y), start,
-        )  # fmt: skip
+                seen = seen - (H @ forces.values).T
+            drive += seen @ self.gain.predictor.T
+            states = linear_recursion(self.L, drive[:-1], s0)
+            return states, seen - states @ self.system.C.T
 
     def port_steps(self, rows: Array, pairs: list[tuple[str, ...]]) -> tuple[Array, Array, Array]:
         """Return the step matrices of forces along rows of the coordinates."""
@@ -506,9 +454,10 @@ class LinearObserver:
         return self._steps[key]
 
     def smooth(self, states: Array, errors: Array) -> Array:
-        """Return the smoothed states (de Jong's recursion)."""
-        CS = np.ascontiguousarray(np.linalg.solve(self.gain.innovation, self.system.C).T)
-        return _backward(self.L, CS, np.ascontiguousarray(self.gain.covariance), states, errors)
+        """Return the smoothed states (de Jong's recursion, backwards)."""
+        by_sample = np.linalg.solve(self.gain.innovation, self.system.C)
+        ahead = linear_recursion(self.L.T, (errors @ by_sample)[::-1])[:0:-1]
+        return states + ahead @ self.gain.covariance
 
     def respond(self, rows: Array, pairs: list[tuple[str, ...]], columns: Array) -> Array:
         """Return the innovations that port forces leave, shape (columns, samples, ny)."""
