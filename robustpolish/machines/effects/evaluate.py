@@ -78,7 +78,7 @@ def _call(typing_context, address, t, q, iq, v, iv, z, iz, p, ip, f, jf, dz, jz)
 call_law: Any = intrinsic(_call)
 
 
-_LEAST_SUBSTEPS = 8
+_LEAST_SUBSTEPS = 4
 MOST_SUBSTEPS = 64
 """Of a sample, in which internal states are followed along a motion."""
 
