@@ -149,7 +149,7 @@ def _diagnose(
     most: int,
     good_enough: float | Mapping[str, float] | None,
 ) -> Diagnosis:
-    fewer = reduce_record(model, require_length(model, record_of(model, data)), POLICY)
+    fewer = reduce_record(model, require_length(model, record_of(model, data)))
     model, prepared = fewer.model, prepare(fewer.model, fewer.record, POLICY)
     say("how inputs act between their samples")
     # what its file says of the inputs is known

@@ -28,7 +28,7 @@ from robustpolish.identification.fit.prepared import PreparedRecord, prepare, re
 from robustpolish.identification.fit.result import Refit, refit_of
 from robustpolish.identification.free_runs import free_run_error, free_runs, record_errors
 from robustpolish.identification.frequency.fit import refit_frequency_response
-from robustpolish.identification.policy import POLICY, Policy
+from robustpolish.identification.policy import POLICY
 from robustpolish.identification.record import output_sizes, record_of, require_length
 from robustpolish.identification.sanity import implausible_changes, sanity_warnings
 from robustpolish.identification.search.screening import null_score, numbers_along_motion, screen
@@ -46,10 +46,19 @@ from robustpolish.signals.frequency_response import holds_frequency_response
 
 _HOLD = "input_hold"
 _LINEAR = 1.0
+# Orders that are tried beside the linear one, and delays in samples: a long delay looks half like a
+# hold ("input delay").
+_HOLD_ORDERS, _HOLD_DELAYS = (0.0, 3.0), (1, 2, 4)
+# Log odds from which a hold is believed.
+_HOLD_ODDS = 20.0
 # Samples to either side of a first delay that are tried.
 _AROUND = 4
 # Regressions along the motion, each with the motion that the numbers of the one before show.
 _REGRESSIONS = 4
+# Share of a fit's error that has to lie above the noise for a regression to be worth its time.
+_BETTER = 0.8
+# Log of a common factor, and of the error it may cost, that is not worth settling.
+_UNCHANGED = 0.01
 # Samples of a window that still tells a curvature from a slope.
 _SHORTEST = 8
 
@@ -60,7 +69,7 @@ def with_selected_holds(model: MechanicalModel, prepared: PreparedRecord) -> Mec
     All inputs are taken to be of one kind, linear if nothing is said. The linear model's
     innovations judge, its own numbers being corrected at the same time.
     """
-    policy, choices = prepared.policy, _hold_choices(model, prepared.policy)
+    choices = _hold_choices(model)
     if not choices:
         return model
     bare = replace(model, effects=tuple(split_holds(model.effects)[1]))
@@ -68,13 +77,13 @@ def with_selected_holds(model: MechanicalModel, prepared: PreparedRecord) -> Mec
     found = parallel_map(lambda candidate: null_score(candidate, prepared), tried.values())
     scores = dict(zip(tried, found, strict=True))
     now, best = next(iter(scores)), min(scores, key=lambda order: scores[order])
-    if scores[now] - scores[best] <= 2 * policy.hold_odds:
+    if scores[now] - scores[best] <= 2 * _HOLD_ODDS:
         return model
     late = (
         null_score(bare.with_effect("input_delay", (item.name,), {"delay": delay}), prepared)
         for item in model.inputs
         if item.imposes is None
-        for delay in (n * prepared.record.dt for n in policy.hold_delays)
+        for delay in (n * prepared.record.dt for n in _HOLD_DELAYS)
     )
     if best == 0.0 and min(late) < scores[best]:
         return model  # a longer delay, of which a hold would take half a sample
@@ -93,14 +102,14 @@ def held_inputs(model: MechanicalModel) -> set[str]:
     return {hold.at[0] for hold in holds if hold.values["order"] == 0.0}
 
 
-def _hold_choices(model: MechanicalModel, policy: Policy) -> dict[float, list[Effect]]:
+def _hold_choices(model: MechanicalModel) -> dict[float, list[Effect]]:
     """Return by their order what holds the force inputs may have: as they are now, and others.
 
     A linear hold is none. There is no choice without force inputs, or if these are not of one kind.
     """
     names = [(item.name,) for item in model.inputs if item.imposes is None]
     now = {hold.values["order"] for hold in split_holds(model.effects)[0]} or {_LINEAR}
-    orders = dict.fromkeys((*now, _LINEAR, *policy.hold_orders))
+    orders = dict.fromkeys((*now, _LINEAR, *_HOLD_ORDERS))
     return {
         order: [Effect(_HOLD, at, {"order": order}) for at in names if order != _LINEAR]
         for order in (orders if names and len(now) == 1 else ())
@@ -129,7 +138,7 @@ def with_reselected_holds(
     (MechanicalModel, Fit) or None
         The reference, and the fit of the model, effects included, with these holds.
     """
-    choices = _hold_choices(reference, prepared.policy)
+    choices = _hold_choices(reference)
     if not choices:
         return None
     order_now, orders = next(iter(choices)), sorted(choices)
@@ -156,7 +165,7 @@ def with_reselected_holds(
         return None
     now = left[order_now]
     best = min(left, key=lambda order: float(np.sum(np.log(left[order].rmse))))
-    likelier = log_odds(left[best], now) > prepared.policy.hold_odds
+    likelier = log_odds(left[best], now) > _HOLD_ODDS
     if not (likelier and np.any(left[best].rmse <= now.rmse)):
         return None
     return held[best], left[best]
@@ -217,8 +226,7 @@ def fit_own_parameters(
     stages = homotopy(model, prepared, pieces, model, [*shortest, *spans])
     stage = best_stage(stages, prepared)
     short_window_model = stages[min(1, len(stages) - 1)].model
-    if np.any(stage.error * prepared.policy.better > prepared.scales.noise):
-        stage = _improve_by_direct_fit(stage, model, prepared)
+    if np.any(stage.error * _BETTER > prepared.scales.noise):
         begun = _begun_along_motion(model, stage.model, prepared)
         if begun is not None:
             stages = homotopy(begun, prepared, pieces, model, [*shortest, *spans])
@@ -245,55 +253,18 @@ def _begun_along_motion(
     return best
 
 
-def _improve_by_direct_fit(
-    stage: EvaluatedFit, model: MechanicalModel, prepared: PreparedRecord
-) -> EvaluatedFit:
-    """Return a stage whose chains are as good as those of a direct fit."""
-    pieces = prepared.trial if model.free else prepared.estimation
-    whole = prepared.spans(pieces)[-1:]
-    direct = homotopy(model, prepared, pieces, model, whole, prepared.policy.direct_steps)
-    if not direct:
-        return stage
-    other = evaluate_fit(direct[-1], prepared)
-    mixed = _best_of_chains(stage, other, prepared.policy.better)
-    if mixed is None:
-        return stage
-    joined = homotopy(mixed, prepared, pieces, model, whole, prepared.policy.direct_steps)
-    found = [stage, other, *(evaluate_fit(fitted, prepared) for fitted in joined)]
-    return min(found, key=lambda s: float(np.mean(np.log(s.error))))
-
-
 def _with_fixed_scale(
     stage: EvaluatedFit, model: MechanicalModel, prepared: PreparedRecord
 ) -> EvaluatedFit:
     """Return the stage with its common factors settled, if the error does not mind."""
-    rested = scaled_to_priors(stage.model, model, prepared.policy.unchanged)
+    rested = scaled_to_priors(stage.model, model, _UNCHANGED)
     if rested is stage.model or not stage.reproducible:
         return stage
     whole = prepared.spans(prepared.trial)[-1:]
     fits = homotopy(rested, prepared, prepared.trial, model, whole)
     stages = [evaluate_fit(fitted, prepared) for fitted in fits]
-    kept = [s for s in stages if np.mean(np.log(s.error / stage.error)) < prepared.policy.unchanged]
+    kept = [s for s in stages if np.mean(np.log(s.error / stage.error)) < _UNCHANGED]
     return kept[0] if kept else stage
-
-
-def _best_of_chains(
-    stage: EvaluatedFit, direct: EvaluatedFit, better: float
-) -> MechanicalModel | None:
-    """Return the first model with the chains of the second where that is better; None if nowhere.
-
-    Numbers of effects and of chains without an output stay.
-    """
-    model, numbers = stage.model, direct.model.parameters
-    taken: dict[str, float] = {}
-    for group in connected(model):
-        seen = [i for i, o in enumerate(model.outputs) if group.intersection(o.of)]
-        if not seen:
-            continue
-        fall = np.mean(np.log(direct.error[seen])) - np.mean(np.log(stage.error[seen]))
-        if fall < np.log(better):
-            taken |= {key: numbers[key] for key in _keys(model, group)}
-    return model.with_parameters(taken) if taken else None
 
 
 def scaled_to_priors(
@@ -417,7 +388,7 @@ def refit(model: MechanicalModel, data: Any, progress: Callable[[], None] | None
             found = refit_frequency_response(model, data, progress)
         moved = implausible_changes(model.parameters, found.model.parameters)
         return replace(found, notes=tuple(moved))
-    fewer = reduce_record(model, require_length(model, record_of(model, data)), POLICY)
+    fewer = reduce_record(model, require_length(model, record_of(model, data)))
     model, prepared = fewer.model, prepare(fewer.model, fewer.record, POLICY)
     started = _with_start_values(model, prepared)
     spans = prepared.spans(prepared.everything)
@@ -431,7 +402,7 @@ def refit(model: MechanicalModel, data: Any, progress: Callable[[], None] | None
 
         fits = fits_from(started)
         begun = None
-        if fits and np.any(fits[-1].rmse * POLICY.better > prepared.scales.noise):
+        if fits and np.any(fits[-1].rmse * _BETTER > prepared.scales.noise):
             begun = _begun_along_motion(model, fits[-1].model, prepared)
         if begun is not None:
             again = fits_from(begun)
@@ -440,7 +411,7 @@ def refit(model: MechanicalModel, data: Any, progress: Callable[[], None] | None
         best = _best_not_worse_than_start(fits[-2:][::-1], [model, started], prepared)
         share = (best.rmse / np.std(prepared.record.Y, axis=0)).tolist()
         nrmse = dict(zip(best.model.output_names, share, strict=True))
-        found = refit_of(best.model, best.free, covariance_of(best), nrmse, POLICY.undetermined)
+        found = refit_of(best.model, best.free, covariance_of(best), nrmse)
         records = record_errors(found.model, free_runs(found.model, fewer.record))
     notes = (*fewer.notes, *collect_warnings(started, found.model, prepared))
     return replace(

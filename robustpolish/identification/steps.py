@@ -16,8 +16,7 @@ from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.errors import RobustPolishError
 from robustpolish.identification.compare import Comparison, compare
 from robustpolish.identification.diagnosis.result import Diagnosis
-from robustpolish.identification.fit.prepared import has_integrator
-from robustpolish.identification.policy import POLICY
+from robustpolish.identification.fit.prepared import has_integrator, window_samples
 from robustpolish.identification.record import Record, record_of
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plots.time import plot_before_and_after, plot_response
@@ -150,7 +149,7 @@ def comparison_window(model: MechanicalModel, record: Record, reproducible: bool
     Models whose long runs judge nothing, and those that drift, run in short windows.
     """
     whole = reproducible and not has_integrator(model, record.samples * record.dt)
-    return None if whole else POLICY.window(record.samples) * record.dt
+    return None if whole else window_samples(record.samples) * record.dt
 
 
 def step_runs(diagnosis: Diagnosis, data: Any) -> tuple[StepRun, ...]:

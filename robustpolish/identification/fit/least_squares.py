@@ -38,6 +38,10 @@ _STEP = 1e-7
 _ENDLESS = 1e100
 # Relative fall of the cost below which a fit stops.
 CONVERGED = 1e-3
+# Most steps of the last stage of a fit that ends below the usual fall of the cost.
+_DIRECT_STEPS = 20
+# Share of its first size below which an effect has vanished in a stage of a fit.
+_VANISHED = 0.01
 # Enough to see the scatter, few enough to be long against the memory of residuals.
 _BLOCKS = 20
 
@@ -528,12 +532,12 @@ def homotopy(
     """
     stages: list[Fit] = []
     kept: Fit | None = None
-    policy, first = prepared.policy, with_fixed_force_scale(model, reference)
+    first = with_fixed_force_scale(model, reference)
     model = first
     for span in spans if model.free else spans[-1:]:  # what is imposed cannot go astray
         windows = windows_from_stage(model, prepared, pieces, span, kept, known)
         enough = last if span == spans[-1] else settled
-        steps = max(iterations, policy.direct_steps) if enough < CONVERGED else iterations
+        steps = max(iterations, _DIRECT_STEPS) if enough < CONVERGED else iterations
         # an offset that is not known yet makes the smoothed motion so fast that laws diverge
         still = [StartedPiece(window.record, rest(model)) for window in windows]
         tried = (residuals_of(model, begun, prepared, reference) for begun in (windows, still))
@@ -542,9 +546,9 @@ def homotopy(
         if result is None:
             continue
         stages.append(result)
-        if kept is not None and np.max(result.rmse / kept.rmse) > policy.lost:
+        if kept is not None and np.max(result.rmse / kept.rmse) > prepared.policy.lost:
             continue  # the next stage starts where this one did
-        kept, model = result, _restore_vanished(result.model, first, policy.vanished)
+        kept, model = result, _restore_vanished(result.model, first)
     if kept is not None and all(kept is not stage for stage in stages[-2:]):
         stages.insert(len(stages) - 1, kept)
     return stages
@@ -563,9 +567,7 @@ def residuals_of(
     return Residuals(model, pieces, prepared.runner(model), free, sizes)
 
 
-def _restore_vanished(
-    model: MechanicalModel, first: MechanicalModel, vanished: float
-) -> MechanicalModel:
+def _restore_vanished(model: MechanicalModel, first: MechanicalModel) -> MechanicalModel:
     """Return a model with the first values of those effects that have vanished since.
 
     One that has a single number needs no help: its size alone brings it back.
@@ -574,7 +576,7 @@ def _restore_vanished(
     for i, (effect, began) in enumerate(zip(effects, first.effects, strict=True)):
         fitted = [p for p in effect.definition.parameters if p.fitted]
         sizes = [p.name for p in fitted if p.counts_force] if len(fitted) > 1 else []
-        if any(abs(effect.values[n]) < vanished * abs(began.values[n]) for n in sizes):
+        if any(abs(effect.values[n]) < _VANISHED * abs(began.values[n]) for n in sizes):
             effects[i] = began
     return replace(model, effects=tuple(effects))
 

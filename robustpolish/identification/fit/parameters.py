@@ -22,6 +22,13 @@ _HELD = 1e-3
 # How many times steeper a friction may turn over after one fit: a step that goes too far would make
 # it jump, and from there no slope leads back.
 _STEEPER = 10.0
+# How well stiffness and damping are known beforehand, as shares: springs are known roughly, dampers
+# hardly ("cubic between, wrong numbers").
+_SPRING_PRIOR, _DAMPER_PRIOR = 0.3, 1.0
+# Bounds of masses and gains, as multiples of what is known.
+_WEIGHED = (0.1, 10.0)
+# Share of its natural size up to which a spring or damper is as good as none and may be missing.
+_NOTHING = 1e-6
 # Share of all that moves which is rounding: what a sensor shows of it is nothing.
 _UNOBSERVABLE_SHARE = 1e-9
 
@@ -162,14 +169,14 @@ def free_parameters(
     def near(key: str, value: float, share: float) -> FreeParameter:
         """Describe a number that is known rather well."""
         centre = known.get(key, value)
-        low, high = sorted(bound * centre for bound in policy.weighed)
+        low, high = sorted(bound * centre for bound in _WEIGHED)
         scale, prior = abs(centre) or 1.0, known_to(value, centre, share)
         return FreeParameter(key, value, scale, low, high, prior, centre)
 
     def elastic(key: str, value: float, natural: float, share: float) -> FreeParameter:
         """Describe a stiffness or damping: it may be far off, and keeps its sign."""
         centre = known.get(key, 0.0)
-        if abs(centre) <= policy.nothing * natural:  # as good as none: it may well be missing
+        if abs(centre) <= _NOTHING * natural:  # as good as none: it may well be missing
             return FreeParameter(key, value, natural, 0.0, np.inf)
         low, high = (0.0, np.inf) if centre > 0 else (-np.inf, 0.0)
         scale, prior = abs(value) or natural, known_to(value, centre, share)
@@ -184,14 +191,14 @@ def free_parameters(
         if {*coupled.between} & {*model.free}:
             key = f"coupled_inertia[{i}].value"
             natural = float(np.sqrt(np.prod([model.dof(end).mass for end in coupled.between])))
-            natural, most = natural or mass, policy.weighed[1] * (natural or mass)
+            natural, most = natural or mass, _WEIGHED[1] * (natural or mass)
             prior, centre = policy.mass_prior * natural, known.get(key, coupled.value)
             free = FreeParameter(key, coupled.value, natural, -most, most, prior, centre)
             result.append(free)
     contained = parameters_within_laws(model)
-    springs = [(f"spring[{i}].stiffness", s.stiffness, mass * bandwidth**2, policy.spring_prior)
+    springs = [(f"spring[{i}].stiffness", s.stiffness, mass * bandwidth**2, _SPRING_PRIOR)
                for i, s in enumerate(model.springs)]  # fmt: skip
-    dampers = [(f"damper[{i}].damping", d.damping, 0.02 * mass * bandwidth, policy.damper_prior)
+    dampers = [(f"damper[{i}].damping", d.damping, 0.02 * mass * bandwidth, _DAMPER_PRIOR)
                for i, d in enumerate(model.dampers)]  # fmt: skip
     result += [elastic(*part) for part in [*springs, *dampers] if part[0] not in contained]
     # the gain of the only input of a chain would scale its masses and springs, no more

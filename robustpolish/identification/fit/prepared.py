@@ -17,8 +17,12 @@ from robustpolish.base.arrays import Array
 from robustpolish.base.budget import Budget
 from robustpolish.base.checks import described, invalid
 from robustpolish.identification.observer.kalman import (
+    ABOVE_FLOOR,
+    Level,
     Scales,
     displacement_peak,
+    motion_bandwidth,
+    power_bandwidth,
     scales_of,
 )
 from robustpolish.identification.observer.missing_force import SmoothedMotion, smooth
@@ -50,7 +54,7 @@ from robustpolish.identification.record import (
 )
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.mechanical.model import MechanicalModel
-from robustpolish.machines.mechanical.parts import ACCELERATION, DISPLACEMENT, FORCE, VELOCITY
+from robustpolish.machines.mechanical.parts import ACCELERATION, FORCE
 from robustpolish.signals.filtering import FLAT, decimate
 
 # Cross-validation split: held-out records, or held-out blocks of each.
@@ -168,6 +172,24 @@ def _blocks(model: MechanicalModel, part: Record, several: bool) -> list[int]:
 # away; and how many samples a fit can take at all. What is fitted is a machine in continuous time,
 # so that its numbers hold for every sampling.
 
+# Samples from which a record is thinned if its motion is slow enough for that, and beyond which
+# only a part of it is used: a diagnosis of so many takes a minute, and one of 500,000 has to end
+# in two.
+_LONGEST = 30000
+# Samples that thinning leaves at least.
+_FEWEST = 12000
+# Samples per swing of the fastest motion that thinning leaves, and where accelerations or forces
+# are measured, which jump with friction at every reversal: the filter against aliases rounds a
+# jump over a few samples, the model does not, and of a jump's power the share of about a tenth of
+# a sample is an error ("coulomb between, at 50 kHz"). Of a displacement it is two integrals less;
+# there it is the harmonics that count, up to the 15th.
+_SWING_SAMPLES, _SHARP_SAMPLES = 40.0, 200.0
+# Share that thinning leaves of the power of the forces, and of what the linear model leaves over.
+# With broad forces friction acts at every change of a fast velocity, and a filtered force shows
+# another friction: a part of the record says more there than a thinned whole.
+_KEPT_POWER = 0.99
+# Swings of the slowest mode that such a part lasts, or else more samples are left out.
+_SWINGS_KEPT = 20.0
 _HOLD = "input_hold"
 _AS_IT_IS, _SMOOTH = {"order": 1.0}, {"order": 3.0}
 _SEGMENTS = 8
@@ -176,8 +198,6 @@ _LONGEST_SEGMENT = 2**16
 _DECIMATION_ROUNDS = 3
 # About a mode of the model, whose numbers may be wrong.
 _AROUND = 1.25
-_ABOVE_FLOOR = 3.0
-_LEAKAGE_FLOOR = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,15 +232,13 @@ class ReducedRecord:
         return replace(fitted, effects=tuple(effects))
 
 
-def reduce_record(model: MechanicalModel, record: Record, policy: Policy) -> ReducedRecord:
+def reduce_record(model: MechanicalModel, record: Record) -> ReducedRecord:
     """Return a record as fits can take it: as it is, unless it is long; several stay as they are.
 
     Parameters
     ----------
     model : MechanicalModel
     record : Record
-    policy : Policy
-        From how many samples on a record is long, and what has to be kept of it.
 
     Returns
     -------
@@ -228,8 +246,8 @@ def reduce_record(model: MechanicalModel, record: Record, policy: Policy) -> Red
     """
     if len(record.sets) > 1:
         return ReducedRecord(model, record, False, (), model)
-    long, notes = record.samples > policy.comfortable, []
-    fewer = _decimated(model, record, policy) if long else record
+    long, notes = record.samples > _LONGEST, []
+    fewer = _decimated(model, record) if long else record
     thinned = fewer is not record
     if thinned:
         notes.append(
@@ -240,9 +258,9 @@ def reduce_record(model: MechanicalModel, record: Record, policy: Policy) -> Red
         data = fewer.data.assign_attrs(notes=record.data.attrs.get("notes", ()))
         fewer = replace(fewer, data=data, sets=(data,))
     whole = fewer
-    if whole.samples > policy.longest:
-        begin = most_active_part(whole, policy.longest).first
-        data = whole.data.isel(time=slice(begin, begin + policy.longest))
+    if whole.samples > _LONGEST:
+        begin = most_active_part(whole, _LONGEST).first
+        data = whole.data.isel(time=slice(begin, begin + _LONGEST))
         fewer = replace(record_of(model, data), honest=whole.honest)
         notes.append(
             f"Only {fewer.time[0]:.6g} to {fewer.time[-1]:.6g} s of the record were used, the "
@@ -256,7 +274,7 @@ def reduce_record(model: MechanicalModel, record: Record, policy: Policy) -> Red
     )
 
 
-def _decimated(model: MechanicalModel, record: Record, policy: Policy) -> Record:
+def _decimated(model: MechanicalModel, record: Record) -> Record:
     """Return a record with as many samples as are needed, itself if these are all."""
 
     def as_held(data: xr.Dataset, times: Array, holds: Sequence[Effect]) -> xr.Dataset:
@@ -269,7 +287,7 @@ def _decimated(model: MechanicalModel, record: Record, policy: Policy) -> Record
     data = as_held(record.data[[*model.input_names, *model.output_names]], record.times, holds)
     fewer = record
     for _ in range(_DECIMATION_ROUNDS):
-        nearer = decimate(data, needed_rate(model, fewer, policy))
+        nearer = decimate(data, needed_rate(model, fewer))
         if nearer.sizes["time"] == data.sizes["time"]:
             return record
         again = replace(record_of(model, nearer), honest=FLAT)
@@ -282,29 +300,28 @@ def _decimated(model: MechanicalModel, record: Record, policy: Policy) -> Record
     return replace(fewer, data=data, sets=(data,))
 
 
-def needed_rate(model: MechanicalModel, record: Record, policy: Policy) -> float:
+def needed_rate(model: MechanicalModel, record: Record) -> float:
     """Return the sampling rate in Hz that a model's fit needs.
 
     Parameters
     ----------
     model : MechanicalModel
     record : Record
-    policy : Policy
     """
     length = record.samples * record.dt
     fastest = _fastest_motion(model, record)
     slowest = min((f for f in frequencies(model) if f > 0), default=fastest)
-    lasting = policy.longest * slowest / policy.swings_kept
+    lasting = _LONGEST * slowest / _SWINGS_KEPT
     sharp = any(o.quantity in (ACCELERATION, FORCE) for o in model.outputs)
-    each = policy.sharp_samples if sharp else policy.swing_samples
-    residual = _residual_bandwidth(model, record, policy)
+    each = _SHARP_SAMPLES if sharp else _SWING_SAMPLES
+    residual = _residual_bandwidth(model, record)
     # of the forces that drive a model
     pushing = [record.data[item.name].values for item in model.inputs if item.imposes is None]
     spectra = (_spectrum(np.asarray(u), record.dt) for u in pushing)
-    pushed = max((_power_bandwidth(*each, policy.kept) for each in spectra), default=0.0)
-    wanted = min(residual * 2 / FLAT, policy.comfortable / length)
+    pushed = max((power_bandwidth(*each, _KEPT_POWER) for each in spectra), default=0.0)
+    wanted = min(residual * 2 / FLAT, _LONGEST / length)
     driven = min(pushed * 2 / FLAT, lasting)
-    return max(each * fastest, wanted, driven, policy.few / length)
+    return max(each * fastest, wanted, driven, _FEWEST / length)
 
 
 def _fastest_motion(model: MechanicalModel, record: Record) -> float:
@@ -321,18 +338,14 @@ def _fastest_motion(model: MechanicalModel, record: Record) -> float:
         shown = [
             f for f in modes
             if np.max(density[(frequency > f / _AROUND) & (frequency < f * _AROUND)], initial=0.0)
-            > _ABOVE_FLOOR * floor
+            > ABOVE_FLOOR * floor
         ]  # fmt: skip
-        order = {DISPLACEMENT: 0, VELOCITY: 2, ACCELERATION: 4}.get(output.quantity, 0)
-        least = max(floor, _LEAKAGE_FLOOR * float(np.max(density)))
-        seen = np.maximum(density - _ABOVE_FLOOR * least, 0.0)
-        # as displacement, of which what leaks from a strong line to 0 Hz would make a large one
-        seen[1:] /= frequency[1:] ** order
-        highest = max(highest, *shown, _power_bandwidth(frequency[1:], seen[1:], 0.98))
+        moving = motion_bandwidth(output.quantity, frequency, density)
+        highest = max(highest, *shown, moving)
     return highest
 
 
-def _residual_bandwidth(model: MechanicalModel, record: Record, policy: Policy) -> float:
+def _residual_bandwidth(model: MechanicalModel, record: Record) -> float:
     """Return the frequency in Hz below which most of what the linear model leaves over lies."""
     run = free_run(model.without_effects(), record)
     still = rest(run.model)
@@ -341,8 +354,8 @@ def _residual_bandwidth(model: MechanicalModel, record: Record, policy: Policy) 
     if not np.isfinite(error).all():
         return 0.0
     spectra = (_spectrum(e, record.dt) for e in error.T)
-    left = ((f, d - _ABOVE_FLOOR * float(np.percentile(d, 10))) for f, d in spectra)
-    return max(_power_bandwidth(f, np.maximum(d, 0.0), policy.kept) for f, d in left)
+    left = ((f, d - ABOVE_FLOOR * float(np.percentile(d, 10))) for f, d in spectra)
+    return max(power_bandwidth(f, np.maximum(d, 0.0), _KEPT_POWER) for f, d in left)
 
 
 def _spectrum(y: Array, dt: float) -> tuple[Array, Array]:
@@ -350,13 +363,21 @@ def _spectrum(y: Array, dt: float) -> tuple[Array, Array]:
     return welch(y - np.mean(y), 1 / dt, nperseg=length)
 
 
-def _power_bandwidth(frequency: Array, density: Array, share: float) -> float:
-    """Return the frequency below which this share of the power lies, 0 if there is none."""
-    power = np.cumsum(density)
-    last = np.searchsorted(power, share * power[-1])
-    return float(frequency[last]) if power[-1] > 0 else 0.0
-
-
+# Levels among which an observer looks for the one that shows the motion best.
+_FOLLOWING = tuple(Level(share) for share in (10.0, 3.0, 1.0, 0.3, 0.1))
+# Samples of a trial piece.
+_TRIAL = 3500
+# Samples that are screened; where all motion is imposed, screening is quick and the amplitudes of
+# the whole record are welcome (the friction damper).
+_SCREENED, _SCREENED_IMPOSED = 5000, 30000
+# Samples that are screened at least where a motion dies away early, and times the noise up to
+# which what is left of it is as good as over.
+_LEAST_MOVING, _MOVING = 200, 1.5
+# Swings of the fastest motion, and samples, that the first windows of a fit have at least: errors
+# over a swing or two depend smoothly on every number.
+_SWINGS, _LEAST_WINDOW = 1.5, 50
+# Number and least length of windows, for models whose long runs judge nothing.
+_WINDOWS, _SHORTEST_WINDOW = 25, 60
 # Forces that are so many times those that the motion takes are in other units.
 _OUT_OF_PROPORTION = 1e7
 # Runs that are kept: what was found last is asked for its error, its noise and its calm in turn.
@@ -441,7 +462,7 @@ class PreparedRecord:
         """Return the lengths of windows that grow from a few swings to whole pieces."""
         longest = max(piece.record.samples for piece in pieces)
         swing = 2 * np.pi / (self.scales.bandwidth * self.record.dt)
-        span = max(self.policy.least_window, round(self.policy.swings * swing))
+        span = max(_LEAST_WINDOW, round(_SWINGS * swing))
         found = []
         while 2 * span < longest:
             found.append(span)
@@ -508,10 +529,9 @@ class PreparedRecord:
         What a motion has died away to is the same noise for all models, and over most of a record
         it says that none of them explains anything.
         """
-        policy = self.policy
-        most = policy.screened if self.motion_sizes.size else policy.screened_imposed
-        part, quiet = most_active_part(self.record, most), policy.shape_above * self.scales.noise
-        return part.part(0, quiet_after(part.Y, quiet, policy.least_moving))
+        most = _SCREENED if self.motion_sizes.size else _SCREENED_IMPOSED
+        part, quiet = most_active_part(self.record, most), _MOVING * self.scales.noise
+        return part.part(0, quiet_after(part.Y, quiet, _LEAST_MOVING))
 
     def runner(self, model: MechanicalModel) -> Runner:
         """Return what runs a model freely, and those that are tried in its place."""
@@ -519,7 +539,7 @@ class PreparedRecord:
 
     def motion(self, model: MechanicalModel, record: Record) -> SmoothedMotion:
         """Return the smoothed motion along the record or a part of it."""
-        return smooth(model, record, self.scales, self.policy.following)
+        return smooth(model, record, self.scales, _FOLLOWING)
 
     def sizes(self, model: MechanicalModel) -> Array:
         """Return the sizes of a model's states, internal ones included."""
@@ -569,7 +589,7 @@ def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedR
     try:
         if 0 < _OUT_OF_PROPORTION * moving < np.max(scales.force):
             raise np.linalg.LinAlgError
-        motion = smooth(linear, record, scales, policy.following)
+        motion = smooth(linear, record, scales, _FOLLOWING)
     except np.linalg.LinAlgError as error:
         shown = f"motions of {scales.amplitude:.3g} with forces of {np.max(scales.force):.3g}"
         remedy = "Check the units of the columns, and the model's masses and stiffnesses."
@@ -580,8 +600,8 @@ def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedR
     if repeated is not None:
         scales = replace(scales, noise=repeated.noise)
     kept, judges = fit_and_held_out_parts(model, record)
-    first = max(2 * policy.trial // len(kept), policy.trial // 4, least_samples(model))
-    short = policy.window(record.samples)
+    first = max(2 * _TRIAL // len(kept), _TRIAL // 4, least_samples(model))
+    short = window_samples(record.samples)
     longest = max(part.samples for part in record.parts)
     length = short if has_integrator(model, longest * record.dt) else longest
 
@@ -611,6 +631,11 @@ def with_initial_memory(
         internal = np.concatenate([known, np.zeros(size - known.size)])
         found.append(StartedPiece(piece.record, InitialState(piece.start.state, internal)))
     return found
+
+
+def window_samples(samples: int) -> int:
+    """Return the samples of a window, for models whose long runs judge nothing."""
+    return max(_SHORTEST_WINDOW, samples // _WINDOWS)
 
 
 def has_integrator(model: MechanicalModel, length: float) -> bool:

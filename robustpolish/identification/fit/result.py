@@ -19,6 +19,9 @@ from robustpolish.machines.mechanical.data import unit_of
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plots.charts import plot_bars
 
+_UNDETERMINED = 1 / 3
+"""Standard error over the value from which a number is called undetermined."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Refit(Fitted, Displayed):
@@ -130,7 +133,6 @@ def refit_of(
     free: Sequence[FreeParameter],
     covariance: xr.DataArray,
     nrmse: dict[str, float],
-    undetermined: float,
 ) -> Refit:
     """Return values, bounds and standard errors of a fit.
 
@@ -143,8 +145,6 @@ def refit_of(
         Over their keys twice.
     nrmse : dict of str to float
         Relative errors.
-    undetermined : float
-        Standard error over the value from which a number is called undetermined.
     """
     errors, values = stderr_from_covariance(covariance), model.parameters
     parameters = lmfit.Parameters()
@@ -155,7 +155,7 @@ def refit_of(
         parameters[name].stderr = errors[f.key]
     units = {f.key: unit_of(model, f.key) for f in free}
     # not a number is left open, too
-    left_open = (k for k in units if not errors[k] <= undetermined * abs(values[k]) < np.inf)
+    left_open = (k for k in units if not errors[k] <= _UNDETERMINED * abs(values[k]) < np.inf)
     return Refit(model, parameters, units, nrmse, tuple(left_open), errors, covariance)
 
 

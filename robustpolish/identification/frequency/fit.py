@@ -106,7 +106,7 @@ def refit_frequency_response(
     errors = pair_errors(measured, measured.of(found)[0])
     relative = {f"{e.output}/{e.input}": e.relative for e in errors}
     covariance = _covariance(problem, taken, every)
-    fitted = refit_of(found, problem.free, covariance, relative, POLICY.undetermined)
+    fitted = refit_of(found, problem.free, covariance, relative)
     return replace(fitted, undetermined=(*fitted.undetermined, *problem.silent))
 
 

@@ -31,6 +31,8 @@ from robustpolish.machines.stepper import step_matrices
 _QUIETEST = 1e-5
 # Share of the highest density up to which a spectrum may be leakage of its window.
 _LEAKS = 1e-4
+# Times the noise floor of a spectrum that a motion has to stand above.
+ABOVE_FLOOR = 3.0
 # Error of the observer's equation, as a share of its solution, from which it is none.
 _UNSOLVED = 1e-2
 # Of a sensor that counts in steps: share of a step by which distances between values may be off
@@ -294,14 +296,28 @@ def excited_bandwidth(model: MechanicalModel, record: Record) -> float:
     highest = highest if np.isfinite(highest) else 0.0
     for i, output in enumerate(model.outputs):
         frequency, density = _spectrum(record, i)
-        omega = 2 * np.pi * frequency
-        order = {DISPLACEMENT: 0, VELOCITY: 2, ACCELERATION: 4}.get(output.quantity, 0)
-        # what leaks from a strong line towards zero frequency would pass for a large displacement
-        floor = max(np.percentile(density, 10), _LEAKS * np.max(density))
-        power = np.cumsum(np.maximum(density[1:] - 3 * floor, 0) / omega[1:] ** order)
-        if power.size and power[-1] > 0:
-            highest = max(highest, float(omega[1:][np.searchsorted(power, 0.98 * power[-1])]))
+        shown = motion_bandwidth(output.quantity, frequency, density)
+        highest = max(highest, 2 * np.pi * shown)
     return highest or 0.2 / record.dt
+
+
+def motion_bandwidth(quantity: str, frequency: Array, density: Array) -> float:
+    """Return the frequency in Hz below which the displacement lies that a spectrum shows.
+
+    What leaks from a strong line towards zero frequency would pass for a large displacement.
+    """
+    order = {DISPLACEMENT: 0, VELOCITY: 2, ACCELERATION: 4}.get(quantity, 0)
+    floor = max(np.percentile(density, 10), _LEAKS * np.max(density))
+    seen = np.maximum(density[1:] - ABOVE_FLOOR * floor, 0) / frequency[1:] ** order
+    return power_bandwidth(frequency[1:], seen, 0.98)
+
+
+def power_bandwidth(frequency: Array, density: Array, share: float) -> float:
+    """Return the frequency below which this share of the power lies, 0 if there is none."""
+    power = np.cumsum(density)
+    if not power.size or not power[-1] > 0:
+        return 0.0
+    return float(frequency[np.searchsorted(power, share * power[-1])])
 
 
 def _spectrum(record: Record, i: int) -> tuple[Array, Array]:
