@@ -9,7 +9,7 @@ from typing import Any
 
 from robustpolish.base.checks import described, invalid
 from robustpolish.base.saved import Fields, read_saved
-from robustpolish.identification.diagnosis.result import Diagnosis, diagnosis_from
+from robustpolish.identification.diagnosis import Diagnosis, diagnosis_from
 from robustpolish.implementation.sampled_design import SampledDesign, sampled_from
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plants.plant import GeneralizedPlant, plant_from

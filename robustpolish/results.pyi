@@ -19,14 +19,17 @@ from .closed_loop.simulate import (
 from .identification.compare import (
     Comparison as Comparison,
 )
-from .identification.diagnosis.findings import (
+from .identification.compare import (
+    StepRun as StepRun,
+)
+from .identification.diagnosis import (
+    Diagnosis as Diagnosis,
+)
+from .identification.findings import (
     ForceMap as ForceMap,
 )
-from .identification.diagnosis.findings import (
+from .identification.findings import (
     Ledger as Ledger,
-)
-from .identification.diagnosis.result import (
-    Diagnosis as Diagnosis,
 )
 from .identification.fit.result import (
     Refit as Refit,
@@ -54,9 +57,6 @@ from .identification.frequency.comparison import (
 )
 from .identification.residuals import (
     ResidualAnalysis as ResidualAnalysis,
-)
-from .identification.steps import (
-    StepRun as StepRun,
 )
 from .identification.tell_apart import (
     ToldApart as ToldApart,

@@ -1,4 +1,4 @@
-from .identification.diagnosis.uncertainty import (
+from .identification.fit.result import (
     effect_sector as effect_sector,
 )
 from .plants.uncertain.build import (

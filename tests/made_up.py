@@ -6,14 +6,14 @@ import numpy as np
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.identification.diagnosis.findings import (
+from robustpolish.identification.diagnosis import Diagnosis
+from robustpolish.identification.findings import (
     FoundEffect,
     IndistinguishablePair,
     Ledger,
     RankedCandidate,
     Value,
 )
-from robustpolish.identification.diagnosis.result import Diagnosis
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.spline_law import learned_name, spline_basis
 from robustpolish.machines.mechanical.model import MechanicalModel

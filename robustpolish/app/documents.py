@@ -20,11 +20,10 @@ from robustpolish.app.html import Report, Section, panels, paragraphs, picture, 
 from robustpolish.app.machine_design import MachineDesign
 from robustpolish.base.results import Card, Table, as_text, prefix_power, prefixed
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification.compare import Comparison
-from robustpolish.identification.diagnosis.result import Diagnosis, headline, shown_parameters
+from robustpolish.identification.compare import Comparison, StepRun
+from robustpolish.identification.diagnosis import Diagnosis, headline, shown_parameters
 from robustpolish.identification.residual_tests import MAP_TELLS, MAPS_SHOWN
 from robustpolish.identification.residuals import residual_analysis
-from robustpolish.identification.steps import StepRun
 from robustpolish.identification.tell_apart import ToldApart
 from robustpolish.plots.time import plot_panels
 from robustpolish.polishing.air_bearing import FORCES

@@ -2,25 +2,31 @@ from .compare import (
     Comparison as Comparison,
 )
 from .compare import (
+    StepRun as StepRun,
+)
+from .compare import (
     compare as compare,
+)
+from .compare import (
+    step_runs as step_runs,
 )
 from .diagnose import (
     diagnose as diagnose,
 )
-from .diagnosis.findings import (
-    ForceMap as ForceMap,
-)
-from .diagnosis.findings import (
-    Ledger as Ledger,
-)
-from .diagnosis.result import (
+from .diagnosis import (
     Diagnosis as Diagnosis,
 )
-from .diagnosis.uncertainty import (
-    effect_sector as effect_sector,
+from .findings import (
+    ForceMap as ForceMap,
+)
+from .findings import (
+    Ledger as Ledger,
 )
 from .fit.result import (
     Refit as Refit,
+)
+from .fit.result import (
+    effect_sector as effect_sector,
 )
 from .free_runs import (
     OutputError as OutputError,
@@ -63,12 +69,6 @@ from .residuals import (
 )
 from .residuals import (
     residual_analysis as residual_analysis,
-)
-from .steps import (
-    StepRun as StepRun,
-)
-from .steps import (
-    step_runs as step_runs,
 )
 from .tell_apart import (
     ToldApart as ToldApart,

@@ -13,9 +13,9 @@ import numpy as np
 from robustpolish.base.arrays import Array
 from robustpolish.base.budget import progress_bar, single_threaded_blas
 from robustpolish.base.checks import one_of, positive
-from robustpolish.identification.compare import compare
-from robustpolish.identification.diagnosis.findings import Ledger
-from robustpolish.identification.diagnosis.result import Diagnosis
+from robustpolish.identification.compare import compare, comparison_window
+from robustpolish.identification.diagnosis import Diagnosis
+from robustpolish.identification.findings import Ledger
 from robustpolish.identification.fit.least_squares import evaluate_fit
 from robustpolish.identification.fit.prepared import ReducedRecord, prepare, reduce_record
 from robustpolish.identification.policy import POLICY
@@ -34,7 +34,6 @@ from robustpolish.identification.search.search import (
     begin_search,
     search,
 )
-from robustpolish.identification.steps import comparison_window
 from robustpolish.machines.mechanical.model import MechanicalModel
 
 

@@ -12,7 +12,7 @@ from scipy.signal import chirp
 from robustpolish.base.arrays import Array
 from robustpolish.base.results import shown
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification.diagnosis.findings import IndistinguishablePair
+from robustpolish.identification.findings import IndistinguishablePair
 from robustpolish.identification.observer.kalman import displacement_amplitude, excited_bandwidth
 from robustpolish.identification.observer.runs import rest
 from robustpolish.identification.policy import POLICY

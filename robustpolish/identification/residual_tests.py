@@ -17,7 +17,7 @@ from scipy.stats import norm
 from robustpolish.base.arrays import Array
 from robustpolish.base.checks import described, invalid
 from robustpolish.identification.compare import Comparison
-from robustpolish.identification.diagnosis.findings import ForceMap
+from robustpolish.identification.findings import ForceMap
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.observer.kalman import force_sites
 from robustpolish.identification.observer.missing_force import (

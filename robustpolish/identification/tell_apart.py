@@ -16,8 +16,7 @@ from robustpolish.base.arrays import Array
 from robustpolish.base.budget import progress_bar
 from robustpolish.base.checks import described, invalid, misfit, positive
 from robustpolish.base.results import Card, Displayed, Table
-from robustpolish.identification.diagnosis.findings import IndistinguishablePair
-from robustpolish.identification.diagnosis.result import Diagnosis
+from robustpolish.identification.diagnosis import Diagnosis
 from robustpolish.identification.experiments import (
     CLEAR,
     REACH,
@@ -31,6 +30,7 @@ from robustpolish.identification.experiments import (
     precision_of,
     simulate_experiment,
 )
+from robustpolish.identification.findings import IndistinguishablePair
 from robustpolish.identification.fit.parameters import free_parameters
 from robustpolish.identification.fit.result import Refit
 from robustpolish.identification.observer.kalman import excited_bandwidth, scales_of

@@ -11,7 +11,7 @@ import xarray as xr
 import robustpolish as rp
 from robustpolish.app.cli.options import Reading, load_data, load_records, replaceable
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification.diagnosis.findings import IndistinguishablePair
+from robustpolish.identification.findings import IndistinguishablePair
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.simulation import simulate_model as simulate

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.identification.diagnosis.findings import FoundEffect, IndistinguishablePair, Value
+from robustpolish.identification.findings import FoundEffect, IndistinguishablePair, Value
 from tests.hidden_effects import rows
 from tests.hidden_effects.cases import Case, axes, model_of, one, records, two
 from tests.hidden_effects.catalogue import all_cases

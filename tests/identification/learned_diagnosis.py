@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
-from robustpolish.identification.diagnosis.findings import FoundEffect, Value
+from robustpolish.identification.findings import FoundEffect, Value
 from tests import made_up
 from tests.effects.learned_curves import learned_law_of
 

@@ -9,13 +9,13 @@ import pytest
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.identification.diagnosis.findings import (
+from robustpolish.identification.diagnosis import headline
+from robustpolish.identification.findings import (
     FoundEffect,
     IndistinguishablePair,
     RankedCandidate,
     Value,
 )
-from robustpolish.identification.diagnosis.result import headline
 from tests import made_up
 from tests.identification.learned_diagnosis import unknown_law
 from tests.identification.oscillators import PLACE, oscillator, record

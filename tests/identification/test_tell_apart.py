@@ -7,7 +7,6 @@ import pytest
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.identification.diagnosis.findings import IndistinguishablePair
 from robustpolish.identification.experiments import (
     Experiment,
     MachinePair,
@@ -16,6 +15,7 @@ from robustpolish.identification.experiments import (
     experiments,
     simulate_experiment,
 )
+from robustpolish.identification.findings import IndistinguishablePair
 from robustpolish.identification.record import record_of
 from tests import made_up
 from tests.identification.oscillators import PLACE, double_well, oscillator, record

@@ -8,7 +8,7 @@ import xarray as xr
 from scipy.stats import chi2
 
 import robustpolish as rp
-from robustpolish.identification.diagnosis.uncertainty import Fitted
+from robustpolish.identification.fit.result import Fitted
 from tests.identification.oscillators import PLACE, oscillator, record
 
 KEYS = ("dof.x.mass", "spring[0].stiffness", "damper[0].damping")

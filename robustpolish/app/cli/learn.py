@@ -18,13 +18,13 @@ from robustpolish.base.atomic_writes import new_file
 from robustpolish.base.checks import described, invalid, positive
 from robustpolish.errors import RobustPolishError
 from robustpolish.identification.compare import compare as compare_model
+from robustpolish.identification.compare import step_runs
 from robustpolish.identification.diagnose import diagnose as diagnose_model
-from robustpolish.identification.diagnosis.result import Diagnosis
+from robustpolish.identification.diagnosis import Diagnosis
 from robustpolish.identification.record import require_time_data
 from robustpolish.identification.refit import refit as refit_model
 from robustpolish.identification.residuals import residual_analysis
 from robustpolish.identification.search.search import MOST_EFFECTS
-from robustpolish.identification.steps import step_runs
 from robustpolish.identification.tell_apart import ToldApart
 from robustpolish.identification.tell_apart import tell_apart as tell_machines_apart
 from robustpolish.machines.mechanical.model import MechanicalModel

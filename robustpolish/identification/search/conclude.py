@@ -10,7 +10,8 @@ import numpy as np
 
 from robustpolish.base.arrays import Array
 from robustpolish.base.budget import parallel_map
-from robustpolish.identification.diagnosis.findings import (
+from robustpolish.identification.diagnosis import Diagnosis
+from robustpolish.identification.findings import (
     Entry,
     FoundEffect,
     IndistinguishablePair,
@@ -20,7 +21,6 @@ from robustpolish.identification.diagnosis.findings import (
     indistinguishable_pair,
     learned_laws_of,
 )
-from robustpolish.identification.diagnosis.result import Diagnosis
 from robustpolish.identification.fit.least_squares import (
     Fit,
     covariance_of,

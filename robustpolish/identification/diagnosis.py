@@ -16,7 +16,7 @@ from robustpolish.base.arrays import Array
 from robustpolish.base.checks import described, invalid
 from robustpolish.base.results import Card, Displayed, Table, estimate, plus_minus
 from robustpolish.base.saved import Fields, read_saved, write_saved
-from robustpolish.identification.diagnosis.findings import (
+from robustpolish.identification.findings import (
     Entry,
     ForceMap,
     FoundEffect,
@@ -26,7 +26,7 @@ from robustpolish.identification.diagnosis.findings import (
     Value,
     learned_laws_of,
 )
-from robustpolish.identification.diagnosis.uncertainty import Fitted
+from robustpolish.identification.fit.result import Fitted
 from robustpolish.machines.effects.effect import Effect, lookup
 from robustpolish.machines.effects.learned_law import LearnedLaw
 from robustpolish.machines.effects.user_defined import own_kind, own_table
