@@ -60,10 +60,9 @@ class Policy:
 
     work : float
         Steps of simulation after which a search adds nothing more and follows nothing more; what it
-        has is still compared with its like and fitted to the whole record, which may take nearly as
-        many. A processor makes 3 to 7 million a second: a diagnosis of under a minute needs 20 to
-        310 million, and of a hundred drawn cases that come out right the longest takes 3000
-        million. Where nothing comes near the noise, branches would go on for as long again.
+        has is still compared with its like and fitted to the whole record. A processor makes 3 to 7
+        million a second, and a diagnosis of under a minute needs 20 to 310 million: the limit is
+        two to three minutes.
 
     growth : int
         By how much the windows of a candidate's fit grow: each stage costs as much as a fit.
@@ -101,7 +100,7 @@ class Policy:
     null_levels: tuple[Level, ...] = _levels(1.0, 0.1, 0.01)
     own_damping: float = 0.35
     shape_levels: tuple[Level, ...] = _levels(0.1, 0.01, 0.002)
-    work: float = 4e9
+    work: float = 6e8
     growth: int = 4
     settled: float = 0.03
     shares: tuple[float, ...] = (1.0, 0.5, 0.25, 0.1)

@@ -6,6 +6,7 @@ model A by
 
     sum over k, i of n_ki ln(s_ki(A) / s_ki(B))
         - ln(n)/2 for every number that B fits more
+        - ln(20) for every effect that B adds between coordinates that nothing joins
         - the negative log prior of the masses, springs, dampers and gains of B, less that of A.
 
 No model of a machine is exact, so that its errors are never independent samples of a noise, however
@@ -47,6 +48,8 @@ NEGLIGIBLE = 2e-3
 """Share of the motion below which an error does not count."""
 WRITTEN_WRONG, WIDE = 1e-3, 20.0
 """Share of masses and gains that are wrong altogether, and how many times wider these scatter."""
+UNJOINED = float(np.log(20))
+"""Nats that an effect costs between two coordinates that neither a spring nor a damper joins."""
 STRONG = 5.0
 """Nats of very strong evidence, 2 ln B = 10 (Kass and Raftery 1995, JASA 90, 773-795)."""
 
@@ -96,6 +99,13 @@ class ScoredModel:
     def laws(self) -> int:
         """How many effects were added that are no constants."""
         return sum(e.definition.family != CONSTANT for e in self.added)
+
+    @property
+    def unjoined(self) -> int:
+        """How many effects were added between coordinates that nothing joins in the model."""
+        joined = {frozenset(e.between) for e in (*self.reference.springs, *self.reference.dampers)}
+        pairs = [frozenset(e.at) for e in self.added if e.definition.domain == "pair"]
+        return sum("ground" not in pair and pair not in joined for pair in pairs)
 
     @cached_property
     def whole(self) -> tuple[Array, Array]:
@@ -206,6 +216,7 @@ def nats(after: ScoredModel, before: ScoredModel, best: ScoredModel | None = Non
         falls = np.log(np.hypot(other, least) / np.hypot(one, least))
     likelihood = float(np.sum(counts * np.nan_to_num(falls, posinf=50.0)))
     cost = 0.5 * np.log(np.sum(counts)) * (after.numbers - before.numbers)
+    cost += UNJOINED * (after.unjoined - before.unjoined)
     return likelihood - cost - (after.surprise - before.surprise)
 
 

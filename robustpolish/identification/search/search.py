@@ -224,7 +224,8 @@ def _forward(run: EffectSearch) -> bool:
             continue
         if found and not run.prepared.work.left():
             break
-        run.say(f"refit with {' and '.join(map(str, proposed.effects))}")
+        named = " and ".join(map(str, proposed.effects))
+        run.say(f"refit with {named}, expected to gain {proposed.nats:.0f} nats")
         fitted = run.fits.with_effects(run.best, *proposed.effects)
         good = _determined_part(run, proposed, fitted)
         found += [good] if good is not None and good not in found else []
@@ -243,8 +244,9 @@ def _proposals(run: EffectSearch, step: int) -> Iterator[tuple[EffectSet, int, b
     """Yield the sets that are to be fitted, their problem, and whether one is among its best.
 
     The problems are about different runs, so that their nats cannot be compared: each has its turn,
-    the one with the largest expected gain first. A set is left out if a part of it with as large an
-    expected gain was fitted, unless that fit gained far less.
+    the one with the largest expected gain first. A set that is expected to gain less than very
+    strong evidence is not fitted, nor one of which a part with as large an expected gain was
+    fitted, unless that fit gained far less.
     """
     run.say(f"screening for effect {step}")
     prepared = run.prepared
@@ -258,7 +260,7 @@ def _proposals(run: EffectSearch, step: int) -> Iterator[tuple[EffectSet, int, b
     if screening.free is not None:
         problems.append(problem_along_motion(screening.free, screening.finalists))
     most = min(TOGETHER, run.most - step + 1)
-    sources = [[s for s in p.best_sets(most) if s.nats > 0] for p in problems if p is not None]
+    sources = [[s for s in p.best_sets(most) if s.nats > STRONG] for p in problems if p is not None]
     sources.sort(key=lambda source: -max((s.nats for s in source), default=0.0))
     run.expected = {s.places: s for source in reversed(sources) for s in source}
     done: list[EffectSet] = []
