@@ -152,7 +152,7 @@ def _diagnose(
     model, prepared = fewer.model, prepare(fewer.model, fewer.record, POLICY)
     say("how inputs act between their samples")
     # what its file says of the inputs is known
-    known = fewer.thinned or bool(_hold_orders(model))
+    known = fewer.thinned or bool(split_holds(model.effects)[0])
     held = model if known else with_selected_holds(model, prepared)
 
     def tell(text: str) -> None:
@@ -244,8 +244,3 @@ def _with_other_holds(
     again.accept(beside)
     search(again)
     return again
-
-
-def _hold_orders(model: MechanicalModel) -> tuple[float, ...]:
-    """Return the orders of the holds of a model's inputs; none if they are linear."""
-    return tuple(hold.values["order"] for hold in split_holds(model.effects)[0])

@@ -35,11 +35,16 @@ from robustpolish.plots.time import plot_time_series
 
 # JSON files of findings: the model as TOML inside, numbers and missing force beside it.
 
-VERDICTS = (
-    "adequate", "parameters", "missing_effect", "partly_explained", "unknown_law", "unexplained",
-)  # fmt: skip
-
-
+_VERDICTS = {
+    "adequate": "The model is adequate: what is left is noise.",
+    "parameters": "Nothing is missing, but the model's numbers were wrong; they were refitted.",
+    "missing_effect": "The model lacks a physical effect.",
+    "partly_explained": "The model lacks physical effects; a part of the error is left.",
+    "unknown_law": "The model lacks a force that no effect of the catalogue describes; it was "
+    "learned as a curve.",
+    "unexplained": "Something is missing that no effect of the catalogue explains.",
+}
+VERDICTS = tuple(_VERDICTS)
 STATUSES = ("complete", "stopped")
 _TRIED = ("nrmse_held_out", "step", "score", "remark")
 """What is told of a candidate beside its kind, its place and its numbers."""
@@ -151,14 +156,11 @@ def _model(entry: Fields) -> MechanicalModel | None:
 
 
 def _map(table: Fields) -> ForceMap:
-    shape = table.array("displacement", None), table.array("velocity", None)
-    grid = (table.array(key, *(axis.size for axis in shape)) for key in ("force", "samples"))
-    units = table.texts("units")
-    dims = ("displacement", "velocity")
-    surface = xr.Dataset(
-        {key: (dims, values) for key, values in zip(("force", "samples"), grid, strict=True)},
-        dict(zip(dims, shape, strict=True)),
-    )
+    dims, units = ("displacement", "velocity"), table.texts("units")
+    axes = {dim: table.array(dim, None) for dim in dims}
+    size = [axis.size for axis in axes.values()]
+    cells = {key: (dims, table.array(key, *size)) for key in ("force", "samples")}
+    surface = xr.Dataset(cells, axes)
     for key, unit in zip((*dims, "force"), units, strict=True):
         surface[key].attrs["units"] = unit
     first, second = table.texts("at")
@@ -240,16 +242,6 @@ def _kind_and_place(effect: Effect | FoundEffect | RankedCandidate) -> dict[str,
 
 
 # A diagnosis in words.
-
-_VERDICTS = {
-    "adequate": "The model is adequate: what is left is noise.",
-    "parameters": "Nothing is missing, but the model's numbers were wrong; they were refitted.",
-    "missing_effect": "The model lacks a physical effect.",
-    "partly_explained": "The model lacks physical effects; a part of the error is left.",
-    "unknown_law": "The model lacks a force that no effect of the catalogue describes; it was "
-    "learned as a curve.",
-    "unexplained": "Something is missing that no effect of the catalogue explains.",
-}
 
 # Verdicts that leave more than noise.
 _LEFT = ("partly_explained", "unknown_law", "unexplained")

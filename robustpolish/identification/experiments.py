@@ -135,7 +135,7 @@ _STEP, _WIDEST = 0.01, 0.1
 SURE = 3.0
 # Times the noise from which the wrong machine errs visibly more than the right one: its error is
 # noise and difference together, and a diagnosis calls a fall by `visible_fall` visible.
-CLEAR = float(np.sqrt(1 / (1 - POLICY.visible_fall) ** 2 - 1))
+CLEAR = float(np.sqrt(POLICY.at_noise_floor**2 - 1))
 
 
 @dataclass(frozen=True, eq=False)

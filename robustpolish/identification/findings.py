@@ -366,24 +366,18 @@ _EXPERIMENTS: dict[frozenset[str], str] = {
 
 def indistinguishable_pair(first: Effect, second: Effect) -> IndistinguishablePair:
     """Return two effects as a pair that data cannot tell apart, with an experiment that would."""
-    return IndistinguishablePair(first, second, _experiment(first, second))
-
-
-def _experiment(first: Effect, second: Effect) -> str:
-    """Propose an excitation that would tell two effects apart."""
-    known = _EXPERIMENTS.get(frozenset({first.kind, second.kind}))
-    if known is not None:
-        return known
-    if first.kind == second.kind:
-        places = sorted(set(first.at) ^ set(second.at))
-        ends = " and ".join(places)
-        return f"Measure, or hold still, {ends}: the place shows in the relative motion."
-    if first.definition.has_memory != second.definition.has_memory:
-        return (
+    experiment = _EXPERIMENTS.get(frozenset({first.kind, second.kind}))
+    if experiment is None and first.kind == second.kind:
+        ends = " and ".join(sorted(set(first.at) ^ set(second.at)))
+        experiment = f"Measure, or hold still, {ends}: the place shows in the relative motion."
+    elif experiment is None and first.definition.has_memory != second.definition.has_memory:
+        experiment = (
             "Move slowly to and fro with growing amplitude, ten cycles each: only memory makes "
             "the path depend on the reversal before."
         )
-    return (
-        "Repeat with a multisine of the same band at a third and at three times the amplitude: "
-        "the two forces grow differently."
-    )
+    elif experiment is None:
+        experiment = (
+            "Repeat with a multisine of the same band at a third and at three times the amplitude: "
+            "the two forces grow differently."
+        )
+    return IndistinguishablePair(first, second, experiment)

@@ -41,8 +41,8 @@ class Policy:
         begins: from a tenth of the true one, or three times it, no slope leads there.
     lost : float
         Times by which an error jumps where a fit lost the data that the one before followed.
-    many_steps, few_steps : int
-        Most steps of a stage for records up to and beyond `long_record`.
+    few_steps : int
+        Most steps of a stage of a fit to a long record, and of one with learned laws.
     mass_prior, gain_prior : float
         How well numbers are known beforehand, as shares: masses are weighed. Also how far screening
         lets them move.
@@ -75,8 +75,6 @@ class Policy:
     nats : float
         Fall of the log-likelihood below which the last stage of a final fit stops: a standard error
         is half of one, so that a fit that stops sooner is off by more than it says.
-    long_record : int
-        Samples from which a stage has to do with few steps.
     """
 
     visible_fall: float = 0.2
@@ -91,7 +89,6 @@ class Policy:
     finalists: int = 24
     smoothing_shares: tuple[float, ...] = (0.1, 0.03, 0.01, 0.003)
     lost: float = 5.0
-    many_steps: int = 15
     few_steps: int = 7
     mass_prior: float = 0.05
     gain_prior: float = 0.05
@@ -105,7 +102,6 @@ class Policy:
     settled: float = 0.03
     shares: tuple[float, ...] = (1.0, 0.5, 0.25, 0.1)
     nats: float = 0.05
-    long_record: int = 4000
 
     @property
     def at_noise_floor(self) -> float:
@@ -116,10 +112,6 @@ class Policy:
     def null_orders(self) -> tuple[int, ...]:
         """Noise colours with which models are compared as they are: the simplest two."""
         return self.noise_orders[:2]
-
-    def steps(self, samples: int) -> int:
-        """Return the most steps of a stage: short records can afford more."""
-        return self.many_steps if samples < self.long_record else self.few_steps
 
     def follows(self, errors: int) -> float:
         """Return the relative fall of the cost, half the number of errors, that is `nats`."""

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from robustpolish.base.arrays import Array
 from robustpolish.base.budget import parallel_map, progress_bar, single_threaded_blas
 from robustpolish.identification.fit.least_squares import (
     EvaluatedFit,
@@ -226,17 +227,16 @@ def fit_own_parameters(
     stages = homotopy(model, prepared, pieces, model, [*shortest, *spans])
     stage = best_stage(stages, prepared)
     short_window_model = stages[min(1, len(stages) - 1)].model
-    if np.any(stage.error * _BETTER > prepared.scales.noise):
-        begun = _begun_along_motion(model, stage.model, prepared)
-        if begun is not None:
-            stages = homotopy(begun, prepared, pieces, model, [*shortest, *spans])
-            found = [stage, best_stage(stages, prepared)] if stages else [stage]
-            stage = min(found, key=lambda s: float(np.mean(np.log(s.error))))
+    begun = _begun_along_motion(model, stage.model, stage.error, prepared)
+    if begun is not None:
+        stages = homotopy(begun, prepared, pieces, model, [*shortest, *spans])
+        found = [stage, best_stage(stages, prepared)] if stages else [stage]
+        stage = min(found, key=lambda s: float(np.mean(np.log(s.error))))
     return _with_fixed_scale(stage, model, prepared), short_window_model
 
 
 def _begun_along_motion(
-    model: MechanicalModel, fitted: MechanicalModel, prepared: PreparedRecord
+    model: MechanicalModel, fitted: MechanicalModel, error: Array, prepared: PreparedRecord
 ) -> MechanicalModel | None:
     """Return a model from which a better fit may begin, None if none is better than a fitted one.
 
@@ -244,6 +244,8 @@ def _begun_along_motion(
     the measured motion, repeated with the motion that its numbers show, does. What runs better over
     short windows than a fit shows that this ended in a wrong minimum.
     """
+    if np.all(error * _BETTER <= prepared.scales.noise):
+        return None
     best, least, moved = None, short_window_log_error(fitted, prepared), model
     for _ in range(_REGRESSIONS if model.free else 0):
         moved = numbers_along_motion(moved, model, prepared)
@@ -402,8 +404,8 @@ def refit(model: MechanicalModel, data: Any, progress: Callable[[], None] | None
 
         fits = fits_from(started)
         begun = None
-        if fits and np.any(fits[-1].rmse * _BETTER > prepared.scales.noise):
-            begun = _begun_along_motion(model, fits[-1].model, prepared)
+        if fits:
+            begun = _begun_along_motion(model, fits[-1].model, fits[-1].rmse, prepared)
         if begun is not None:
             again = fits_from(begun)
             errors = _run_errors([f.model for f in (*fits[-1:], *again[-1:])], prepared)

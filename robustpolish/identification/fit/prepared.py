@@ -376,6 +376,8 @@ _LEAST_MOVING, _MOVING = 200, 1.5
 # Swings of the fastest motion, and samples, that the first windows of a fit have at least: errors
 # over a swing or two depend smoothly on every number.
 _SWINGS, _LEAST_WINDOW = 1.5, 50
+# Samples from which a stage of a fit has to do with few steps, and its steps for shorter records.
+_LONG_RECORD, _MANY_STEPS = 4000, 15
 # Number and least length of windows, for models whose long runs judge nothing.
 _WINDOWS, _SHORTEST_WINDOW = 25, 60
 # Forces that are so many times those that the motion takes are in other units.
@@ -519,8 +521,8 @@ class PreparedRecord:
 
     @property
     def steps(self) -> int:
-        """Most steps of a stage."""
-        return self.policy.steps(self.record.samples)
+        """Most steps of a stage: short records can afford more."""
+        return _MANY_STEPS if self.record.samples < _LONG_RECORD else self.policy.few_steps
 
     @property
     def screened(self) -> Record:
