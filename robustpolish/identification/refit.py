@@ -259,7 +259,7 @@ def _with_fixed_scale(
     stage: EvaluatedFit, model: MechanicalModel, prepared: PreparedRecord
 ) -> EvaluatedFit:
     """Return the stage with its common factors settled, if the error does not mind."""
-    rested = scaled_to_priors(stage.model, model, _UNCHANGED)
+    rested = scaled_to_priors(stage.model, model)
     if rested is stage.model or not stage.reproducible:
         return stage
     whole = prepared.spans(prepared.trial)[-1:]
@@ -269,9 +269,7 @@ def _with_fixed_scale(
     return kept[0] if kept else stage
 
 
-def scaled_to_priors(
-    model: MechanicalModel, reference: MechanicalModel, unchanged: float
-) -> MechanicalModel:
+def scaled_to_priors(model: MechanicalModel, reference: MechanicalModel) -> MechanicalModel:
     """Return the model with chains scaled to what is known of their masses and gains.
 
     A chain whose masses, springs, dampers and gains are all larger by one factor moves alike. Where
@@ -284,20 +282,15 @@ def scaled_to_priors(
         bent = any(group.intersection(effect.at) for effect in model.effects)
         if len(inputs_of_chain(model, group)) < 2 or forces or bent:
             continue
-        keys = _keys(model, group)
+        keys = [key for kind in chain_keys(model, group) for key in kind]
+        keys += [f"input.{i.name}.gain" for i in model.inputs if i.on[0] in group]
         told = [key for key in keys if not key.startswith(("spring", "damper")) and known[key]]
         ratios = np.array([found[key] / known[key] for key in told])
         if ratios.size and np.all(ratios > 0):
             factor = float(np.sum(ratios) / np.sum(ratios**2))  # nearest to one, all alike likely
-            if abs(np.log(factor)) > unchanged:
+            if abs(np.log(factor)) > _UNCHANGED:
                 changes |= {key: factor * found[key] for key in keys}
     return model.with_parameters(changes) if changes else model
-
-
-def _keys(model: MechanicalModel, chain: set[str]) -> list[str]:
-    """Return the keys of the numbers of a chain."""
-    keys = [key for kind in chain_keys(model, chain) for key in kind]
-    return keys + [f"input.{i.name}.gain" for i in model.inputs if i.on[0] in chain]
 
 
 # Warnings about a record and a fit.
