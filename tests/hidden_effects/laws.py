@@ -31,7 +31,7 @@ from .visible import STEPS, apart, change_without, chaotic, left_by_springs, sou
 
 SEEN_LAWS = 20261127
 """Rules of the diagnosis may be changed while looking at cases of this seed."""
-UNSEEN_LAWS = 20331127
+UNSEEN_LAWS = 20261129
 """Chosen before any of its cases had been drawn or run, on rules that have not been changed since.
 Once they are, it has been seen, and a new one takes its place before the next examination."""
 

@@ -21,7 +21,7 @@ from .visible import change_by_numbers, change_without, chaotic, sound
 SEEN_SEED = 20261122
 """Chosen before any of its cases had been run. Rules of the diagnosis were changed while looking at
 them since, so that they tell whether something got worse, and no more how good it is."""
-UNSEEN_SEED = 20280301
+UNSEEN_SEED = 20261129
 """Chosen before any of its cases had been drawn or run, on rules that have not been changed since.
 Once they are, it has been seen, and a new one takes its place before the next examination."""
 

@@ -46,8 +46,8 @@ MOST_EFFECTS = 4
 """Effects that are added at most, constants aside: with more the data decide nothing."""
 TOGETHER = 3
 """Effects of a set that is proposed at once, constants aside."""
-REFITS = 5
-"""Sets that are fitted in a round."""
+REFITS, SHOWN = 5, 5
+"""Sets that are fitted in a round, and whose expected gains are told before."""
 PROMISING = 0.75
 """Share of the nats gained so far that is to be expected of a set that is fitted too."""
 REACHED = 0.5
@@ -263,6 +263,9 @@ def _proposals(run: EffectSearch, step: int) -> Iterator[tuple[EffectSet, int, b
     sources = [[s for s in p.best_sets(most) if s.nats > STRONG] for p in problems if p is not None]
     sources.sort(key=lambda source: -max((s.nats for s in source), default=0.0))
     run.expected = {s.places: s for source in reversed(sources) for s in source}
+    likeliest = sorted(run.expected.values(), key=lambda s: -s.nats)[:SHOWN]
+    gains = (f"{' and '.join(map(str, s.effects))} {s.nats:.0f}" for s in likeliest)
+    run.say(f"gains in nats to be expected: {'; '.join(gains) or 'none'}")
     done: list[EffectSet] = []
     while len(done) < REFITS:
         turn = [_next_of(run, source, done) for source in sources]
