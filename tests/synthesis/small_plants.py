@@ -3,7 +3,6 @@
 import numpy as np
 
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.problem.matrices import PlantMatrices
 
 
 def oscillator():
@@ -49,14 +48,4 @@ def regular_plant(n=3, seed=0, d22=0.0):
         D12=[[0.0], [0.0], [1.0]],
         D21=[[0.0, 0.0, 1.0]],
         D22=[[d22]],
-    )
-
-
-def static_plant(A, B, C, discrete=False):
-    """Matrices of a plant for u = K y, whose states are disturbed and watched."""
-    A, B, C = (np.atleast_2d(np.array(M, float)) for M in (A, B, C))
-    n, nu, ny = len(A), B.shape[1], len(C)
-    eye, zeros = np.eye(n), np.zeros
-    return PlantMatrices(
-        A, eye, B, eye, C, zeros((n, n)), zeros((n, nu)), zeros((ny, n)), zeros((ny, nu)), discrete
     )

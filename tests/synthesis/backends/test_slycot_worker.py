@@ -1,11 +1,9 @@
 """The program that runs one routine: dictionary in, dictionary out, nothing of the package."""
 
-import io
 import pickle
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,21 +24,6 @@ def lag(routine):
         ),
         "gamma": 1e10,
     }
-
-
-def test_the_regulator_of_a_lag(monkeypatch):
-    pytest.importorskip("slycot")
-    answer = io.BytesIO()
-    task = io.BytesIO(pickle.dumps(lag("SB10HD")))
-    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=task))
-    monkeypatch.setattr(sys, "stdout", SimpleNamespace(buffer=answer))
-    slycot_worker.main()
-    told = pickle.loads(answer.getvalue())
-    # Both Riccati equations are 2 X + X^2 = 1, so that both gains are 1 - sqrt(2).
-    gain = np.sqrt(2) - 1
-    A, B, C, D = (np.asarray(M).item() for M in told["controller"])
-    assert pytest.approx((-1 - 2 * gain, -(gain**2), 0.0)) == (A, B * C, D)
-    assert told["gamma"] is None
 
 
 def test_it_runs_without_the_package(tmp_path):

@@ -99,6 +99,19 @@ def test_the_h2_optimum_is_its_own_bound():
     assert design.certificate.achieved == pytest.approx(design.lower_bound, rel=1e-4)
 
 
+def test_the_singular_h2_infimum_is_the_limit_of_vanishing_price_and_noise():
+    draw = np.random.default_rng(0).standard_normal
+    parts = draw((3, 3)), draw((3, 2)), draw((3, 1)), draw((2, 3)), draw((1, 3))
+    plant = rp.GeneralizedPlant.from_matrices(*parts)
+    bound = output_feedback(plant, "h2").lower_bound
+    norms = []
+    for size in (1e-2, 1e-3, 1e-4):
+        design = output_feedback(plant, "h2", control_weight=size, measurement_noise=size)
+        norms.append(design.certificate.achieved)
+    assert norms[0] > norms[1] > norms[2] > bound
+    assert norms[2] == pytest.approx(bound, rel=0.05)
+
+
 def test_the_bound_is_shown_and_kept_in_a_file(tmp_path):
     design = output_feedback(scherer_1997())
     assert f"no H-infinity norm below  {design.lower_bound:.6g}" in " ".join(str(design).split(" "))

@@ -86,6 +86,17 @@ def test_a_singular_plant_whose_norm_settles_is_not_falling():
     assert len(design.history) < 5  # two rungs without a fall are enough
 
 
+def test_next_to_the_feedthrough_the_optimum_is_that_of_parrott():
+    # Hardly any dynamics: D11 + [0, 0; 0, Dk] can be made as small as its first row or column.
+    one, small = np.eye(1), 1e-6 * np.ones((1, 2))
+    plant = rp.GeneralizedPlant.from_matrices(
+        -one, small, one, small.T, one, [[1, 2], [3, 4]], D12=[[0], [1]], D21=[[0, 1]]
+    )
+    design = rp.output_feedback(plant)
+    assert design.lower_bound == pytest.approx(np.sqrt(10), rel=1e-4)
+    assert design.lower_bound <= design.certificate.achieved <= 1.001 * np.sqrt(10)
+
+
 def test_zeros_on_the_axis_and_weights_over_six_decades():
     servo = control.StateSpace([[0, 1], [0, -1]], [[0], [1]], [[1, 0]], [[0]])
     plant = rp.mixed_sensitivity(

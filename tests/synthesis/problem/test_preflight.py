@@ -2,17 +2,10 @@
 
 import numpy as np
 import pytest
-from small_plants import static_plant
 
 import robustpolish as rp
-from robustpolish.errors import InvalidInputError
-from robustpolish.polishing.air_bearing import air_bearing
-from robustpolish.synthesis.problem.matrices import channel
 from robustpolish.synthesis.problem.preflight import (
     check_solvability,
-    unstable_fixed_modes,
-    with_control_penalty,
-    with_measurement_noise,
 )
 
 
@@ -102,41 +95,3 @@ def test_a_mode_fixed_to_rounding_in_mixed_states_is_named():
     (mode,) = check_solvability(plant).fixed_modes
     assert mode.eigenvalue == pytest.approx(1.2)
     assert mode.lack == "uncontrollable"
-
-
-def test_price_and_noise_make_a_singular_plant_regular():
-    plant = air_bearing(measured="displacement")
-    weights = np.array([1.0, 2.0, 0.0, 3.0, 0.0, 0.5])
-    regular = with_measurement_noise(with_control_penalty(plant, weights), 1e-6)
-    assert np.linalg.matrix_rank(regular.D12) == 4
-    assert np.linalg.matrix_rank(regular.D21) == 6
-    assert regular.performance_names[6:] == ("price_u_x_m", "price_u_x", "price_u_y", "price_u_z")
-    assert (regular.A == plant.A).all()
-    assert (regular.C2 == plant.C2).all()
-    assert (regular.B2 == plant.B2).all()
-    # The plant as it was is one of its channels.
-    back = channel(regular, plant.disturbance_names, plant.performance_names)
-    for name in ("B1", "C1", "D11", "D12", "D21", "D22"):
-        assert (getattr(back, name) == getattr(plant, name)).all()
-
-
-@pytest.mark.parametrize("weight", [-1.0, [1.0, 2.0], np.inf, "dear"])
-def test_bad_weights_are_named(weight):
-    with pytest.raises(InvalidInputError, match="control_weight"):
-        with_control_penalty(air_bearing(), weight)
-    with pytest.raises(InvalidInputError, match="measurement_noise"):
-        with_measurement_noise(air_bearing(), weight)
-
-
-def test_fixed_modes_of_full_and_patterned_gains():
-    names = ("a", "b", "c")
-    seen = static_plant(np.diag([0.5, -1.0, 2.0]), [[1], [1], [1]], [[1.0, 1.0, 0.0]])
-    (mode,) = unstable_fixed_modes(seen, np.ones((1, 1), bool), names)
-    assert (mode.eigenvalue, mode.state) == (2.0, "c")
-    whole = static_plant(np.diag([0.5, -1.0, 2.0]), np.eye(3), np.eye(3))
-    assert unstable_fixed_modes(whole, np.eye(3, dtype=bool), names) == ()
-    cyclic = np.array([[0, 1, 0], [0, 0, 0], [0, 0, 0]], bool)
-    assert [m.state for m in unstable_fixed_modes(whole, cyclic, names)] == ["a", "c"]
-    rotor = static_plant([[0.1, 5.0], [-5.0, 0.1]], [[0.0], [0.0]], np.eye(2))
-    (mode,) = unstable_fixed_modes(rotor, np.ones((1, 2), bool), ("p", "q"))
-    assert mode.eigenvalue == pytest.approx(0.1 + 5j)

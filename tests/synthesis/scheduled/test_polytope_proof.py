@@ -5,13 +5,12 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
-from polytope_examples import held_mass, oscillator, sampled, solver
+from polytope_examples import oscillator, sampled, solver
 
 import robustpolish as rp
 from robustpolish.linear.arithmetic import balls
-from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
 from robustpolish.synthesis.scheduled.polytope import LyapunovFamily, PolytopeSpecification
-from robustpolish.synthesis.scheduled.proof import output_loop, prove, state_loop
+from robustpolish.synthesis.scheduled.proof import prove
 
 
 def norm_of(matrices, norm, dt):
@@ -75,17 +74,3 @@ def test_bounded_rates_lie_between_rest_and_jumps():
         for rate in (0.0, 0.3, np.inf)
     ]
     assert bounds[0] * 1.01 < bounds[1] < bounds[2] / 1.01
-
-
-F = np.array([[-1.0, -2.0]])
-
-
-def test_state_and_output_feedback_in_balls():
-    plant = held_mass(2.0)
-    K = Controller(*(np.array(M) for M in ([[-3.0]], [[2.0]], [[-1.0]], [[-0.5]])))
-    for made, expected in (
-        (state_loop(PlantMatrices.of(plant), F), plant.state_feedback_loop(F)),
-        (output_loop(PlantMatrices.of(plant), K), plant.closed_loop(control.StateSpace(*K))),
-    ):
-        for own, name in zip(made.doubles, "ABCD", strict=True):
-            assert own == pytest.approx(getattr(expected, name), abs=1e-15)

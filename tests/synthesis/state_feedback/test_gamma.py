@@ -75,6 +75,12 @@ def test_what_no_gain_reaches_is_refused_with_the_lower_bound(norm):
         rp.state_feedback(LAG, norm, "riccati", gamma=(0.1, 0.9 * least))
 
 
+def test_an_infimum_that_is_a_limit_of_gains_is_bounded_from_below():
+    # sqrt(1 + k^2)/(k - 1) falls towards 1.
+    design = rp.state_feedback(LAG, method="riccati")
+    assert 1 - 1e-4 < design.lower_bound < 1 < design.certificate.achieved < 1 + 1e-3
+
+
 def test_a_bound_on_the_gain_is_kept_too_or_the_error_names_it():
     design = rp.state_feedback(LAG, method="riccati", gamma=2.0, gain_bound=3.0)
     assert design.certificate.bound <= 2.0

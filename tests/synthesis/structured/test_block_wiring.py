@@ -1,7 +1,6 @@
-"""Wired blocks give the transfer functions that they say, with gradients, limits and starts."""
+"""Wired blocks give the transfer functions that they say; what no number makes good is refused."""
 
 import math
-from itertools import islice
 
 import control
 import numpy as np
@@ -9,17 +8,15 @@ import pytest
 from three_loops import blocks, plant
 
 import robustpolish as rp
-from robustpolish.base.budget import Budget
 from robustpolish.errors import InfeasibleError
-from robustpolish.synthesis.problem.preflight import scale_plant, whole_plant
-from robustpolish.synthesis.structured.block_structure import BlockStructure
+from robustpolish.synthesis.problem.preflight import scale_plant
 from robustpolish.synthesis.structured.block_wiring import (
     block_parametrisation,
     place_blocks,
 )
 
-S, W, INF = 2.3j, 2 * math.pi, math.inf
-pid, tunable = rp.tunable.pid, rp.tunable.tunable
+S, W = 2.3j, 2 * math.pi
+pid = rp.tunable.pid
 
 
 def response(placement, scaled, gain, theta):
@@ -71,67 +68,37 @@ def test_each_kind_of_pid_has_its_terms(kind):
     assert response(placement, scaled, gain, theta)[0, 0] == pytest.approx(expected)
 
 
-def test_back_is_the_gradient():
-    P = plant()
-    more = [pid("x", "M", "PD"), pid("v", "F", "ID")]
-    placement = place_blocks([*blocks(), *more], P)
-    gain = block_parametrisation(placement, scale_plant(P))
-    rng = np.random.default_rng(1)
-    theta = 0.3 * rng.normal(size=gain.size)
-    theta[[n.key for n in placement.numbers].index("notch_x.depth")] = 0.4  # inside its limits
-    weights = rng.normal(size=gain.gain(theta).shape)
-    step = 1e-6
-    slopes = [
-        np.sum(weights * (gain.gain(theta + step * e) - gain.gain(theta - step * e))) / (2 * step)
-        for e in np.eye(gain.size)
-    ]
-    assert gain.back(theta, weights) == pytest.approx(np.array(slopes), rel=1e-6, abs=1e-8)
-
-
 def loop(numerator, denominator=(1.0, 0.4, 4.0)):
     G = control.tf(numerator, list(denominator), inputs="F", outputs="x")
     return rp.GeneralizedPlant.from_loop(G, units={"F": "N", "x": "m"})
 
 
-def problem(P, given, norm="hinf", **initial):
-    return BlockStructure(norm, place_blocks(given, P), None, initial).problem(whole_plant(P))
-
-
-def started(block, initial=None):
-    """Numbers of forty starts for a plant of second order."""
-    found = problem(loop([3.0]), block, **(initial or {}))
-    drawn = islice(found.starts[0](Budget(), np.random.default_rng(0)), 40)
-    return np.array([found.parametrisation.numbers(theta) for theta in drawn])
-
-
-def test_given_values_come_first_and_are_not_forgotten():
-    Kp = tunable("Kp", 7.0, low=1.0, high=9.0)
-    found = started(pid(kind="PI", Kp=Kp), {"pid_x.Ki": -0.3})
-    assert found[0] == pytest.approx([7.0, -0.3])
-    assert (found[:, 0] >= 1.0).all()
-    assert (found[:, 0] <= 9.0).all()
-    assert np.ptp(found[:, 0]) > 1.0
-
-
-def test_integrators_that_no_number_stabilises_are_refused():
-    with pytest.raises(InfeasibleError, match=r"integrators of pid_x: .* a mode at 0"):
-        problem(loop([1.0, 0.0]), pid("x"))
-    with pytest.raises(InfeasibleError, match="integrators of pid_x and pid_x_F"):
-        problem(loop([1.0]), [pid("x", kind="I"), pid("x", kind="PI")])
-
-
-def test_modes_that_blocks_do_not_reach_are_named():
+def two_apart():
     A = np.diag([1.0, -1.0])
     G = control.StateSpace(A, np.eye(2), np.eye(2), 0, inputs=["a", "b"], outputs=["p", "q"])
-    with pytest.raises(InfeasibleError, match="no gain moves the mode"):
-        problem(rp.GeneralizedPlant.from_loop(G), pid("q", "b"))
+    return rp.GeneralizedPlant.from_loop(G)
 
 
-def test_feedthrough_and_the_h2_norm():
+def direct():
     matrices = [[-1.0]], [[1.0, 0.0]], [[1.0]], [[1.0], [0.0]], [[1.0]]
-    P = rp.GeneralizedPlant.from_matrices(*matrices, D12=[[0.0], [1.0]], D21=[[0.0, 1.0]])
-    with pytest.raises(InfeasibleError, match=r"The blocks pass .*low_pass\(\) in series"):
-        problem(P, pid(), "h2")
-    assert problem(P, pid() * rp.tunable.low_pass(order=1), "h2").order == 3
-    with pytest.raises(InfeasibleError, match=r"passes w straight to z \(D11\)"):
-        problem(loop([1.0]), pid("x") * rp.tunable.low_pass(), "h2")
+    return rp.GeneralizedPlant.from_matrices(*matrices, D12=[[0.0], [1.0]], D21=[[0.0, 1.0]])
+
+
+@pytest.mark.parametrize(
+    ("P", "given", "norm", "words"),
+    [
+        (loop([1.0, 0.0]), pid("x"), "hinf", "integrators of pid_x: .* a mode at 0"),
+        (
+            loop([1.0]),
+            [pid("x", kind="I"), pid("x", kind="PI")],
+            "hinf",
+            "integrators of pid_x and pid_x_F",
+        ),
+        (two_apart(), pid("q", "b"), "hinf", "no gain moves the mode"),
+        (direct(), pid(), "h2", r"The blocks pass .*low_pass\(\) in series"),
+        (loop([1.0]), pid("x") * rp.tunable.low_pass(), "h2", r"passes w straight to z \(D11\)"),
+    ],
+)
+def test_what_no_number_stabilises_and_infinite_norms_are_refused(P, given, norm, words):
+    with pytest.raises(InfeasibleError, match=words):
+        rp.structured_output_feedback(P, given, norm)

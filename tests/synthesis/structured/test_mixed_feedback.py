@@ -73,6 +73,30 @@ def test_bad_arguments_are_named(method, arguments, named):
         method(oscillator(), **arguments)
 
 
+def test_signals_of_a_channel_come_in_the_order_asked_for():
+    plant = oscillator().replace(D11=[[1.0, 2.0], [3.0, 4.0]])
+    turned = rp.synthesis.channel(plant, ["noise", "force"], ["price", "x"])
+    np.testing.assert_array_equal(turned.D11, [[4.0, 3.0], [2.0, 1.0]])
+    np.testing.assert_array_equal(turned.D21, [[0.2, 0.0]])
+    np.testing.assert_array_equal(turned.D12, [[0.5], [0.0]])
+    assert turned.disturbance_names == ("noise", "force")
+
+
+@pytest.mark.parametrize(
+    ("disturbances", "performance", "argument"),
+    [
+        ("wind", "x", "disturbances"),
+        (["force", "force"], "x", "disturbances"),
+        ("force", ["x", "y"], "performance"),
+        ("force", [], "performance"),
+    ],
+)
+def test_unknown_repeated_or_missing_names_are_refused(disturbances, performance, argument):
+    known = "force, noise" if argument == "disturbances" else "x, price"
+    with pytest.raises(rp.InvalidInputError, match=f"^{argument}: got .* names out of {known}"):
+        rp.synthesis.channel(oscillator(), disturbances, performance)
+
+
 def two_lags():
     """X' = -x + w + u twice, z = x and the priced u.
 

@@ -209,6 +209,40 @@ def lags(rates, price=1.0):
     return GeneralizedPlant.from_matrices(-np.diag(rates), eye, eye, C1, eye, D12=D12)
 
 
+def test_optima_in_closed_form_are_reached_in_the_units_of_the_plant():
+    unit, plant = 1e-6, lags([1.0])
+    plant = plant.replace(C1=unit * plant.C1, D12=unit * plant.D12)
+    free = static_output_feedback(plant, target=1.00007 * unit * np.sqrt(0.5))
+    assert free.certificate.achieved == pytest.approx(unit * np.sqrt(0.5), rel=7.5e-5)
+    assert free.gain.item() == pytest.approx(-1.0, abs=0.05)
+    bounded = static_output_feedback(plant, gain_bound=0.5, time_limit=2.0)
+    assert bounded.gain.item() == pytest.approx(-0.5, rel=1e-6)
+    assert bounded.certificate.achieved == pytest.approx(unit * np.sqrt(1.25) / 1.5, rel=1e-4)
+
+
+def test_disturbances_that_are_measured_are_cancelled_or_weighed_against_a_feedthrough():
+    # y = w and u = -k y: x' = -x + (0.3 - 0.1 k) w.
+    one, none = [[1.0]], [[0.0]]
+    plant = GeneralizedPlant.from_matrices([[-1.0]], [[0.3]], [[0.1]], one, none, D21=one)
+    found = static_output_feedback(plant, time_limit=1.0)
+    assert found.gain.item() == pytest.approx(-3.0, abs=1e-9)
+    assert found.certificate.achieved < 1e-12
+    # z = u + 2 w - x: |1 + k| at rest and |2 + k| at infinite frequency.
+    plant = GeneralizedPlant.from_matrices(
+        [[-1.0]], one, none, [[-1.0]], none, D11=[[2.0]], D12=one, D21=one
+    )
+    found = static_output_feedback(plant, target=0.50004)
+    assert found.certificate.achieved == pytest.approx(0.5, rel=1e-4)
+
+
+def test_refusals_say_what_was_tried_and_what_to_do():
+    # x' = x + u needs k > 1.
+    with pytest.raises(SolverError, match=r"that meets the gain bound 0\.9 was found"):
+        static_output_feedback(lags([-1.0]), gain_bound=0.9, time_limit=0.5)
+    with pytest.raises(SolverError, match=r"before time ran out.*raise time_limit"):
+        static_output_feedback(lags([-1.0]), time_limit=1e-9)
+
+
 def test_parts_are_designed_alone_and_certified_together():
     norms = np.sqrt([1 / 2, 1 / 5])
     design = static_output_feedback(lags([1.0, 2.0, 2.0]), target=1.0005 * norms[0])
