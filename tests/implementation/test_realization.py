@@ -13,7 +13,6 @@ from robustpolish.implementation.realization import (
     realized,
     roundoff_bound,
 )
-from robustpolish.implementation.reduction import Reducer
 from tests.implementation.designs import sampled_servo, servo_design, two_by_two
 
 
@@ -136,34 +135,3 @@ def test_it_is_the_response_of_the_system():
         expected = control.forced_response(K, inputs=y.T).outputs.reshape(K.noutputs, -1).T
         found = controller_outputs(K, y)
         np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10)
-
-
-def filter_loop(seed=0, n=6):
-    """A stable plant and a stable controller that hardly act on each other."""
-    rng = np.random.default_rng(seed)
-    A = rng.normal(size=(n, n))
-    A -= (np.linalg.eigvals(A).real.max() + 0.3) * np.eye(n)
-    K = control.ss(A, rng.normal(size=(n, 2)), rng.normal(size=(2, n)), 0)
-    plant = rp.GeneralizedPlant.from_matrices(
-        -np.eye(2), np.eye(2), 1e-3 * np.eye(2), np.eye(2), 1e-3 * np.eye(2)
-    )
-    return plant, K
-
-
-def test_the_error_of_balanced_truncation_is_at_most_twice_the_tail():
-    plant, K = filter_loop()
-    reducer = Reducer(plant, K)
-    hankel = reducer.hankel["balanced"]
-    for order in range(6):
-        found = {c.name: c.controller for c in reducer.of_order(order)}
-        for how in ("truncated", "residualised"):
-            error = K - found[f"balanced, {how}"]
-            assert rp.hinf_norm(control.ss(error)).value <= 2 * hankel[order:].sum() * (1 + 1e-6)
-        kept = found["balanced, residualised"]
-        np.testing.assert_allclose(kept.dcgain(), K.dcgain(), rtol=1e-6)
-
-
-def test_hankel_values_are_those_of_python_control():
-    plant, K = filter_loop(3)
-    expected = control.hankel_singular_values(K)
-    np.testing.assert_allclose(Reducer(plant, K).hankel["balanced"], expected, rtol=1e-6)

@@ -93,6 +93,36 @@ def test_a_hidden_pole_on_the_axis_leaves_the_norm_finite():
     assert not norm.stable
 
 
+def test_modes_out_of_reach_in_mixed_states_change_no_norm():
+    rng = np.random.default_rng(4)
+    A = np.array([[-1.0, 2, 5, 0], [-2, -1, 0, 3], [0, 0, -3, 1], [0, 0, 0, -2]])
+    B, C = np.array([[1.0], [2], [0], [0]]), rng.integers(1, 6, (2, 4)).astype(float)
+    lower, upper = (np.tril(rng.integers(-2, 3, (4, 4)), -1) + np.eye(4) for _ in range(2))
+    T = lower @ upper.T  # whole numbers, whose determinant is one
+    back = np.round(np.linalg.inv(T))
+    seen = ss(A[:2, :2], B[:2], C[:, :2])
+    whole = ss(T @ A @ back, T @ B, C @ back)
+    assert hinf_norm(whole).value == pytest.approx(hinf_norm(seen).value, rel=1e-9)
+    assert h2_norm(whole).value == pytest.approx(h2_norm(seen).value, rel=1e-9)
+
+
+@pytest.mark.parametrize("dt", [0, 0.1])
+@pytest.mark.parametrize("seed", range(4))
+def test_brackets_of_larger_systems_hold_with_and_without_exact_arithmetic(seed, dt):
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((14, 14))
+    A -= (np.linalg.eigvals(A).real.max() + 10.0 ** -rng.integers(0, 5)) * np.eye(14)
+    if dt:
+        A = np.linalg.solve(3 * np.eye(14) - A, 3 * np.eye(14) + A)
+    system = ss(A, rng.standard_normal((14, 2)), rng.standard_normal((3, 14)), 0, dt)
+    expected, at = control.linfnorm(system, 1e-12)
+    for exact in (True, False):
+        norm = hinf_norm(system, exact=exact)
+        assert norm.lower <= norm.value <= norm.upper <= norm.lower * (1 + 1e-6)
+        assert norm.lower * (1 - 1e-9) <= expected <= norm.upper * (1 + 1e-9)
+        assert norm.frequency == pytest.approx(at, rel=1e-3, abs=1e-6)
+
+
 def test_two_peaks_of_almost_one_height():
     first, second = oscillator(1.0, 1e-3), oscillator(7.0, 1e-3 * (1 - 1e-7))
     both = control.append(first, second)

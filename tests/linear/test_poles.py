@@ -5,15 +5,9 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.linear.arithmetic.rational import rational
 from robustpolish.linear.modes import modes
 from robustpolish.linear.stability import (
-    EPS,
-    eigensystem,
-    eigenvalues,
-    poles_by_side,
     stability,
-    unreachable_poles,
 )
 from robustpolish.linear.zeros import zeros_on_axis
 from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
@@ -56,78 +50,6 @@ def test_symmetric_real_pairs_are_not_taken_for_axis_poles():
     result = stability(ss(np.diag([1e-18, -1e-18, -1.0])))
     assert result.verdict == "unstable"
     assert result.pole == pytest.approx(1e-18)
-
-
-# Poles by exact arithmetic.
-
-TINY = 2.0**-200
-
-
-def test_the_side_is_decided_to_the_last_bit():
-    found = poles_by_side(rational(np.diag([TINY, 0.0, -TINY, -1.0])), discrete=False)
-    assert sorted(side for _, side in found) == [-1, -1, 0, 1]
-    assert (complex(TINY), 1) in found
-    assert (0j, 0) in found
-
-
-def test_multiple_poles_on_the_axis_are_counted():
-    both = np.kron(np.eye(2), np.array([[0.0, 1.0], [-4.0, 0.0]]))
-    found = poles_by_side(rational(both), discrete=False)
-    assert {side for _, side in found} == {0}
-    assert sorted(pole.imag for pole, _ in found) == pytest.approx([-2, -2, 2, 2])
-
-
-def test_the_unit_circle():
-    A = np.diag([1.0, -1.0, 1.0 + 2.0**-52, 1.0 - 2.0**-53, 0.0])
-    sides = sorted(side for _, side in poles_by_side(rational(A), discrete=True))
-    assert sides == [-1, -1, 0, 0, 1]
-
-
-def test_poles_that_no_input_reaches():
-    A = np.array([[1.0, 0.0, 0.0], [5.0, -2.0, 0.0], [0.0, 1.0, -3.0]])
-    B = np.array([[0.0], [1.0], [0.0]])
-    assert unreachable_poles(rational(A), rational(B), False) == [(1 + 0j, False)]
-    assert unreachable_poles(rational(A), rational(np.eye(3)), False) == []
-    every = unreachable_poles(rational(A), rational(np.zeros((3, 1))), False)
-    assert sorted(stable for _, stable in every) == [False, True, True]
-
-
-def test_eigenvalues_to_double_precision():
-    """A companion matrix with roots 1, 2, ..., 12: doubles lose half of the digits."""
-    polynomial = np.poly(np.arange(1.0, 13.0))
-    companion = np.diag(np.ones(11), -1)
-    companion[0] = -polynomial[1:]
-    found = sorted(eigenvalues(rational(companion)), key=lambda value: value.real)
-    assert found == [complex(k) for k in range(1, 13)]
-
-
-# Eigenvalues with their errors and the share of each state.
-
-
-def test_errors_cover_what_rounding_does():
-    rng = np.random.default_rng(0)
-    for _ in range(20):
-        lower = np.tril(rng.integers(-3, 4, (5, 5)), -1) + np.eye(5)
-        exact = np.arange(1.0, 6.0)
-        found = eigensystem(lower @ np.diag(exact) @ np.linalg.inv(lower))
-        order = np.argsort(found.values.real)
-        assert (abs(found.values[order] - exact) <= found.errors[order]).all()
-        assert found.errors.max() < 1e-8
-
-
-def test_nearly_multiple_eigenvalues_are_uncertain():
-    defective = eigensystem(np.array([[1.0, 1.0], [0.0, 1.0]]))
-    assert defective.errors.min() > 1e3 * EPS
-
-
-def test_shares_do_not_depend_on_units():
-    A = np.array([[-1.0, 2.0], [0.5, -3.0]])
-    units = np.array([1e-9, 1e6])
-    one, other = eigensystem(A), eigensystem(A * units / units[:, None])
-    order = np.argsort(one.values), np.argsort(other.values)
-    np.testing.assert_allclose(one.shares[:, order[0]], other.shares[:, order[1]], atol=2e-3)
-    np.testing.assert_allclose(one.shares.sum(axis=0), 1.0, atol=2e-3)
-    np.testing.assert_array_equal(eigensystem(np.diag([1.0, 2.0])).shares, np.eye(2))
 
 
 # Modes.

@@ -1,7 +1,5 @@
 """Certificates of sampled loops, against simulations, closed forms and units."""
 
-from typing import Any
-
 import control
 import numpy as np
 import pytest
@@ -10,10 +8,10 @@ import robustpolish as rp
 from robustpolish.implementation.sampled.certificate import (
     filter_system,
     sinusoid_gains,
-    with_filter,
 )
-from robustpolish.implementation.sampled.lifting import period_map, scaled, without_loop_delay
-from robustpolish.implementation.sampled.proof import average_power
+from robustpolish.implementation.sampled.induced_norm import bracket, check_gain
+from robustpolish.implementation.sampled.lifting import period_map, scaled
+from robustpolish.implementation.sampled.proof import prove_above, prove_below
 from tests.implementation.designs import sampled_servo, servo
 from tests.implementation.fine_simulation import STEPS, random_loop
 
@@ -109,6 +107,27 @@ def test_a_loop_that_can_be_worked_out_by_hand():
     assert unstable.bound == np.inf
 
 
+def test_a_held_integrator_by_hand():
+    # x' = w + u, u = -x(kh)/h: x(kh + t) = (1 - t/h) x(kh) + noise over t; deadbeat at samples.
+    h = 0.5
+    plant = rp.GeneralizedPlant.from_matrices([[0.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+    found = rp.implementation.certify_sampled(plant, [[-1 / h]], period=h, norm="h2")
+    # E x(kh)^2 = h; mean of (1 - t/h)^2 h + t over a period is h/3 + h/2.
+    assert found.lower == pytest.approx(np.sqrt(h / 3 + h / 2), rel=1e-6)
+    assert found.lower <= np.sqrt(h / 3 + h / 2) <= found.bound
+
+
+def test_no_false_bound_of_a_sampled_loop_is_proven():
+    loop = scaled(period_map(servo(), sampled_servo().controller, 0.05, 0.02))
+    low, high = bracket(loop, 1.0)
+    bound, storage = prove_below(loop, high.gamma)
+    assert high.gamma < bound < high.gamma * (1 + 1e-5)
+    assert np.linalg.eigvalsh(storage).min() > 0
+    assert prove_above(loop, check_gain(loop, low.gamma * (1 - 1e-5)))
+    assert prove_below(loop, low.gamma * 0.99) is None
+    assert not prove_above(loop, high)
+
+
 def test_open_loop_has_the_norm_of_the_plant():
     plant = rp.GeneralizedPlant.from_matrices(
         [[0, 1], [-1, -0.1]], [[0], [1]], [[0], [1]], [[1, 0]], [[1, 0]], D11=[[0.5]]
@@ -176,20 +195,6 @@ def test_delays_round_the_loop_are_exact():
     assert filtered.bound == pytest.approx(by_hand.bound, rel=1e-6)
 
 
-# The H2 norm.
-
-
-def test_a_held_integrator_by_hand():
-    # x' = w + u, u = -x(kh)/h: x(kh + t) = (1 - t/h) x(kh) + noise over t; deadbeat at samples.
-    h = 0.5
-    plant = rp.GeneralizedPlant.from_matrices([[0.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
-    loop = scaled(period_map(plant, control.ss([], [], [], [[-1 / h]], h), h, 0.0))
-    low, high = average_power(loop)
-    # E x(kh)^2 = h; mean of (1 - t/h)^2 h + t over a period is h/3 + h/2.
-    assert low == pytest.approx(np.sqrt(h / 3 + h / 2), rel=1e-9)
-    assert high == pytest.approx(low, rel=1e-6)
-
-
 # Gains for disturbances of one frequency.
 
 
@@ -210,28 +215,6 @@ def test_no_tone_has_more_than_the_norm():
     assert found.max() > 0.9 * sampled.certificate.lower
 
 
-# Delays that every signal round the loop meets.
-
-
-def plant(controls=2):
-    system: Any = control.ss(
-        [[-1.0, 0.3], [0.0, -2.0]], np.eye(2)[:, :controls], np.eye(2), 0,
-        inputs=["u", "v"][:controls], outputs=["x", "y"],
-    )  # fmt: skip
-    return rp.GeneralizedPlant.from_loop(system)
-
-
-def test_what_is_not_common_stays():
-    assert without_loop_delay(plant().with_delay("u", 0.1))[1] == 0
-    assert without_loop_delay(plant())[1] == 0
-    inside = plant(1).with_delay("u", 0.1).with_actuator("u", 10.0)  # the delay is behind it
-    assert without_loop_delay(inside)[1] == 0
-    outside = plant(1).with_actuator("u", 10.0).with_delay("u", 0.1)
-    assert without_loop_delay(outside)[1] == pytest.approx(0.1)
-    weighted = plant(1).with_delay("u", 0.1).with_control_outputs()
-    assert without_loop_delay(weighted)[1] == pytest.approx(0.1)
-
-
 # Filters before the samplers.
 
 
@@ -243,19 +226,6 @@ def test_butterworth_filters_have_their_corner(order):
     assert corner == pytest.approx(np.sqrt(0.5), rel=1e-9)
     assert abs(np.squeeze(found(0))) == pytest.approx(1.0)
     assert abs(np.squeeze(found(2j * np.pi * 5e4))) == pytest.approx(1e-3**order, rel=1e-3)
-
-
-def test_the_filtered_plant_is_plant_and_filter():
-    plant = servo()
-    found = with_filter(plant, filter_system(2.0, 1))
-    assert found.nx == plant.nx + 2
-    assert not found.D21.any()
-    s = 3j
-    lag = filter_system(2.0, 1)(s)
-    whole, before = found.system(s), plant.system(s)
-    np.testing.assert_allclose(whole[:2], before[:2], atol=1e-15)
-    np.testing.assert_allclose(whole[2], np.squeeze(lag) * before[2], atol=1e-15)
-    assert found.units == plant.units
 
 
 @pytest.mark.parametrize(
