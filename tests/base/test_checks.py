@@ -9,43 +9,11 @@ import pytest
 from robustpolish import errors
 from robustpolish.base.checks import (
     closest_name_remedy,
-    described,
-    inside,
-    invalid,
     known_keys,
     matrix,
-    positive,
     state_space,
 )
 from robustpolish.errors import InvalidInputError
-
-
-def test_a_complaint_names_argument_value_expectation_and_remedy():
-    error = invalid("gain", "much", "a number", "Pass one.")
-    assert str(error) == "gain: got 'much', expected a number. Pass one."
-    assert error.key == ("gain",)
-    assert str(invalid("gain", described("much"), "x", "Y.")) == "gain: got much, expected x. Y."
-
-
-def test_a_path_is_shown_as_written_and_a_key_may_say_more():
-    assert str(invalid(("effect", 0, "at"), 1, "x", "Y.")).startswith("effect[0].at: got 1")
-    error = invalid("motion_of", "x", "one", "Remove it.", ("input", "F", "motion_of"))
-    assert str(error).startswith("motion_of: ")
-    assert error.key == ("input", "F", "motion_of")
-
-
-def test_long_values_are_cut():
-    message = str(invalid("text", "a" * 1000, "less", "Cut it."))
-    assert message == f"text: got '{'a' * 116}..., expected less. Cut it."
-
-
-def test_a_matrix_is_a_copy_of_numbers():
-    given = np.eye(2)
-    found = matrix("A", given)
-    found[0, 0] = 5.0
-    assert given[0, 0] == 1.0
-    np.testing.assert_array_equal(matrix("A", 3), [[3.0]])
-    assert matrix("A", [[1, 2]], (None, 2)).dtype == float
 
 
 @pytest.mark.parametrize(
@@ -66,22 +34,6 @@ def test_what_is_no_such_matrix_is_refused(value, shape, told):
         matrix("A", value, shape)
 
 
-@pytest.mark.parametrize(
-    ("value", "zero", "told"),
-    [
-        (0, False, r"t: got 0, expected a finite number above 0 s\. Check its sign and unit\."),
-        (-1, True, "expected a finite number of at least 0 s"),
-        (np.nan, True, "got nan"),
-        (np.inf, False, "got inf"),
-        ("a", False, r"got 'a', .* Pass a number\."),
-        (None, False, "got None"),
-    ],
-)
-def test_what_is_not_positive_is_refused(value, zero, told):
-    with pytest.raises(InvalidInputError, match=told):
-        positive("t", value, "s", zero)
-
-
 def test_systems_are_not_realised_silently():
     system = control.ss(-1, 1, 1, 0)
     assert state_space("system", system) is system
@@ -99,13 +51,6 @@ def test_unknown_keys_are_told_with_the_nearest_right_one():
     with pytest.raises(InvalidInputError, match="no table dof"):
         known_keys((), {}, ("dof",), ("dof",))
     assert closest_name_remedy("quite else", ("dof", "spring")) == "Check its spelling."
-
-
-def test_what_is_wrong_inside_says_where():
-    says = r"^delays\.F\.seconds: got -1"
-    with pytest.raises(InvalidInputError, match=says) as caught, inside(("delays", "F")):
-        raise invalid("seconds", -1, "more", "Wait.")
-    assert caught.value.key == ("delays", "F", "seconds")
 
 
 @pytest.mark.parametrize(

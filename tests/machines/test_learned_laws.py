@@ -153,17 +153,6 @@ def test_what_is_no_number_breaks_nothing():
     assert not flat.any()
 
 
-def test_its_steepest_slope_is_known():
-    values = Effect("learned_stiffness_8", "x", named(5 * spline_centres(-2, 1, 8), **KNOTS)).values
-    assert lookup("learned_stiffness_8").steepness(values, 1.0, 1.0) == pytest.approx((5, 0, 0))
-    assert lookup("learned_damping_8").steepness(values, 1.0, 1.0) == pytest.approx((0, 5, 0))
-    # all coefficients are counted in one size, those that are nearly zero too
-    kind = lookup("learned_stiffness_8")
-    values |= {"c3": 1e-12}
-    assert kind.parameter("c3").scale_from(1e-12, values) == max(abs(values[f"c{j}"]) for j in
-                                                                  range(1, 9))  # fmt: skip
-
-
 def with_curves():
     """An oscillator whose spring and damper are learned laws that are straight lines."""
     q = named(400 * spline_centres(-0.1, 0.1, 7), low=-0.1, high=0.1)

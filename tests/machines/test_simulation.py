@@ -16,19 +16,12 @@ from robustpolish.machines.effects import effect as effect_module
 from robustpolish.machines.effects.effect import register
 from robustpolish.machines.effects.kind import EffectKind, Parameter
 from robustpolish.machines.simulation import (
-    HELD,
-    LINEAR,
-    SMOOTH,
-    Stepper,
-    build_system,
-    intersample_signal,
     lines,
     measured,
     raw_outputs,
     signals,
     simulate_model,
 )
-from robustpolish.machines.stepper import friction_over_step
 
 # Runs of models with effects over samples.
 GROUND = ("x", "ground")
@@ -58,25 +51,11 @@ def moved_base(name="b_dot"):
     )  # fmt: skip
 
 
-def run_of(model):
-    return Stepper(model, build_system(model, 1e-3), 1e-3, 1)
-
-
 def test_without_effects_a_run_is_the_linear_response():
     exact = linear_response(oscillator().state_space(), TIME, FORCE[:, None], [0.01, 0.2])
     response = simulate_model(oscillator(), DATA, initial_state=[0.01, 0.2])
     np.testing.assert_allclose(response.outputs, exact.outputs, atol=1e-12)
     np.testing.assert_allclose(response.states, exact.states, atol=1e-12)
-
-
-def test_a_run_is_led_by_what_was_measured():
-    model = oscillator().with_effect("sensor_offset", "x", {"offset": 1.0})
-    shown = simulate_model(model, DATA, initial_state=[0.01, 0.0]).outputs
-    run, rest = run_of(model), np.zeros(2)
-    free = run.over(FORCE[:, None], rest, np.zeros(0), TIME)
-    led = run.over(FORCE[:, None], rest, np.zeros(0), TIME, shown, np.array([[0.3], [0.0]]))
-    error = [np.abs(one.outputs - shown)[50:100].max() for one in (free, led)]
-    assert error[1] < 0.2 * error[0]
 
 
 @pytest.mark.parametrize("order", [0.0, 3.0])
@@ -102,19 +81,6 @@ def test_an_accelerometer_sees_a_held_force_as_it_is(order):
     # of a linear interpolation neither is right
     plain = np.std(simulate_model(model, data).outputs - exact, axis=0) / np.std(exact, axis=0)
     assert plain[0] > 5 * error[0]
-
-
-def test_a_led_run_of_a_held_force_predicts_what_was_measured():
-    model = oscillator(outputs=[rp.Output("a", GROUND, "acceleration")])
-    held = model.with_effect("input_hold", "F", {"order": 0.0})
-    rough = np.random.default_rng(0).standard_normal(TIME.size)
-    data = over(TIME, F=rough)
-    shown = simulate_model(held, data).outputs
-    led = run_of(held).over(
-        signals(held, data), np.zeros(2), np.zeros(0), TIME, shown, np.array([[1e-5], [0.0]]),
-        lines=lines(held, data),
-    )  # fmt: skip
-    np.testing.assert_allclose(led.outputs, shown, atol=1e-12)
 
 
 def test_a_start_of_another_size_is_refused():
@@ -146,25 +112,6 @@ def slider(*more, stiffness=400.0, quantities=("displacement", "acceleration"), 
         [rp.Output(f"y{i}", GROUND, quantity) for i, quantity in enumerate(quantities)],
     )
     return model.with_effect("coulomb_friction", GROUND, {"force": FORCE_DRY_FRICTION, **friction})
-
-
-@pytest.mark.parametrize(
-    ("begin", "free", "stops", "last"),
-    [
-        (0.2, 0.0, 0.2 / 0.7, 0.4),  # rests: 0.2 of speed go in a step, which 0.4 of force take
-        (0.2, -3.0, 0.2 / 3.7, 1.5),  # turns round
-        (0.0, 0.1, 0.0, -0.2),  # goes on resting
-        (0.0, 1.0, 0.0, -1.5),  # gives way
-        (0.0, -1.0, 0.0, 1.5),
-    ],
-)
-def test_the_moment_at_which_a_body_stops(begin, free, stops, last):
-    mean, change, at_last = friction_over_step(begin, free, 0.5, -1.0, -1.5, 1.5)
-    assert at_last == pytest.approx(last)
-    t = (np.arange(200000) + 0.5) / 200000
-    force, stands_for = np.where(t < stops, -1.0, last), mean + change * (t - 0.5)
-    assert np.mean(stands_for) == pytest.approx(np.mean(force), abs=1e-4)
-    assert np.mean(stands_for * (1 - t)) == pytest.approx(np.mean(force * (1 - t)), abs=1e-4)
 
 
 @pytest.mark.parametrize("substeps", [1, 4])
@@ -270,36 +217,6 @@ def _held_by_force(model, force, step, friction, count=400):
             q = middle + h / 2 * v
         found.append(q)
     return np.array(found)
-
-
-# A model with effects as a linear system with nonlinear ports.
-
-
-# Inputs between their samples: each line does to a mass what the signal does.
-STEP_BETWEEN, FINE = 0.01, 400
-RECORD = np.random.default_rng(3).standard_normal(60)
-
-
-def signal(order, position):
-    """A record at numbers of samples that have passed, written out."""
-    position = np.clip(position, 0, RECORD.size - 1)
-    if order == HELD:
-        return RECORD[np.floor(position).astype(int)]
-    if order == LINEAR:
-        return np.interp(position, np.arange(RECORD.size), RECORD)
-    return CubicSpline(np.arange(RECORD.size), RECORD)(position)
-
-
-@pytest.mark.parametrize("order", [HELD, LINEAR, SMOOTH])
-@pytest.mark.parametrize("late", [0.0, 0.3, 1.0, 2.75])
-def test_mean_and_first_moment_of_every_step_are_those_of_the_signal(order, late):
-    at, begin, end = intersample_signal(RECORD, STEP_BETWEEN, order, late * STEP_BETWEEN)
-    x = (np.arange(FINE) + 0.5) / FINE
-    values = signal(order, np.arange(RECORD.size - 1)[:, None] + x - late)
-    np.testing.assert_allclose((begin + end)[:-1] / 2, values.mean(axis=1), atol=2e-3)
-    tilt = ((x - 0.5) * values).mean(axis=1)
-    np.testing.assert_allclose((end - begin)[:-1] / 12, tilt, atol=2e-3)
-    np.testing.assert_allclose(at, signal(order, np.arange(RECORD.size) - late))
 
 
 # Effects on inputs and outputs, those that users add among them.

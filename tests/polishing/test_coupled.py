@@ -4,14 +4,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.errors import InvalidInputError, RobustPolishWarning, SolverError
-from robustpolish.polishing import coupled as near_rest
-from robustpolish.polishing.brush import rim_points
-from robustpolish.polishing.contact import rim_nodes
-from robustpolish.polishing.coupled import REST_AXIS as AXIS
-from robustpolish.polishing.coupled import REST_TURNING as TURNING
+from robustpolish.errors import RobustPolishWarning, SolverError
 from robustpolish.polishing.coupled import (
-    BrushAtRest,
     LinearMachine,
     brush_at_rest,
     guided_brush,
@@ -34,33 +28,12 @@ def springs(steady=(0.0, 0.0, 0.0)):
     return LinearMachine(A, B, B @ steady, C)
 
 
-def test_rest_and_stiffness_and_what_is_refused():
-    machine = springs((0.0, 0.0, -10.0))
-    np.testing.assert_allclose(machine.stiffness, STIFF, rtol=1e-9)
-    rest = machine.rest(np.array([3.0, 0.0, 10.0]))
-    np.testing.assert_allclose(machine.C @ rest, [3.0 / STIFF[0], 0.0, 0.0], atol=1e-18)
-    loose = springs()
-    A = loose.A.copy()
-    A[1, 0] = 0.0
-    with pytest.raises(InvalidInputError, match="pole at zero"):
-        LinearMachine(A, loose.B, loose.g, loose.C).rest(np.ones(3))
-    with pytest.raises(InvalidInputError, match="with a mass"):
-        LinearMachine(-np.eye(3), np.eye(3), np.zeros(3), np.eye(3))
-
-
-# Disc and machine in one step scheme: order four, and the rigid machine of the plain brush.
+# Disc and machine in one step scheme.
 
 
 @pytest.fixture(scope="module")
 def guided():
     return guided_brush(rp.polishing.simulate_brush(run=2, duration=0.02))
-
-
-def test_steps_are_of_fourth_order(guided):
-    """Halving takes most of a factor of sixteen; kinks where points touch cost some."""
-    runs = [integrate_coupled(guided, springs(), steps)[1] for steps in (2, 4, 32)]
-    errors = [np.abs(run[-1] - runs[-1][-1])[::2].max() for run in runs[:-1]]
-    assert errors[1] < errors[0] / 6
 
 
 def test_impulses_and_momentum_of_the_machine(guided):
@@ -94,57 +67,7 @@ def test_passes_agree_and_are_counted(guided):
         run_coupled(guided, LinearMachine(A, good.B, good.g, good.C), tolerance=1e-3, max_passes=2)
 
 
-# The disc at rest, and its derivatives against the contact law written once more.
-
-
-def complex_load(rest, nodes, change):
-    """The law of rim_contact for complex numbers, which differentiate it without differences."""
-    p = rest.parameters
-    tilt, turning = change[AXIS], change[TURNING]
-    root = np.sqrt(1 - tilt @ tilt)
-    axis = tilt @ rest.across + root * rest.axis
-    turns = turning @ rest.across - (turning @ tilt) / root * rest.axis
-    norm = np.sqrt(1 - axis[0] ** 2)
-    first = np.array([norm, -axis[0] * axis[1] / norm, -axis[0] * axis[2] / norm])
-    second = np.array([0, axis[2] / norm, -axis[1] / norm])
-    arms = p.radius * (np.outer(nodes[0], first) + np.outer(nodes[1], second))
-    arms = arms - 0.5 * p.height * axis
-    at = rest.place + change[:3] + arms
-    bend = np.array(p.surface.curvatures)
-    depth = 0.5 * (at[:, :2] ** 2) @ bend - at[:, 2]
-    touching = depth.real > 0
-    arms, at, depth = arms[touching], at[touching], depth[touching]
-    slope = at[:, :2] * bend
-    flat = change[3:6] + np.cross(np.broadcast_to(turns, arms.shape), arms)
-    rate = (slope * flat[:, :2]).sum(1) - flat[:, 2]
-    push = p.contact_stiffness / nodes.shape[1] * depth * (1 + p.contact_damping * rate)
-    spun = flat + p.spin * np.cross(np.broadcast_to(axis, arms.shape), arms)
-    normal = np.column_stack([-slope, np.ones(len(slope))])
-    length = (normal**2).sum(1)
-    slip = spun - ((spun * normal).sum(1) / length)[:, None] * normal
-    drag = p.friction * push * np.sqrt(length) / np.sqrt((slip**2).sum(1) + p.slip_scale**2)
-    force = push[:, None] * normal - drag[:, None] * slip
-    moment = np.cross(arms, force).sum(0)
-    return np.concatenate([force.sum(0), rest.across @ (moment - (moment @ axis) * axis)])
-
-
-@pytest.mark.parametrize("run", [1, 2, 3, 4])
-def test_rest_carries_the_polishing_force_and_derivatives_are_those_of_the_law(run):
-    rest = brush_at_rest(rp.polishing.BrushParameters.for_run(run), 0.016, 0.0)
-    assert rest.load[2] == pytest.approx(10.0, rel=1e-9)
-    assert np.abs(rest.load[3:]).max() < 1e-8 * 10.0 * 0.01
-    again = BrushAtRest.at(rest.parameters, rest.place, rest.axis)
-    np.testing.assert_allclose(again.load, rest.load)
-    nodes = rim_nodes(near_rest._FINER * rim_points(rest.parameters))
-    np.testing.assert_allclose(
-        complex_load(rest, nodes, np.zeros(10, complex)).real, rest.load, atol=1e-9
-    )
-    step = 1e-30
-    exact = np.column_stack(
-        [complex_load(rest, nodes, 1j * step * unit).imag / step for unit in np.eye(10)]
-    )
-    size = np.abs(exact).max(axis=1, keepdims=True)
-    np.testing.assert_allclose(rest.jacobian / size, exact / size, atol=2e-3)
+# The disc at rest.
 
 
 def test_flat_ground_in_closed_form_and_where_there_is_no_rest():

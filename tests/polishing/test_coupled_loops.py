@@ -99,6 +99,10 @@ def test_bad_arguments_are_named(brush):
             rp.polishing.simulate_coupled(springs(1e6), run, **options)
     with pytest.raises(InvalidInputError, match="parameters"):
         rp.polishing.linearize_with_brush(springs(1e6), {"radius": 1})
+    loose = springs(1e6)
+    loose.A[1, 0] = 0.0
+    with pytest.raises(InvalidInputError, match="pole at zero"):
+        rp.polishing.simulate_coupled(loose, brush)
 
 
 # Replayed against coupled: equal where the machine is stiff, apart where it is not.

@@ -7,12 +7,8 @@ from scipy.linalg import expm
 from robustpolish.errors import InvalidInputError, SolverError
 from robustpolish.polishing.parameters import BrushParameters
 from robustpolish.polishing.simulate import simulate_brush
-from robustpolish.polishing.surfaces.surface import Surface
 from robustpolish.polishing.thesis.listing import (
     ListingDefects,
-    brush_slope,
-    impact,
-    listing_constants,
     listing_response,
 )
 
@@ -28,28 +24,6 @@ def test_unknown_mistakes_are_refused(but) -> None:
 
 
 # The right-hand side of listing D.1, with its mistakes and without.
-
-
-def test_the_two_angle_disc_and_the_impact_that_returns_more_than_it_takes():
-    """Out of contact, with a vertical push that has no arm, (6.59) to (6.62) are left."""
-    brush = BrushParameters(surface=Surface.flat(), friction=0.0)
-    constants, rates = listing_constants(brush, ListingDefects.none()), np.zeros(4)
-    assert not impact(0.0, 0.0, 3.0, np.pi / 2, 5.0, *constants)[5]
-    with np.errstate(all="ignore"):
-        brush_slope(0.0, np.array([0.01, 3.0, np.pi / 2, 0.0]), *constants, rates)
-    assert rates[0] == 3.0
-    gyro = brush.spin_inertia / brush.tilt_inertia * brush.spin
-    assert rates[3] == pytest.approx(gyro * 3.0)
-    brush = BrushParameters.as_published(1)
-    factors = []
-    for defects in (ListingDefects(), ListingDefects.none()):
-        constants = listing_constants(brush, defects)
-        w, rates = np.array([0.0, 0.0, np.pi / 2 + 0.5, 2.0]), np.zeros(4)
-        assert impact(0.1, *w, *constants)[6]
-        brush_slope(0.1, w, *constants, rates)
-        factors.append(-rates[2] / 2.0 * np.cos(0.5))
-    assert factors[0] == pytest.approx(2.82, abs=0.01)
-    assert factors[1] == pytest.approx(brush.radius / brush.rim_distance)
 
 
 # Runs of the listings of appendix D: what they report, and their ill-posed impact law.
