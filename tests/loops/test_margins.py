@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.loops.disk_margins import DelayedIntervals, DiskMargin, decibel
+from robustpolish.loops.disk_margins import DiskMargin, decibel
 from robustpolish.loops.loop import loop_of
 from robustpolish.loops.margins import margins_of, simultaneous_margins
-from robustpolish.loops.response import Ports
 from robustpolish.loops.scaled_peak import best_scales
 from tests.loops.loops_for_tests import (
     CONDITIONAL,
@@ -274,24 +273,6 @@ def late_loop(seed, order=3):
     return loop_of(plant, K)
 
 
-def closed(loop, at):
-    return DelayedIntervals.of_loop(loop.delayed, Ports.closed(len(loop.signals), at, at, 2.0, 1.0))
-
-
-@pytest.mark.parametrize("omega", [0.0, 0.3, 2.0, 30.0, np.inf])
-@pytest.mark.parametrize("share", [1.05, 1.5])
-def test_nothing_within_an_interval_reaches_the_level(omega, share):
-    loop = late_loop(2)
-    intervals = closed(loop, loop.at("input"))
-    at = 1e6 if np.isinf(omega) else omega
-    value, scales = best_scales(intervals.response(at))
-    first, last = intervals.around(omega, scales, share * value)
-    assert first < last
-    inside = np.linspace(first, min(last, 10 * first + 10), 301)
-    sizes = [np.linalg.norm(intervals.response(w) * scales[:, None] / scales, 2) for w in inside]
-    assert max(sizes) < share * value
-
-
 @pytest.mark.parametrize("where", ["inputs", "outputs", "inputs and outputs"])
 def test_disks_do_not_depend_on_the_order_of_models(where):
     one, other = (simultaneous_margins(late_loop(3, order), where) for order in (1, 6))
@@ -313,15 +294,6 @@ def test_delays_of_many_turns_leave_no_peak_out():
     peak = max(best_scales(value)[0] for value in values)
     assert disk.proven
     assert 0.998 * 2 / peak <= disk.alpha <= 2 / peak
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_the_bound_is_that_of_python_control(seed):
-    ab13md = pytest.importorskip("slycot").ab13md
-    rng = np.random.default_rng(seed)
-    M = rng.standard_normal((4, 4)) + 1j * rng.standard_normal((4, 4))
-    bound = ab13md(M, np.ones(4, int), 2 * np.ones(4, int))[0]
-    assert best_scales(M)[0] == pytest.approx(bound, rel=5e-3)
 
 
 def test_a_second_order_loop():

@@ -1,21 +1,16 @@
 """Generalised plants: from systems, matrices and files; their parts, loops and names."""
 
-import json
+import itertools
 
 import control
 import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.base.saved import Fields, plain
 from robustpolish.errors import InvalidInputError
 from robustpolish.plants.blocks import (
     as_state_space,
-    interpolate_response,
-    named_system,
-    sorted_signals,
 )
-from robustpolish.plants.plant import plant_content, plant_from, system_content, system_from
 
 
 def random_plant(rng, nx=4, nw=2, nu=3, nz=2, ny=2, dt=0, D22=True):
@@ -200,9 +195,10 @@ def system():
 
 
 def test_named_signals_go_last_in_the_order_of_their_names():
-    whole, ny, nu = sorted_signals(system(), ["x", "y"], ("V", "F"))
+    plant = rp.GeneralizedPlant(system(), ["x", "y"], ("V", "F"))
+    whole = plant.system
     assert (whole.output_labels, whole.input_labels) == (["z", "x", "y"], ["d", "n", "V", "F"])
-    assert (ny, nu) == (2, 2)
+    assert (plant.ny, plant.nu) == (2, 2)
     assert whole.state_labels == ["a", "b", "c"]
     point = 1.3j
     old, new = system()(point), whole(point)
@@ -335,10 +331,11 @@ def test_signals_are_sorted_by_name_as_of_any_plant():
 
 
 def test_between_the_lines_it_is_straight_and_beyond_them_unknown():
-    values = interpolate_response(response(), 2 * np.pi * np.array([1.25]))
-    expected = np.asarray(response().frdata)[..., :2].mean(axis=-1)
-    np.testing.assert_allclose(values[0], expected)
     plant = rp.GeneralizedPlant(response(), 1, 1)
+    found = plant.frequency_response([1.25])
+    expected = np.asarray(response().frdata)[..., :2].mean(axis=-1)
+    for (i, output), (j, name) in itertools.product(enumerate("xz"), enumerate("Fde")):
+        assert found.sel(output=output, input=name).item() == pytest.approx(expected[i, j])
     with pytest.raises(rp.InvalidInputError, match=r"frequency: got 0.5 to 0.5 Hz, .* 1 to 5 Hz"):
         plant.frequency_response([0.5])
 
@@ -363,43 +360,3 @@ def test_what_needs_states_refuses_it(call):
     plant = rp.GeneralizedPlant(response(), "x", "F")
     with pytest.raises(rp.InvalidInputError, match="plant: got a frequency response, which has no"):
         call(plant)
-
-
-# Plants and systems with names in files.
-
-
-def read(plant, **changes):
-    content = json.loads(json.dumps(plain(plant_content(plant)))) | changes
-    return plant_from(Fields(content, "a.json"))
-
-
-@pytest.mark.parametrize(
-    ("change", "told"),
-    [
-        ({"controls": 1.5}, "controls: got 1.5, expected a whole number"),
-        ({"controls": 99}, "controls: got 99"),
-        ({"units": {"x": 3}}, "units: x: got 3, expected a text"),
-        ({"system": []}, "system: got"),
-    ],
-)
-def test_a_damaged_plant_is_refused(change, told):
-    with pytest.raises(InvalidInputError, match=told):
-        read(rp.air_bearing(), **change)
-
-
-def there_and_back(system, **changes):
-    content = json.loads(json.dumps(plain(system_content(system)))) | changes
-    return system_from(Fields(content, "a.json"))
-
-
-@pytest.mark.parametrize("dt", [0, 0.1, True])
-def test_every_entry_and_name_comes_back(dt):
-    rng = np.random.default_rng(0)
-    matrices = [rng.standard_normal(shape) for shape in ((3, 3), (3, 2), (1, 3), (1, 2))]
-    system = named_system(matrices, dt, ["F", "G"], ["x"], ["a", "b", "c"])
-    again = there_and_back(system)
-    for name in "ABCD":
-        np.testing.assert_array_equal(getattr(again, name), getattr(system, name))
-    assert again.dt == dt
-    assert again.state_labels == ["a", "b", "c"]
-    assert (again.input_labels, again.output_labels) == (["F", "G"], ["x"])
