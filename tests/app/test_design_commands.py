@@ -13,7 +13,7 @@ import xarray as xr
 import robustpolish as rp
 from tests.app.command_line import run
 from tests.app.machines import DESIGN, SPINDLE
-from tests.implementation.designs import servo_design
+from tests.reference.examples import servo_design
 
 
 def test_design_saves_a_report_and_prints_json_alone(tmp_path):

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from robustpolish.implementation.realization import controller_outputs
-from tests.implementation.designs import sampled_servo, servo_design, static_gain, two_by_two
+from tests.implementation.designs import sampled_servo, static_gain, two_by_two
+from tests.reference.examples import servo_design
 
 fmpy = pytest.importorskip("fmpy")
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")

@@ -13,7 +13,8 @@ from robustpolish.implementation.realization import (
     realized,
     roundoff_bound,
 )
-from tests.implementation.designs import sampled_servo, servo_design, two_by_two
+from tests.implementation.designs import sampled_servo, two_by_two
+from tests.reference.examples import servo_design
 
 
 def responses(K):

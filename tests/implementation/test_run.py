@@ -10,7 +10,8 @@ from robustpolish.implementation.run import sampled_run
 from robustpolish.implementation.sampled.lifting import split_delay
 from robustpolish.linear.response import first_order_hold
 from robustpolish.plants.blocks import matrices_of
-from tests.implementation.designs import sampled_servo, servo, servo_design, static_gain
+from tests.implementation.designs import sampled_servo, static_gain
+from tests.reference.examples import servo_design, servo_plant
 
 
 def push(time, **signals):
@@ -86,7 +87,9 @@ def test_limits_are_kept_and_anti_windup_helps():
 
 
 def test_limits_that_the_plant_knows_are_kept_unless_others_are_given(tmp_path):
-    sampled = rp.given_controller(servo().with_actuator("F", limit=0.3), servo_design().controller)
+    sampled = rp.given_controller(
+        servo_plant().with_actuator("F", limit=0.3), servo_design().controller
+    )
     sampled = sampled.discretize(0.05)
     load = push(np.linspace(0, 20, 401), w1=1.0)
     by_default, by_hand = sampled.simulate(load), sampled.simulate(load, limits={"F": 0.3})
@@ -128,7 +131,7 @@ def test_wrong_disturbances_are_refused():
         sampled.simulate(time)
     with pytest.raises(rp.InvalidInputError, match="samples per period"):
         sampled.simulate(push(time * 1e-6, w1=1.0))
-    assert servo().nx == 4
+    assert servo_plant().nx == 4
 
 
 PERIOD, COUNT = 0.1, 20

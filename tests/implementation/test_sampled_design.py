@@ -8,7 +8,8 @@ import pytest
 from scipy.io import loadmat
 
 import robustpolish as rp
-from tests.implementation.designs import sampled_servo, servo, servo_design, static_gain
+from tests.implementation.designs import sampled_servo, static_gain
+from tests.reference.examples import servo_design, servo_plant
 
 
 def test_a_sampled_design_tells_what_sampling_costs():
@@ -74,7 +75,7 @@ def test_the_largest_period_is_where_stability_is_lost():
 
 
 def test_h2_designs_are_certified_in_h2():
-    design = rp.output_feedback(servo(), norm="h2")
+    design = rp.output_feedback(servo_plant(), norm="h2")
     sampled = design.discretize(0.02, delay=0.01)
     assert sampled.norm == "h2"
     assert sampled.certificate.valid
@@ -95,7 +96,7 @@ def test_wrong_arguments_are_refused():
     with pytest.raises(rp.InvalidInputError, match="method"):
         design.discretize(0.05, method="magic")
     with pytest.raises(rp.InvalidInputError, match="Design"):
-        rp.synthesis.largest_period(servo())
+        rp.synthesis.largest_period(servo_plant())
     discrete = rp.GeneralizedPlant.from_matrices(
         [[0.5]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], dt=0.1
     )
@@ -104,7 +105,7 @@ def test_wrong_arguments_are_refused():
 
 
 def test_arguments_that_do_not_fit_are_refused():
-    plant, K = servo(), sampled_servo().controller
+    plant, K = servo_plant(), sampled_servo().controller
     with pytest.raises(rp.InvalidInputError, match="period"):
         rp.implementation.certify_sampled(plant, [[-1.0]])
     with pytest.raises(rp.InvalidInputError, match="period"):

@@ -8,52 +8,9 @@ from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
 from tests.fuzz.plant_calls import Given
 from tests.fuzz.sixty_digits import checked
+from tests.reference.examples import FAMILIES
 
 SLOW, FULL = 70, 560
-
-
-def oscillators(rng, count):
-    A = np.zeros((2 * count, 2 * count))
-    for k in range(count):
-        w, zeta = 10.0 ** rng.uniform(-1, 1), 10.0 ** rng.uniform(-12, -0.1)
-        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[0, 1], [-w * w, -2 * zeta * w]]
-    return A
-
-
-def dense(rng):
-    n = rng.integers(1, 8)
-    A = rng.standard_normal((n, n))
-    return A - (np.linalg.eigvals(A).real.max() + 10.0 ** rng.uniform(-6, 0)) * np.eye(n)
-
-
-def damped_lightly(rng):
-    return oscillators(rng, rng.integers(1, 4))
-
-
-def mixed(rng):  # rounding may even make these unstable
-    A = oscillators(rng, rng.integers(1, 4))
-    Q = np.linalg.qr(rng.standard_normal(A.shape))[0]
-    return Q @ A @ Q.T
-
-
-def defective(rng):
-    n = rng.integers(2, 6)
-    return -(10.0 ** rng.uniform(-6, 0)) * np.eye(n) + np.diag(np.ones(n - 1), 1)
-
-
-def chain(rng):
-    n = rng.integers(2, 5)
-    K = 2 * np.eye(n) - np.diag(np.ones(n - 1), 1) - np.diag(np.ones(n - 1), -1)
-    zeta = 10.0 ** rng.uniform(-10, -1)
-    return np.block([[np.zeros((n, n)), np.eye(n)], [-K, -zeta * (K + 0.1 * np.eye(n))]])
-
-
-def stiff(rng):
-    n = rng.integers(2, 6)
-    return np.triu(rng.standard_normal((n, n)), 1) - np.diag(10.0 ** rng.uniform(-6, 6, n))
-
-
-FAMILIES = [dense, damped_lightly, mixed, defective, chain, stiff]
 
 
 def system(seed):

@@ -168,12 +168,7 @@ def _coprime() -> Any:
 
 
 def _mu_of_matrix(seed: int) -> Any:
-    random = np.random.default_rng(seed)
-    kinds = ["real", "complex", "full"]
-    blocks = [kinds[int(random.integers(3))] for _ in range(int(random.integers(2, 6)))]
-    sizes = [int(random.integers(2, 4)) if kind == "full" else 1 for kind in blocks]
-    n = sum(sizes)
-    M = random.standard_normal((n, n)) + 1j * random.standard_normal((n, n))
+    blocks, sizes, M = ex.blocks_and_matrix(seed)
     given = [("full", k) if kind == "full" else kind for kind, k in zip(blocks, sizes, strict=True)]
     return margin_of(rp.structured_singular_value(M, given))
 

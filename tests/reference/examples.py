@@ -107,7 +107,7 @@ def robot() -> rp.MechanicalModel:
 def hard_system(seed: int) -> control.StateSpace:
     """A system of the families on which the norms are judged: barely damped, defective, ..."""
     rng = np.random.default_rng(seed)
-    A = (_dense, _oscillators, _mixed, _defective, _chain, _stiff)[seed % 6](rng)
+    A = FAMILIES[seed % 6](rng)
     n, m, p = len(A), rng.integers(1, 4), rng.integers(1, 4)
     B, C = rng.standard_normal((n, m)), rng.standard_normal((p, n))
     style = rng.integers(5)
@@ -128,13 +128,13 @@ def hard_system(seed: int) -> control.StateSpace:
     return control.StateSpace(A, B, C, D, dt, remove_useless_states=False)
 
 
-def _dense(rng: np.random.Generator) -> np.ndarray:
+def dense(rng: np.random.Generator) -> np.ndarray:
     n = rng.integers(1, 8)
     A = rng.standard_normal((n, n))
     return A - (np.linalg.eigvals(A).real.max() + 10.0 ** rng.uniform(-6, 0)) * np.eye(n)
 
 
-def _oscillators(rng: np.random.Generator) -> np.ndarray:
+def oscillators(rng: np.random.Generator) -> np.ndarray:
     count = rng.integers(1, 4)
     A = np.zeros((2 * count, 2 * count))
     for k in range(count):
@@ -143,27 +143,30 @@ def _oscillators(rng: np.random.Generator) -> np.ndarray:
     return A
 
 
-def _mixed(rng: np.random.Generator) -> np.ndarray:
-    A = _oscillators(rng)
+def mixed(rng: np.random.Generator) -> np.ndarray:  # rounding may even make these unstable
+    A = oscillators(rng)
     Q = np.linalg.qr(rng.standard_normal(A.shape))[0]
     return Q @ A @ Q.T
 
 
-def _defective(rng: np.random.Generator) -> np.ndarray:
+def defective(rng: np.random.Generator) -> np.ndarray:
     n = rng.integers(2, 6)
     return -(10.0 ** rng.uniform(-6, 0)) * np.eye(n) + np.diag(np.ones(n - 1), 1)
 
 
-def _chain(rng: np.random.Generator) -> np.ndarray:
+def chain(rng: np.random.Generator) -> np.ndarray:
     n = rng.integers(2, 5)
     K = 2 * np.eye(n) - np.diag(np.ones(n - 1), 1) - np.diag(np.ones(n - 1), -1)
     zeta = 10.0 ** rng.uniform(-10, -1)
     return np.block([[np.zeros((n, n)), np.eye(n)], [-K, -zeta * (K + 0.1 * np.eye(n))]])
 
 
-def _stiff(rng: np.random.Generator) -> np.ndarray:
+def stiff(rng: np.random.Generator) -> np.ndarray:
     n = rng.integers(2, 6)
     return np.triu(rng.standard_normal((n, n)), 1) - np.diag(10.0 ** rng.uniform(-6, 6, n))
+
+
+FAMILIES = (dense, oscillators, mixed, defective, chain, stiff)
 
 
 def slide(stiffness: float = 3000.0, damping: float = 10.0) -> rp.MechanicalModel:
@@ -217,3 +220,13 @@ def hardening(q: float, v: float) -> float:
 def drag(q: float, v: float) -> float:
     """Return the force of a damper that is quadratic in speed."""
     return 400.0 * v * abs(v)
+
+
+def blocks_and_matrix(seed: int) -> tuple[list[str], list[int], np.ndarray]:
+    """Draw kinds of two to five blocks, their sizes, and a complex matrix around them."""
+    random = np.random.default_rng(seed)
+    kinds = ["real", "complex", "full"]
+    blocks = [kinds[int(random.integers(3))] for _ in range(int(random.integers(2, 6)))]
+    sizes = [int(random.integers(2, 4)) if kind == "full" else 1 for kind in blocks]
+    n = sum(sizes)
+    return blocks, sizes, random.standard_normal((n, n)) + 1j * random.standard_normal((n, n))

@@ -1,4 +1,4 @@
-"""Uncertain loops with published answers, and random ones."""
+"""Random uncertain loops, and what is judged of their margins."""
 
 from dataclasses import replace
 
@@ -14,44 +14,6 @@ from robustpolish.plants.uncertain.lft import (
     RealElement,
     UncertainBlock,
 )
-
-s = control.tf("s")
-
-
-def servo():
-    """A spring known to 40 %, a gain known to 50 % at any frequency, and a PID."""
-    k = rp.uncertain.real("k", 10, percent=40)
-    plant = rp.uncertain.system([[0, 1], [-k, -1.8]], [[0], [18]], [[1, 0]])
-    plant = plant * (1 + 0.5 * rp.uncertain.dynamics("delta"))
-    return (plant * (2.3 + 3 / s + 0.38 * s / (0.001 * s + 1))).feedback()
-
-
-def damper():
-    """A mass on a spring, with a damper from none to twice the nominal one."""
-    c = rp.uncertain.real("c", 1, range=(0, 2))
-    return rp.uncertain.system([[0, 1], [-1, -c]], [[0], [1]], [[1, 0]])
-
-
-def carts():
-    """Two carts joined by a spring, all known to 20 %, and a controller with three leads."""
-    k, m1, m2 = (rp.uncertain.real(name, 1, percent=20) for name in ("k", "m1", "m2"))
-    A = [[0, 0, 1, 0], [0, 0, 0, 1], [-k / m1, k / m1, 0, 0], [k / m2, -k / m2, 0, 0]]
-    plant = rp.uncertain.system(A, [[0], [0], [1 / m1], [0]], [[0, 1, 0, 0]])
-    return (plant * (100 * ((s + 1) / (0.001 * s + 1)) ** 3)).feedback()
-
-
-def column():
-    """Skogestad, Morari and Doyle (1988): the distillation column, inverse-based control."""
-    gains = np.array([[87.8, -86.4], [108.2, -109.6]])
-    lag, lead = control.ss(control.tf(1, [75, 1])), control.ss(control.tf([75, 1], [1, 0]))
-    K = control.append(lead, lead) * (0.7 * np.linalg.inv(gains))
-    error = control.ss(control.tf([1, 0.2], [0.5, 1]))
-    errors = rp.uncertain.append(
-        *(error * rp.uncertain.dynamics(name) for name in ("first", "second"))
-    )
-    plant = control.ss(gains * control.append(lag, lag)) * (np.eye(2) + errors)
-    weight = control.ss(control.tf([0.5, 0.05], [1, 1e-6]))
-    return control.append(weight, weight) * rp.feedback(np.eye(2), plant * K)
 
 
 def random_loop(seed):

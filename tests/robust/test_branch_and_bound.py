@@ -14,7 +14,8 @@ from robustpolish.robust.branch_and_bound import (
     split,
 )
 from robustpolish.robust.loop_model import LoopModel
-from tests.robust.loops import random_loop, servo
+from tests.reference.examples import servo
+from tests.robust.loops import random_loop
 
 
 def chain(damping=0.01):

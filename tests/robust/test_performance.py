@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from tests.robust.loops import covers, damper, in_other_units, random_loop, servo
+from tests.reference.examples import damper, servo
+from tests.robust.loops import covers, in_other_units, random_loop
 
 
 def test_gain_of_the_witness():

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
+from tests.reference.examples import blocks_and_matrix, carts, column, damper, servo
 from tests.robust.fifty_digits import distance, gain
-from tests.robust.loops import carts, column, covers, damper, servo, singular
+from tests.robust.loops import covers, singular
 
 
 def spent(call):
@@ -97,12 +98,7 @@ def test_coprime_factors():
 @pytest.mark.parametrize("seed", range(10))
 def test_slicot_agrees_on_random_structures(seed):
     slycot = pytest.importorskip("slycot")
-    random = np.random.default_rng(700 + seed)
-    kinds = ["real", "complex", "full"]
-    blocks = [kinds[int(random.integers(3))] for _ in range(int(random.integers(2, 6)))]
-    sizes = [int(random.integers(2, 4)) if kind == "full" else 1 for kind in blocks]
-    n = sum(sizes)
-    M = random.standard_normal((n, n)) + 1j * random.standard_normal((n, n))
+    blocks, sizes, M = blocks_and_matrix(700 + seed)
     given = [("full", k) if kind == "full" else kind for kind, k in zip(blocks, sizes, strict=True)]
     mu = rp.structured_singular_value(M, given)
     codes = np.array([1 if kind == "real" else 2 for kind in blocks])

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from tests.robust.loops import covers, servo
+from tests.reference.examples import servo
+from tests.robust.loops import covers
 
 M = [[2, 2], [-1, -1]]
 

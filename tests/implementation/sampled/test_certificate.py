@@ -12,8 +12,9 @@ from robustpolish.implementation.sampled.certificate import (
 from robustpolish.implementation.sampled.induced_norm import bracket, check_gain
 from robustpolish.implementation.sampled.lifting import period_map, scaled
 from robustpolish.implementation.sampled.proof import prove_above, prove_below
-from tests.implementation.designs import sampled_servo, servo
+from tests.implementation.designs import sampled_servo
 from tests.implementation.fine_simulation import STEPS, random_loop
+from tests.reference.examples import servo_plant
 
 # Certificates.
 
@@ -118,7 +119,7 @@ def test_a_held_integrator_by_hand():
 
 
 def test_no_false_bound_of_a_sampled_loop_is_proven():
-    loop = scaled(period_map(servo(), sampled_servo().controller, 0.05, 0.02))
+    loop = scaled(period_map(servo_plant(), sampled_servo().controller, 0.05, 0.02))
     low, high = bracket(loop, 1.0)
     bound, storage = prove_below(loop, high.gamma)
     assert high.gamma < bound < high.gamma * (1 + 1e-5)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from tests.implementation.designs import servo_design
 from tests.plotting.legends import names
+from tests.reference.examples import servo_design
 
 
 def mass():

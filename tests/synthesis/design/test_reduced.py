@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from tests.implementation.designs import servo_design
+from tests.reference.examples import servo_design
 
 
 def test_a_reduced_design_is_certified_and_says_what_it_cost():
