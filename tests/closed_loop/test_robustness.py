@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 import robustpolish as rp
-from robustpolish.closed_loop.sampled_loops import loop_norm, with_added_signals
+from robustpolish.closed_loop.sampled_loops import loop_norm
 from robustpolish.errors import InvalidInputError
 from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 
@@ -256,34 +256,6 @@ def plant(stiffness):
     return machine(stiffness).linearize()
 
 
-def priced(machine):
-    """With a price on u behind the displacement and noise on y behind the force."""
-    return machine.replace(
-        B1=np.hstack([machine.B1, [[0.0], [0.0]]]),
-        C1=np.vstack([machine.C1, [[0.0, 0.0]]]),
-        D12=[[0.0], [1e-3]], D11=np.zeros((2, 2)), D21=[[0.0, 1e-4]],
-        disturbances=[*machine.disturbance_names, "noise"],
-        performance=[*machine.performance_names, "price"],
-    )  # fmt: skip
-
-
-def test_the_machine_is_new_and_price_and_noise_stay():
-    nominal, other = priced(plant(800.0)), plant(900.0)
-    found = with_added_signals(nominal, other)
-    np.testing.assert_array_equal(found.A, other.A)
-    np.testing.assert_array_equal(found.B1[:, :1], other.B1)
-    for name in ("D12", "D21", "C2", "B2"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(nominal, name))
-    assert found.system.input_labels == nominal.system.input_labels
-    assert found.system.output_labels == nominal.system.output_labels
-    assert found.A[1, 0] == pytest.approx(-450.0)
-
-
-def test_a_measured_state_is_made_up_for():
-    nominal = plant(800.0).with_full_state()
-    assert with_added_signals(nominal, plant(900.0)).measurement_names == nominal.measurement_names
-
-
 @pytest.mark.parametrize(
     ("change", "told"),
     [
@@ -295,5 +267,12 @@ def test_a_measured_state_is_made_up_for():
     ],
 )
 def test_a_plant_with_other_signals_is_refused(change, told):
+    design = rp.given_controller(plant(800.0), [[0.0]])
     with pytest.raises(InvalidInputError, match=told):
-        with_added_signals(plant(800.0), plant(900.0).replace(**change))
+        rp.simulation.check_robustness(
+            design,
+            machine(),
+            standard_errors={STIFFNESS: 8.0},
+            plant_of=lambda model: model.linearize().replace(**change),
+            samples=2,
+        )
