@@ -13,7 +13,7 @@ from slycot import ab13md
 
 import robustpolish as rp
 from benchmarks.row import Row, milliseconds
-from tests.robust.loops import carts
+from tests.reference.examples import carts
 
 GRID = 500
 
