@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import time
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from contextlib import nullcontext
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from robustpolish.base.arrays import Array
-from robustpolish.base.budget import progress_bar, single_threaded_blas
+from robustpolish.base.budget import Budget, progress_bar, single_threaded_blas
 from robustpolish.base.checks import one_of, positive
 from robustpolish.identification.compare import compare, comparison_window
 from robustpolish.identification.diagnosis import Diagnosis
@@ -117,34 +118,16 @@ def diagnose(
     ('missing_effect', 'coulomb_friction', 3.0)
     """
     require_time_data(data)
-    limit = _Limit(time_limit)
-    if progress is not None:
-        return _diagnose(model, data, progress, limit, max_effects, good_enough)
-    with progress_bar("Diagnosing") as tell:
-        return _diagnose(model, data, tell, limit, max_effects, good_enough)
-
-
-@dataclass
-class _Limit:
-    """Seconds after which a search is stopped once it has something, none for no limit."""
-
-    seconds: float | None
-    begun: bool = False
-
-    def __post_init__(self) -> None:
-        self.start = time.monotonic()
-
-    def check(self) -> None:
-        """Raise if the time is over."""
-        if self.begun and self.seconds is not None and time.monotonic() - self.start > self.seconds:
-            raise _StoppedError
+    limit = Budget(seconds=math.inf if time_limit is None else time_limit)
+    with progress_bar("Diagnosing") if progress is None else nullcontext(progress) as say:
+        return _diagnose(model, data, say, limit, max_effects, good_enough)
 
 
 def _diagnose(
     model: MechanicalModel,
     data: Any,
     say: Callable[[str], None],
-    limit: _Limit,
+    limit: Budget,
     most: int,
     good_enough: float | Mapping[str, float] | None,
 ) -> Diagnosis:
@@ -155,21 +138,27 @@ def _diagnose(
     known = fewer.thinned or bool(split_holds(model.effects)[0])
     held = model if known else with_selected_holds(model, prepared)
 
+    begun = False
+
+    def check() -> None:
+        """Stop the search when the time is over, once there is something to return."""
+        if begun and limit.elapsed > limit.seconds:
+            raise _StoppedError
+
     def tell(text: str) -> None:
         say(text)
-        limit.check()
+        check()
 
     begin = partial(
         begin_search,
         prepared=prepared,
         say=tell,
-        check=limit.check,
+        check=check,
         most=most,
         enough=_errors_enough(good_enough, model, prepared.record),
     )
     run = begin(held)
-    limit.begun = True
-    stopped = False
+    begun, stopped = True, False
     try:
         if held is not model:
             linear = begin(model)
