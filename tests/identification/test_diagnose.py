@@ -97,10 +97,11 @@ def test_nothing_is_named_where_nothing_is_missing(colour):
 
 
 @pytest.mark.long
-def test_a_drift_is_learned_where_no_effect_explains_it():
+@pytest.mark.parametrize("held", [False, True])
+def test_a_drift_is_learned_where_no_effect_explains_it(held):
     case = Case(
         "drift", one(), [("drifting_stiffness", PLACE, [800.0, 8.0])], drive=10.0, samples=4000,
-        seed=3,
+        seed=3, held=held,
     )  # fmt: skip
     (data, _), _ = records(case)
     diagnosis = rp.diagnose(model_of(case), data)

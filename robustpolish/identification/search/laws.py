@@ -116,7 +116,7 @@ def _rank_laws(
     """
     policy, record, found = prepared.policy, prepared.screened, []
     looks = []
-    for model in dict.fromkeys([run.base.model, run.reference]):
+    for model in (run.base.model, run.reference):
         motion = prepared.motion(model, record)
         seen = [FilteredRecord(model, prepared, record, at, motion) for at in policy.shape_levels]
         looks.append((model, motion, seen))

@@ -293,8 +293,10 @@ def _with_gap(
         return replace(design, message=f"{design.message} {more}")
     if bound > 0:
         above = f"{achieved / bound:.4g} times {bound:.6g}, below which no controller comes"
-    else:
+    elif full.certificate.achieved > 0:
         above = f"{achieved / full.certificate.achieved:.4g} times that of full order"
+    else:
+        above = "where full order reaches 0"
     count = f"{states} state{'' if states == 1 else 's'}"
     good = 0 < achieved <= enough and design.status != "time_limit"
     return replace(
