@@ -538,14 +538,14 @@ class Screening:
         smoothed motion is poor (accelerometers with coloured noise) it names none.
     level : Level
         At which the model is likeliest without any.
-    free : FilteredRecord or None
-        The run that the data do not lead, or hardly.
+    runs : tuple of FilteredRecord
+        The run that the data do not lead, or hardly, and the one at this level.
     """
 
     candidates: tuple[ScreenedEffect, ...]
     finalists: tuple[CandidateColumns, ...]
     level: Level
-    free: FilteredRecord | None = None
+    runs: tuple[FilteredRecord, ...] = ()
 
 
 def screen(
@@ -612,7 +612,9 @@ def screen(
         one = ScreenedEffect(effect_from(entry, found.sizes), found.nats, remark)
         candidates.setdefault(one.place, one)
     free = FilteredRecord(model, prepared, record, policy.guidance[0] if drifts else FREE, motion)
-    return Screening(tuple(candidates.values()), (*chosen.values(), *plain), likeliest.level, free)
+    runs = (free,) if likeliest.level == free.level else (free, likeliest)
+    finalists = (*chosen.values(), *plain)
+    return Screening(tuple(candidates.values()), finalists, likeliest.level, runs)
 
 
 class _Alone(NamedTuple):

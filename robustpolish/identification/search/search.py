@@ -257,8 +257,7 @@ def _proposals(run: EffectSearch, step: int) -> Iterator[tuple[EffectSet, int, b
     spans = prepared.spans(prepared.trial, prepared.policy.growth)
     span = (spans[1:-1] or spans[-1:])[-1]
     problems = [problem_of_free_runs(run.best.fitted.fit, prepared, screening.finalists, span)]
-    if screening.free is not None:
-        problems.append(problem_along_motion(screening.free, screening.finalists))
+    problems += [problem_along_motion(seen, screening.finalists) for seen in screening.runs]
     most = min(TOGETHER, run.most - step + 1)
     sources = [[s for s in p.best_sets(most) if s.nats > STRONG] for p in problems if p is not None]
     sources.sort(key=lambda source: -max((s.nats for s in source), default=0.0))
@@ -301,7 +300,10 @@ def _gained_as_expected(run: EffectSearch, proposed: EffectSet) -> bool:
 def _determined_part(
     run: EffectSearch, proposed: EffectSet, scored: ScoredModel | None
 ) -> ScoredModel | None:
-    """Return a fitted set, less the effects whose numbers the data leave open beside the others."""
+    """Return a fitted set, less the effects whose numbers the data leave open beside the others.
+
+    In place of such an effect a simpler kind that makes nearly its force is tried first.
+    """
     while True:
         refused = run.note(scored, proposed.effects)
         if scored is None:
@@ -309,6 +311,11 @@ def _determined_part(
         culprit = scored.refusal[1]
         if culprit is None:
             return None if refused else scored
+        simpler = _simpler(run, scored, culprit)
+        if simpler is not None:
+            run.say(f"refit with {simpler} in place of {culprit}")
+            scored = run.fits.replaced(scored, culprit, simpler)
+            continue
         fewer = scored.places - {(culprit.kind, culprit.at)}
         if not fewer or fewer == run.best.places:
             return None
@@ -317,6 +324,19 @@ def _determined_part(
             return again if again is not None and not again.refusal[0] else None
         run.say(f"refit without {culprit}")
         scored = run.fits.replaced(scored, culprit)
+
+
+def _simpler(run: EffectSearch, scored: ScoredModel, culprit: Effect) -> Effect | None:
+    """Return the nearest kind of fewer numbers that makes nearly the force of an effect, if any."""
+    numbers = sum(p.fitted for p in culprit.definition.parameters)
+    for other in _alternatives(run, scored, culprit):
+        key = (scored.places - {(culprit.kind, culprit.at)}) | {(other.kind, other.at)}
+        if (
+            key not in run.fits.done
+            and sum(p.fitted for p in other.definition.parameters) < numbers
+        ):
+            return other
+    return None
 
 
 def _best_alternative(run: EffectSearch, chosen: ScoredModel) -> ScoredModel:
