@@ -14,9 +14,10 @@ import xarray as xr
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from robustpolish.base.checks import described, instance_of, invalid, misfit, one_of
+from robustpolish.base.checks import instance_of, invalid, one_of
 from robustpolish.base.results import Card, Displayed, Table, bears_prefix, prefix_power, prefixed
 from robustpolish.base.sweep import sweep
+from robustpolish.implementation.run import disturbance_columns
 from robustpolish.implementation.sampled_design import SampledDesign
 from robustpolish.linear.response import linear_response
 from robustpolish.plants.plant import GeneralizedPlant
@@ -70,8 +71,6 @@ def simulate(
     >>> response["y"].attrs["units"], bool(response["x"].max() == 0)
     ('m', True)
     """
-    remedy = "Build one with a variable per disturbance, or take simulate_brush(...)."
-    instance_of("disturbance", disturbance, xr.Dataset, "an xarray.Dataset over time", remedy)
     if isinstance(design, SampledDesign):
         return design.simulate(disturbance)
     return _simulated(*loop_with_units(design), disturbance)
@@ -80,19 +79,8 @@ def simulate(
 def _simulated(
     system: control.StateSpace, units: Mapping[str, str], disturbance: xr.Dataset
 ) -> xr.Dataset:
-    if "time" not in disturbance.coords:
-        remedy = "Add the coordinate with .assign_coords(time=...)."
-        raise misfit("disturbance", "no coordinate 'time'", "samples over 'time', in s", remedy)
-    if system.input_labels and not any(name in disturbance for name in system.input_labels):
-        shown = described(f"variables {', '.join(map(str, disturbance.data_vars)) or 'none'}")
-        expected = f"one of {', '.join(map(repr, system.input_labels))} or several"
-        remedy = "Rename the variables; those that are left out are zero."
-        raise invalid("disturbance", shown, expected, remedy)
-    inputs = [_column(disturbance, name, units.get(name)) for name in system.input_labels]
-    time = disturbance["time"].to_numpy()
-    outputs, _ = linear_response(
-        system, time, np.column_stack(inputs) if inputs else np.zeros((time.size, 0))
-    )
+    time, inputs = disturbance_columns(disturbance, system.input_labels, units)
+    outputs, _ = linear_response(system, time, inputs)
     return _labelled(system, units, time, outputs.T)
 
 
@@ -163,29 +151,6 @@ def loop_with_units(
     remedy = "Pass what state_feedback(...) or air_bearing(...) returned."
     plant = instance_of("design", design, Design, expected, remedy).plant
     return plant.with_control_outputs().closed_loop(design.controller), dict(plant.units)
-
-
-def _bare(name: Any) -> str:
-    """Return a name without case and separators, by which misspelt ones are known."""
-    return "".join(c for c in str(name).lower() if c.isalnum())
-
-
-def _column(disturbance: xr.Dataset, name: str, unit: str | None) -> np.ndarray:
-    if name not in disturbance:
-        meant = [str(other) for other in disturbance.data_vars if _bare(other) == _bare(name)]
-        if meant:
-            shown = described(f"a variable {meant[0]!r}")
-            raise invalid("disturbance", shown, f"one named {name!r}", "Rename the variable.")
-        return np.zeros(disturbance.sizes["time"])
-    variable = disturbance[name]
-    if variable.dims != ("time",):
-        shown = described(f"dimensions {variable.dims}")
-        raise invalid(f"disturbance[{name!r}]", shown, "('time',)", "Select one trajectory.")
-    found = variable.attrs.get("units")
-    if unit is not None and found is not None and found != unit:
-        remedy = "Convert the variable and its units attribute."
-        raise misfit(f"disturbance[{name!r}]", f"unit {found}", f"{unit}, as in the plant", remedy)
-    return variable.to_numpy()
 
 
 SAME_LOAD = "every row is driven by the same disturbance"

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.base.arrays import Array, Matrix, Vector
-from robustpolish.base.checks import instance_of, misfit
+from robustpolish.base.checks import described, instance_of, invalid, misfit
 from robustpolish.implementation.sampled.lifting import split_delay
 from robustpolish.linear.response import first_order_hold
 from robustpolish.plants.blocks import matrices_of
@@ -250,6 +250,8 @@ def _from_sample_to_sample(
 
 def _steps(period: float, time: Vector) -> int:
     """Return steps per period, as fine as the disturbance and on its grid where that can be."""
+    if time.size < 2:
+        raise misfit("disturbance", "a single sample", "two or more", "Simulate a longer time.")
     ratio = period / (time[-1] - time[0]) * (time.size - 1)
     count = max(1, round(ratio)) if abs(ratio - round(ratio)) < _SAME * ratio else math.ceil(ratio)
     count *= max(1, math.ceil(LEAST_STEPS / count))
@@ -270,28 +272,46 @@ def disturbance_columns(
     InvalidInputError
         If the dataset has none of them, one that is not over `time` alone, or another unit.
     """
-    remedy = "Build one with a variable per disturbance over 'time', in s."
+    remedy = "Build one with a variable per disturbance, or take simulate_brush(...)."
     instance_of("disturbance", disturbance, xr.Dataset, "an xarray.Dataset over time", remedy)
     if "time" not in disturbance.coords:
-        raise misfit("disturbance", "no coordinate 'time'", "samples over it", remedy)
+        remedy = "Add the coordinate with .assign_coords(time=...)."
+        raise misfit("disturbance", "no coordinate 'time'", "samples over 'time', in s", remedy)
     time = np.asarray(disturbance["time"].to_numpy(), dtype=float)
-    if time.ndim != 1 or time.size < 2 or not np.isfinite(time).all() or np.diff(time).min() <= 0:
-        raise misfit("disturbance", "its time", "a rising grid of two or more", remedy)
-    if not any(name in disturbance for name in names):
-        listed = ", ".join(map(str, disturbance.data_vars)) or "none"
-        raise misfit(
-            "disturbance", f"variables {listed}", f"one or more of {', '.join(names)}", remedy
-        )
+    if time.ndim != 1 or not np.isfinite(time).all() or (np.diff(time) <= 0).any():
+        raise misfit("disturbance", "its time", "a rising grid", "Sort the samples.")
+    if names and not any(name in disturbance for name in names):
+        shown = described(f"variables {', '.join(map(str, disturbance.data_vars)) or 'none'}")
+        expected = f"one of {', '.join(map(repr, names))} or several"
+        remedy = "Rename the variables; those that are left out are zero."
+        raise invalid("disturbance", shown, expected, remedy)
     columns = np.zeros((time.size, len(names)))
     for i, name in enumerate(names):
-        if name not in disturbance:
+        if name in disturbance:
+            columns[:, i] = _column(disturbance[name], units.get(name))
             continue
-        where, values = f"disturbance[{name!r}]", disturbance[name].to_numpy()
-        if values.shape != time.shape or not np.isfinite(np.asarray(values, dtype=float)).all():
-            raise misfit(where, "others", "finite numbers over 'time' alone", remedy)
-        unit, own = units.get(name), disturbance[name].attrs.get("units")
-        if unit is not None and own is not None and unit != own:
-            remedy = "Convert the variable and its units attribute."
-            raise misfit(where, f"unit {own}", f"{unit}, as in the plant", remedy)
-        columns[:, i] = values
+        for other in map(str, disturbance.data_vars):
+            if _bare(other) == _bare(name):
+                shown = described(f"a variable {other!r}")
+                raise invalid("disturbance", shown, f"one named {name!r}", "Rename the variable.")
     return time, columns
+
+
+def _bare(name: str) -> str:
+    """Return a name without case and separators, by which misspelt ones are known."""
+    return "".join(c for c in name.lower() if c.isalnum())
+
+
+def _column(variable: xr.DataArray, unit: str | None) -> Vector:
+    where = f"disturbance[{variable.name!r}]"
+    if variable.dims != ("time",):
+        shown = described(f"dimensions {variable.dims}")
+        raise invalid(where, shown, "('time',)", "Select one trajectory.")
+    values = np.asarray(variable.to_numpy(), dtype=float)
+    if not np.isfinite(values).all():
+        raise misfit(where, "others", "finite numbers", "Remove or replace them.")
+    own = variable.attrs.get("units")
+    if unit is not None and own is not None and unit != own:
+        remedy = "Convert the variable and its units attribute."
+        raise misfit(where, f"unit {own}", f"{unit}, as in the plant", remedy)
+    return values
