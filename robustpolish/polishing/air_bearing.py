@@ -10,9 +10,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from scipy.linalg import block_diag
 
-from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import invalid, one_of, positive
 from robustpolish.machines.effects.equivalent_damping import share_damping
 from robustpolish.machines.mechanical.model import MechanicalModel
@@ -339,19 +337,15 @@ def air_bearing(
     one_of("measured", measured, ("state", "displacement"))
     one_of("load", load, ("corrected", "printed"))
 
-    c = p.damping(dissipation)
-    horizontal = _axis(p.m_x, p.m_t, p.k_t, p.k_x, c.c_A, c.c_D, 0.0)
-    vertical = _axis(p.m_z, p.m_t, p.k_A, p.k_z, 0.0, c.c_R, c.c_Z)
-    A = np.asarray(block_diag(horizontal, horizontal, vertical))
-    position = np.zeros((6, 12))
-    position[range(6), range(0, 12, 2)] = 1.0
-    masses = np.array([p.m_x, p.m_t, p.m_x, p.m_t, p.m_z, p.m_t])
+    model = air_bearing_model(p, dissipation).matrices
+    mass, position, velocity = np.diag(model.M)[:, None], np.eye(12)[::2], np.eye(12)[1::2]
+    A = position.T @ velocity
+    A[1::2, ::2], A[1::2, 1::2] = -model.K / mass, -model.C / mass
     moves = actuation == "displacement"
-    B2 = position.T if moves else np.roll(position, 1, axis=1).T / masses
-    B1 = np.zeros((12, 4))  # rows dx, dy, dz_m and dz of (8.47)
-    dx, dy = (7, 3) if load == "printed" else (3, 7)
-    B1[dx, 0] = B1[dy, 1] = -1 / p.m_t
-    B1[11, 2], B1[9, 3] = 1 / p.m_t, -1 / p.m_z
+    B2 = position.T if moves else velocity.T / mass.T
+    B1 = velocity.T @ (model.B / mass)
+    if load == "printed":
+        B1[:, [0, 1]] = B1[:, [1, 0]]
     states = [name for q in COORDINATES for name in (q, f"d{q}")]
     measurements = states if measured == "state" else COORDINATES
     units = {name: "m/s" if name.startswith("d") else "m" for name in states}
@@ -370,20 +364,6 @@ def air_bearing(
         performance=COORDINATES,
         measurements=[f"measured_{name}" for name in measurements],
         units=units,
-    )
-
-
-def _axis(
-    mass_m: float, mass: float, k_ground: float, k: float, c_ground: float, c: float, c_tip: float
-) -> Matrix:
-    """State matrix of one direction, states (q_m, dq_m, q, dq)."""
-    return np.array(
-        [
-            [0, 1, 0, 0],
-            [-(k_ground + k) / mass_m, -(c_ground + c) / mass_m, k / mass_m, c / mass_m],
-            [0, 0, 0, 1],
-            [k / mass, c / mass, -k / mass, -(c + c_tip) / mass],
-        ]
     )
 
 

@@ -20,7 +20,7 @@ import xarray as xr
 from robustpolish.base.results import Card, Table
 from robustpolish.closed_loop.simulate import SAME_LOAD, ControllerComparison, simulate, tabulate
 from robustpolish.errors import InfeasibleError, RobustPolishError
-from robustpolish.implementation.certify_sampled import certify_sampled
+from robustpolish.implementation.certify_sampled import certify_sampled, last_stable
 from robustpolish.implementation.discretize import plant_at_samples
 from robustpolish.implementation.emulation import emulated
 from robustpolish.implementation.sampled.certificate import SampledCertificate
@@ -223,11 +223,6 @@ def _loop_at_samples(
     return loop_of(plant_at_samples(plant, hardware.period, hardware.computation_delay), controller)
 
 
-def _largest_pole(plant: Any, controller: Any) -> float:
-    # Any: python-control declares that systems are joined with numbers alone.
-    return float(np.abs(np.linalg.eigvals(plant.feedback(controller, sign=1).A)).max())
-
-
 def changed(problem: AxisProblem) -> dict[str, AxisProblem]:
     """Return the machines, by what is different, on which the loop has to stay stable."""
     slow = (1 - ACTUATOR_LOSS) * problem.hardware.actuator_bandwidth_hz
@@ -407,24 +402,13 @@ class BuildableBrushDesign(BrushDesign):
         nominal = hardware.actuator_bandwidth_hz
         if not math.isfinite(nominal):
             nominal = hardware.sample_rate_hz
-        controller = self.axis.sampled.controller
 
-        def stable(bandwidth: float) -> bool:
-            slow = replace(hardware, actuator_bandwidth_hz=bandwidth)
+        def stable(lag: float) -> bool:
+            slow = replace(hardware, actuator_bandwidth_hz=1 / lag)
             plant = replace(problem, hardware=slow).plant()
-            sampled = plant_at_samples(plant, hardware.period, hardware.computation_delay)
-            return _largest_pole(sampled, controller) < 1
+            return bool(_loop_at_samples(plant, self.axis.sampled.controller, hardware).stability)
 
-        low = nominal
-        while stable(low):
-            low *= 0.95
-            if low < 1e-3 * nominal:
-                return 0.0
-        high = low / 0.95
-        for _ in range(20):
-            middle = (low + high) / 2
-            low, high = (low, middle) if stable(middle) else (middle, high)
-        return high
+        return 1 / last_stable(stable, 1 / nominal, 1e3 / nominal)
 
     @property
     def noise_effort(self) -> dict[str, float]:
