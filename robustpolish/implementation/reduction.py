@@ -13,6 +13,7 @@ from scipy import linalg
 from robustpolish.base.arrays import Matrix, Vector
 from robustpolish.implementation.sampled.induced_norm import square_root
 from robustpolish.implementation.sampled.lifting import border_scale, named_like
+from robustpolish.linear.norms.h2 import lyapunov_solution
 from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 
@@ -44,22 +45,13 @@ def stable(A: Matrix, discrete: bool) -> bool:
     return bool(np.abs(values).max() < 1 if discrete else values.real.max() < 0)
 
 
-def gramian(A: Matrix, B: Matrix, discrete: bool) -> Matrix:
-    """Return the controllability Gramian of a stable system."""
-    source = B @ B.T
-    if discrete:
-        found: Any = linalg.solve_discrete_lyapunov(A, source)
-    else:
-        found = linalg.solve_continuous_lyapunov(A, -source)
-    return np.asarray((found + found.T) / 2, dtype=float)
-
-
 def own_gramians(name: str, K: Parts, discrete: bool, back: str = "") -> list[WeightedGramians]:
     """Weigh the states of a stable system by what they pass on from input to output."""
     A, B, C, _ = K
     if not stable(A, discrete):
         return []
-    reach, see = gramian(A, B, discrete), gramian(A.T, C.T, discrete)
+    reach = lyapunov_solution(A, B @ B.T, discrete)
+    see = lyapunov_solution(A.T, C.T @ C, discrete)
     return [WeightedGramians(name, K, reach, see, back)]
 
 
@@ -99,12 +91,12 @@ def loop_gramians(plant: GeneralizedPlant, K: Parts, loop: Matrix) -> list[Weigh
     z = plant.D12 @ on_x[ny:]
     z[:, :n] += plant.C1
     pairs = {"closed-loop": (w, z), "robustness": (noise, on_x)}
-    return [
-        WeightedGramians(
-            name, K, gramian(loop, into, discrete)[n:, n:], gramian(loop.T, out.T, discrete)[n:, n:]
-        )
-        for name, (into, out) in pairs.items()
-    ]
+    weighed = []
+    for name, (into, out) in pairs.items():
+        reach = lyapunov_solution(loop, into @ into.T, discrete)[n:, n:]
+        see = lyapunov_solution(loop.T, out.T @ out, discrete)[n:, n:]
+        weighed.append(WeightedGramians(name, K, reach, see))
+    return weighed
 
 
 def coprime_gramians(K: Parts, discrete: bool) -> list[WeightedGramians]:

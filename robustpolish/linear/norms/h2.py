@@ -64,7 +64,7 @@ def h2_energy(model: Realisation, tolerance: float) -> EnergyBounds:
     residual = B @ B.T
     best = EnergyBounds(0.0, 0.0, math.inf)
     for step in range(6):
-        X = X + _gramian(model.A, residual.astype(float), model.discrete)
+        X = X + lyapunov_solution(model.A, residual.astype(float), model.discrete)
         residual, rounding = _residual(model, X)
         found = _bounds(model, X, np.abs(residual) + rounding)
         if step and not found.width < 0.5 * best.width:
@@ -79,7 +79,7 @@ def _bounds(model: Realisation, X: ExtendedArray, residual: ExtendedArray) -> En
     """Bound the energy that X shows; `residual` bounds the entries of its residual."""
     C = model.C.astype(np.longdouble)
     rows = np.sum(residual, axis=1).astype(float)
-    W = _gramian(model.A, np.diag(rows), model.discrete)
+    W = lyapunov_solution(model.A, np.diag(rows), model.discrete)
     error = 2 * float(np.sum((model.C @ W) * model.C))  # twice, for the rounding of W itself
     error += float(4 * _WIDE * X.shape[0] * np.sum((np.abs(C) @ np.abs(X)) * np.abs(C)))
     square = float(np.sum((C @ X) * C))
@@ -110,7 +110,8 @@ def _residual(model: Realisation, X: ExtendedArray) -> tuple[ExtendedArray, Matr
     return residual, grain * float(2 * (2 * A.shape[0] + B.shape[1]) * _WIDE)
 
 
-def _gramian(A: Matrix, Q: Matrix, discrete: bool) -> Matrix:
+def lyapunov_solution(A: Matrix, Q: Matrix, discrete: bool) -> Matrix:
+    """Return X = X' with A X + X A' + Q = 0, or A X A' - X + Q = 0 in discrete time."""
     with warnings.catch_warnings():  # bad conditioning shows in the residual
         warnings.simplefilter("ignore")
         solve = sla.solve_discrete_lyapunov if discrete else sla.solve_continuous_lyapunov
