@@ -19,6 +19,7 @@ from robustpolish.base.arrays import AnyArray, Array, Matrix
 from robustpolish.base.checks import closest_name_remedy, described, invalid, misfit, one_of
 from robustpolish.base.results import Card, Table
 from robustpolish.errors import RobustPolishWarning
+from robustpolish.linear.delayed_systems import resolvent_response
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import SignalSlope
 from robustpolish.machines.mechanical.data import (
@@ -312,14 +313,8 @@ def response_values(
     """Return the response, shape (lines, outputs, inputs), and notes; nothing is checked."""
     (A, B, C, D), notes = linear_system(model, operating_point)
     s = 2j * np.pi * lines
-    pencil = s[:, None, None] * np.eye(len(A)) - A
-    values = np.empty((s.size, *D.shape), dtype=complex)
-    try:
-        values[:] = C @ np.linalg.solve(pencil, B.astype(complex)[None]) + D
-    except np.linalg.LinAlgError:  # a line right on an undamped pole, such as 0 Hz of a free mass
-        for k in range(s.size):
-            singular = np.linalg.cond(pencil[k]) > 1 / np.finfo(float).eps
-            values[k] = np.nan if singular else C @ np.linalg.solve(pencil[k], B) + D
+    values = resolvent_response(A, B, C, D, s)
+    values[np.isinf(values)] = np.nan  # on an undamped pole, such as 0 Hz of a free mass
     values = values * sensor_gains(model)[:, None] * signal_gains(model)
     values = values * signal_timing(model, s)[:, None, :]
     # An imposed motion is one input with its derivatives; a force is one signal.
