@@ -15,10 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize
 
-from robustpolish.base.arrays import AnyMatrix, Array, Vector
+from robustpolish.base.arrays import AnyMatrix, Vector
 from robustpolish.linear.arithmetic.realisation import Realisation
 from robustpolish.linear.norms.hinf import hamiltonian
 from robustpolish.linear.stability import eigensystem
+from robustpolish.robust.scalings import balanced
 
 _SLACK = 1e-3
 MOST_INTERVALS = 400
@@ -28,8 +29,6 @@ _NARROW = 1e-9
 _POWERS = (4, 32)
 # Where one signal does not act back on another, their scales drift apart for ever.
 _LARGEST_LOG = 25.0
-# Scales that a sweep changes by less are even enough to start from.
-_SETTLED = 1e-3
 
 
 @dataclass(frozen=True)
@@ -83,7 +82,7 @@ def best_scales(M: AnyMatrix) -> tuple[float, Vector]:
     k = M.shape[0]
     if k == 2:
         return _best_of_two(M)
-    logs = _balanced(np.abs(M))
+    logs = np.log(balanced(np.abs(M))) if np.isfinite(M).all() else np.zeros(k)
     best = (_largest(M, logs), logs)
     size = best[0]
     if k == 1 or size == 0 or not math.isfinite(size):
@@ -221,28 +220,6 @@ def _best_of_two(M: AnyMatrix) -> tuple[float, Vector]:
         log = np.clip((off[0] - off[1]) / 2, -_LARGEST_LOG, _LARGEST_LOG)
     logs = np.array([0.0, log if math.isfinite(log) else 0.0])
     return _largest(M, logs), np.exp(logs)
-
-
-def _balanced(sizes: Array) -> Vector:
-    """Return logarithms of scales that even out rows and columns (Osborne 1960)."""
-    logs = np.zeros(len(sizes))
-    if not np.isfinite(sizes).all():
-        return logs
-    squares = (sizes - np.diag(np.diag(sizes))) ** 2
-    for _ in range(20):
-        before = logs.copy()
-        for i in range(len(logs)):
-            turned = np.exp(2 * (logs[i] - logs))
-            row, column = float(squares[i] @ turned), float(squares[:, i] @ (1 / turned))
-            if row > 0 and column > 0:
-                logs[i] += 0.25 * math.log(column / row)
-            elif row > 0:
-                logs[i] -= 1.0  # nothing comes back: the smaller the better
-            elif column > 0:
-                logs[i] += 1.0
-        if np.abs(logs - before).max() < _SETTLED:
-            break
-    return logs
 
 
 def _smooth(M: AnyMatrix, power: int) -> Callable[[Vector], tuple[float, Vector]]:
