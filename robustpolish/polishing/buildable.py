@@ -144,7 +144,6 @@ def weighted_plant(
     plant = plant.replace(
         B1=np.hstack([plant.B2, push, nothing.T]),
         C1=stiffness * np.vstack([plant.C1, BEARING * bearing, nothing]),
-        D11=np.zeros((3, 3)),
         D12=np.array([[0.0], [0.0], [1.0]]),
         D21=np.array([[0.0, 0.0, NOISE / stiffness]]),
         disturbances=["at_command", "at_bearing", f"error_{gap}"],

@@ -7,11 +7,12 @@ from typing import Any, Literal
 
 import xarray as xr
 
-from robustpolish.base.checks import described, instance_of, invalid, one_of
+from robustpolish.base.checks import described, invalid, one_of
 from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
 from robustpolish.polishing.buildable import build_against_brush
 from robustpolish.polishing.hardware import PolishingHardware
 from robustpolish.polishing.ideal import BrushDesign, ideal_against_brush
+from robustpolish.polishing.quantities import or_default
 from robustpolish.polishing.simulate import simulate_brush
 
 Realisation = Literal["buildable", "ideal"]
@@ -84,9 +85,7 @@ def design_against_brush(
     given: dict[str, Any] = {"actuation": actuation, "norm": norm, "method": method}
     given |= {"backend": backend, "control_weight": control_weight, "gain_bound": gain_bound}
     options = {name: value for name, value in given.items() if value is not None}
-    if hardware is not None:
-        remedy = "Build it with PolishingHardware(...)."
-        instance_of("hardware", hardware, PolishingHardware, "a PolishingHardware", remedy)
+    parts = or_default("hardware", hardware, PolishingHardware)
     if realisation is None:
         realisation = "ideal" if options else "buildable"
     one_of("realisation", realisation, ("buildable", "ideal"))
@@ -97,7 +96,7 @@ def design_against_brush(
         name = next(iter(options))
         remedy = "Pass realisation='ideal', or leave it out and set hardware=."
         raise invalid(name, options[name], "nothing for a controller that can be built", remedy)
-    machine = AirBearingParameters() if parameters is None else parameters
+    machine = or_default("parameters", parameters, AirBearingParameters)
     entry = options.pop("actuation", "force")
     plant = air_bearing(machine, dissipation, entry)
 
@@ -108,5 +107,4 @@ def design_against_brush(
     ideal = ideal_against_brush(plant, machine, load, entry, tell, **options)
     if realisation == "ideal":
         return ideal
-    parts = PolishingHardware() if hardware is None else hardware
     return build_against_brush(ideal, parts, dissipation, tell=tell)

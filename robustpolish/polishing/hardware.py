@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robustpolish.base.checks import instance_of, invalid
+from robustpolish.base.checks import invalid
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
-from robustpolish.polishing.quantities import Quantities, check_quantities, quantity
+from robustpolish.polishing.quantities import Quantities, check_quantities, or_default, quantity
 
 # Sensors, actuators and computer, with their limits.
 
@@ -174,9 +174,7 @@ def polishing_plant(
     >>> plant.control_names, plant.measurement_names, plant.limits["u_x"]
     (('u_x', 'u_y'), ('gap_x', 'gap_y'), 20.0)
     """
-    parts = PolishingHardware() if hardware is None else hardware
-    remedy = "Build it with PolishingHardware(...)."
-    instance_of("hardware", parts, PolishingHardware, "a PolishingHardware", remedy)
+    parts = or_default("hardware", hardware, PolishingHardware)
     whole = air_bearing(parameters, dissipation, "force", "displacement")
     chosen = [axis for axis in _LOADS if axis in axes]
     active = [axis for axis in chosen if axis in CONTROLLED]
@@ -184,29 +182,21 @@ def polishing_plant(
         raise invalid("axes", axes, "some of 'x', 'y', 'z', one of them x or y", "Name axes.")
     numbers = [list(_LOADS).index(axis) for axis in chosen]
     states = [4 * i + k for i in numbers for k in range(4)]
-    loads = [name for axis in chosen for name in _LOADS[axis]]
-    columns = [whole.disturbance_names.index(name) for name in loads]
+    columns = [whole.disturbance_names.index(name) for axis in chosen for name in _LOADS[axis]]
     # Rows of the displacements (bearing, brush) of each axis: the pair of a force and its
     # reaction, and the place of the brush.
     pairs = np.kron(np.eye(3), [[-1.0], [1.0]])[:, numbers[: len(active)]]
     brush = np.kron(np.eye(3), [[0.0, 1.0]])[numbers]
     controls, gaps = [f"u_{axis}" for axis in active], [f"gap_{axis}" for axis in active]
-    names = [whole.states[i] for i in states]
-    units = {name: whole.units[name] for name in names}
-    units |= dict.fromkeys((*loads, *controls), "N") | dict.fromkeys((*gaps, *chosen), "m")
-    plant = GeneralizedPlant.from_matrices(
-        whole.A[np.ix_(states, states)],
-        whole.B1[np.ix_(states, columns)],
-        (whole.B2 @ pairs)[states],
-        (brush @ whole.C1)[:, states],
-        (pairs.T @ whole.C2)[:, states],
-        states=names,
-        disturbances=loads,
+    plant = whole.replace(
+        B2=whole.B2 @ pairs,
+        C1=brush @ whole.C1,
+        C2=pairs.T @ whole.C2,
         controls=controls,
         performance=chosen,
         measurements=gaps,
-        units=units,
-    )
+        units=dict.fromkeys(controls, "N") | dict.fromkeys(gaps, "m"),
+    ).part(states=states, disturbances=columns)
     if math.isfinite(parts.actuator_bandwidth_hz):
         plant = plant.with_actuator(controls, parts.actuator_bandwidth_hz)
     if math.isfinite(parts.actuator_limit):

@@ -176,19 +176,13 @@ def rotating_beam(
     for force, name in (("F_x", "x"), ("F_y", "y")):
         loads[:, FORCES.index(force)] = -B[:, COORDINATES.index(name)]
     seen = np.asarray(block_diag(C, vertical.C1[across:]))
-    signals = (*FORCES, *lumped.control_names, *COORDINATES, *lumped.measurement_names)
-    return GeneralizedPlant.from_matrices(
-        np.asarray(block_diag(A, vertical.A)),
-        np.vstack([loads, vertical.B1]),
-        np.asarray(block_diag(B, vertical.B2[:, across:])),
-        seen,
-        seen,
+    return lumped.replace(
+        A=np.asarray(block_diag(A, vertical.A)),
+        B1=np.vstack([loads, vertical.B1]),
+        B2=np.asarray(block_diag(B, vertical.B2[:, across:])),
+        C1=seen,
+        C2=seen,
         states=[*mode_names(few.system), *(f"state_{name}" for name in lumped.states[8:])],
-        disturbances=FORCES,
-        controls=lumped.control_names,
-        performance=COORDINATES,
-        measurements=lumped.measurement_names,
-        units={name: lumped.units[name] for name in signals},
     )
 
 
