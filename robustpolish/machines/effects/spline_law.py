@@ -186,21 +186,6 @@ def spline_centres(low: float, high: float, count: int) -> Array:
     return np.array(low + (high - low) / (count - 3) * (np.arange(count) - 1.0), dtype=float)
 
 
-def second_differences(count: int) -> Array:
-    """Return the matrix that takes second differences of neighbours.
-
-    Parameters
-    ----------
-    count : int
-        Of coefficients.
-
-    Returns
-    -------
-    ndarray, shape (count - 2, count)
-    """
-    return np.array(np.diff(np.eye(count), 2, axis=0), dtype=np.float64)
-
-
 def knot_error_bound(c: Array) -> Array:
     """Return how far a law may be from its splines for want of knots, one value a coefficient.
 
@@ -269,7 +254,7 @@ def smoothness_prior(values: Mapping[str, float]) -> Array:
     roughness = values["roughness"]
     if not roughness > 0:
         return np.zeros((0, c.size))
-    rows = second_differences(len(c))
+    rows = np.diff(np.eye(len(c)), 2, axis=0)
     if c.ndim == 2:
         eye = np.eye(len(c))
         rows = np.vstack([np.kron(rows, eye), np.kron(eye, rows)])

@@ -418,7 +418,8 @@ class MechanicalModel(MechanicalData, Displayed):
         InvalidInputError
             If the file cannot be read or is no model; the message names the line or key.
         """
-        return cls._of(read_model(source, max_bytes))
+        data = read_model(source, max_bytes)
+        return cls(**{field.name: getattr(data, field.name) for field in fields(MechanicalData)})
 
     def to_toml(self, path: str | Path | None = None) -> str:
         """Return the model as TOML text, and write it to `path` if one is given.
@@ -436,7 +437,3 @@ class MechanicalModel(MechanicalData, Displayed):
 
     def _card(self) -> Card:
         return mechanical_card(self)
-
-    @classmethod
-    def _of(cls, data: MechanicalData) -> MechanicalModel:
-        return cls(**{field.name: getattr(data, field.name) for field in fields(MechanicalData)})
