@@ -18,11 +18,11 @@ from robustpolish.base.checks import (
     inside,
     instance_of,
     invalid,
-    is_whole,
     known_keys,
     misfit,
     one_of,
     positive,
+    whole_number,
 )
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.machines.mechanical.model import MechanicalModel
@@ -354,8 +354,8 @@ class DesignTask(Displayed):
             object.__setattr__(self, name, tuple(names))
         one_of("norm", self.norm, ("hinf", "h2"))
         one_of("method", self.method, METHODS)
-        if self.order is not None and not (is_whole(self.order) and self.order >= 0):
-            raise invalid("order", self.order, "a whole number of at least 0", "It counts states.")
+        if self.order is not None:
+            whole_number("order", self.order, 0, remedy="It counts states.")
         if not isinstance(self.full_state, bool):
             raise invalid("full_state", self.full_state, "true or false", "Choose one of them.")
         for name in ("sample_rate_hz", "anti_aliasing_hz"):

@@ -221,6 +221,16 @@ def positive(argument: str | Key, value: Any, unit: str = "", zero: bool = False
     return number
 
 
+def whole_number(
+    argument: str | Key, value: Any, least: int, most: int | None = None, remedy: str = ""
+) -> int:
+    """Return `value` as an int if it is a whole number from `least` to `most`."""
+    if not is_whole(value) or value < least or (most is not None and value > most):
+        bounds = f"of at least {least}" if most is None else f"from {least} to {most}"
+        raise invalid(argument, value, f"a whole number {bounds}", remedy)
+    return int(value)
+
+
 def one_of(
     argument: str | Key, value: T, choices: Collection[T], remedy: str = "Choose one of these."
 ) -> T:

@@ -41,7 +41,7 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.base.budget import progress_bar, single_threaded_blas
-from robustpolish.base.checks import invalid, is_whole, misfit
+from robustpolish.base.checks import invalid, misfit, whole_number
 
 # What a function returned at one point, as named arrays that a file holds bit for bit.
 
@@ -641,9 +641,7 @@ def sweep(
     asked = read_points(points)
     if not callable(function):
         raise invalid("function", function, "a function", "Give the function to be called.")
-    if not is_whole(seed) or seed < 0:
-        raise invalid("seed", seed, "a whole number, at least zero", "Write seed=0.")
-    seed = int(seed)
+    seed = whole_number("seed", seed, 0, remedy="Write seed=0.")
     if executor is not None and executor != "serial" and not isinstance(executor, Executor):
         remedy = "Of a Dask client, give client.get_executor()."
         raise invalid("executor", executor, 'None, "serial" or an executor', remedy)

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from robustpolish.base.arrays import Matrix, Vector
-from robustpolish.base.checks import described, invalid, is_whole, misfit
+from robustpolish.base.checks import described, invalid, misfit, whole_number
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.base.sampling import share_at_least
 from robustpolish.base.sweep import sweep
@@ -209,8 +209,7 @@ def draw(
     left_out : tuple of str
         Keys whose error is not known; they keep their value.
     """
-    if not is_whole(samples) or samples < 1:
-        raise invalid("samples", samples, "a positive number of machines", "Ask for 200.")
+    whole_number("samples", samples, 1, remedy="Ask for 200 machines.")
     variances = np.diag(covariance)
     if np.any(variances < 0):
         raise misfit("standard_errors", "a negative variance", "errors of at least 0", "Check it.")

@@ -15,7 +15,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from robustpolish.base.arrays import Vector
-from robustpolish.base.checks import described, invalid, is_whole, one_of
+from robustpolish.base.checks import described, invalid, one_of, whole_number
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.base.sampling import draws, percentile, percentile_limits, share_limits
 from robustpolish.base.sweep import sweep
@@ -504,8 +504,7 @@ def sample_loops(
     SampledLoops
     """
     for name, value, least in (("samples", samples, 1), ("seed", seed, 0)):
-        if not is_whole(value) or value < least:
-            raise invalid(name, value, f"a whole number, at least {least}", "Write 200.")
+        whole_number(name, value, least, remedy="Write 200.")
     names, plant = tuple(sorted(distributions)), design.plant
     trial = Trial(plant, design.controller, design.norm, names, machine, load, figures)
     usual = trial.load_with({})

@@ -16,9 +16,9 @@ from robustpolish.base.checks import (
     described,
     instance_of,
     invalid,
-    is_whole,
     positive,
     state_space,
+    whole_number,
 )
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear.arithmetic.realisation import realisation
@@ -59,10 +59,8 @@ def pade(seconds: float, order: int) -> tuple[Matrix, Matrix, Matrix, Matrix]:
     [[-4.]] [[8.]] [[-1.]]
     """
     seconds = positive("seconds", seconds, "s")
-    if not is_whole(order) or not 1 <= order <= MOST_ORDER:
-        want = f"a whole number from 1 to {MOST_ORDER}"
-        raise invalid("order", order, want, "3 is right up to a phase of 3 rad of the delay.")
-    A, B, C, D = in_a_row(_sections(int(order)))
+    remedy = "3 is right up to a phase of 3 rad of the delay."
+    A, B, C, D = in_a_row(_sections(whole_number("order", order, 1, MOST_ORDER, remedy)))
     return A / seconds, B / math.sqrt(seconds), C / math.sqrt(seconds), D
 
 

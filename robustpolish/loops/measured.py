@@ -12,7 +12,7 @@ import control
 import numpy as np
 
 from robustpolish.base.arrays import AnyArray, Vector
-from robustpolish.base.checks import invalid, is_whole, misfit
+from robustpolish.base.checks import misfit, whole_number
 from robustpolish.linear.delayed_systems import resolvent_response
 from robustpolish.linear.stability import Stability
 from robustpolish.loops.loop import BreakableLoop, check_signals
@@ -58,9 +58,8 @@ class MeasuredLoop(BreakableLoop):
         InvalidInputError
             If the controller does not fit, or there are fewer than two lines.
         """
-        if not is_whole(unstable_poles) or unstable_poles < 0:
-            remedy = "Count the plant's poles in the right half plane; none is 0."
-            raise invalid("unstable_poles", unstable_poles, "a whole number from 0 on", remedy)
+        remedy = "Count the plant's poles in the right half plane; none is 0."
+        whole_number("unstable_poles", unstable_poles, 0, remedy=remedy)
         system = controller_system(plant, controller)
         check_signals(plant, system)
         lines: Any = plant.system

@@ -9,7 +9,7 @@ from typing import Any
 import control
 import numpy as np
 
-from robustpolish.base.checks import described, invalid, is_whole, positive
+from robustpolish.base.checks import described, invalid, positive, whole_number
 from robustpolish.linear.delayed_systems import in_a_row
 from robustpolish.plants.blocks import as_state_space, named_system
 from robustpolish.plants.plant import GeneralizedPlant
@@ -234,8 +234,7 @@ def weight(
     if not 1 / _LARGEST <= hertz <= _LARGEST:
         want = f"a frequency from {1 / _LARGEST:g} to {_LARGEST:g} Hz"
         raise invalid("crossover_hz", crossover_hz, want, "Check its unit.")
-    if not is_whole(order) or not 1 <= order <= MOST_ORDER:
-        raise invalid("order", order, f"a whole number from 1 to {MOST_ORDER}", "Take fewer.")
+    whole_number("order", order, 1, MOST_ORDER, "Take fewer.")
     if not (low > 1 > high or low < 1 < high):
         want = "one above and one below 1, which the weight passes at its crossover"
         remedy = "For another gain at the crossover multiply the weight by a number."

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from robustpolish.base.checks import described, instance_of, invalid, is_whole, misfit, positive
+from robustpolish.base.checks import described, instance_of, invalid, misfit, positive, whole_number
 from robustpolish.linear.delayed_systems import (
     DelayedSystem,
     DelayLine,
@@ -68,10 +68,9 @@ def lag(
             raise invalid("damping", shown, "order=2", "A damping ratio belongs to order 2.")
         order = 2
     order = 1 if order is None else order
-    if not is_whole(order) or not 1 <= order <= MOST_ORDER:
-        want = f"a whole number from 1 to {MOST_ORDER}"
-        raise invalid("order", order, want, "Pass another lag as dynamics=, a delay with_delay.")
-    A, B, C, D = in_a_row(_sections(int(order), damping))
+    remedy = "Pass another lag as dynamics=, a delay with_delay."
+    order = whole_number("order", order, 1, MOST_ORDER, remedy)
+    A, B, C, D = in_a_row(_sections(order, damping))
     rate = 2 * math.pi * hertz
     if not dt:
         return named_system((A * rate, B * rate, C, D), 0, ["u"], ["y"], state_names(len(A)))

@@ -183,7 +183,7 @@ def test_bearings_in_three_forms():
      (lambda: RotorBearing(0.0, "soft"), "stiffness", "(2, 2)"),
      (lambda: RotorBearing(0.0, 1.0, damping=math.inf), "damping", "finite"),
      (lambda: RotorBearing(0.0, tilting_stiffness=-1.0), "tilting_stiffness", "at least 0"),
-     (lambda: ISOTROPIC.reduced(0, PLACES), "modes", "above 0"),
+     (lambda: ISOTROPIC.reduced(0, PLACES), "modes", "at least 1"),
      (lambda: ISOTROPIC.reduced(2.5, PLACES), "modes", "whole"),
      (lambda: ISOTROPIC.reduced(2, []), "ports", "one place"),
      (lambda: ISOTROPIC.reduced(2, [np.nan]), "ports", "finite"),

@@ -26,7 +26,7 @@ from scipy.io import savemat
 
 from robustpolish.base.arrays import Array, Matrix, Vector
 from robustpolish.base.atomic_writes import new_file, write_file
-from robustpolish.base.checks import invalid, is_whole, one_of
+from robustpolish.base.checks import invalid, one_of, whole_number
 from robustpolish.base.saved import write_saved
 from robustpolish.base.versions import __version__
 from robustpolish.errors import MissingDependencyError, SolverError
@@ -234,8 +234,7 @@ def write_c(
     """
     place = target(path, identifier(name), ".c")
     one_of("precision", precision, ("double", "float"))
-    if not is_whole(test_vectors) or test_vectors < 0:
-        raise invalid("test_vectors", test_vectors, "a number of samples", "Pass 10000, or 0.")
+    whole_number("test_vectors", test_vectors, 0, remedy="Pass a number of samples, such as 10000.")
     write_file(place, c_text(spec, name, precision, _facts(spec, loss)), force)
     if test_vectors:
         with new_file(place.with_name(f"{place.stem}_vectors.csv"), force) as draft:

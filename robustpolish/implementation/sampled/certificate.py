@@ -14,7 +14,7 @@ from scipy import linalg
 
 from robustpolish.base.arrays import AnyMatrix, Matrix
 from robustpolish.base.budget import single_threaded_blas
-from robustpolish.base.checks import invalid, is_whole, misfit, positive, state_space
+from robustpolish.base.checks import invalid, misfit, positive, state_space, whole_number
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.implementation.sampled.induced_norm import (
     GainTest,
@@ -78,9 +78,8 @@ def filter_system(anti_aliasing: AntiAliasing, measurements: int) -> control.Sta
         order, corner = found if isinstance(found, tuple | list) else (2, found)
         if isinstance(corner, bool | str) or isinstance(order, bool):
             raise invalid("anti_aliasing", found, "a filter or its corner in Hz", _REMEDY)
-        if not is_whole(order) or not 1 <= order <= 8:
-            raise invalid("anti_aliasing", order, "a whole order from 1 to 8", _REMEDY)
-        found = lag(positive("anti_aliasing", corner, "Hz"), int(order), None, 0)
+        order = whole_number("anti_aliasing, its order", order, 1, 8, _REMEDY)
+        found = lag(positive("anti_aliasing", corner, "Hz"), order, None, 0)
     if found.ninputs == measurements:
         return found
     each = [np.kron(np.eye(measurements), M) for M in matrices_of(found)]
@@ -394,10 +393,6 @@ def _flow(E: AnyMatrix, out: AnyMatrix, length: float) -> tuple[AnyMatrix, AnyMa
     step = found[n:, n:]
     energy = step.conj().T @ found[:n, n:]
     for _ in range(times):
-        step, energy = _twice(step, energy)
+        # Exponential and energy over twice the time.
+        step, energy = step @ step, energy + step.conj().T @ energy @ step
     return step, energy
-
-
-def _twice(step: AnyMatrix, energy: AnyMatrix) -> tuple[AnyMatrix, AnyMatrix]:
-    """Return exponential and energy over twice the time."""
-    return step @ step, energy + step.conj().T @ energy @ step

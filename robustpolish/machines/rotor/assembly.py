@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag, eigh, null_space
 
 from robustpolish.base.arrays import AnyArray, AnyVector, Matrix, Vector
-from robustpolish.base.checks import described, instance_of, invalid, is_whole, matrix, positive
+from robustpolish.base.checks import described, instance_of, invalid, matrix, positive, whole_number
 
 # One beam element in one plane: its shapes, and the matrices that follow from them.
 #
@@ -192,8 +192,7 @@ class ShaftSegment:
             ratio = described(f"a Poisson's ratio of {self.poisson_ratio:.3g}")
             remedy = "Check both moduli: E = 2 (1 + nu) G."
             raise invalid("shear_modulus", ratio, "one between 0 and 0.5", remedy)
-        if not is_whole(self.elements) or self.elements < 1:
-            raise invalid("elements", self.elements, "a whole number of at least 1", "Take 10.")
+        whole_number("elements", self.elements, 1, remedy="Take 10.")
 
     @property
     def area(self) -> float:

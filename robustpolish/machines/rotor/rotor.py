@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import null_space
 
 from robustpolish.base.arrays import Array, Matrix, Vector
-from robustpolish.base.checks import described, instance_of, invalid, is_whole, one_of, positive
+from robustpolish.base.checks import described, instance_of, invalid, one_of, positive, whole_number
 from robustpolish.base.results import Card, Displayed, Table, quantities
 from robustpolish.machines.rotor.assembly import (
     Assembly,
@@ -731,11 +731,10 @@ class RotorModel(Displayed):
         if modes is None:
             count = len(system.normal_modes[0]) // 2
             return ReducedRotor(self.assembly, system, None, tuple(places), method, count, speed)
-        if not is_whole(modes) or modes < 1:
-            raise invalid("modes", modes, "a whole number above 0, or None", "Take 3.")
-        bases = reduction_basis(system, self.assembly.ports(places), int(modes), method, speed)
+        modes = whole_number("modes", modes, 1, remedy="Take 3, or None for all.")
+        bases = reduction_basis(system, self.assembly.ports(places), modes, method, speed)
         own = system.projected(*bases)
-        return ReducedRotor(self.assembly, own, bases, tuple(places), method, int(modes), speed)
+        return ReducedRotor(self.assembly, own, bases, tuple(places), method, modes, speed)
 
     def plant(
         self,

@@ -14,7 +14,7 @@ from numpy.polynomial import chebyshev
 from scipy.optimize import linprog
 
 from robustpolish.base.arrays import AnyArray, AnyVector, Matrix, Vector
-from robustpolish.base.checks import described, invalid, is_whole, one_of
+from robustpolish.base.checks import described, invalid, one_of, whole_number
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear.arithmetic.powers_of_two import refuse_extreme
 from robustpolish.linear.norms.singular_values import frequency_grid
@@ -585,8 +585,7 @@ def cover(
     True
     """
     one_of("kind", kind, get_args(Kind))
-    if not is_whole(order) or not 0 <= order <= _MOST_ORDER:
-        raise invalid("order", order, f"a whole number from 0 to {_MOST_ORDER}", "Try 2.")
+    whole_number("order", order, 0, _MOST_ORDER, "Try 2.")
     family = read_family(plants, nominal)
     centre, found = _chosen(family, kind)
     largest = found.max(axis=0)
