@@ -8,7 +8,6 @@ import numpy as np
 
 import robustpolish as rp
 from robustpolish.base.budget import Budget
-from robustpolish.synthesis.lmi.mixed import Specification, mixed_start
 from robustpolish.synthesis.lmi.output_feedback import (
     LmiVariables,
     bounded_real,
@@ -24,6 +23,7 @@ from robustpolish.synthesis.problem.preflight import (
     with_control_penalty,
     with_measurement_noise,
 )
+from robustpolish.synthesis.structured.starts import Specification, mixed_start
 
 SOLVER = ProgramSolver("cvxpy", None, Budget(), accuracy=1e-8)
 

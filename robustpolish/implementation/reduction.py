@@ -186,7 +186,7 @@ class Reducer:
                 *_or_none(loop_gramians, plant, K, loop),
             ]
             ways += _or_none(coprime_gramians, K, plant.is_discrete)
-        self._ways = [(way, *_projection(way)) for way in ways]
+        self._ways = [(way, *balancing_projection(way)) for way in ways]
         self.hankel: dict[str, Vector] = {way.name: values for way, _, _, values in self._ways}
 
     def of_order(self, order: int) -> Iterator[ReducedCandidate]:
@@ -227,7 +227,7 @@ def _truncated(K: Parts, order: int) -> Parts:
     return A[:order, :order], B[:order], C[:, :order], D
 
 
-def _projection(way: WeightedGramians) -> tuple[Matrix, Matrix, Vector]:
+def balancing_projection(way: WeightedGramians) -> tuple[Matrix, Matrix, Vector]:
     """Return coordinates in which both Gramians are equal and diagonal, largest first.
 
     States that cannot be told from nothing are left out, which loses nothing that counts.

@@ -37,6 +37,11 @@ _DIRECTIONS = 2
 _CHANGE = 0.05
 
 
+Nominal = Literal["stable", "unstable", "marginal"]
+Outcome = Literal["bracketed", "wide", "no witness", "incomplete"]
+Status = Literal[Outcome, "unstable", "marginal", "unaffected"]
+
+
 @dataclass(frozen=True, eq=False)
 class AnalysedLoop:
     """The loop that a result is about.
@@ -177,6 +182,19 @@ class MuOverFrequency(Displayed):
 class Witnessed(MuOverFrequency):
     """A result about an uncertain system, with the machine that reaches its bound."""
 
+    lower: float
+    upper: float
+    critical_frequency: float
+    witness: Mapping[str, Any] = field(default_factory=dict)
+    intervals: tuple[tuple[float, float], ...] = ()
+    status: Status = "bracketed"
+    proven: bool = False
+
+    @property
+    def reason(self) -> str:
+        """The status in a sentence."""
+        return status_sentence(self.status)
+
     def worst_plant(self) -> control.StateSpace:
         """Return the system at the witness.
 
@@ -191,28 +209,26 @@ class Witnessed(MuOverFrequency):
         InvalidInputError
             If no witness was found.
         """
-        asked, witness = self._source(), getattr(self, "witness", None)
-        if not witness or asked.system is None:
+        asked = self._source()
+        if not self.witness or asked.system is None:
             remedy = "Look at .status, which says why."
             raise invalid("result", described("no witness"), "one that was found", remedy)
-        return system_at_witness(asked.system, witness, self._shown()[2], asked.loop.step)
+        return system_at_witness(asked.system, self.witness, self._shown()[2], asked.loop.step)
 
     def _shown(self) -> tuple[str, tuple[float, float], float]:
-        margin: Any = self
-        mu = reciprocal(margin.upper), reciprocal(margin.lower)
-        return self._drawn, mu, margin.critical_frequency
+        mu = reciprocal(self.upper), reciprocal(self.lower)
+        return self._drawn, mu, self.critical_frequency
 
     def _bounds_card(self, title: str, what: str, *more: tuple[str, float]) -> Card:
         """Return the card of a result with both bounds."""
-        found: Any = self
         rows = (
-            (f"{what} at least", found.lower),
-            (f"{what} at most", found.upper),
+            (f"{what} at least", self.lower),
+            (f"{what} at most", self.upper),
             *more,
-            ("critical frequency [rad/s]", found.critical_frequency),
-            ("proven", found.proven),
+            ("critical frequency [rad/s]", self.critical_frequency),
+            ("proven", self.proven),
         )
-        return Card(title, (quantities(*rows),), (found.reason,))
+        return Card(title, (quantities(*rows),), (self.reason,))
 
 
 def system_at_witness(
@@ -229,10 +245,6 @@ def system_at_witness(
 
 
 # Bounds and witness in the units of the system, and their status.
-
-Nominal = Literal["stable", "unstable", "marginal"]
-Outcome = Literal["bracketed", "wide", "no witness", "incomplete"]
-Status = Literal[Outcome, "unstable", "marginal", "unaffected"]
 
 # Of the gap, which is a difference of nearly equal numbers.
 _ROUNDING = 1e-9
@@ -385,14 +397,6 @@ class RobustStability(Witnessed):
     {'c': 1.0}
     """
 
-    lower: float
-    upper: float
-    critical_frequency: float
-    witness: Mapping[str, Any] = field(default_factory=dict)
-    intervals: tuple[tuple[float, float], ...] = ()
-    status: Status = "bracketed"
-    proven: bool = False
-
     @property
     def reason(self) -> str:
         """The status in a sentence."""
@@ -529,19 +533,7 @@ class RobustPerformance(Witnessed):
     (True, True)
     """
 
-    lower: float
-    upper: float
-    gamma: float
-    critical_frequency: float
-    witness: Mapping[str, Any] = field(default_factory=dict)
-    intervals: tuple[tuple[float, float], ...] = ()
-    status: Status = "bracketed"
-    proven: bool = False
-
-    @property
-    def reason(self) -> str:
-        """The status in a sentence."""
-        return status_sentence(self.status)
+    gamma: float = field(default=1.0, kw_only=True)
 
     @property
     def mu(self) -> tuple[float, float]:
@@ -587,14 +579,7 @@ class WorstCaseGain(Witnessed):
     True
     """
 
-    lower: float
-    upper: float
-    nominal: float
-    critical_frequency: float
-    witness: Mapping[str, Any] = field(default_factory=dict)
-    intervals: tuple[tuple[float, float], ...] = ()
-    status: Status = "bracketed"
-    proven: bool = False
+    nominal: float = field(kw_only=True)
 
     @property
     def reason(self) -> str:
@@ -649,11 +634,11 @@ def robust_performance(
     gamma, gap = positive("gamma", gamma), positive("gap", gap)
     status = nominal_status(system.interconnection)
     if status != "stable":
-        return RobustPerformance(0.0, 0.0, gamma, math.nan, status=status)
+        return RobustPerformance(0.0, 0.0, math.nan, status=status, gamma=gamma)
     scaled = UncertainSystem(product(constant(np.eye(system.noutputs) / gamma), system.matrices))
     loop = LoopModel.of(scaled, _performance(system))
     level, size, told = _physical_bounds(system, loop, gap)
-    return RobustPerformance(reciprocal_below(level), size, gamma, **told)
+    return RobustPerformance(reciprocal_below(level), size, gamma=gamma, **told)
 
 
 @single_threaded_blas
@@ -690,7 +675,7 @@ def worst_case_gain(system: UncertainSystem, *, gap: float = GAP) -> WorstCaseGa
     if margin.upper <= 1:
         gain = math.inf if margin.upper == 0 else _nominal_gain(system)
         where = margin.critical_frequency, margin.witness
-        return WorstCaseGain(math.inf, math.inf, gain, *where, (), status)
+        return WorstCaseGain(math.inf, math.inf, *where, (), status, nominal=gain)
     nominal = _nominal_gain(system)
     loop = LoopModel.of(system, _performance(system))
     unit = nominal or 1.0
@@ -703,7 +688,7 @@ def worst_case_gain(system: UncertainSystem, *, gap: float = GAP) -> WorstCaseGa
         machine = system_at_witness(system, told["witness"], omega, loop.step)
         lower = max(lower, _gain_at(machine, omega))
     upper = max(math.nextafter(level * unit, math.inf), lower)
-    return WorstCaseGain(lower, upper, nominal, **told)
+    return WorstCaseGain(lower, upper, nominal=nominal, **told)
 
 
 def _performance(system: UncertainSystem) -> DeltaBlock:

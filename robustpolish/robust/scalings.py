@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import flint
@@ -517,14 +517,9 @@ def best_scalings(
     ScaledBound
         Of an infinite level if none were found.
     """
-    starts = [initial_scalings(inequality), *(at(inequality, ScaledBound(0.0, x)) for x in others)]
-    start = min(starts, key=lambda level: level.square)
+    known = (ScaledBound(inequality.least_square(x), x) for x in others)
+    start = min([initial_scalings(inequality), *known], key=lambda level: level.square)
     return reduce_level(inequality, start, target) if math.isfinite(start.square) else start
-
-
-def at(inequality: Inequality, level: ScaledBound) -> ScaledBound:
-    """Return what scalings prove of another inequality."""
-    return replace(level, square=inequality.least_square(level.x))
 
 
 # An upper bound of the structured singular value that holds between all frequencies.
@@ -700,11 +695,9 @@ def cover(
             inequality = Inequality(space, response(loop.model, omega)[None])
         except np.linalg.LinAlgError:
             return None
-        others = [at(inequality, ScaledBound(0.0, x)) for x in last]
-        start = min([initial_scalings(inequality), *others], key=lambda found: found.square)
-        if not math.isfinite(start.square):
+        found = best_scalings(inequality, level**2, last)
+        if not math.isfinite(found.square):
             return None
-        found = reduce_level(inequality, start, level**2)
         if not found.level < level:
             peaks.append((omega, found.level, found))
             level = found.level * (1 + slack)

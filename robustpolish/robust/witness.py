@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import control
@@ -235,7 +236,9 @@ class _SmallestDeltaProblem:
 
     def __init__(self, structure: DeltaStructure, response: Response, scale: Vector, w: AnyVector,
                  at: float, moves: bool, fixed: tuple[bool, ...]) -> None:  # fmt: skip
-        self.structure, self.response, self.scale = structure, response, scale
+        # Equations and inequalities ask for the same.
+        self.response = lru_cache(maxsize=1)(response)
+        self.structure, self.scale = structure, scale
         self.at, self.moves, self.fixed = at, moves, fixed
         self.w = w / np.linalg.norm(w)
         self.places: list[slice] = []
@@ -248,7 +251,6 @@ class _SmallestDeltaProblem:
         self.count = first + 2
         self.size = 1.0
         self.unit = np.eye(self.count)[-1]
-        self.cache: tuple[float, AnyMatrix, AnyMatrix] | None = None
 
     @staticmethod
     def _is_free(block: DeltaBlock) -> bool:
@@ -262,10 +264,8 @@ class _SmallestDeltaProblem:
 
     def M(self, at: float) -> tuple[AnyMatrix, AnyMatrix]:
         """Return M from scaled w to z, and its derivative."""
-        if self.cache is None or self.cache[0] != at:
-            M, slope = self.response(at)
-            self.cache = (at, M * self.scale, slope * self.scale)
-        return self.cache[1], self.cache[2]
+        M, slope = self.response(at)
+        return M * self.scale, slope * self.scale
 
     def start(self, deltas: tuple[complex | None, ...] | None) -> Vector | None:
         M, _ = self.M(self.at)

@@ -148,10 +148,7 @@ class MethodComparison(Displayed):
 
     def __getitem__(self, method: str) -> MethodResult:
         """Return the result of a method by its name."""
-        for result in self.results:
-            if result.method == method:
-                return result
-        raise KeyError(method)
+        return {result.method: result for result in self.results}[method]
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the achieved norm against the controller's gain.

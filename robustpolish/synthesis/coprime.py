@@ -12,6 +12,7 @@ from scipy import linalg
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.checks import described, invalid, one_of
 from robustpolish.errors import SolverError
+from robustpolish.implementation.sampled.lifting import border_scale
 from robustpolish.linear.arithmetic.powers_of_two import refuse_extreme
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.plants.blocks import (
@@ -22,7 +23,11 @@ from robustpolish.plants.blocks import (
 )
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import exact_delays
-from robustpolish.synthesis.problem.matrices import SystemMatrices, bordered_scale, cayley
+from robustpolish.synthesis.problem.matrices import (
+    SystemMatrices,
+    cayley,
+    in_series,
+)
 from robustpolish.synthesis.problem.preflight import check_solvability
 from robustpolish.synthesis.riccati.gamma import solve_riccati
 
@@ -115,7 +120,7 @@ def coprime(plant: GeneralizedPlant) -> Coprime:
             raise invalid("plant", shown, "one without", "Shift it, or take the continuous plant.")
         A, B, C, D = cayley(A, B, C, D)
     into, out = np.abs(B).max(axis=1, initial=0), np.abs(C).max(axis=0, initial=0)
-    t = bordered_scale(np.abs(A), into, out)
+    t = border_scale(A, into, out)
     A, B, C = A * t / t[:, None], B / t[:, None], C * t
     S, R = np.eye(B.shape[1]) + D.T @ D, np.eye(len(C)) + D @ D.T
     if max(np.linalg.cond(S), np.linalg.cond(R)) > 1 / np.finfo(float).eps:
@@ -144,17 +149,6 @@ def loop_plant(argument: str, plant: Any) -> GeneralizedPlant:
         raise invalid(argument, shown, "at least one of each", "Check controls=, measurements=.")
     refuse_extreme(argument, {name: getattr(plant, name) for name in ("A", "B2", "C2", "D22")})
     return plant
-
-
-def in_series(first: SystemMatrices, second: SystemMatrices) -> SystemMatrices:
-    """Return second after first."""
-    a, b = first, second
-    return SystemMatrices(
-        np.block([[a.A, np.zeros((len(a.A), len(b.A)))], [b.B @ a.C, b.A]]),
-        np.vstack([a.B, b.B @ a.D]),
-        np.hstack([b.D @ a.C, b.C]),
-        b.D @ a.D,
-    )
 
 
 def consistent_matrices(system: control.StateSpace) -> SystemMatrices:
@@ -317,7 +311,9 @@ def _plant(argument: str, given: Any) -> GeneralizedPlant:
 
 def _has_zero_winding(one: Coprime, other: Coprime) -> bool:
     """Tell whether the determinant has as many zeros as poles to the right of the axis."""
-    right, para = one.right(), _adjoint(other.right())
+    right, (A, B, C, D) = one.right(), other.right()
+    # Its response on the axis is the conjugate transpose.
+    para = SystemMatrices(-A.T, -C.T, B.T, D.T)
     A, B, C, D = in_series(right, para)
     antistable = len(para.A)
     size = np.linalg.svd(D, compute_uv=False)
@@ -325,9 +321,3 @@ def _has_zero_winding(one: Coprime, other: Coprime) -> bool:
         return False  # zero at infinite frequency
     zeros = np.linalg.eigvals(A - B @ np.linalg.solve(D, C)) if len(A) else np.zeros(0)
     return int((zeros.real > 0).sum()) == antistable
-
-
-def _adjoint(system: SystemMatrices) -> SystemMatrices:
-    """Return the system whose response on the axis is the conjugate transpose."""
-    A, B, C, D = system
-    return SystemMatrices(-A.T, -C.T, B.T, D.T)

@@ -106,26 +106,20 @@ def _without_many_modes(K: Controller, hold: bool) -> Iterator[Controller]:
 
 def _without_one_mode(K: Controller, hold: bool) -> Iterator[Controller]:
     """Propose controllers with one mode less: without the fastest, without the weakest."""
-    values = np.linalg.eigvals(K.A)
+    values, vectors = np.linalg.eig(K.A)
     fastest = np.abs(values).max()
     yield from _truncate_modes(K, lambda v: np.abs(v) > 0.9 * fastest, hold)
-    weakest = _weakest_mode(K, values)
-    if weakest is not None:
-        pair = np.array([weakest, weakest.conjugate()])
-        yield from _truncate_modes(K, lambda v: np.abs(v - pair).min() <= 1e-9 * fastest, False)
-
-
-def _weakest_mode(K: Controller, values: Any) -> complex | None:
-    """Return the eigenvalue whose mode adds least to the controller's response."""
-    _, vectors = np.linalg.eig(K.A)
     try:
         left = np.linalg.inv(vectors)
     except np.linalg.LinAlgError:
-        return None
-    damping = np.maximum(np.abs(values.real), 1e-12 * np.abs(values).max())
+        return
+    # What a mode adds to the response.
+    damping = np.maximum(np.abs(values.real), 1e-12 * fastest)
     size = np.linalg.norm(K.C @ vectors, axis=0) * np.linalg.norm(left @ K.B, axis=1) / damping
-    i = int(np.argmin(size))
-    return complex(values[i]) if size[i] <= 1e-2 * size.max() else None
+    weakest = values[np.argmin(size)]
+    if size.min() <= 1e-2 * size.max():
+        pair = np.array([weakest, weakest.conjugate()])
+        yield from _truncate_modes(K, lambda v: np.abs(v - pair).min() <= 1e-9 * fastest, False)
 
 
 def _truncate_modes(
@@ -363,13 +357,13 @@ class PartSearch:
                 if achieved <= each.achieved * (1 + 1e-3) and kept:
                     done = ChosenController(*found, claim, owner, self._status(achieved), bound)
                     # The gentlest controller is no better than one that misses what was seen of it.
-                    return min([done, *spare], key=_achieved) if last else done
+                    return min([done, *spare], key=lambda one: one.achieved) if last else done
                 # Its loop is worse in the plant's own units than the search saw in scaled ones.
                 spare.append(ChosenController(*found, claim, owner, "suboptimal", bound))
             if last:
                 break
         if spare:
-            return min(spare, key=_achieved)
+            return min(spare, key=lambda one: one.achieved)
         return self._again(reasons).choose(enough, prove)
 
     def _limit(self, best: float) -> float:
@@ -442,10 +436,6 @@ class PartSearch:
         remarks += [f"It has the {mode}." for mode in self.diagnosis.fixed_modes]
         more = time_limit_note(self.budget)
         raise SolverError(" ".join([f"No certified controller was found: {why}.{more}", *remarks]))
-
-
-def _achieved(chosen: ChosenController) -> float:
-    return chosen.achieved
 
 
 def _truncated_plant(

@@ -17,12 +17,17 @@ from robustpolish.base.arrays import AnyVector as Vector
 from robustpolish.base.budget import Budget, single_threaded_blas
 from robustpolish.base.checks import described, invalid, is_whole, misfit, positive
 from robustpolish.errors import SolverError
+from robustpolish.implementation.reduction import (
+    balancing_projection,
+    from_factor,
+    own_gramians,
+)
 from robustpolish.linear.delayed_systems import resolvent_response
 from robustpolish.plants.blocks import as_state_space, named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import single_filter
 from robustpolish.synthesis.certificate import Certificate, certify
-from robustpolish.synthesis.coprime import consistent_matrices, coprime, in_series, loop_plant
+from robustpolish.synthesis.coprime import consistent_matrices, coprime, loop_plant
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.problem.matrices import (
     Controller,
@@ -30,9 +35,9 @@ from robustpolish.synthesis.problem.matrices import (
     balanced,
     cayley,
     cayley_back,
+    in_series,
 )
 from robustpolish.synthesis.problem.preflight import named_controller
-from robustpolish.synthesis.riccati.gamma import solve_lyapunov
 
 # Order reduction by balanced truncation of normalised coprime factors.
 
@@ -62,24 +67,16 @@ def reduce_in_gap_metric(K: control.StateSpace, order: int) -> SystemMatrices:
     SolverError
         If the factors could not be computed or truncated.
     """
-    A, B, C, D = coprime(loop_plant("controller", K)).right()
-    reach, seen = solve_lyapunov(A.T, B @ B.T), solve_lyapunov(A, C.T @ C)
-    if reach is None or seen is None:
+    factors = coprime(loop_plant("controller", K)).right()
+    ways = own_gramians("right coprime", factors, False, "right")
+    if not ways:
         raise SolverError("The controller's coprime factors could not be balanced; reduce less.")
-    # Roots R with R R' of the positive semidefinite Gramians.
-    pairs = [np.linalg.eigh(gramian) for gramian in (reach, seen)]
-    into, out = (vectors * np.sqrt(np.maximum(values, 0.0)) for values, vectors in pairs)
-    U, sizes, Vh = np.linalg.svd(out.T @ into)
-    if order and sizes[order - 1] <= np.finfo(float).eps * len(A) * sizes[0]:
+    T, Ti, _ = balancing_projection(ways[0])
+    if order > T.shape[1]:
         raise SolverError(f"The controller has fewer than {order} states that matter.")
-    scale = 1 / np.sqrt(sizes[:order])
-    left, right = (out @ U[:, :order] * scale).T, into @ Vh[:order].T * scale
-    A, B, C = left @ A @ right, left @ B, C @ right
-    p = K.noutputs or 0
-    # u = N M^-1 y: M v = y gives v, which drives N.
-    inner = np.linalg.inv(D[p:])
-    own = B @ inner
-    found = SystemMatrices(A - own @ C[p:], own, C[:p] - D[:p] @ inner @ C[p:], D[:p] @ inner)
+    left, right = Ti[:order], T[:, :order]
+    short = left @ factors.A @ right, left @ factors.B, factors.C @ right, factors.D
+    found = SystemMatrices(*from_factor(short, "right", K.ninputs or 0, K.noutputs or 0))
     return cayley_back(found) if K.isdtime(strict=True) else found
 
 

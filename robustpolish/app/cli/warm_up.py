@@ -23,7 +23,6 @@ from robustpolish.machines.effects.kind import EffectKind
 from robustpolish.machines.effects.spline_law import spline_basis
 from robustpolish.machines.simulation import simulate_model
 from robustpolish.polishing.thesis.listing import listing_response
-from robustpolish.synthesis.proofs.frequency_response import responses
 
 # A small call for every kind of compiled function, so that all of them are compiled and kept.
 
@@ -49,7 +48,6 @@ def norms() -> None:
                 rp.hinf_norm(given, exact=exact)
             rp.h2_norm(given)
             rp.linear.prescale(given)
-    responses(A, np.ones((8, 1)), np.ones((1, 8)), np.ones((1, 1)), np.ones(1))  # large loops
 
 
 def brush_on_a_trough() -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -98,12 +100,18 @@ class LmiVariables(NamedTuple):
             program.matrix(nu, ny, hidden if norm == "h2" else None),
         )
 
+    @classmethod
+    def of_each(
+        cls, program: SemidefiniteProgram, plants: Sequence[PlantMatrices], norm: Norm
+    ) -> list[LmiVariables]:
+        """Declare those of several plants, which share X and Y."""
+        first = cls.of(program, plants[0], norm)
+        others = ([program.matrix(*part.shape) for part in first[2:]] for _ in plants[1:])
+        return [first, *(cls(first.X, first.Y, *own) for own in others)]
+
     def at(self, solution: SemidefiniteSolution) -> LmiVariables:
         """Return their values, unverified."""
         return LmiVariables(*(solution.value(M) for M in self))
-
-
-LmiValues = LmiVariables
 
 
 class LoopTerms(NamedTuple):
@@ -159,15 +167,13 @@ def impose_h2(program: SemidefiniteProgram, loop: LoopTerms, v: LmiVariables) ->
     return energy.trace
 
 
-def variable_bound(program: SemidefiniteProgram, v: LmiVariables) -> Affine:
-    """Return a scalar that bounds X, Y and the norm of the controller variables."""
-    size = program.scalar()
+def bound_variables(program: SemidefiniteProgram, v: LmiVariables, size: Affine) -> None:
+    """Require X, Y and the norm of the controller variables to be below a scalar."""
     for M in (v.X, v.Y):
         program.positive(size.times(np.eye(M.shape[0])) - M)
     K = block_matrix([[v.A, v.B], [v.C, v.D]])
     rows, columns = (size.times(np.eye(count)) for count in K.shape)
     program.positive(symmetric_block([[rows, K], [columns]]))
-    return size
 
 
 def coupling(program: SemidefiniteProgram, v: LmiVariables, beta: Affine | None = None) -> None:
@@ -309,12 +315,12 @@ _RECONSTRUCTION_ROOM = 1.5
 
 
 def well_conditioned_controllers(
-    plant: PlantMatrices,
+    plants: Sequence[PlantMatrices],
     norm: Norm,
-    impose: Callable[[SemidefiniteProgram, LmiVariables], None],
+    impose: Callable[[SemidefiniteProgram, Sequence[LmiVariables]], None],
     solver: ProgramSolver,
-) -> Iterator[Controller]:
-    """Yield controllers for a bound that has been backed off from the optimum.
+) -> Iterator[list[Controller]]:
+    """Yield a controller for each plant, for a bound that has been backed off from the optimum.
 
     First the size of all variables is minimised. Then I - XY is pushed away from singularity by
     maximising beta in [X beta I; beta I Y] >= 0, with a little more size. The second
@@ -322,39 +328,75 @@ def well_conditioned_controllers(
 
     Parameters
     ----------
-    plant : PlantMatrices
-        In states in which X and Y are balanced.
+    plants : sequence of PlantMatrices
+        In states in which X and Y are balanced; several share them.
     norm : {"hinf", "h2"}
     impose : callable
-        (program, unknowns): adds the inequalities of the norm.
+        (program, unknowns of each plant): adds the inequalities of the norm.
     solver : ProgramSolver
     """
 
-    def solved(largest: float | None) -> LmiVariables | None:
+    def solved(largest: float | None) -> list[LmiVariables] | None:
         program = SemidefiniteProgram()
-        v = LmiVariables.of(program, plant, norm)
-        impose(program, v)
-        size = variable_bound(program, v)
+        unknowns = LmiVariables.of_each(program, plants, norm)
+        impose(program, unknowns)
+        size: Affine = program.scalar()
+        for v in unknowns:
+            bound_variables(program, v, size)
         if largest is None:
-            coupling(program, v)
+            coupling(program, unknowns[0])
             program.minimise(size)
         else:
             beta: Affine = program.scalar()
-            coupling(program, v, beta)
+            coupling(program, unknowns[0], beta)
             program.nonnegative(largest - size)
             program.minimise(-beta)
         found = solver.solve(program)
-        return None if found.x is None else v.at(found)
+        return None if found.x is None else [v.at(found) for v in unknowns]
 
     small = solved(None)
     if small is None:
         return
-    parts = (small.X, small.Y, np.block([[small.A, small.B], [small.C, small.D]]))
+    parts = [M for v in small for M in (v.X, v.Y, np.block([[v.A, v.B], [v.C, v.D]]))]
     size = max(float(np.linalg.norm(M, 2)) for M in parts)
     for found in (solved(_RECONSTRUCTION_ROOM * size), small):
-        K = None if found is None else reconstruct(plant, found)
-        if K is not None:
-            yield K
+        made = map(reconstruct, plants, found or ())
+        controllers = [K for K in made if K is not None]
+        if len(controllers) == len(plants):
+            yield controllers
+
+
+def controllers_near_optimum(
+    plants: Sequence[PlantMatrices],
+    impose: Callable[[SemidefiniteProgram, Sequence[LmiVariables], Affine], None],
+    solver: ProgramSolver,
+    back_offs: Iterable[float],
+) -> Iterator[tuple[list[Controller], float]]:
+    """Minimise an H-infinity norm, back off from it, and yield controllers with the norm claimed.
+
+    Parameters
+    ----------
+    plants : sequence of PlantMatrices
+        They share X and Y; each gets a controller.
+    impose : callable
+        (program, unknowns of each plant, square of the norm): adds the inequalities.
+    solver : ProgramSolver
+    back_offs : iterable of float
+        Relative distances from the smallest norm, one after the other.
+    """
+    program = SemidefiniteProgram()
+    unknowns, square = LmiVariables.of_each(program, plants, "hinf"), program.scalar()
+    impose(program, unknowns, square)
+    coupling(program, unknowns[0])
+    program.minimise(square)
+    solution = solver.solve(program)
+    if solution.x is None:
+        return
+    least = math.sqrt(max(float(solution.value(square).item()), 0.0))
+    for limit in (least * (1 + back_off) for back_off in back_offs):
+        bounded = partial(impose, square=Affine.of(limit**2))
+        for controllers in well_conditioned_controllers(plants, "hinf", bounded, solver):
+            yield controllers, limit
 
 
 def reconstruct(plant: PlantMatrices, found: LmiVariables) -> Controller | None:

@@ -12,8 +12,11 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
-from robustpolish.base.arrays import Array, Vector
+from robustpolish.base.arrays import Vector
 from robustpolish.base.budget import step_cost
+from robustpolish.linear.arithmetic.realisation import Realisation
+from robustpolish.linear.delayed_systems import resolvent_response
+from robustpolish.linear.norms.hinf import cayley, hamiltonian
 from robustpolish.synthesis.nonsmooth.descent import ActivePiece, Measure
 from robustpolish.synthesis.problem.matrices import PlantMatrices, StaticLoop, close_static_loop
 
@@ -132,8 +135,10 @@ class LoopResponse:
     def __init__(self, closed: StaticLoop) -> None:
         self.closed = closed
         self.discrete = closed.plant.discrete
-        self.A, self.B, self.C, self.D = _continuous(closed)
-        self.feedthrough = float(np.linalg.norm(self.D, 2)) if self.D.any() else 0.0
+        # Of a discrete loop a continuous one with the same norm.
+        self.model = cayley(Realisation(closed.A, closed.B, closed.C, closed.D, self.discrete))
+        D = self.model.D
+        self.feedthrough = float(np.linalg.norm(D, 2)) if D.any() else 0.0
         self._modal_use: bool | None = None if len(closed.A) >= _MODAL_STATES else False
 
     def point(self, frequency: float | Vector) -> Any:
@@ -166,13 +171,8 @@ class LoopResponse:
 
     def _solved(self, points: Complex) -> Complex:
         """Responses at some points by linear solves; infinite where one has no solution."""
-        A, B, C, D = self.closed.A, self.closed.B, self.closed.C, self.closed.D
-        pencils = points[:, None, None] * np.eye(len(A)) - A
-        try:
-            states = np.linalg.solve(pencils, np.broadcast_to(B, (len(points), *B.shape)))
-        except np.linalg.LinAlgError:
-            return np.full((len(points), *D.shape), np.inf + 0j)
-        return C @ states + D
+        loop = self.closed
+        return resolvent_response(loop.A, loop.B, loop.C, loop.D, points)
 
     def _agrees(self, points: Complex) -> bool:
         """Whether modes tell the largest of some responses as a linear solve does."""
@@ -184,25 +184,10 @@ class LoopResponse:
 
     def crossings(self, level: float) -> Vector:
         """Frequencies at which a singular value equals `level`, increasing."""
-        A, B, C, D = self.A, self.B, self.C, self.D
-        square = level * level
-        if not np.isfinite(square):
+        H = hamiltonian(self.model, level) if np.isfinite(level * level) else None
+        if H is None or not np.isfinite(H).all():
             return np.zeros(0)  # beyond doubles nobody can tell
-        R = square * np.eye(D.shape[1]) - D.T @ D
-        S = square * np.eye(D.shape[0]) - D @ D.T
-        try:
-            RB = np.linalg.solve(R, np.hstack([D.T @ C, B.T]))
-            SC = np.linalg.solve(S, C)
-        except np.linalg.LinAlgError:
-            return np.zeros(0)
-        n = len(A)
-        F = A + B @ RB[:, :n]
-        hamiltonian = np.block(
-            [[F, level * (B @ RB[:, n:])], [-level * (C.T @ SC), -F.T]],
-        )
-        if not np.isfinite(hamiltonian).all():
-            return np.zeros(0)
-        values = np.linalg.eigvals(hamiltonian)
+        values = np.linalg.eigvals(H)
         # A crossing that rounding moved off the axis costs nothing but a look too many.
         near = np.abs(values.real) <= 1e-6 * np.abs(values) + 1e-13 * np.abs(values).max()
         omega = np.unique(np.abs(values[near].imag))
@@ -223,48 +208,21 @@ class LoopResponse:
 def _largest(values: Complex) -> Vector:
     """Return the largest singular value of each of some matrices.
 
-    Where it is far below that of another matrix, a bound from above stands for it: nobody looks for
-    peaks there. Roots of sums of the singular values' second and eighth powers are such bounds.
+    Of those that are surely far below the largest of all an upper bound will do.
     """
     if not np.isfinite(values).all():
         return np.full(len(values), np.inf)
-    high = float(np.max(np.abs(values), initial=0.0))
-    if high and not _SQUARED < high < 1 / _SQUARED:
-        unit = np.ldexp(1.0, np.frexp(high)[1] - 1) if np.isfinite(high) else 2.0**1023
-        return unit * _largest(values / unit)
-    found = np.linalg.norm(values, axis=(1, 2))
-    if min(values.shape[1:]) == 1:
-        return found
-    near = np.flatnonzero(found >= _FAR * np.linalg.norm(values[int(np.argmax(found))], 2))
-    adjoint = values[near].conj().swapaxes(1, 2)
-    wide = values.shape[1] <= values.shape[2]
-    gram = values[near] @ adjoint if wide else adjoint @ values[near]
-    size = np.linalg.norm(gram, axis=(1, 2))
-    unit = gram / np.where(size > 0, size, 1.0)[:, None, None]
-    found[near] = np.sqrt(size * np.sqrt(np.linalg.norm(unit @ unit, axis=(1, 2))))
-    top = int(near[np.argmax(found[near])])
-    high = found[near] >= _FAR * np.linalg.norm(values[top], 2)
-    found[near[high]] = np.sqrt(np.maximum(np.linalg.eigvalsh(gram[high])[:, -1], 0.0))
-    return found
+    unit = float(np.abs(values).max(initial=0.0)) or 1.0  # squares may leave doubles
+    found = np.linalg.norm(values / unit, axis=(1, 2))
+    if min(values.shape[1:]) > 1:
+        top = np.linalg.norm(values[int(np.argmax(found))] / unit, 2)
+        near = found >= _FAR * top
+        found[near] = np.linalg.svd(values[near] / unit, compute_uv=False)[:, 0]
+    return unit * found
 
 
-# The fourth powers of what is larger, and of its inverse, are within doubles.
-_SQUARED = 1e-70
 # Peaks are asked for within a twentieth of the highest; this leaves room.
 _FAR = 0.9
-
-
-def _continuous(closed: StaticLoop) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-    """Map a discrete loop to a continuous one with the same norm (z = (1 + s)/(1 - s))."""
-    A, B, C, D = closed.A, closed.B, closed.C, closed.D
-    if not closed.plant.discrete:
-        return A, B, C, D
-    shifted = A + np.eye(len(A))
-    right = A - np.eye(len(A))
-    X = np.linalg.solve(shifted, np.hstack([right, B]))
-    n = len(A)
-    Y = np.linalg.solve(shifted.T, C.T).T
-    return X[:, :n], np.sqrt(2) * X[:, n:], np.sqrt(2) * Y, D - C @ X[:, n:]
 
 
 # The highest peak of a loop's singular values over frequency, and all others near it.
@@ -284,11 +242,7 @@ def highest_peak(response: LoopResponse, guesses: Sequence[float]) -> tuple[floa
         norm, peak = response.feedthrough, (np.pi if response.discrete else np.inf)
     if norm == 0:
         return norm, peak
-    tops = _local_maxima(values)
-    hills = frequencies[tops]
-    climbed = _refined_maxima(response, frequencies, values, tops)
-    if climbed[0] > norm:
-        norm, peak = climbed
+    hills = frequencies[_local_maxima(values)]
     for _ in range(40):
         better = _exceeding(response, norm)
         if better is None:
@@ -331,49 +285,6 @@ def _local_maxima(values: Vector) -> NDArray[np.intp]:
     local = (values >= padded[:-2]) & (values >= padded[2:])
     near = np.flatnonzero(local & (values >= 0.95 * values.max(initial=0.0)))
     return near[np.argsort(-values[near])][:3]
-
-
-_CLIMBS = 4
-
-
-def _refined_maxima(
-    response: LoopResponse, frequencies: Vector, values: Vector, tops: NDArray[np.intp]
-) -> tuple[float, float]:
-    """Climb some hills of a grid along parabolas: cheaper than one more level set."""
-    last = len(frequencies) - 1
-    inner = tops[(tops > 0) & (tops < last)]
-    if len(inner) == 0:
-        return 0.0, 0.0
-    w = np.stack([frequencies[inner - 1], frequencies[inner], frequencies[inner + 1]])
-    f = np.stack([values[inner - 1], values[inner], values[inner + 1]])
-    for _ in range(_CLIMBS):
-        before = f.max()
-        w, f = _climbed(response, w, f)
-        if f.max() <= before * (1 + 0.1 * _RELATIVE_STEP):
-            break
-    flat = int(np.argmax(f))
-    return float(f.ravel()[flat]), float(w.ravel()[flat])
-
-
-def _climbed(response: LoopResponse, w: Array, f: Array) -> tuple[Array, Array]:
-    """Replace three points of each hill, in columns, by those around its parabola's top."""
-    before, after = w[1] - w[0], w[1] - w[2]
-    left, right = before * (f[1] - f[2]), after * (f[1] - f[0])
-    with np.errstate(all="ignore"):
-        step = 0.5 * (before * left - after * right) / (left - right)
-    top = np.where(np.isfinite(step), w[1] - step, w[1]) + (w[2] - w[0]) * _SPREAD[:, None]
-    tried = np.sort(np.clip(top, w[0], w[2]), axis=0)
-    found = response.sigma(tried.ravel()).reshape(tried.shape)
-    w, f = np.concatenate([w, tried]), np.concatenate([f, found])
-    order = np.argsort(w, axis=0, kind="stable")
-    w, f = np.take_along_axis(w, order, 0), np.take_along_axis(f, order, 0)
-    best = np.clip(np.argmax(f, axis=0), 1, len(f) - 2)
-    rows = best + np.array([[-1], [0], [1]])
-    return np.take_along_axis(w, rows, 0), np.take_along_axis(f, rows, 0)
-
-
-# Where a hill is looked at around the top of its parabola, as shares of what brackets it.
-_SPREAD = np.array([-0.05, 0.0, 0.05])
 
 
 def _exceeding(response: LoopResponse, norm: float) -> tuple[float, float] | None:
@@ -487,6 +398,14 @@ def _distinct(frequencies: Sequence[float]) -> list[float]:
         if not any(w == k or abs(w - k) <= 1e-6 * abs(k) for k in kept):
             kept.append(w)
     return kept
+
+
+def norm_measure(loop: PlantMatrices, norm: str) -> Measure:
+    """Return the norm of a loop; of its states where no disturbance reaches any output."""
+    if not (loop.nw and loop.nz):
+        one, D12, D21 = np.eye(loop.nx), np.zeros((loop.nx, loop.nu)), np.zeros((loop.ny, loop.nx))
+        loop = loop.replace(B1=one, C1=one, D11=0 * one, D12=D12, D21=D21)
+    return HinfMeasure(loop) if norm == "hinf" else H2Measure(loop)
 
 
 # Distance of one pole from its region (negative inside), and the derivative of the

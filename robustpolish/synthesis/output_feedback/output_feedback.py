@@ -580,10 +580,11 @@ class LmiH2(_LmiEngine):
         for factor in _GAMMA_BACK_OFFS:
             bound = factor * np.sqrt(optimum)
 
-            def impose(program: SemidefiniteProgram, v: LmiVariables, bound: float = bound) -> None:
+            def impose(program: SemidefiniteProgram, each: Any, bound: float = bound) -> None:
+                (v,) = each
                 program.nonnegative(bound**2 - impose_h2(program, loop_terms(frame, v), v))
 
-            for K in well_conditioned_controllers(frame, "h2", impose, self.solver):
+            for (K,) in well_conditioned_controllers([frame], "h2", impose, self.solver):
                 self._keep(K, bound)
 
     def _keep(self, K: Controller | None, bound: float) -> None:
@@ -610,14 +611,8 @@ class Slycot(Engine):
         """Run the routine in a process of its own, which the safety net ends."""
         problem = self.problem
         P = regularise(problem.plant, 0.0 if problem.regular else SLYCOT_EPSILON)
-        whole = (
-            P.A,
-            np.hstack([P.B1, P.B2]),
-            np.vstack([P.C1, P.C2]),
-            np.block([[P.D11, P.D12], [P.D21, np.zeros((P.ny, P.nu))]]),
-        )
         routine = "SB10AD" if problem.norm == "hinf" else "SB10HD"
-        answer = synthesise(routine, (P.nx, P.nu, P.ny), whole, self.budget.seconds_left)
+        answer = synthesise(routine, (P.nx, P.nu, P.ny), P.system, self.budget.seconds_left)
         self.budget.update_late()
         if answer.controller is None:
             self.remarks.append(f"{answer.message}.")

@@ -15,6 +15,7 @@ from scipy import linalg
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.checks import invalid
+from robustpolish.implementation.sampled.lifting import border_scale
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.plants.plant import GeneralizedPlant
@@ -89,8 +90,29 @@ class PlantMatrices:
     @classmethod
     def of(cls, plant: GeneralizedPlant) -> PlantMatrices:
         """Copy the matrices out of a plant."""
-        matrices = {name: getattr(plant, name) for name in _NAMES}
-        return cls(**matrices, discrete=plant.is_discrete)
+        return cls(*(getattr(plant, name) for name in NAMES), plant.is_discrete)
+
+    @classmethod
+    def of_system(cls, system: SystemMatrices, nw: int, nz: int) -> PlantMatrices:
+        """Split a continuous system into the first `nw` inputs and `nz` outputs, and u and y."""
+        A, B, C, D = system
+        w, u, z, y = slice(nw), slice(nw, None), slice(nz), slice(nz, None)
+        return cls(A, B[:, w], B[:, u], C[z], C[y], D[z, w], D[z, u], D[y, w], D[y, u])
+
+    @property
+    def matrices(self) -> dict[str, Matrix]:
+        """All nine by name."""
+        return {name: getattr(self, name) for name in NAMES}
+
+    @property
+    def system(self) -> SystemMatrices:
+        """A, B, C and D from (w, u) to (z, y)."""
+        return SystemMatrices(
+            self.A,
+            np.hstack([self.B1, self.B2]),
+            np.vstack([self.C1, self.C2]),
+            np.block([[self.D11, self.D12], [self.D21, self.D22]]),
+        )
 
     @property
     def nx(self) -> int:
@@ -125,7 +147,7 @@ class PlantMatrices:
     @property
     def dual(self) -> PlantMatrices:
         """The transposed plant, whose controls are the measurements, and whose w is z."""
-        pairs = zip(_NAMES, _DUAL, strict=True)
+        pairs = zip(NAMES, _DUAL, strict=True)
         return self.replace(**{name: getattr(self, other).T for name, other in pairs})
 
     def replace(self, **matrices: Any) -> PlantMatrices:
@@ -159,11 +181,11 @@ class PlantMatrices:
     @cached_property
     def fingerprint(self) -> tuple[bytes, ...]:
         """What is the same for parts with the same matrices."""
-        matrices = [np.ascontiguousarray(getattr(self, name)) for name in _NAMES]
+        matrices = map(np.ascontiguousarray, self.matrices.values())
         return (*(str(M.shape).encode() + M.tobytes() for M in matrices), bytes([self.discrete]))
 
 
-_NAMES = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
+NAMES = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
 _DUAL = ("A", "C1", "C2", "B1", "B2", "D11", "D21", "D12", "D22")
 
 
@@ -245,6 +267,28 @@ class Controller(SystemMatrices):
         return self._replace(A=self.A - by * np.eye(len(self.A))) if by else self
 
 
+def controller_matrix(K: Controller) -> Matrix:
+    """Return [[Ak, Bk], [Ck, Dk]]."""
+    return np.block([[K.A, K.B], [K.C, K.D]])
+
+
+def controller_from_matrix(K: Matrix, order: int) -> Controller:
+    """Return the controller of [[Ak, Bk], [Ck, Dk]]."""
+    k = order
+    return Controller(K[:k, :k], K[:k, k:], K[k:, :k], K[k:, k:])
+
+
+def in_series(first: SystemMatrices, second: SystemMatrices) -> SystemMatrices:
+    """Return second after first."""
+    a, b = first, second
+    return SystemMatrices(
+        np.block([[a.A, np.zeros((len(a.A), len(b.A)))], [b.B @ a.C, b.A]]),
+        np.vstack([a.B, b.B @ a.D]),
+        np.hstack([b.D @ a.C, b.C]),
+        b.D @ a.D,
+    )
+
+
 def close(plant: PlantMatrices, K: Controller) -> SystemMatrices:
     """Connect u = K y to a plant without D22."""
     P = plant
@@ -276,23 +320,9 @@ def balanced(K: Controller) -> Controller:
     """Balance the controller's states by powers of two, which rounds nothing."""
     if not len(K.A):
         return K
-    t = bordered_scale(
-        np.abs(K.A), np.abs(K.B).max(axis=1, initial=0.0), np.abs(K.C).max(axis=0, initial=0.0)
-    )
+    into, out = np.abs(K.B).max(axis=1, initial=0.0), np.abs(K.C).max(axis=0, initial=0.0)
+    t = border_scale(K.A, into, out)
     return Controller(K.A * t / t[:, None], K.B / t[:, None], K.C * t, K.D)
-
-
-def bordered_scale(A: Matrix, into: Matrix, out: Matrix) -> Matrix:
-    """Return the scale of states that balances A with all inputs and all outputs as one more state.
-
-    Parameters
-    ----------
-    A : ndarray, shape (n, n)
-    into, out : ndarray, shape (n,)
-        The sizes of the inputs to each state and of what the outputs see of it.
-    """
-    scale = balancing_scale(np.block([[A, into[:, None]], [out[None, :], np.zeros((1, 1))]]))
-    return scale[:-1] / scale[-1]
 
 
 def balancing_scale(size: Matrix) -> Matrix:
@@ -358,18 +388,8 @@ def to_continuous(
             best, feedback, moved = condition, F, closed
         if best < _WORST_CONDITION:
             break
-    P, nw, nz = moved, plant.nw, plant.nz
-    A, B, C, D = cayley(
-        P.A,
-        np.hstack([P.B1, P.B2]),
-        np.vstack([P.C1, P.C2]),
-        np.block([[P.D11, P.D12], [P.D21, P.D22]]),
-    )
-    w, u, z, y = slice(nw), slice(nw, None), slice(nz), slice(nz, None)
-    image = GeneralizedPlant.from_matrices(
-        A, B[:, w], B[:, u], C[z], C[y], D[z, w], D[z, u], D[y, w], D[y, u]
-    )
-    return image, feedback
+    image = PlantMatrices.of_system(cayley(*moved.system), plant.nw, plant.nz)
+    return GeneralizedPlant.from_matrices(**image.matrices), feedback
 
 
 def to_discrete(K: Controller, feedback: Matrix, D22: Matrix) -> Controller | None:
@@ -483,14 +503,7 @@ def compressed_outputs(plant: PlantMatrices) -> PlantMatrices:
 
 def in_states(plant: PlantMatrices, T: Matrix) -> PlantMatrices:
     """Return the plant for states x = T x_new, which are measured; F = F_new inv(T)."""
-    return with_measured_states(
-        plant.replace(
-            A=np.linalg.solve(T, plant.A @ T),
-            B1=np.linalg.solve(T, plant.B1),
-            B2=np.linalg.solve(T, plant.B2),
-            C1=plant.C1 @ T,
-        )
-    )
+    return with_measured_states(plant.in_states(np.linalg.inv(T), T))
 
 
 # A plant closed with a constant matrix K, and how gradients travel back to K.

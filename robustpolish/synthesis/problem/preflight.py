@@ -16,15 +16,17 @@ from scipy import linalg
 from robustpolish.base.arrays import AnyMatrix, Array, Matrix
 from robustpolish.base.checks import described, invalid
 from robustpolish.errors import InfeasibleError
+from robustpolish.implementation.reduction import balancing_projection, own_gramians
 from robustpolish.linear.arithmetic import powers_of_two
 from robustpolish.linear.arithmetic.rational import EXACT_STATES
 from robustpolish.linear.controllability import controllability
 from robustpolish.linear.scaling import decoupled_blocks
 from robustpolish.linear.zeros import AxisZero, zeros_on_axis
-from robustpolish.plants.blocks import named_system
+from robustpolish.plants.blocks import matrices_of, named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import NOISE_PREFIX
 from robustpolish.synthesis.problem.matrices import (
+    NAMES,
     Controller,
     PlantMatrices,
     absorb_d22,
@@ -161,7 +163,6 @@ def named_controller(
 
 
 _SWEEPS = 20
-_NAMES = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,16 +229,16 @@ class ScaledPlant:
             D22=p.D22 * u / y[:, None],
         )
 
-    def controller(self, scaled: control.StateSpace) -> control.StateSpace:
-        """Return a dynamic controller u = K y in the plant's units."""
-        rate = self.time
-        return control.StateSpace(
-            np.asarray(scaled.A) / rate,
-            np.asarray(scaled.B) / rate / self.measurement,
-            self.control[:, None] * np.asarray(scaled.C),
-            self.output_gain(scaled.D),
-            self.original.dt,
-        )
+    def controller(self, K: Controller) -> Controller:
+        """Return a dynamic controller u = K y of the scaled plant in the plant's units."""
+        rate, u, y = self.time, self.control[:, None], self.measurement
+        return Controller(K.A / rate, K.B / rate / y, u * K.C, u * K.D / y)
+
+    def scaled_controller(self, K: control.StateSpace) -> Controller:
+        """Return a controller in the plant's units for the scaled plant."""
+        rate, u, y = self.time, self.control[:, None], self.measurement
+        A, B, C, D = matrices_of(K)
+        return Controller(A * rate, B * rate * y, C / u, D * y / u)
 
 
 def scale_plant(plant: GeneralizedPlant) -> ScaledPlant:
@@ -270,7 +271,7 @@ def scale_plant(plant: GeneralizedPlant) -> ScaledPlant:
     True
     """
     nx, nw, nu, nz, ny = plant.nx, plant.nw, plant.nu, plant.nz, plant.ny
-    given = {name: getattr(plant, name) for name in _NAMES}
+    given = {name: getattr(plant, name) for name in NAMES}
     with powers_of_two.range_errors_as_input_errors("plant", given):
         time = 1.0 if plant.is_discrete else _unit_of_time(plant.A)
         S = np.block(
@@ -355,11 +356,7 @@ class SolverPlant:
         shifted = absorb_d22(K, self.scaled.plant.D22)
         if shifted is None:
             return None
-        A, B, C, D = shifted
-        units, rate = self.scaled, self.scaled.time
-        final: Controller | None = Controller(
-            A / rate, B / rate / units.measurement, units.control[:, None] * C, units.output_gain(D)
-        )
+        final: Controller | None = self.scaled.controller(shifted)
         if self.original.is_discrete and not self.scaled.original.is_discrete:
             final = to_discrete(final, self.feedback, self.original.D22)
         if final is None or not all(np.isfinite(M).all() for M in final):
@@ -443,13 +440,10 @@ def truncated(plant: PlantMatrices) -> tuple[PlantMatrices, float] | None:
             warnings.simplefilter("ignore")  # of equations that are nearly singular
             into, back, stable = _split(plant.A)
             P = plant.in_states(into, back)
-            A, B = P.A[:stable, :stable], np.hstack([P.B1, P.B2])[:stable]
-            C = np.vstack([P.C1, P.C2])[:, :stable]
-            reach = _root(linalg.solve_continuous_lyapunov(A, -B @ B.T))
-            see = _root(linalg.solve_continuous_lyapunov(A.T, -C.T @ C))
-            U, values, Vt = np.linalg.svd(see.T @ reach)
-            size = np.sqrt(values)  # where it is zero, states are left out
-            T, Ti = reach @ Vt.T / size, (see @ U / size).T
+            A, B, C, D = P.system
+            part = A[:stable, :stable], B[:stable], C[:, :stable], D
+            (way,) = own_gramians("balanced", part, plant.discrete)
+            T, Ti, values = balancing_projection(way)
     except (linalg.LinAlgError, ValueError):
         return None
     left_out = 2 * np.cumsum(values[::-1])[::-1]
@@ -480,11 +474,6 @@ def _split(A: AnyMatrix) -> tuple[AnyMatrix, AnyMatrix, int]:
     back = Z @ turn
     turn[:count, count:] *= -1
     return turn @ Z.T, back, count
-
-
-def _root(gramian: Any) -> AnyMatrix:
-    values, vectors = np.linalg.eigh((gramian + gramian.T) / 2)
-    return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 Status = Literal["optimal", "suboptimal", "infimum_not_attained", "time_limit"]

@@ -12,23 +12,18 @@ import flint
 import numpy as np
 from scipy.linalg import lapack as _lapack
 
-from robustpolish.base.arrays import AnyArray, Array
 from robustpolish.base.arrays import AnyMatrix as Matrix
+from robustpolish.base.arrays import Array
 from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic import balls
-from robustpolish.linear.arithmetic.balls import (
-    Ball,
-    BallSystem,
-    bounded_real,
-    hamiltonian,
-    is_definite,
-)
+from robustpolish.linear.arithmetic.balls import Ball, BallSystem, bounded_real, is_definite
 from robustpolish.linear.arithmetic.realisation import Realisation, size
-from robustpolish.linear.delayed_systems import resolvent_response
+from robustpolish.linear.norms.hinf import hamiltonian
 from robustpolish.linear.norms.modal_form import Peak, modal_form
 from robustpolish.linear.stability import eigensystem
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.problem.matrices import balancing_scale
+from robustpolish.synthesis.proofs.frequency_response import responses
 from robustpolish.synthesis.riccati.gamma import solve_lyapunov, solve_riccati
 
 # Estimates.
@@ -46,8 +41,6 @@ _LEVEL_STEPS = 12
 _MOST_SEEDS = 80
 # From more states on modal coordinates are quicker than Hamiltonian matrices.
 _MODAL = 40
-# For more frequencies at once a reduction of the states pays.
-_FEW = 4
 # Brackets this narrow, relative, settle a norm in modal coordinates; up to the second width their
 # peak is where the Hamiltonian matrix starts from, one step instead of a look at every resonance.
 _WIDEST, _WIDEST_START = 1e-4, 1e-2
@@ -86,24 +79,24 @@ def estimate_norm(
     Bruinsma and Steinbuch, Systems & Control Letters 14 (1990) 287-293.
     """
     scale = state_scale(A, B, C)
-    A, B, C = A * scale / scale[:, None], B / scale[:, None], C * scale
-    peak = _modal_peak(A, B, C, D, tolerance) if len(A) > _MODAL else None
+    model = Realisation(A * scale / scale[:, None], B / scale[:, None], C * scale, D, False)
+    peak = _modal_peak(model, tolerance) if len(A) > _MODAL else None
     if peak is None:
-        poles: Any = np.linalg.eigvals(A) if A.size else np.zeros(0, complex)
+        poles: Any = np.linalg.eigvals(model.A) if A.size else np.zeros(0, complex)
         seeds = np.concatenate([_resonances(poles), [np.inf]])
     else:
         seeds = np.array([peak.frequency])
-    norm, where = _highest_gain(A, B, C, D, seeds)
+    norm, where = _highest_gain(model, seeds)
     if peak is not None and peak.upper <= (1 + _WIDEST) * peak.gain:
         return EstimatedNorm(norm, where, abs(norm - peak.gain) <= _WIDEST * norm)
     if norm == 0 or not np.isfinite(norm) or not A.size:
         return EstimatedNorm(norm, where, bool(np.isfinite(norm)))
     for _ in range(_LEVEL_STEPS):
-        crossings = _level_crossings(A, B, C, D, norm * (1 + tolerance))
+        crossings = _level_crossings(model, norm * (1 + tolerance))
         if crossings is None or not crossings.size:
             return EstimatedNorm(norm, where, crossings is not None)
         middle = np.concatenate([crossings, (crossings[1:] + crossings[:-1]) / 2])
-        higher, there = _highest_gain(A, B, C, D, middle)
+        higher, there = _highest_gain(model, middle)
         if higher <= norm * (1 + tolerance):
             # Eigenvalues that only look as if they were on the axis.
             return EstimatedNorm(norm, where, crossings.size <= 2)
@@ -111,22 +104,26 @@ def estimate_norm(
     return EstimatedNorm(norm, where, False)
 
 
-def _modal_peak(A: Matrix, B: Matrix, C: Matrix, D: Matrix, tolerance: float) -> Peak | None:
+def _modal_peak(model: Realisation, tolerance: float) -> Peak | None:
     """Find the peak in modal coordinates; None where rounding errors leave it wide open."""
-    if not D.size or D.size > len(A):
+    if not model.D.size or model.D.size > model.states:
         return None
     from robustpolish.linear.norms.modal_peak import modal_peak
 
-    form = modal_form(Realisation(A, B, C, D, False), eigensystem(A), False)
+    form = modal_form(model, eigensystem(model.A), False)
     if form is None or not form.stable:
         return None
     return modal_peak(form, tolerance, max(tolerance, _WIDEST_START))
 
 
-def _highest_gain(
-    A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array
-) -> tuple[float, float]:
-    gains = _gains(A, B, C, D, frequencies)
+def _highest_gain(model: Realisation, frequencies: Array) -> tuple[float, float]:
+    """Return the largest gain at some frequencies, and where; infinite if one of them is a pole."""
+    if not model.D.size:
+        return 0.0, 0.0
+    found = responses(model.A, model.B, model.C, model.D, frequencies)
+    if not np.isfinite(found).all():
+        return np.inf, 0.0
+    gains = np.linalg.svd(found, compute_uv=False)[:, 0]
     best = int(np.argmax(gains))
     return float(gains[best]), float(frequencies[best])
 
@@ -147,42 +144,10 @@ def _resonances(poles: Any) -> Array:
     return np.unique(np.concatenate(found))
 
 
-def _gains(A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array) -> Array:
-    finite = frequencies[np.isfinite(frequencies)]
-    values = np.zeros(frequencies.size)
-    if not np.isfinite(frequencies).all() and D.size:
-        values[-1] = np.linalg.norm(D, 2)
-    n = len(A)
-    if n and finite.size:
-        found = _responses(A, B, C, D, finite)
-        if not np.isfinite(found).all():
-            return np.full(frequencies.size, np.inf)
-        values[: finite.size] = np.linalg.svd(found, compute_uv=False)[:, 0]
-    return values
-
-
-def _responses(A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Array) -> AnyArray:
-    """Return the frequency response, which is not finite where a pole is hit."""
-    if len(A) > _MODAL and frequencies.size > _FEW:
-        from robustpolish.synthesis.proofs.frequency_response import responses
-
-        return responses(A, B, C, D, frequencies)
-    return resolvent_response(A, B, C, D, 1j * frequencies)
-
-
-def _level_crossings(A: Matrix, B: Matrix, C: Matrix, D: Matrix, gamma: float) -> Array | None:
-    """Return the frequencies at which a singular value equals gamma."""
-    gap = gamma * gamma * np.eye(B.shape[1]) - D.T @ D
-    try:
-        solved = np.linalg.solve(gap, np.hstack([D.T @ C, B.T]))
-    except np.linalg.LinAlgError:
-        return None
-    n = len(A)
-    At = A + B @ solved[:, :n]
-    H = np.block(
-        [[At, gamma * B @ solved[:, n:]], [-(C.T @ (C + D @ solved[:, :n])) / gamma, -At.T]]
-    )
-    if not np.isfinite(H).all():
+def _level_crossings(model: Realisation, gamma: float) -> Array | None:
+    """Return the frequencies at which a singular value equals gamma; None beyond doubles."""
+    H = hamiltonian(model, gamma)
+    if H is None or not np.isfinite(H).all():
         return None
     values: Any = np.linalg.eigvals(H)
     level = 1e-7 * np.abs(values) + 1e-13 * np.linalg.norm(H)
@@ -349,7 +314,7 @@ def _highest(loop: BallSystem, frequencies: Iterable[float]) -> tuple[float, flo
 
 def _crossings(loop: BallSystem, gamma: float) -> list[float]:
     """Return the frequencies at which a singular value equals gamma, ascending."""
-    H = hamiltonian(*loop.over(flint.arb(gamma)).riccati_terms())
+    H = balls.hamiltonian(*loop.over(flint.arb(gamma)).riccati_terms())
     check_deadline(_EIGENVALUES * H.nrows() ** 3)
     values = flint.acb_mat(H.mid()).eig(algorithm="approx")
     near = [value for value in values if abs(value.real.mid()) <= abs(value).mid() * _ON_AXIS]
@@ -671,7 +636,8 @@ def _proof(kind: Kind, bound: float, found: tuple[Matrix, Ball], loop: BallSyste
 
 TIGHT = 1e-3
 """How far above the computed norm, relative, the proven bound of a valid certificate may lie."""
-_MOST_BITS = 1920
+# Numbers of bits that are tried.
+_PRECISIONS = (BITS, 2 * BITS, 4 * BITS, 8 * BITS)
 # The square of the bits times the third power of the states, which sets the time of a precise
 # proof: some seconds for 24 states with all the bits, 40 states with 480, or 100 with 240.
 _MOST_WORK = 240**2 * 100**3
@@ -715,7 +681,7 @@ def tightest_proof(
     except ZeroDivisionError:  # a pole at -1
         return ProvenNorm(None, achieved, frequency)
     states, discrete = loop.A.nrows(), step is not None
-    precisions = list(_precisions(states))
+    precisions = [bits for bits in _PRECISIONS if bits**2 * states**3 <= _MOST_WORK]
     if norm == "h2":
         # Where nothing comes through, both norms vanish; a Gramian would leave a little.
         found = prove_hinf(loop, 0.0) if achieved == 0 else None
@@ -743,14 +709,6 @@ def _first(proofs: Iterable[NormProof | None]) -> NormProof | None:
             return proof
         check_deadline()
     return None
-
-
-def _precisions(states: int) -> Iterator[int]:
-    """Yield the numbers of bits that are worth a trial, each twice the one before."""
-    bits = BITS
-    while bits <= _MOST_BITS and bits**2 * states**3 <= _MOST_WORK:
-        yield bits
-        bits *= 2
 
 
 def _relaxed_proof(

@@ -56,14 +56,7 @@ def solve_riccati(A: Matrix, R: Matrix, Q: Matrix) -> Matrix | None:
         return np.zeros((0, 0))
     if not (np.isfinite(A).all() and np.isfinite(R).all() and np.isfinite(Q).all()):
         return None
-    scale, weight = symplectic_scaling(A, R, Q)
-    column, row = scale[None, :], 1 / scale[:, None]
-    H = np.block(
-        [
-            [A * row * column, R * row * row.T * weight],
-            [-(Q * column.T * column) / weight, -A.T * column.T * row.T],
-        ]
-    )
+    H, scale, weight = balanced_hamiltonian(A, R, Q)
     if not np.isfinite(H).all():
         return None
     try:
@@ -85,16 +78,16 @@ def solve_riccati(A: Matrix, R: Matrix, Q: Matrix) -> Matrix | None:
     if info > 0 or singular[-1] <= np.finfo(float).tiny:
         return None
     X = linalg.lu_solve((lu, pivots), lower.T, trans=1).T
-    X = (X + X.T) / 2 * weight
-    X = X * row * row.T
+    X = (X + X.T) / 2 * weight / scale / scale[:, None]
     return X if np.isfinite(X).all() else None
 
 
-def symplectic_scaling(A: Matrix, R: Matrix, Q: Matrix) -> tuple[Matrix, float]:
-    """Return powers of two that even out a Hamiltonian without breaking its structure.
+def balanced_hamiltonian(A: Matrix, R: Matrix, Q: Matrix) -> tuple[Matrix, Matrix, float]:
+    """Return a Hamiltonian that powers of two even out without breaking its structure, and these.
 
     Returns
     -------
+    H : ndarray, shape (2n, 2n)
     scale : ndarray, shape (n,)
         State scaling x = diag(scale) x_new.
     weight : float
@@ -108,7 +101,8 @@ def symplectic_scaling(A: Matrix, R: Matrix, Q: Matrix) -> tuple[Matrix, float]:
     r = np.abs(R / scale[:, None] / scale[None, :]).max()
     q = np.abs(Q * scale[:, None] * scale[None, :]).max()
     weight = float(np.exp2(np.round(np.log2(q / r) / 2))) if r > 0 and q > 0 else 1.0
-    return scale, weight
+    A, R, Q = A * scale / scale[:, None], R / scale / scale[:, None], Q * scale * scale[:, None]
+    return np.block([[A, R * weight], [-Q / weight, -A.T]]), scale, weight
 
 
 def solve_lyapunov(A: Matrix, Q: Matrix) -> Matrix | None:

@@ -40,19 +40,17 @@ from robustpolish.synthesis.scheduled.polytope import (
     Polytope,
     PolytopeProgram,
     PolytopeSpecification,
+    ProgramResult,
+    lyapunov_analysis,
     polytope,
+    prove,
     scaled_vertices,
     shrunk_matrices,
+    state_loop,
+    uncertain_loop,
     vertex_names,
     with_gain,
     with_slack,
-)
-from robustpolish.synthesis.scheduled.proof import (
-    ProgramResult,
-    lyapunov_analysis,
-    prove,
-    state_loop,
-    uncertain_loop,
 )
 from robustpolish.synthesis.state_feedback.lmi import Coordinates, gain_inequality
 

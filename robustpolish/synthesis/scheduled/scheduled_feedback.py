@@ -25,19 +25,11 @@ from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.plots.frequency import plot_gains
 from robustpolish.synthesis.lmi.output_feedback import (
-    LmiValues,
-    LmiVariables,
-    coupling,
+    bounded_real,
+    controllers_near_optimum,
     loop_terms,
-    reconstruct,
-    variable_bound,
 )
-from robustpolish.synthesis.lmi.program import (
-    Affine,
-    ProgramSolver,
-    SemidefiniteProgram,
-    symmetric_block,
-)
+from robustpolish.synthesis.lmi.program import Affine, ProgramSolver, SemidefiniteProgram
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
 from robustpolish.synthesis.problem.preflight import ScaledPlant, with_measurement_noise
 from robustpolish.synthesis.scheduled.polytope import (
@@ -46,11 +38,12 @@ from robustpolish.synthesis.scheduled.polytope import (
     LyapunovFamily,
     Polytope,
     PolytopeSpecification,
+    output_loop,
     polytope,
+    prove,
     require_equal,
     scaled_vertices,
 )
-from robustpolish.synthesis.scheduled.proof import output_loop, prove
 from robustpolish.synthesis.scheduled.robust_state_feedback import (
     BACK_OFFS,
     GainSearch,
@@ -268,9 +261,6 @@ class ScheduledDesign(Displayed):
 # the controls and the measurements see constant matrices everything is affine: the mixture of the
 # controllers belongs to the mixture of the plants (Apkarian, Gahinet and Becker 1995).
 
-# How much larger the variables may become where I - XY is pushed away from singularity.
-_ROOM = 1.5
-
 
 def scheduled_controllers(
     plants: Sequence[PlantMatrices], solver: ProgramSolver
@@ -283,69 +273,12 @@ def scheduled_controllers(
         Scaled, continuous, without D22, with the same B2, C2, D12 and D21.
     solver : ProgramSolver
     """
-    first = _solved(plants, solver)
-    if first is None:
-        return
-    for back_off in BACK_OFFS:
-        limit = first[1] * (1 + back_off) ** 2
-        small = _solved(plants, solver, limit)
-        if small is None:
-            continue
-        parts = [
-            M for v in small[0] for M in (v.X, v.Y, np.block([[v.A, v.B], [v.C, v.D]]))
-        ]  # fmt: skip
-        size = max(float(np.linalg.norm(M, 2)) for M in parts)
-        for found in (_solved(plants, solver, limit, _ROOM * size), small):
-            if found is not None:
-                made = [reconstruct(p, v) for p, v in zip(plants, found[0], strict=True)]
-                controllers = [K for K in made if K is not None]
-                if len(controllers) == len(plants):
-                    yield controllers, math.sqrt(limit)
 
+    def impose(program: SemidefiniteProgram, unknowns: Any, square: Affine) -> None:
+        for p, v in zip(plants, unknowns, strict=True):
+            program.positive(-bounded_real(loop_terms(p, v), square))
 
-def _solved(
-    plants: Sequence[PlantMatrices],
-    solver: ProgramSolver,
-    limit: float | None = None,
-    largest: float | None = None,
-) -> tuple[list[LmiValues], float] | None:
-    """Minimise the square of the bound; with a limit the size, with that the distance of XY."""
-    program = SemidefiniteProgram()
-    first = LmiVariables.of(program, plants[0], "hinf")
-    unknowns = [first]
-    for _ in plants[1:]:
-        own = [program.matrix(*part.shape) for part in first[2:]]
-        unknowns.append(LmiVariables(first.X, first.Y, *own))
-    square = program.scalar() if limit is None else Affine.of(limit)
-    for p, v in zip(plants, unknowns, strict=True):
-        # The bounded-real inequality, with the square of gamma on w.
-        loop = loop_terms(p, v)
-        rows = [
-            [*loop.drift[0], loop.source[0], loop.output[0].T],
-            [*loop.drift[1], loop.source[1], loop.output[1].T],
-            [-square.times(np.eye(p.nw)), loop.direct.T],
-            [-np.eye(p.nz)],
-        ]
-        program.positive(-symmetric_block(rows))
-
-    def size() -> Affine:
-        top = program.scalar()
-        for v in unknowns:
-            program.nonnegative(top - variable_bound(program, v))
-        return top
-
-    if largest is None:
-        coupling(program, first)
-        program.minimise(square if limit is None else size())
-    else:
-        beta = program.scalar()
-        coupling(program, first, beta)
-        program.nonnegative(largest - size())
-        program.minimise(-beta)
-    solution = solver.solve(program)
-    if solution.x is None:
-        return None
-    return [v.at(solution) for v in unknowns], float(solution.value(square).item())
+    return controllers_near_optimum(plants, impose, solver, BACK_OFFS)
 
 
 @single_threaded_blas
@@ -499,10 +432,9 @@ def _named(scaled: ScaledPlant, K: Any) -> control.StateSpace:
     plant = scaled.original
     if not isinstance(K, Controller):
         return plant.static_controller(scaled.state_gain(K))
-    own = scaled.controller(control.StateSpace(*K, remove_useless_states=False))
-    states = [f"controller_{i + 1}" for i in range(own.nstates)]
+    states = [f"controller_{i + 1}" for i in range(len(K.A))]
     names = (plant.measurement_names, plant.control_names, states)
-    return named_system((own.A, own.B, own.C, own.D), plant.dt, *names)
+    return named_system(scaled.controller(K), plant.dt, *names)
 
 
 def _checked(whole: Polytope, measurements: SignalChoice | None) -> Polytope:

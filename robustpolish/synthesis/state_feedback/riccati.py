@@ -30,11 +30,11 @@ from robustpolish.synthesis.problem.pole_regions import PoleRegion
 from robustpolish.synthesis.problem.preflight import Status
 from robustpolish.synthesis.riccati.gamma import (
     LowerBound,
+    balanced_hamiltonian,
     lower_bound,
     reduced_riccati_pair,
     solve_lyapunov,
     solve_riccati,
-    symplectic_scaling,
 )
 
 # Final width of the bisection on gamma over the slack that is given away afterwards.
@@ -115,11 +115,6 @@ class StateEngine(ABC):
         return 0.2 * self.tolerance
 
 
-def gain_work(states: int) -> float:
-    """Return the work of one Riccati equation and the norm of its loop."""
-    return step_cost(2 * states)
-
-
 class RiccatiStateEngine(StateEngine):
     """The linear-quadratic regulator for the H2 norm, a bisection on gamma for H-infinity.
 
@@ -129,7 +124,7 @@ class RiccatiStateEngine(StateEngine):
     def search(self, plant: PlantMatrices, budget: Budget) -> StateGain | None:
         """Minimise the norm; see :class:`StateEngine`."""
         if self.norm == "h2":
-            budget.spend(gain_work(plant.nx))
+            budget.spend(step_cost(2 * plant.nx))
             F = central_state_gain(plant, math.inf)
             achieved = state_gain_norm(plant, F, "h2")
             if F is None or not math.isfinite(achieved):
@@ -147,7 +142,7 @@ class RiccatiStateEngine(StateEngine):
             # Downwards in growing steps until the first failure, then halving the bracket.
             gamma = math.sqrt(upper * lower) if lower > upper / step else upper / step
             step = step**2 if step < 1e8 else step
-            budget.spend(gain_work(plant.nx))
+            budget.spend(step_cost(2 * plant.nx))
             F = central_state_gain(plant, gamma)
             achieved = state_gain_norm(plant, F, "hinf")
             # Next to the optimum rounding errors of X can leave a better gain a little above gamma.
@@ -303,7 +298,7 @@ def state_norm_lower_bound(
             if found is not None and found.proven:
                 return min(max(least, found.value), achieved)
         return least
-    budget.spend(gain_work(plant.nx))
+    budget.spend(step_cost(2 * plant.nx))
     if norm == "h2":
         optimum = state_gain_norm(plant, central_state_gain(plant, math.inf), "h2")
         return min(optimum, achieved) if math.isfinite(optimum) else least
@@ -315,7 +310,7 @@ def state_norm_lower_bound(
         gamma = achieved * (1 - share)
         if gamma <= least:
             break
-        budget.spend(gain_work(plant.nx))
+        budget.spend(step_cost(2 * plant.nx))
         if _is_infeasible_at(plant, gamma):
             return gamma
         share *= 1.5
@@ -335,9 +330,7 @@ def _is_infeasible_at(plant: PlantMatrices, gamma: float) -> bool:
     if game is None:
         return False
     n = plant.nx
-    scale, weight = symplectic_scaling(game.A, game.R, game.Q)
-    A, R = game.A * scale / scale[:, None], game.R / scale / scale[:, None]
-    H = np.block([[A, R * weight], [-(game.Q * scale * scale[:, None]) / weight, -A.T]])
+    H, _, _ = balanced_hamiltonian(game.A, game.R, game.Q)
     if not np.isfinite(H).all():
         return False
     schur: Any = linalg.schur(H, output="complex", sort="lhp")

@@ -16,6 +16,7 @@ from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget, enforce_deadline, progress_bar, single_threaded_blas
 from robustpolish.base.checks import described, invalid, positive
 from robustpolish.errors import InfeasibleError, SolverError
+from robustpolish.implementation.sampled.induced_norm import square_root
 from robustpolish.linear.controllability import controllability
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
@@ -25,7 +26,7 @@ from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.driver import JoinedController, check_arguments, design_by_parts
 from robustpolish.synthesis.engine import Candidate, Engine, Settings, Task
 from robustpolish.synthesis.nonsmooth.descent import MaskedGain, Problem, Requirement, minimax
-from robustpolish.synthesis.nonsmooth.measures import GainMeasure, H2Measure, HinfMeasure
+from robustpolish.synthesis.nonsmooth.measures import GainMeasure, norm_measure
 from robustpolish.synthesis.problem.matrices import (
     Controller,
     PlantMatrices,
@@ -540,7 +541,9 @@ class StateSearch(Engine):
             loop = q.replace(B2=q.B2 @ V, D12=q.D12 @ V)
             held = GainMeasure(self.left @ V, back @ self.right)
             gains, theta = _free_gain(np.linalg.solve(V, F @ T))
-            problem = Problem(gains, self._measure(loop), (Requirement(held, self.bound_on_gain),))
+            problem = Problem(
+                gains, norm_measure(loop, self.norm), (Requirement(held, self.bound_on_gain),)
+            )
             descent = minimax(problem, theta, self.budget, _ITERATIONS)
             new = self._inside(V @ gains.gain(descent.point) @ back)
             told = {"step": "descent on the true norm", "achieved": self._norm(new)}
@@ -568,9 +571,6 @@ class StateSearch(Engine):
             if gained < _GAINED:
                 break
         return F
-
-    def _measure(self, loop: PlantMatrices) -> HinfMeasure | H2Measure:
-        return HinfMeasure(loop) if self.norm == "hinf" else H2Measure(loop)
 
     # Control that is free: a price on u and x shrinks until the norm stops falling.
 
@@ -669,7 +669,7 @@ class StateSearch(Engine):
         if not (smallest.F.any() and target > 0) or regions or self.budget.over:
             return smallest
         gains, theta = _free_gain(smallest.F)
-        held = Requirement(self._measure(p), target * (1 - _MARGIN))
+        held = Requirement(norm_measure(p, self.norm), target * (1 - _MARGIN))
         problem = Problem(gains, GainMeasure(self.left, self.right), (held,))
         descent = minimax(problem, theta, self.budget, _ITERATIONS)
         F = gains.gain(descent.point)
@@ -697,8 +697,7 @@ def _coordinates(p: PlantMatrices, F: Matrix) -> tuple[Matrix, Matrix]:
     X = linalg.solve_discrete_lyapunov(closed, W) if p.discrete else solve_lyapunov(closed.T, W)
     if X is None:
         return np.eye(p.nx), np.eye(p.nu)
-    values, vectors = np.linalg.eigh((X + X.T) / 2)
-    T = vectors * np.sqrt(np.maximum(values, values[-1] * 1e-14))
+    T = square_root(X, 1e-14)
     size = np.linalg.norm(F @ T, axis=1)
     largest = float(size.max(initial=0.0)) or 1.0
     return T, np.diag(np.maximum(size, 1e-3 * largest))

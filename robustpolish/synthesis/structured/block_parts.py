@@ -16,7 +16,7 @@ from robustpolish.base.checks import described, invalid, misfit
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.wired import single_filter
-from robustpolish.synthesis.problem.matrices import Controller, balanced
+from robustpolish.synthesis.problem.matrices import Controller, balanced, controller_matrix
 
 # From a coordinate without a unit, in which a search moves, to a number in its unit.
 
@@ -319,6 +319,9 @@ class ParameterSlot:
         return above / below * time**self.time
 
 
+# Imaginary step of a derivative: its square is nothing beside a number.
+_STEP = 1e-30
+
 # One link of a block: a small system whose matrices depend on numbers, with their derivatives.
 
 
@@ -359,9 +362,15 @@ class Stage(ABC):
     def matrix(self, values: Vector) -> Matrix:
         """Return [[A, B], [C, D]] for the values of the slots."""
 
-    @abstractmethod
     def back(self, values: Vector, gradient: Matrix) -> Vector:
-        """Turn a gradient over [[A, B], [C, D]] into one over the values of the slots."""
+        """Turn a gradient over [[A, B], [C, D]] into one over the values of the slots.
+
+        Imaginary steps tell derivatives to the last digits, for nothing is subtracted (Squire and
+        Trapp, SIAM Review 40 (1998) 110-112): a matrix has to take complex values.
+        """
+        steps = 1j * _STEP * np.eye(len(values))
+        moved = [np.imag(self.matrix(values + step)) / _STEP for step in steps]
+        return np.array([np.sum(gradient * slope) for slope in moved])
 
     def sized(self, inputs: int, outputs: int) -> Self:
         """Return the stage for so many signals."""
@@ -410,12 +419,7 @@ class GivenFilter(Stage):
 
     def matrix(self, values: Vector) -> Matrix:
         """Return [[A, B], [C, D]]."""
-        A, B, C, D = self.matrices
-        return np.block([[A, B], [C, D]])
-
-    def back(self, values: Vector, gradient: Matrix) -> Vector:
-        """Return nothing: there are no numbers."""
-        return np.zeros(0)
+        return controller_matrix(self.matrices)
 
     def in_unit_of_time(self, unit: float) -> Self:
         """Return the filter in another unit of time, with states of order one."""

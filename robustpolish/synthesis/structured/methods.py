@@ -21,6 +21,7 @@ from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import Norm, certify
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.driver import solve_each_once
+from robustpolish.synthesis.problem.matrices import controller_from_matrix
 from robustpolish.synthesis.problem.pole_regions import Place
 from robustpolish.synthesis.problem.preflight import (
     PlantPart,
@@ -32,8 +33,11 @@ from robustpolish.synthesis.problem.preflight import (
     with_measurement_noise,
 )
 from robustpolish.synthesis.structured.block_parts import TunableBlock, TunedBlocks
-from robustpolish.synthesis.structured.block_structure import BlockStructure
-from robustpolish.synthesis.structured.block_wiring import Placement, place_blocks
+from robustpolish.synthesis.structured.block_structure import (
+    BlockStructure,
+    Placement,
+    place_blocks,
+)
 from robustpolish.synthesis.structured.search import (
     TIME_LIMIT,
     WORK,
@@ -261,8 +265,7 @@ def design_fixed_order(
     if short is None or short.certificate.achieved > enough:
         start = None
         if short is not None:
-            M, k = padded(short.controller, order), order
-            parts = M[:k, :k], M[:k, k:], M[k:, :k], M[k:, k:]
+            parts = controller_from_matrix(padded(short.controller, order), order)
             start = control.StateSpace(*parts, plant.dt, remove_useless_states=False)
         decoupled = decoupled_parts(whole)
         if order and len(decoupled) > 1:

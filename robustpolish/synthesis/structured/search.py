@@ -17,7 +17,6 @@ from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.arrays import AnyVector as Vector
 from robustpolish.base.budget import Budget
 from robustpolish.errors import SolverError
-from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import Norm, certify
 from robustpolish.synthesis.nonsmooth.descent import (
@@ -33,12 +32,17 @@ from robustpolish.synthesis.nonsmooth.descent import (
 )
 from robustpolish.synthesis.nonsmooth.measures import (
     GainMeasure,
-    H2Measure,
     HinfMeasure,
     MaxMeasure,
     StabilityMeasure,
+    norm_measure,
 )
-from robustpolish.synthesis.problem.matrices import PlantMatrices, augmented, controller_loop
+from robustpolish.synthesis.problem.matrices import (
+    PlantMatrices,
+    augmented,
+    controller_from_matrix,
+    controller_loop,
+)
 from robustpolish.synthesis.problem.preflight import (
     PlantPart,
     ScaledPlant,
@@ -404,10 +408,8 @@ class PartProblem:
         """Return K = [[Ak, Bk], [Ck, Dk]] of the scaled part as a controller in plant units."""
         # Entries that only rounding left in place of a zero are zeros.
         K = np.where(np.abs(K) < 1e-13 * np.abs(K).max(initial=0.0), 0.0, K)
-        k, plant = self.order, self.scaled.original
-        parts = K[:k, :k], K[:k, k:], K[k:, :k], K[k:, k:]
-        own = control.StateSpace(*parts, plant.dt, remove_useless_states=False)
-        return named_controller(plant, *matrices_of(self.scaled.controller(own)))
+        own = self.scaled.controller(controller_from_matrix(K, self.order))
+        return named_controller(self.scaled.original, *own)
 
 
 @dataclass(frozen=True, eq=False)
@@ -448,6 +450,12 @@ class PartDesign:
         return sum(norm <= 1.0001 * min(norms) for norm in norms)
 
 
+Designs = Sequence[PartDesign | None]
+"""Of every part, None where there is nothing to choose."""
+Joined = tuple[control.StateSpace, dict[str, Any]]
+"""The controller of the whole plant, and what the method wants to tell of it."""
+
+
 class ControllerStructure(ABC):
     """A kind of controller: how it is searched part by part, and put together."""
 
@@ -464,12 +472,7 @@ class ControllerStructure(ABC):
             If no controller of the structure does.
         """
 
-    def join(
-        self,
-        plant: GeneralizedPlant,
-        parts: Sequence[PlantPart],
-        designs: Sequence[PartDesign | None],
-    ) -> tuple[control.StateSpace, dict[str, Any]]:
+    def join(self, plant: GeneralizedPlant, parts: Sequence[PlantPart], designs: Designs) -> Joined:
         """Return the controller of the whole plant, and what the method wants to tell of it."""
         return joined_controller(plant, parts, [d and d.controller for d in designs]), {}
 
@@ -489,14 +492,6 @@ def scaled_part(
     free = np.ones((plant.nu, plant.ny), bool) if mask is None else mask
     refuse_fixed_modes(inner, free, plant.states, scaled.time, what)
     return scaled, inner
-
-
-def norm_measure(loop: PlantMatrices, norm: Norm) -> Measure:
-    """Return the norm of a loop; of its states where no disturbance reaches any output."""
-    if not (loop.nw and loop.nz):
-        one, D12, D21 = np.eye(loop.nx), np.zeros((loop.nx, loop.nu)), np.zeros((loop.ny, loop.nx))
-        loop = loop.replace(B1=one, C1=one, D11=0 * one, D12=D12, D21=D21)
-    return HinfMeasure(loop) if norm == "hinf" else H2Measure(loop)
 
 
 def design_part(part: PartProblem, budget: Budget, seed: int, target: float) -> PartDesign:

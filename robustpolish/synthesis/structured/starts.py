@@ -6,10 +6,11 @@ Each takes the budget and the random numbers last; the arguments before these ar
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import control
 import numpy as np
@@ -24,21 +25,191 @@ from robustpolish.implementation.reduction import Reducer
 from robustpolish.plants.blocks import matrices_of, named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import Norm
-from robustpolish.synthesis.lmi.mixed import Specification, mixed_start, mixed_state_start
-from robustpolish.synthesis.lmi.program import ProgramSolver, stabilising_gain
+from robustpolish.synthesis.lmi.output_feedback import (
+    bounded_real,
+    controllers_near_optimum,
+    impose_h2,
+    loop_terms,
+)
+from robustpolish.synthesis.lmi.program import (
+    Affine,
+    ProgramSolver,
+    SemidefiniteProgram,
+    block_matrix,
+    stabilising_gain,
+    symmetric_block,
+)
 from robustpolish.synthesis.nonsmooth.descent import ObserverGain
-from robustpolish.synthesis.nonsmooth.measures import StabilityMeasure
-from robustpolish.synthesis.problem.matrices import PlantMatrices, regularise
+from robustpolish.synthesis.nonsmooth.measures import StabilityMeasure, norm_measure
+from robustpolish.synthesis.problem.matrices import (
+    PlantMatrices,
+    absorb_d22,
+    controller_from_matrix,
+    controller_matrix,
+    minimum_effort_problem,
+    regularise,
+)
 from robustpolish.synthesis.problem.matrices import augmented as with_integrators
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 from robustpolish.synthesis.riccati.gamma import central_controller, normalise, search_gamma
+from robustpolish.synthesis.state_feedback.lmi import (
+    h2_inequality,
+    hinf_inequality,
+    region_inequalities,
+    region_matrix,
+)
+from robustpolish.synthesis.state_feedback.riccati import central_state_gain
 from robustpolish.synthesis.structured.search import (
     CEILINGS,
     MultistartSearch,
     PartProblem,
     SearchEffort,
-    norm_measure,
 )
+
+# Multi-objective output feedback with one Lyapunov matrix for all specifications.
+#
+# Scherer, Gahinet and Chilali, "Multiobjective output-feedback control via LMI optimization", IEEE
+# TAC 42 (1997): the change of variables of the thesis's (10.20) to (10.24) makes every
+# specification affine, at the price of a Lyapunov matrix that they share. The answer is a start for
+# descents on the true norms, which have no such price.
+
+
+class Specification(NamedTuple):
+    """A norm of a channel: minimised if `bound` is None.
+
+    Attributes
+    ----------
+    plant : GeneralizedPlant
+        The channel, scaled, continuous.
+    norm : {"hinf", "h2"}
+    bound : float or None
+    """
+
+    plant: GeneralizedPlant
+    norm: str
+    bound: float | None
+
+
+def mixed_start(
+    specifications: Sequence[Specification],
+    regions: Sequence[PoleRegion],
+    solver: ProgramSolver,
+    back_off: float,
+) -> Matrix | None:
+    """Return [[Ak, Bk], [Ck, Dk]] that meets the inequalities, as far as a solver can tell.
+
+    Parameters
+    ----------
+    specifications : sequence of Specification
+        All on the same A, B2, C2 and D22; exactly one is minimised.
+    regions : sequence of PoleRegion
+        In the unit of time of the scaled plant.
+    solver : ProgramSolver
+    back_off : float
+        How far the norm backs off from its optimum before the controller is made small.
+
+    Returns
+    -------
+    ndarray or None
+        None if the inequalities have no solution or the solver found none.
+    """
+    P = specifications[0].plant
+    channels = [PlantMatrices.of(each.plant).without_d22() for each in specifications]
+
+    def impose(program: SemidefiniteProgram, unknowns: Any, square: Affine) -> None:
+        (v,) = unknowns
+        lyapunov = symmetric_block([[v.X, np.eye(P.nx)], [v.Y]])
+        for s, channel in zip(specifications, channels, strict=True):
+            loop = loop_terms(channel, v)
+            target = square if s.bound is None else Affine.of(s.bound**2)
+            if s.norm == "hinf":
+                program.positive(-bounded_real(loop, target))
+            else:
+                program.nonnegative(target - impose_h2(program, loop, v))
+                program.zero(loop.direct)
+        A = block_matrix(loop_terms(channels[0], v).state)
+        for region in regions:
+            program.positive(region_matrix(region.L, region.M, lyapunov, A))
+
+    found = next(controllers_near_optimum(channels[:1], impose, solver, [back_off - 1]), None)
+    K = None if found is None else absorb_d22(found[0][0], P.D22)
+    if K is None or not all(np.isfinite(M).all() for M in K):
+        return None
+    return controller_matrix(K)
+
+
+# Multi-objective state feedback with one Lyapunov matrix for all specifications.
+#
+# With Y and M = F Y, the thesis's (10.18), (10.19), (10.27), (10.28) and the pole regions of
+# Chilali and Gahinet are linear at once if all share Y. The answer is a start for descents on true
+# norms.
+
+
+def mixed_state_start(
+    specifications: Sequence[Specification],
+    regions: Sequence[PoleRegion],
+    solver: ProgramSolver,
+    back_off: float,
+) -> Matrix | None:
+    """Return F of u = F x that meets the inequalities, as far as a solver can tell.
+
+    Parameters
+    ----------
+    specifications : sequence of Specification
+        All on the same A and B2; exactly one is minimised.
+    regions : sequence of PoleRegion
+        In the unit of time of the scaled plant.
+    solver : ProgramSolver
+    back_off : float
+        How far the norm backs off from its optimum before the controller is made small.
+
+    Returns
+    -------
+    ndarray, shape (nu, nx), or None
+        None if the inequalities have no solution or the solver found none.
+    """
+    problems = [PlantMatrices.of(s.plant) for s in specifications]
+    nx, nu = problems[0].nx, problems[0].nu
+
+    def stated(level: float | None) -> tuple[SemidefiniteProgram, Affine, Affine, Affine]:
+        """State the inequalities; `level` fixes the square of the minimised norm over the unit."""
+        program = SemidefiniteProgram()
+        Y, M = program.symmetric(nx), program.matrix(nu, nx)
+        program.positive(Y)
+        square = program.scalar() if level is None else Affine.of(level)
+        for s, p in zip(specifications, problems, strict=True):
+            size = unit if s.bound is None else s.bound
+            target = square if s.bound is None else Affine.of(1.0)
+            own = p.replace(C1=p.C1 / size, D11=p.D11 / size, D12=p.D12 / size)
+            if s.norm == "hinf":
+                hinf_inequality(program, own, Y, M, target, np.eye(nx))
+            else:
+                program.nonnegative(target - h2_inequality(program, own, Y, M, np.eye(nx)))
+        region_inequalities(program, problems[0], Y, M, regions)
+        return program, Y, M, square
+
+    unit, F = 1.0, None
+    # The norm is not known before; a second time it is solved in its own unit.
+    for _ in range(2):
+        program, Y, M, square = stated(None)
+        program.minimise(square)
+        first = solver.solve(program)
+        if first.x is None:
+            return F
+        unit *= math.sqrt(max(float(first.value(square).item()), 1e-16))
+        program, Y, M, _ = stated(back_off**2)
+        effort = program.symmetric(nu)
+        program.positive(symmetric_block([[effort, M], [Y]]))
+        program.minimise(effort.trace)
+        second = solver.solve(program)
+        if second.x is None:
+            return F
+        try:
+            F = np.linalg.solve(second.value(Y), second.value(M).T).T
+        except np.linalg.LinAlgError:
+            return None
+    return F
+
 
 Coordinates = Callable[[Matrix], Vector]
 """From K = [[Ak, Bk], [Ck, Dk]] to the free numbers."""
@@ -80,29 +251,9 @@ def regulator(
     loop: PlantMatrices, mask: Mask, coordinates: Coordinates, budget: Budget, rng: Random
 ) -> Iterator[Vector]:
     """Propose the gain of the pattern that is nearest to a linear-quadratic state feedback."""
-    weights = np.eye(loop.nx), np.eye(loop.nu), np.zeros((loop.nx, loop.nu))
-    F = quadratic_gain(loop.A, loop.B2, *weights, loop.discrete)
+    F = central_state_gain(minimum_effort_problem(loop, 1.0), math.inf)
     if F is not None:
         yield coordinates(np.where(mask, F @ np.linalg.pinv(loop.C2), 0.0))
-
-
-def quadratic_gain(
-    A: Matrix, B: Matrix, Q: Matrix, R: Matrix, S: Matrix, discrete: bool
-) -> Matrix | None:
-    """Return the F of u = F x that minimises the sum of x'Qx + u'Ru + 2 x'Su; None if none does."""
-    solve: Any = linalg.solve_discrete_are if discrete else linalg.solve_continuous_are
-    try:
-        with warnings.catch_warnings():
-            # SciPy's balancing warns about extreme scales; what it returns is only a start.
-            warnings.simplefilter("ignore", RuntimeWarning)
-            X = solve(A, B, Q, R, s=S)
-        if discrete:
-            F = -np.linalg.solve(R + B.T @ X @ B, B.T @ X @ A + S.T)
-        else:
-            F = -np.linalg.solve(R, B.T @ X + S.T)
-    except (np.linalg.LinAlgError, ValueError):
-        return None
-    return F if np.isfinite(F).all() else None
 
 
 def inequality(
@@ -146,8 +297,7 @@ def riccati(
         own.spend(2 * step_cost(2 * plant.nx))
         # LQG design for the regularised plant: F and L minimise an H2 norm each.
         P = regularise(plain, epsilon)
-        F = _h2_gain(P.A, P.B2, P.C1, P.D12, plant.discrete)
-        L = _h2_gain(P.A.T, P.C2.T, P.B1.T, P.D21.T, plant.discrete)
+        F, L = (central_state_gain(half, math.inf) for half in (P, P.dual))
         if F is not None and L is not None:
             found.append(form.join(F, -L.T))
     objective = norm_measure(with_integrators(plant, plant.nx), norm)
@@ -164,11 +314,6 @@ def riccati(
     best = sorted(found, key=achieved)[:_PROPOSALS]
     for point in best or [np.zeros(form.size)]:
         yield coordinates(form.gain(point))
-
-
-def _h2_gain(A: Matrix, B: Matrix, C: Matrix, D: Matrix, discrete: bool) -> Matrix | None:
-    """Return the F that minimises the H2 norm of C + D F over A + B F."""
-    return quadratic_gain(A, B, C.T @ C, D.T @ D, C.T @ D, discrete)
 
 
 def _central_designs(plant: PlantMatrices, form: ObserverGain, budget: Budget) -> Iterator[Vector]:
@@ -280,7 +425,7 @@ def _reduced_designs(
 ) -> Iterator[Matrix]:
     n = inner.nx
     for K in riccati(inner, norm, lambda K: K, budget, rng):
-        parts = K[:n, :n], K[:n, n:], K[n:, :n], K[n:, n:]
+        parts = controller_from_matrix(K, n)
         own = control.StateSpace(*parts, plant.dt, remove_useless_states=False)
         # Its Gramians are those of a loop with twice the states.
         budget.spend(10 * step_cost(2 * n))

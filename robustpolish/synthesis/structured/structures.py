@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import count
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import control
 import numpy as np
@@ -18,7 +18,6 @@ from robustpolish.base.checks import described, invalid
 from robustpolish.errors import InfeasibleError
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import Norm
-from robustpolish.synthesis.lmi.mixed import Specification
 from robustpolish.synthesis.nonsmooth.descent import (
     AffineGain,
     MaskedGain,
@@ -26,21 +25,26 @@ from robustpolish.synthesis.nonsmooth.descent import (
     PositiveElements,
     Requirement,
 )
-from robustpolish.synthesis.nonsmooth.measures import FrobeniusMeasure, RegionMeasure
-from robustpolish.synthesis.problem.matrices import PlantMatrices, augmented, channel
+from robustpolish.synthesis.nonsmooth.measures import FrobeniusMeasure, RegionMeasure, norm_measure
+from robustpolish.synthesis.problem.matrices import (
+    PlantMatrices,
+    augmented,
+    channel,
+    controller_matrix,
+)
 from robustpolish.synthesis.problem.pole_regions import PassiveElement, Place, PoleRegion
 from robustpolish.synthesis.problem.preflight import PlantPart, ScaledPlant, scale_plant
 from robustpolish.synthesis.structured import starts
 from robustpolish.synthesis.structured.search import (
     ControllerStructure,
-    PartDesign,
+    Designs,
+    Joined,
     PartProblem,
     SearchEffort,
     StartProposal,
-    norm_measure,
     scaled_part,
 )
-from robustpolish.synthesis.structured.starts import observer_controller
+from robustpolish.synthesis.structured.starts import Specification, observer_controller
 
 # Springs and dampers between places of a machine, instead of a controller.
 
@@ -150,12 +154,7 @@ class PassiveStructure(ControllerStructure):
             extra=local.tobytes() + limits.tobytes(),
         )
 
-    def join(
-        self,
-        plant: GeneralizedPlant,
-        parts: Sequence[PlantPart],
-        designs: Sequence[PartDesign | None],
-    ) -> tuple[control.StateSpace, dict[str, Any]]:
+    def join(self, plant: GeneralizedPlant, parts: Sequence[PlantPart], designs: Designs) -> Joined:
         """Return the state feedback that all elements amount to, and list them."""
         coefficients = np.zeros(len(self.wanted))
         for part, found in zip(parts, designs, strict=True):
@@ -221,7 +220,9 @@ class StaticStructure(ControllerStructure):
         free = MaskedGain(mask) if self.norm == "hinf" else free_gain(mask, loop)
         to_free = free.coordinates
         rest = to_free(zero_controller(mask.shape, order, loop.discrete))
-        known = [] if start is None else [to_free(scaled_matrix(start, scaled))]
+        known = (
+            [] if start is None else [to_free(controller_matrix(scaled.scaled_controller(start)))]
+        )
         proposals: list[StartProposal] = [partial(starts.known, [*known, rest])]
         if self.mask is None:
             if order:
@@ -284,13 +285,6 @@ def free_gain(mask: NDArray[np.bool_], loop: PlantMatrices) -> AffineGain | Mask
     return restricted
 
 
-def scaled_matrix(controller: control.StateSpace, scaled: ScaledPlant) -> Matrix:
-    """Return [[Ak, Bk], [Ck, Dk]] of a controller in the units of the scaled plant."""
-    u, y = scaled.control[:, None], scaled.measurement
-    A, B, C, D = (np.asarray(M) for M in (controller.A, controller.B, controller.C, controller.D))
-    return np.block([[A * scaled.time, B * scaled.time * y], [C / u, D * y / u]])
-
-
 # State feedback of an observer's estimate.
 
 
@@ -334,12 +328,7 @@ class ObserverStructure(ControllerStructure):
             effort=SearchEffort(descents=14, fewest=9 if self.norm == "hinf" else 3),
         )
 
-    def join(
-        self,
-        plant: GeneralizedPlant,
-        parts: Sequence[PlantPart],
-        designs: Sequence[PartDesign | None],
-    ) -> tuple[control.StateSpace, dict[str, Any]]:
+    def join(self, plant: GeneralizedPlant, parts: Sequence[PlantPart], designs: Designs) -> Joined:
         """Return the observer of the whole plant from F and L of its parts."""
         F, L = np.zeros((plant.nu, plant.nx)), np.zeros((plant.nx, plant.ny))
         for part, found in zip(parts, designs, strict=True):

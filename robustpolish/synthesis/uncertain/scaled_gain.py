@@ -18,12 +18,10 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import control
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import schur
 
 from robustpolish.base.arrays import AnyArray, Array, Vector
 from robustpolish.base.arrays import AnyMatrix as Matrix
@@ -54,8 +52,10 @@ from robustpolish.synthesis.problem.matrices import (
     StaticLoop,
     augmented,
     close_static_loop,
+    controller_matrix,
 )
 from robustpolish.synthesis.problem.preflight import SolverPlant
+from robustpolish.synthesis.proofs.frequency_response import responses
 
 # Mu bounds over a grid of frequencies.
 
@@ -180,8 +180,7 @@ class RobustProblem:
     @property
     def scaled(self) -> GeneralizedPlant:
         """The same as a plant."""
-        names = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
-        return GeneralizedPlant.from_matrices(*(getattr(self.matrices, name) for name in names))
+        return GeneralizedPlant.from_matrices(**self.matrices.matrices)
 
     @cached_property
     def as_complex(self) -> DeltaStructure:
@@ -209,17 +208,6 @@ class RobustProblem:
     def controller(self, K: Controller) -> control.StateSpace | None:
         """Return a controller in the plant's units; None if its loop is not well posed."""
         return self.part.controller(K)
-
-
-def controller_matrix(K: Controller) -> Matrix:
-    """Return [[Ak, Bk], [Ck, Dk]]."""
-    return np.block([[K.A, K.B], [K.C, K.D]])
-
-
-def controller_from_matrix(K: Matrix, order: int) -> Controller:
-    """Return the controller of [[Ak, Bk], [Ck, Dk]]."""
-    k = order
-    return Controller(K[:k, :k], K[:k, k:], K[k:, :k], K[k:, k:])
 
 
 # Controllers of a given order in modal form, as a function of free numbers.
@@ -328,25 +316,11 @@ class LoopResponses:
     @classmethod
     def of(cls, loop: StaticLoop, omega: Vector) -> LoopResponses:
         """Return the responses of a loop; frequencies may be infinite."""
-        plant, n, k = loop.plant, len(loop.A), len(omega)
-        found: Any = schur(loop.A, output="complex") if n else (loop.A, loop.A)
-        triangle, Q = found
-        finite = np.isfinite(omega)
-        inverse = np.zeros((n, k), complex)
-        inverse[:, finite] = 1 / (1j * omega[finite][None, :] - np.diag(triangle)[:, None])
-        # From w and K's outputs to states: (j omega - triangle) X = B of all frequencies at once.
-        B = np.conj(Q.T) @ np.hstack([loop.B, plant.B2])
-        X = np.zeros((n, k * B.shape[1]), complex)
-        for i in range(n - 1, -1, -1):
-            row = triangle[i, i + 1 :] @ X[i + 1 :]
-            X[i] = ((row.reshape(k, -1) + B[i]) * inverse[i][:, None]).ravel()
-        states = np.ascontiguousarray(X.reshape(n, k, B.shape[1]).transpose(1, 0, 2))
-        moved = np.einsum("ij,kjl->kil", np.vstack([loop.C, plant.C2]) @ Q, states)
-        nz, nw = loop.C.shape[0], loop.B.shape[1]
-        M = loop.D + moved[:, :nz, :nw]
-        left = plant.D12 + moved[:, :nz, nw:]
-        right = plant.D21 + moved[:, nz:, :nw]
-        return cls(M, left, right, loop)
+        plant, (nz, nw) = loop.plant, loop.D.shape
+        B, C = np.hstack([loop.B, plant.B2]), np.vstack([loop.C, plant.C2])
+        D = np.block([[loop.D, plant.D12], [plant.D21, np.zeros((plant.ny, plant.nu))]])
+        found = responses(loop.A, B, C, D, omega)
+        return cls(found[:, :nz, :nw], found[:, :nz, nw:], found[:, nz:, :nw], loop)
 
     def back(self, gradient: AnyArray) -> Matrix:
         """Return the gradient over K of sum Re tr(gradient_k dM_k), gradients (k, nw, nz)."""

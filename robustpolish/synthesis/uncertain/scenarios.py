@@ -35,8 +35,8 @@ from robustpolish.synthesis.structured.search import (
     PartProblem,
     SearchEffort,
 )
-from robustpolish.synthesis.structured.structures import StaticStructure, scaled_matrix
-from robustpolish.synthesis.uncertain.scaled_gain import ModalGain, controller_from_matrix
+from robustpolish.synthesis.structured.structures import StaticStructure
+from robustpolish.synthesis.uncertain.scaled_gain import ModalGain
 from robustpolish.synthesis.uncertain.search import AGREES, SHORTENED, design_one
 
 # Samples of an uncertain plant: at given values, at the corners, and farther out.
@@ -514,6 +514,5 @@ class ScenarioSearch:
 
 def _point(part: PartProblem, controller: control.StateSpace) -> AnyVector:
     """Return the free numbers of a controller, whose modes get even units."""
-    K = controller_from_matrix(scaled_matrix(controller, part.scaled), controller.nstates)
-    form, theta = ModalGain.of(K)
+    form, theta = ModalGain.of(part.scaled.scaled_controller(controller))
     return form.gain(theta).ravel()

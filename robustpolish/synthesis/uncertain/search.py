@@ -35,8 +35,11 @@ from robustpolish.synthesis.problem.matrices import (
     Controller,
     PlantMatrices,
     StaticLoop,
+    SystemMatrices,
     augmented,
     close_static_loop,
+    controller_from_matrix,
+    in_series,
 )
 from robustpolish.synthesis.riccati.gamma import estimated_lower_bound, has_full_rank
 from robustpolish.synthesis.uncertain.scaled_gain import (
@@ -46,7 +49,6 @@ from robustpolish.synthesis.uncertain.scaled_gain import (
     RobustProblem,
     ScaledGain,
     Scalings,
-    controller_from_matrix,
     grid,
     unproven_frequencies,
 )
@@ -98,17 +100,9 @@ def _even(plant: PlantMatrices, unit: float) -> PlantMatrices:
     In the units of the search for one norm, the feedthrough of weights with a slow pole is next to
     nothing, and rounding decides.
     """
-    B, C = np.hstack([plant.B1, plant.B2]), np.vstack([plant.C1 / unit, plant.C2])
-    scales, _ = state_scales(plant.A, B, C)
-    return plant.replace(
-        A=plant.A * scales / scales[:, None],
-        B1=plant.B1 / scales[:, None],
-        B2=plant.B2 / scales[:, None],
-        C1=plant.C1 * scales / unit,
-        C2=plant.C2 * scales,
-        D11=plant.D11 / unit,
-        D12=plant.D12 / unit,
-    )
+    even = plant.replace(C1=plant.C1 / unit, D11=plant.D11 / unit, D12=plant.D12 / unit)
+    scales, _ = state_scales(*even.system[:3])
+    return even.in_states(np.diag(1 / scales), np.diag(scales))
 
 
 # Scalings as stable systems with stable inverses, fitted to their sizes over frequency.
@@ -140,17 +134,15 @@ class Filter:
         return _logs(np.array([np.log(self.gain), *rates]), omega)
 
     @property
-    def matrices(self) -> Controller:
-        """The sections in series: A, B, C and D."""
-        K = Controller(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.eye(1) * self.gain)
+    def matrices(self) -> SystemMatrices:
+        """The sections in series."""
+        none = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0))
+        K = SystemMatrices(*none, np.eye(1) * self.gain)
         for zero, pole in zip(self.zeros, self.poles, strict=True):
             # (s/z + 1)/(s/p + 1) = p/z + (1 - p/z) p / (s + p)
-            ratio = pole / zero
-            c, b = np.array([[(1 - ratio) * np.sqrt(pole)]]), np.array([[np.sqrt(pole)]])
-            K = Controller(
-                np.block([[K.A, np.zeros((len(K.A), 1))], [b @ K.C, -pole * np.eye(1)]]),
-                np.vstack([K.B, b @ K.D]), np.hstack([ratio * K.C, c]), ratio * K.D,
-            )  # fmt: skip
+            one, ratio, root = np.eye(1), pole / zero, np.sqrt(pole)
+            section = SystemMatrices(-pole * one, root * one, (1 - ratio) * root * one, ratio * one)
+            K = in_series(K, section)
         return K
 
     @classmethod
@@ -236,10 +228,17 @@ def fitted(omega: Vector, logs: Vector, weights: Vector, most: int) -> list[Filt
     return found
 
 
-def repeated_filters(filters: Sequence[Filter], times: Sequence[int]) -> Controller:
-    """Return filters side by side, each so many times."""
-    parts = [f.matrices for f, count in zip(filters, times, strict=True) for _ in range(count)]
-    return Controller(*(block_diag(*each) for each in zip(*parts, strict=True)))  # pyright: ignore[reportArgumentType]
+# No scaling.
+ONE = Filter(1.0, np.zeros(0), np.zeros(0))
+
+
+def repeated_filters(
+    filters: Sequence[Filter], times: Sequence[int], others: int
+) -> SystemMatrices:
+    """Return filters side by side, each so many times, and other signals as they are."""
+    times = [*times, others]
+    parts = [f.matrices for f, n in zip([*filters, ONE], times, strict=True) for _ in range(n)]
+    return SystemMatrices(*(block_diag(*each) for each in zip(*parts, strict=True)))  # pyright: ignore[reportArgumentType]
 
 
 # The D step: scalings of low order, and the plant with these scalings.
@@ -251,35 +250,15 @@ _ORDERS = 4
 _NEAR = 0.01
 # Levels below this share of the peak count as so much: there a fit matters little.
 _LOW = 0.5
-# No scaling.
-ONE = Filter(1.0, np.zeros(0), np.zeros(0))
 
 
 def scaled_plant(problem: RobustProblem, filters: Sequence[Filter]) -> PlantMatrices:
     """Return the plant with D on the signals z and its inverse on the signals w."""
     plant, blocks = problem.matrices, problem.as_complex.blocks
-    into = repeated_filters([f.inverse for f in filters], [b.rows for b in blocks])
-    out = repeated_filters(filters, [b.columns for b in blocks])
-    n, i, o = plant.nx, len(into.A), len(out.A)
-    zeros = np.zeros
-    A = np.block(
-        [
-            [plant.A, plant.B1 @ into.C, zeros((n, o))],
-            [zeros((i, n)), into.A, zeros((i, o))],
-            [out.B @ plant.C1, out.B @ plant.D11 @ into.C, out.A],
-        ]
-    )
-    return PlantMatrices(
-        A=A,
-        B1=np.vstack([plant.B1 @ into.D, into.B, out.B @ plant.D11 @ into.D]),
-        B2=np.vstack([plant.B2, zeros((i, plant.nu)), out.B @ plant.D12]),
-        C1=np.hstack([out.D @ plant.C1, out.D @ plant.D11 @ into.C, out.C]),
-        C2=np.hstack([plant.C2, plant.D21 @ into.C, zeros((plant.ny, o))]),
-        D11=out.D @ plant.D11 @ into.D,
-        D12=out.D @ plant.D12,
-        D21=plant.D21 @ into.D,
-        D22=plant.D22,
-    )
+    into = repeated_filters([f.inverse for f in filters], [b.rows for b in blocks], plant.nu)
+    out = repeated_filters(filters, [b.columns for b in blocks], plant.ny)
+    whole = in_series(in_series(into, plant.system), out)
+    return PlantMatrices.of_system(whole, plant.nw, plant.nz)
 
 
 def scalings_of(problem: RobustProblem, found: MuBounds, M: AnyArray) -> list[Filter]:

@@ -9,8 +9,11 @@ from polytope_examples import oscillator, sampled, solver
 
 import robustpolish as rp
 from robustpolish.linear.arithmetic import balls
-from robustpolish.synthesis.scheduled.polytope import LyapunovFamily, PolytopeSpecification
-from robustpolish.synthesis.scheduled.proof import prove
+from robustpolish.synthesis.scheduled.polytope import (
+    LyapunovFamily,
+    PolytopeSpecification,
+    prove,
+)
 
 
 def norm_of(matrices, norm, dt):

@@ -10,7 +10,7 @@ from three_loops import blocks, plant
 import robustpolish as rp
 from robustpolish.errors import InfeasibleError
 from robustpolish.synthesis.problem.preflight import scale_plant
-from robustpolish.synthesis.structured.block_wiring import (
+from robustpolish.synthesis.structured.block_structure import (
     block_parametrisation,
     place_blocks,
 )

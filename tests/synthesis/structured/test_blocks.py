@@ -11,7 +11,7 @@ from three_loops import plant
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
 from robustpolish.synthesis.structured.block_parts import TunedBlocks
-from robustpolish.synthesis.structured.block_wiring import place_blocks
+from robustpolish.synthesis.structured.block_structure import place_blocks
 
 pid, tunable = rp.tunable.pid, rp.tunable.tunable
 

@@ -6,14 +6,18 @@ import uncertain_plants
 
 import robustpolish as rp
 from robustpolish.base.budget import Budget
-from robustpolish.synthesis.problem.matrices import Controller, augmented, close_static_loop
+from robustpolish.synthesis.problem.matrices import (
+    Controller,
+    augmented,
+    close_static_loop,
+    controller_matrix,
+)
 from robustpolish.synthesis.uncertain.scaled_gain import (
     LoopResponses,
     ModalGain,
     MuBounds,
     RobustProblem,
     Scalings,
-    controller_matrix,
     grid,
 )
 from robustpolish.synthesis.uncertain.search import (
