@@ -319,9 +319,6 @@ class ParameterSlot:
         return above / below * time**self.time
 
 
-# Imaginary step of a derivative: its square is nothing beside a number.
-_STEP = 1e-30
-
 # One link of a block: a small system whose matrices depend on numbers, with their derivatives.
 
 
@@ -362,15 +359,9 @@ class Stage(ABC):
     def matrix(self, values: Vector) -> Matrix:
         """Return [[A, B], [C, D]] for the values of the slots."""
 
+    @abstractmethod
     def back(self, values: Vector, gradient: Matrix) -> Vector:
-        """Turn a gradient over [[A, B], [C, D]] into one over the values of the slots.
-
-        Imaginary steps tell derivatives to the last digits, for nothing is subtracted (Squire and
-        Trapp, SIAM Review 40 (1998) 110-112): a matrix has to take complex values.
-        """
-        steps = 1j * _STEP * np.eye(len(values))
-        moved = [np.imag(self.matrix(values + step)) / _STEP for step in steps]
-        return np.array([np.sum(gradient * slope) for slope in moved])
+        """Turn a gradient over [[A, B], [C, D]] into one over the values of the slots."""
 
     def sized(self, inputs: int, outputs: int) -> Self:
         """Return the stage for so many signals."""
@@ -420,6 +411,10 @@ class GivenFilter(Stage):
     def matrix(self, values: Vector) -> Matrix:
         """Return [[A, B], [C, D]]."""
         return controller_matrix(self.matrices)
+
+    def back(self, values: Vector, gradient: Matrix) -> Vector:
+        """Return nothing: there are no numbers."""
+        return np.zeros(0)
 
     def in_unit_of_time(self, unit: float) -> Self:
         """Return the filter in another unit of time, with states of order one."""

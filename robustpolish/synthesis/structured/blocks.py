@@ -228,6 +228,19 @@ class LeadLag(Stage):
         rate, ratio = 2 * math.pi * pole, pole / zero
         return np.array([[-rate, rate], [gain * (1 - ratio), gain * ratio]])
 
+    def back(self, values: Vector, gradient: Matrix) -> Vector:
+        """Turn a gradient over [[A, B], [C, D]] into one over gain, zero and pole."""
+        gain, zero, pole = values
+        G, ratio = gradient, pole / zero
+        on_ratio = gain * (G[1, 1] - G[1, 0])
+        return np.array(
+            [
+                G[1, 0] * (1 - ratio) + G[1, 1] * ratio,
+                -on_ratio * ratio / zero,
+                on_ratio / zero + 2 * math.pi * (G[0, 1] - G[0, 0]),
+            ]
+        )
+
 
 def lead_lag(
     measurement: str | None = None,
@@ -301,6 +314,15 @@ class LowPass(Stage):
         if len(values) == 1:
             return np.array([[-w, w], [1.0, 0.0]])
         return np.array([[0.0, w, 0.0], [-w, -2 * values[1] * w, w], [1.0, 0.0, 0.0]])
+
+    def back(self, values: Vector, gradient: Matrix) -> Vector:
+        """Turn a gradient over [[A, B], [C, D]] into one over frequency and damping."""
+        G = gradient
+        if len(values) == 1:
+            return np.array([2 * math.pi * (G[0, 1] - G[0, 0])])
+        frequency, damping = values
+        on_w = G[0, 1] - G[1, 0] - 2 * damping * G[1, 1] + G[1, 2]
+        return 2 * math.pi * np.array([on_w, -2 * frequency * G[1, 1]])
 
 
 def low_pass(
@@ -386,6 +408,14 @@ class Notch(Stage):
             [[0.0, w, 0.0], [-w, -width * w, w], [0.0, -(1 - depth) * width, 1.0]],
         )
 
+    def back(self, values: Vector, gradient: Matrix) -> Vector:
+        """Turn a gradient over [[A, B], [C, D]] into one over frequency, depth and width."""
+        frequency, depth, width = values
+        G = gradient
+        on_w = G[0, 1] - G[1, 0] - width * G[1, 1] + G[1, 2]
+        on_width = -2 * math.pi * frequency * G[1, 1] - (1 - depth) * G[2, 1]
+        return np.array([2 * math.pi * on_w, width * G[2, 1], on_width])
+
 
 def notch(
     measurement: str | None = None,
@@ -466,9 +496,8 @@ class Pid(Stage):
 
     def matrix(self, values: Vector) -> Matrix:
         """Return [[A, B], [C, D]]: x1' = e, Tf x2' = e - x2, v = Kp e + Ki x1 + Kd x2'."""
-        number = dict(zip((slot.name for slot in self.slots), values, strict=True))
-        n = len(self.states)
-        M = np.zeros((n + 1, n + 1), values.dtype)
+        number, n = self._numbers(values), len(self.states)
+        M = np.zeros((n + 1, n + 1))
         M[n, n] = number.get("Kp", 0.0)
         if "Ki" in number:
             M[0, n] = 1.0
@@ -479,6 +508,20 @@ class Pid(Stage):
             M[n, n - 1] = -Kd / Tf
             M[n, n] += Kd / Tf
         return M
+
+    def back(self, values: Vector, gradient: Matrix) -> Vector:
+        """Turn a gradient over [[A, B], [C, D]] into one over the numbers."""
+        G, number, n = gradient, self._numbers(values), len(self.states)
+        slopes = {"Kp": G[n, n], "Ki": G[n, 0]}
+        if "Kd" in number:
+            Kd, Tf = number["Kd"], number["Tf"]
+            slopes["Kd"] = (G[n, n] - G[n, n - 1]) / Tf
+            into = G[n - 1, n] - G[n - 1, n - 1] + Kd * (G[n, n] - G[n, n - 1])
+            slopes["Tf"] = -into / Tf**2
+        return np.array([slopes[name] for name in number])
+
+    def _numbers(self, values: Vector) -> dict[str, float]:
+        return dict(zip((slot.name for slot in self.slots), values, strict=True))
 
 
 def pid(
