@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -397,18 +396,14 @@ class MuDescent:
         on_theta = self.gain.back(theta, responses.back(on_M) + on_K)
         return float(value) + fence, np.concatenate([on_theta, on_weights.ravel()])
 
-    @cached_property
-    def _slowest(self) -> float:
-        inner = self.omega[(self.omega > 0) & np.isfinite(self.omega)]
-        return float(inner.min(initial=1.0))
-
     def _stability_penalty(self, loop: StaticLoop) -> tuple[float, Matrix]:
         """Return a penalty on poles that all but touch the axis, and its derivatives over K.
 
         Modes that hardly anything moves or sees would drift across unseen, and end the descent.
         """
         poles, vectors = loop.modes
-        room = self.damping * np.abs(poles) + _FENCE * self._slowest
+        slowest = self.omega[(self.omega > 0) & np.isfinite(self.omega)].min(initial=1.0)
+        room = self.damping * np.abs(poles) + _FENCE * slowest
         inside = np.maximum(0.0, 1 + poles.real / room)
         near = np.flatnonzero(inside > 0)
         nothing = 0.0, np.zeros(loop.K.shape)
