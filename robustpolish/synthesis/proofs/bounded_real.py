@@ -81,11 +81,11 @@ def estimate_norm(
     scale = state_scale(A, B, C)
     model = Realisation(A * scale / scale[:, None], B / scale[:, None], C * scale, D, False)
     peak = _modal_peak(model, tolerance) if len(A) > _MODAL else None
-    if peak is None:
-        poles: Any = np.linalg.eigvals(model.A) if A.size else np.zeros(0, complex)
-        seeds = np.concatenate([_resonances(poles), [np.inf]])
-    else:
+    seeds = np.array([np.inf])
+    if peak is not None:
         seeds = np.array([peak.frequency])
+    elif A.size:
+        seeds = np.append(_resonances(np.linalg.eigvals(model.A)), seeds)
     norm, where = _highest_gain(model, seeds)
     if peak is not None and peak.upper <= (1 + _WIDEST) * peak.gain:
         return EstimatedNorm(norm, where, abs(norm - peak.gain) <= _WIDEST * norm)
