@@ -114,7 +114,7 @@ def _without_one_mode(K: Controller, hold: bool) -> Iterator[Controller]:
     except np.linalg.LinAlgError:
         return
     # What a mode adds to the response.
-    damping = np.maximum(np.abs(values.real), 1e-12 * fastest)
+    damping = np.maximum(np.abs(np.real(values)), 1e-12 * fastest)
     size = np.linalg.norm(K.C @ vectors, axis=0) * np.linalg.norm(left @ K.B, axis=1) / damping
     weakest = values[np.argmin(size)]
     if size.min() <= 1e-2 * size.max():

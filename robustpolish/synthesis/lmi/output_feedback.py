@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -394,7 +393,14 @@ def controllers_near_optimum(
         return
     least = math.sqrt(max(float(solution.value(square).item()), 0.0))
     for limit in (least * (1 + back_off) for back_off in back_offs):
-        bounded = partial(impose, square=Affine.of(limit**2))
+
+        def bounded(
+            program: SemidefiniteProgram,
+            unknowns: Sequence[LmiVariables],
+            square: float = limit**2,
+        ) -> None:
+            impose(program, unknowns, Affine.of(square))
+
         for controllers in well_conditioned_controllers(plants, "hinf", bounded, solver):
             yield controllers, limit
 

@@ -90,7 +90,8 @@ class PlantMatrices:
     @classmethod
     def of(cls, plant: GeneralizedPlant) -> PlantMatrices:
         """Copy the matrices out of a plant."""
-        return cls(*(getattr(plant, name) for name in NAMES), plant.is_discrete)
+        named = {name: getattr(plant, name) for name in NAMES}
+        return cls(**named, discrete=plant.is_discrete)
 
     @classmethod
     def of_system(cls, system: SystemMatrices, nw: int, nz: int) -> PlantMatrices:
@@ -100,7 +101,7 @@ class PlantMatrices:
         return cls(A, B[:, w], B[:, u], C[z], C[y], D[z, w], D[z, u], D[y, w], D[y, u])
 
     @property
-    def matrices(self) -> dict[str, Matrix]:
+    def matrices(self) -> dict[str, Any]:
         """All nine by name."""
         return {name: getattr(self, name) for name in NAMES}
 
