@@ -460,12 +460,23 @@ def effective_samples(fitted: Fit) -> Array:
 
 
 MOST_SAMPLES = 40.0
-"""Independent errors that one output has at most: a fall by a fifth is worth 9 nats."""
+"""Independent errors of a model that one output has at most: a fall by a fifth is worth 9 nats."""
 
 
-def independent_errors(errors: Array) -> float:
-    """Return how many errors are independent, of each output no more than the score counts."""
-    return float(sum(min(len(e) / bartlett_factor(e), MOST_SAMPLES) for e in errors.T))
+def most_counted(power: Array, noise: Array) -> Array:
+    """Return how many independent errors of each output count at most, shape (ny,).
+
+    Of an error's variance the noise that the record shows without any model is independent from
+    sample to sample; the rest is an error of the model, of which `MOST_SAMPLES` count.
+    """
+    own = np.clip(1 - noise**2 / np.maximum(power, 1e-300), 0.0, 1.0)
+    return MOST_SAMPLES / np.maximum(own, 1e-12)
+
+
+def independent_errors(errors: Array, noise: Array) -> float:
+    """Return how many errors are independent, of each output no more than count."""
+    counts = np.array([len(e) / bartlett_factor(e) for e in errors.T])
+    return float(np.sum(np.minimum(counts, most_counted(np.mean(errors**2, axis=0), noise))))
 
 
 def bartlett_factor(e: Array) -> float:

@@ -16,9 +16,14 @@ from robustpolish.identification.fit.least_squares import (
 from robustpolish.identification.fit.parameters import makes_no_force, scaled_effect
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.refit import with_resolved_delay
-from robustpolish.identification.search.score import STRONG, Place, ScoredModel
+from robustpolish.identification.search.score import STRONG, Place, ScoredModel, nats
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.mechanical.model import MechanicalModel
+
+
+def _better(one: ScoredModel | None, other: ScoredModel | None) -> bool:
+    """Return whether a model is better than another one by very strong evidence."""
+    return one is not None and (other is None or nats(one, other) > STRONG)
 
 
 @dataclass
@@ -34,12 +39,15 @@ class Fits:
         Called between the steps of every fit; raises to stop.
     done : dict
         What was fitted, None where no fit ended well, by the kinds and places that were added.
+    begun : dict
+        The kinds and places of the model from which it was fitted.
     """
 
     prepared: PreparedRecord
     reference: MechanicalModel
     check: Callable[[], None]
     done: dict[frozenset[Place], ScoredModel | None] = field(default_factory=dict)
+    begun: dict[frozenset[Place], frozenset[Place]] = field(default_factory=dict)
 
     def scored(self, fitted: EvaluatedFit | None) -> ScoredModel | None:
         """Return a fit with its errors over the folds."""
@@ -52,13 +60,17 @@ class Fits:
         owner, it begins from the numbers as they were known, too.
         """
         key = start.places | {(e.kind, e.at) for e in effects}
-        if key not in self.done:
+        known_one = self.done.get(key)
+        # a fit from elsewhere that is no better than this start ended in a wrong minimum
+        elsewhere = self.begun.get(key, start.places) != start.places
+        if key not in self.done or (elsewhere and not _better(known_one, start)):
+            self.begun[key] = start.places
             found = [self._grown(start.model, effects)]
             unsure = start.surprise > STRONG or any(e.definition.swinging for e in effects)
             if unsure and (found[0] is None or not self.at_noise_floor(found[0])):
                 known = replace(self.reference, effects=start.model.effects)
                 found.append(self._grown(known, effects))
-            self.done[key] = self._best(found)
+            self.done[key] = self._best(found, known_one)
         return self.done[key]
 
     def grown(self, model: MechanicalModel, effects: Sequence[Effect]) -> ScoredModel | None:
@@ -81,8 +93,12 @@ class Fits:
         """Return a model with others in place of one of its effects, or with none."""
         gone = {(effect.kind, effect.at)}
         key = (start.places - gone) | {(e.kind, e.at) for e in instead}
-        if key in self.done:
-            return self.done[key]
+        known_one = self.done.get(key)
+        # where a fit with more is far better, the one without it may have ended in a wrong minimum
+        stuck = not instead and self.begun.get(key) not in (None, start.places)
+        if key in self.done and not (stuck and _better(start, known_one)):
+            return known_one
+        self.begun[key] = start.places
         bare = replace(
             start.model, effects=tuple(e for e in start.model.effects if e is not effect)
         )
@@ -93,11 +109,13 @@ class Fits:
             found = [self._over(bare, spans)]
             if not makes_no_force(effect):
                 found.append(self._grown(bare, ()))
-        self.done[key] = self._best(found)
+        self.done[key] = self._best(found, known_one)
         return self.done[key]
 
-    def _best(self, found: Sequence[EvaluatedFit | None]) -> ScoredModel | None:
-        fits = [f for f in found if f is not None]
+    def _best(
+        self, found: Sequence[EvaluatedFit | None], known: ScoredModel | None = None
+    ) -> ScoredModel | None:
+        fits = [f for f in found if f is not None] + ([known.fitted] if known else [])
         best = min(fits, key=lambda fitted: ranking_log_error(fitted, fits), default=None)
         return self.scored(best)
 

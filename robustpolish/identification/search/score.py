@@ -11,9 +11,10 @@ model A by
 
 No model of a machine is exact, so that its errors are never independent samples of a noise, however
 long a record is: `MOST_SAMPLES` of one output count, more where noise is the larger part of what is
-left, and errors below a share of the motion are not compared. The prior of a mass or gain is normal
-about what was known, mixed with a wide distribution: one number in a thousand has been written down
-wrong. Springs and dampers are guessed rather than weighed: their prior is Cauchy's.
+left. Errors whose powers differ by less than that of a share of the motion are the same. The prior
+of a mass or gain is normal about what was known, mixed with a wide distribution: one number in a
+thousand has been written down wrong. Springs and dampers are guessed rather than weighed: their
+prior is Cauchy's.
 """
 
 from __future__ import annotations
@@ -26,10 +27,10 @@ import numpy as np
 
 from robustpolish.base.arrays import Array
 from robustpolish.identification.fit.least_squares import (
-    MOST_SAMPLES,
     EvaluatedFit,
     bartlett_factor,
     covariance_of,
+    most_counted,
 )
 from robustpolish.identification.fit.parameters import (
     free_parameters,
@@ -210,27 +211,16 @@ def nats(after: ScoredModel, before: ScoredModel, best: ScoredModel | None = Non
     )
     if not np.isfinite(one).all():
         return -np.inf
-    counts = counts * _counted_share(counting, counts)
+    most = most_counted(np.mean(counting.sizes**2, axis=0), counting.prepared.scales.noise)
+    counts = counts * np.minimum(1.0, most / np.sum(counts, axis=0))
     least = NEGLIGIBLE * np.std(after.prepared.record.Y, axis=0)
     with np.errstate(divide="ignore"):
-        falls = np.log(np.hypot(other, least) / np.hypot(one, least))
-    likelihood = float(np.sum(counts * np.nan_to_num(falls, posinf=50.0)))
+        falls = np.log([other / np.hypot(one, least), one / np.hypot(other, least)])
+    fall, rise = np.clip(falls, 0.0, 50.0)
+    likelihood = float(np.sum(counts * (fall - rise)))
     cost = 0.5 * np.log(np.sum(counts)) * (after.numbers - before.numbers)
     cost += UNJOINED * (after.unjoined - before.unjoined)
     return likelihood - cost - (after.surprise - before.surprise)
-
-
-def _counted_share(counting: ScoredModel, counts: Array) -> Array:
-    """Return the share of independent errors of each output that counts, shape (ny,).
-
-    Of an error's variance the noise that the record shows without any model is independent from
-    sample to sample; the rest is an error of the model, of which `MOST_SAMPLES` count.
-    """
-    noise = counting.prepared.scales.noise
-    power = np.maximum(np.mean(counting.sizes**2, axis=0), 1e-300)
-    own = np.clip(1 - noise**2 / power, 0.0, 1.0)
-    most = MOST_SAMPLES / np.maximum(own, 1e-12)
-    return np.minimum(1.0, most / np.sum(counts, axis=0))
 
 
 def scores(models: Sequence[ScoredModel], base: ScoredModel) -> list[float]:
@@ -239,7 +229,8 @@ def scores(models: Sequence[ScoredModel], base: ScoredModel) -> list[float]:
         return []
     first = [nats(m, base) for m in models]
     best = models[int(np.argmax(first))]
-    return [nats(m, base, best) for m in models]
+    # what is the same within a share of the motion is the same beside the best
+    return [nats(best, base) + nats(m, best, best) for m in models]
 
 
 def simplest_of_best(models: Sequence[ScoredModel], base: ScoredModel) -> ScoredModel:

@@ -257,7 +257,7 @@ class FilteredRecord:
         motion: SmoothedMotion,
         constants: Sequence[CandidateColumns] = (),
     ) -> None:
-        self.level, self.policy = level, prepared.policy
+        self.level, self.policy, self.noise = level, prepared.policy, prepared.scales.noise
         self.model = model
         self.observer = LinearObserver(model, record.dt, level, prepared.scales)
         forces = known_forces(model, motion.q, motion.v, record.time, record.dt)
@@ -628,7 +628,7 @@ class _Alone(NamedTuple):
 def _gains(f: FilteredRecord, entries: Sequence[CandidateColumns]) -> list[_Alone]:
     """Return what each candidate alone would gain in the innovations of one level."""
     rest = (f.residual() / f.sigma).ravel()
-    total, samples = float(f.e @ rest), independent_errors(f.residual())
+    total, samples = float(f.e @ rest), independent_errors(f.residual(), f.noise)
     nothing = _Alone(-np.inf, np.zeros(0), False)
 
     def alone(here: Sequence[int]) -> dict[int, _Alone]:

@@ -319,11 +319,11 @@ def _determined_part(
         fewer = scored.places - {(culprit.kind, culprit.at)}
         if not fewer or fewer == run.best.places:
             return None
-        if fewer in run.fits.done:
-            again = run.fits.done[fewer]
-            return again if again is not None and not again.refusal[0] else None
+        known = run.fits.done.get(fewer)
         run.say(f"refit without {culprit}")
         scored = run.fits.replaced(scored, culprit)
+        if scored is known:
+            return scored if scored is not None and not scored.refusal[0] else None
 
 
 def _simpler(run: EffectSearch, scored: ScoredModel, culprit: Effect) -> Effect | None:

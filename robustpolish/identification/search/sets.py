@@ -94,6 +94,8 @@ class SetProblem:
         Takes what starts and the model's own numbers can do out of columns, shape (errors, n).
     e : ndarray, shape (samples, ny)
         Weighted errors, which ``-X @ sizes`` should be.
+    noise : ndarray, shape (ny,)
+        Of the sensors, weighted alike.
     """
 
     def __init__(
@@ -102,8 +104,9 @@ class SetProblem:
         X: Array,
         project: Callable[[Array], Array],
         e: Array,
+        noise: Array,
     ) -> None:
-        self.entries, self.shape = entries, e.shape
+        self.entries, self.shape, self.noise = entries, e.shape, noise
         self.tasks = [(i, j) for i, entry in enumerate(entries) for j in range(entry.numbers)]
         self.unit = np.sqrt(np.sum(X**2, axis=0))
         X = X / np.where(self.unit > 0, self.unit, 1.0)
@@ -112,7 +115,7 @@ class SetProblem:
         self.total = max(float(e.ravel() @ self.rest), 1e-300)
         self.usable = (self.unit > 0) & (np.diag(self.gram) >= HIDDEN)
         self.signs = np.array([entries[i].shape.signs[j] for i, j in self.tasks])
-        self.samples = independent_errors(self.rest.reshape(self.shape))
+        self.samples = independent_errors(self.rest.reshape(self.shape), noise)
         self.rows: dict[int, list[int]] = {}
         for k, (i, _) in enumerate(self.tasks):
             self.rows.setdefault(i, []).append(k)
@@ -127,7 +130,7 @@ class SetProblem:
         if found:
             best = found[0]
             left = self.rest + best.sizes @ self.C[best.rows]
-            counted = independent_errors(left.reshape(self.shape))
+            counted = independent_errors(left.reshape(self.shape), self.noise)
             if counted > self.samples:
                 self.samples = counted
                 found = self._grow(most)
@@ -266,7 +269,8 @@ def problem_of_free_runs(
 
     tasks = [(entry, j) for entry in entries for j in range(entry.numbers)]
     X = np.array(parallel_map(column, tasks)).reshape(len(tasks), -1).T
-    return SetProblem(entries, X, normal.without_nuisance, settled.errors / settled.sigma)
+    e, noise = settled.errors / settled.sigma, prepared.scales.noise / settled.sigma
+    return SetProblem(entries, X, normal.without_nuisance, e, noise)
 
 
 def problem_along_motion(
@@ -282,7 +286,8 @@ def problem_along_motion(
     def project(of: Array) -> Array:
         return of - seen.N.T @ (seen.factor @ (seen.N @ of))
 
-    return SetProblem(entries, -X, project, seen.e.reshape(seen.errors.shape))
+    e = seen.e.reshape(seen.errors.shape)
+    return SetProblem(entries, -X, project, e, seen.noise / seen.sigma)
 
 
 def coefficients(gram: Array, target: Array, signs: Array) -> Array:
