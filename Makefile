@@ -26,7 +26,7 @@ demo: $(READY) ## Run the main job; table, figure and HTML report go to demo-res
 
 PYTEST := $(BIN)/python -m pytest -q -n 2 --dist loadfile
 
-test: $(READY) ## Run the quick tests (six minutes on two cores)
+test: $(READY) ## Run the quick tests (five minutes on two cores)
 	$(PYTEST) -m "not slow and not long" --durations 40
 
 test-full: $(READY) ## Run the slower tests that `make test` leaves out

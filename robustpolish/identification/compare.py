@@ -445,7 +445,7 @@ class StepRun(Displayed):
         return plot_response(measured, simulated, ax=ax)
 
     def plot_panels(self, *, output: str | None = None, width: float = 9.0) -> Figure:
-        """Draw an output as measured and with the models before and after, and what is left.
+        """Draw an output as measured and with the models before and after, and the residual.
 
         Parameters
         ----------

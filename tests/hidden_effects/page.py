@@ -147,8 +147,8 @@ def _group(rows):
     lines = [
         "| asked | found | at least |",
         "|---|---|---|",
-        f"| right in kind and place, or told alike | {found.right} | 95 % |",
-        f"| a name that is wrong and not told alike | {found.confident} | at most 2 % |",
+        f"| kind and place right, or indistinguishable | {found.right} | 95 % |",
+        f"| a wrong name, not indistinguishable | {found.confident} | at most 2 % |",
         f"| nothing named where nothing is missing | {found.quiet} | 98 % |",
         f"| 95 % intervals of effects' numbers that hold the truth | {found.covered} | 90 to 99 % "
         "|",
@@ -162,7 +162,7 @@ def _group(rows):
         f"unseen record is at most {NEAR_NOISE} times the noise in {found.calm} of the right cases "
         "whose motion can be foreseen.",
         "",
-        "| class | cases | right | effects | named right | told alike | missed | wrong names |",
+        "| class | cases | right | effects | named right | alike | missed | wrong names |",
         "|---|---|---|---|---|---|---|---|",
     ]
     for name in NUMBERS_OF_EFFECTS:

@@ -386,8 +386,8 @@ def test_several_effects_are_told_by_number():
     )
     lines = page(listed, drawn, rows, []).splitlines()
     assert any(line.startswith(f"4 cases of seed {UNSEEN_SEED}") for line in lines)
-    assert "| right in kind and place, or told alike | 3 of 4 (75.0 %) | 95 % |" in lines
-    assert "| a name that is wrong and not told alike | 1 of 4 (25.0 %) | at most 2 % |" in lines
+    assert "| kind and place right, or indistinguishable | 3 of 4 (75.0 %) | 95 % |" in lines
+    assert "| a wrong name, not indistinguishable | 1 of 4 (25.0 %) | at most 2 % |" in lines
     assert "| nothing named where nothing is missing | 1 of 1 (100.0 %) | 98 % |" in lines
     assert "| two effects | 1 | 0 | 2 | 1 | 0 | 1 | 1 |" in lines
     assert "| three effects | 1 | 1 | 3 | 2 | 1 | 0 | 0 |" in lines

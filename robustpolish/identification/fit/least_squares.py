@@ -451,12 +451,12 @@ def log_odds(one: Fit, other: Fit) -> float:
     Their errors alone are compared, numbers cost nothing. Coloured errors tell less: as many are
     counted as are independent in the other fit.
     """
-    return float(np.sum(effective_samples(other) * np.log(other.rmse / one.rmse)))
+    return float(np.sum(effective_samples(other.errors) * np.log(other.rmse / one.rmse)))
 
 
-def effective_samples(fitted: Fit) -> Array:
-    """Return how many errors of each output of a fit are as good as independent."""
-    return np.array([len(error) / bartlett_factor(error) for error in fitted.errors.T])
+def effective_samples(errors: Array) -> Array:
+    """Return how many errors of each output, shape (samples, ny), are as good as independent."""
+    return np.array([len(error) / bartlett_factor(error) for error in errors.T])
 
 
 MOST_SAMPLES = 40.0
@@ -475,8 +475,8 @@ def most_counted(power: Array, noise: Array) -> Array:
 
 def independent_errors(errors: Array, noise: Array) -> float:
     """Return how many errors are independent, of each output no more than count."""
-    counts = np.array([len(e) / bartlett_factor(e) for e in errors.T])
-    return float(np.sum(np.minimum(counts, most_counted(np.mean(errors**2, axis=0), noise))))
+    most = most_counted(np.mean(errors**2, axis=0), noise)
+    return float(np.sum(np.minimum(effective_samples(errors), most)))
 
 
 def bartlett_factor(e: Array) -> float:

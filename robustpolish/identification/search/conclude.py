@@ -255,7 +255,7 @@ def _smooth_frictions(run: EffectSearch, final: FinalFit) -> FinalFit:
             odds = (
                 log_odds(fitted, final.fit)
                 if _alike(fitted, final.fit)
-                else np.sum(effective_samples(fitted) * np.log(final.error / left))
+                else np.sum(effective_samples(fitted.errors) * np.log(final.error / left))
             )
             if odds > STRONG:
                 final = FinalFit(fitted, left, final.predictable)
@@ -383,7 +383,7 @@ def _alike_pairs(run: EffectSearch, found: Conclusion) -> list[tuple[Effect, Eff
                 continue
             rest = (*final.model.effects[:index], other, *final.model.effects[index + 1 :])
             error = whole_record_error(replace(final.model, effects=rest), run, final.predictable)
-            counted = effective_samples(final.fit)
+            counted = effective_samples(final.fit.errors)
             with np.errstate(divide="ignore"):
                 odds = float(np.sum(counted * np.log(error / final.error)))
             if odds < STRONG:

@@ -60,18 +60,27 @@ class Fits:
         owner, it begins from the numbers as they were known, too.
         """
         key = start.places | {(e.kind, e.at) for e in effects}
-        known_one = self.done.get(key)
-        # a fit from elsewhere that is no better than this start ended in a wrong minimum
-        elsewhere = self.begun.get(key, start.places) != start.places
-        if key not in self.done or (elsewhere and not _better(known_one, start)):
+        if not self.settled(key, start):
             self.begun[key] = start.places
             found = [self._grown(start.model, effects)]
             unsure = start.surprise > STRONG or any(e.definition.swinging for e in effects)
             if unsure and (found[0] is None or not self.at_noise_floor(found[0])):
                 known = replace(self.reference, effects=start.model.effects)
                 found.append(self._grown(known, effects))
-            self.done[key] = self._best(found, known_one)
+            self.done[key] = self._best(found, self.done.get(key))
         return self.done[key]
+
+    def settled(self, key: frozenset[Place], start: ScoredModel) -> bool:
+        """Return whether a set was fitted, and a model shows no wrong minimum of that fit.
+
+        From the model's own set no other fit would come. A fit of more effects that is no better
+        than the model, or of fewer than which the model is better, ended in a wrong minimum.
+        """
+        if key not in self.done or self.begun.get(key, start.places) == start.places:
+            return key in self.done
+        if key > start.places:
+            return _better(self.done[key], start)
+        return not (key < start.places and _better(start, self.done[key]))
 
     def grown(self, model: MechanicalModel, effects: Sequence[Effect]) -> ScoredModel | None:
         """Return a model with learned laws, fitted; None if no fit ended well.
@@ -93,11 +102,8 @@ class Fits:
         """Return a model with others in place of one of its effects, or with none."""
         gone = {(effect.kind, effect.at)}
         key = (start.places - gone) | {(e.kind, e.at) for e in instead}
-        known_one = self.done.get(key)
-        # where a fit with more is far better, the one without it may have ended in a wrong minimum
-        stuck = not instead and self.begun.get(key) not in (None, start.places)
-        if key in self.done and not (stuck and _better(start, known_one)):
-            return known_one
+        if self.settled(key, start):
+            return self.done[key]
         self.begun[key] = start.places
         bare = replace(
             start.model, effects=tuple(e for e in start.model.effects if e is not effect)
@@ -109,11 +115,11 @@ class Fits:
             found = [self._over(bare, spans)]
             if not makes_no_force(effect):
                 found.append(self._grown(bare, ()))
-        self.done[key] = self._best(found, known_one)
+        self.done[key] = self._best(found, self.done.get(key))
         return self.done[key]
 
     def _best(
-        self, found: Sequence[EvaluatedFit | None], known: ScoredModel | None = None
+        self, found: Sequence[EvaluatedFit | None], known: ScoredModel | None
     ) -> ScoredModel | None:
         fits = [f for f in found if f is not None] + ([known.fitted] if known else [])
         best = min(fits, key=lambda fitted: ranking_log_error(fitted, fits), default=None)

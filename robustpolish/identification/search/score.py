@@ -28,8 +28,8 @@ import numpy as np
 from robustpolish.base.arrays import Array
 from robustpolish.identification.fit.least_squares import (
     EvaluatedFit,
-    bartlett_factor,
     covariance_of,
+    effective_samples,
     most_counted,
 )
 from robustpolish.identification.fit.parameters import (
@@ -137,7 +137,7 @@ class ScoredModel:
             with np.errstate(over="ignore", invalid="ignore"):
                 size = np.sqrt(np.mean(part**2, axis=0))
             sizes.append(np.where(np.isfinite(size), size, np.inf))
-            counts.append([len(part) / bartlett_factor(e) for e in np.nan_to_num(part.T)])
+            counts.append(effective_samples(np.nan_to_num(part)))
         return np.array(sizes), np.array(counts)
 
     @cached_property

@@ -582,32 +582,26 @@ def screen(
     likeliest = seen[int(np.argmin(nulls))]
     # the free run of a plant that integrates shows its drift and nothing else
     drifts = has_integrator(model, record.samples * record.dt)
-    looked = {f.level: f for f in seen if f.level in policy.guidance[: 1 if drifts else None]}
-    looked[likeliest.level] = likeliest
-    on_sensors = [e for e in entries if e.kind.domain == "output" and e not in constants]
-    beside = [e for e in entries if e not in constants and e not in on_sensors]
-    best: dict[int, _Alone] = {}
+    hardly_led = policy.guidance[: 1 if drifts else None]
+    looked = dict.fromkeys([*(f for f in seen if f.level in hardly_led), likeliest])
+    others = [e for e in entries if e not in constants]
+    on_sensors = [e for e in others if e.kind.domain == "output"]
+    beside = [e for e in others if e.kind.domain != "output"]
+    at_levels = [_gains(f, beside) for f in looked]
+    best = [max(alone, key=lambda a: (a.right, a.nats)) for alone in zip(*at_levels, strict=True)]
     chosen = {id(entry): entry for entry in on_sensors}
-    for f in looked.values():
-        alone = _gains(f, beside)
-        for entry, found in zip(beside, alone, strict=True):
-            known = best.get(id(entry))
-            if known is None or (found.right, found.nats) > (known.right, known.nats):
-                best[id(entry)] = found
-        # a shape that pulls the wrong way may fit best of all shapes of its effect: it takes no
-        # place from the best right one
+    # a shape that pulls the wrong way may fit best of all shapes of its effect: it takes no place
+    # from the best right one
+    for alone in at_levels:
         right = [(found.nats, e) for e, found in zip(beside, alone, strict=True) if found.right]
         _select_finalists(chosen, right, policy.finalists, 2)
-    wrong = [(best[id(e)].nats, e) for e in beside if not best[id(e)].right]
+    wrong = [(found.nats, e) for e, found in zip(beside, best, strict=True) if not found.right]
     _select_finalists(chosen, wrong, policy.finalists // 2, 1)
     shapes = Counter((entry.kind.kind, entry.at) for entry in entries)
     plain = [e for e in entries if id(e) not in chosen and shapes[e.kind.kind, e.at] == 1]
     candidates: dict[tuple[str, tuple[str, ...]], ScreenedEffect] = {}
-    for entry in sorted(
-        (e for e in beside if id(e) in chosen),
-        key=lambda e: (-best[id(e)].right, -best[id(e)].nats),
-    ):
-        found = best[id(entry)]
+    finals = [(e, found) for e, found in zip(beside, best, strict=True) if id(e) in chosen]
+    for entry, found in sorted(finals, key=lambda pair: (-pair[1].right, -pair[1].nats)):
         remark = "" if found.right else "its force has the wrong sign"
         one = ScreenedEffect(effect_from(entry, found.sizes), found.nats, remark)
         candidates.setdefault(one.place, one)

@@ -264,7 +264,7 @@ def _proposals(run: EffectSearch, step: int) -> Iterator[tuple[EffectSet, int, b
     run.expected = {s.places: s for source in reversed(sources) for s in source}
     likeliest = sorted(run.expected.values(), key=lambda s: -s.nats)[:SHOWN]
     gains = (f"{' and '.join(map(str, s.effects))} {s.nats:.0f}" for s in likeliest)
-    run.say(f"gains in nats to be expected: {'; '.join(gains) or 'none'}")
+    run.say(f"expected gains in nats: {'; '.join(gains) or 'none'}")
     done: list[EffectSet] = []
     while len(done) < REFITS:
         turn = [_next_of(run, source, done) for source in sources]
@@ -319,11 +319,11 @@ def _determined_part(
         fewer = scored.places - {(culprit.kind, culprit.at)}
         if not fewer or fewer == run.best.places:
             return None
-        known = run.fits.done.get(fewer)
+        if run.fits.settled(fewer, scored):
+            again = run.fits.done[fewer]
+            return again if again is not None and not again.refusal[0] else None
         run.say(f"refit without {culprit}")
         scored = run.fits.replaced(scored, culprit)
-        if scored is known:
-            return scored if scored is not None and not scored.refusal[0] else None
 
 
 def _simpler(run: EffectSearch, scored: ScoredModel, culprit: Effect) -> Effect | None:
