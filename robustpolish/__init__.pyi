@@ -85,6 +85,9 @@ from .identification.residuals import (
 from .identification.tell_apart import (
     tell_apart as tell_apart,
 )
+from .identification.trial import (
+    try_effect as try_effect,
+)
 from .linear.controllability import (
     controllability as controllability,
 )

@@ -61,6 +61,9 @@ from .identification.residuals import (
 from .identification.tell_apart import (
     ToldApart as ToldApart,
 )
+from .identification.trial import (
+    Trial as Trial,
+)
 from .implementation.sampled.certificate import (
     SampledCertificate as SampledCertificate,
 )

@@ -85,15 +85,8 @@ def content(found: Diagnosis) -> dict[str, Any]:
     }
 
 
-def diagnosis_from(fields: Fields) -> Diagnosis:
-    """Return the diagnosis in a file.
-
-    Raises
-    ------
-    InvalidInputError
-        If a key is missing or wrong, or names an effect that is not in the catalogue.
-    """
-    sites = tuple(Fields({"at": site}, fields.where).texts("at") for site in fields.items("sites"))
+def ledger_from(fields: Fields) -> Ledger:
+    """Return the errors of every step in a file."""
     ledger = Ledger(
         tuple(
             Entry(e.text("step"), e.numbers("nrmse"), _model(e)) for e in fields.tables("ledger")
@@ -105,6 +98,18 @@ def diagnosis_from(fields: Fields) -> Diagnosis:
             shown = described(f"errors of {', '.join(e.nrmse) or 'nothing'} at {e.step!r}")
             remedy = "The file is damaged or was edited; save it again."
             raise invalid(f"{fields.where}: ledger", shown, "errors of the same outputs", remedy)
+    return ledger
+
+
+def diagnosis_from(fields: Fields) -> Diagnosis:
+    """Return the diagnosis in a file.
+
+    Raises
+    ------
+    InvalidInputError
+        If a key is missing or wrong, or names an effect that is not in the catalogue.
+    """
+    sites = tuple(Fields({"at": site}, fields.where).texts("at") for site in fields.items("sites"))
     return Diagnosis(
         verdict=fields.text("verdict", VERDICTS),
         model=MechanicalModel.from_toml(_text(fields)),
@@ -130,7 +135,7 @@ def diagnosis_from(fields: Fields) -> Diagnosis:
             )
             for c in fields.tables("indistinguishable")
         ),
-        ledger=ledger,
+        ledger=ledger_from(fields),
         missing_force=fields.array("missing_force", len(sites), None),
         sites=sites,
         parameters=_read_values(fields.table("parameters")),

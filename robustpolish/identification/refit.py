@@ -385,7 +385,7 @@ def refit(model: MechanicalModel, data: Any, progress: Callable[[], None] | None
         return replace(found, notes=tuple(moved))
     fewer = reduce_record(model, require_length(model, record_of(model, data)))
     model, prepared = fewer.model, prepare(fewer.model, fewer.record, POLICY)
-    started = _with_start_values(model, prepared)
+    started = with_start_values(model, prepared)
     spans = prepared.spans(prepared.everything)
     with progress_bar("Refitting"):
         last = POLICY.follows(prepared.record.Y.size)
@@ -445,7 +445,7 @@ def _run_errors(models: Sequence[MechanicalModel], prepared: PreparedRecord) -> 
     return [float(np.mean((error / size) ** 2)) for error in found]
 
 
-def _with_start_values(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalModel:
+def with_start_values(model: MechanicalModel, prepared: PreparedRecord) -> MechanicalModel:
     """Give effects that came without parameters those that screening finds."""
     effects = list(model.effects)
     for i, effect in enumerate(effects):

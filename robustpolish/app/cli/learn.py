@@ -1,4 +1,4 @@
-"""Commands on measurements: `compare`, `diagnose`, `refit` and `tell-apart`."""
+"""Commands on measurements: `compare`, `try`, `diagnose`, `refit` and `tell-apart`."""
 
 from __future__ import annotations
 
@@ -16,17 +16,20 @@ from robustpolish.app.documents import diagnosis_report
 from robustpolish.app.html import render_html
 from robustpolish.base.atomic_writes import new_file
 from robustpolish.base.checks import described, invalid, positive
+from robustpolish.base.saved import read_saved, write_saved
 from robustpolish.errors import RobustPolishError
 from robustpolish.identification.compare import compare as compare_model
 from robustpolish.identification.compare import step_runs
 from robustpolish.identification.diagnose import diagnose as diagnose_model
-from robustpolish.identification.diagnosis import Diagnosis
+from robustpolish.identification.diagnosis import Diagnosis, ledger_from
+from robustpolish.identification.findings import Ledger
 from robustpolish.identification.record import require_time_data
 from robustpolish.identification.refit import refit as refit_model
 from robustpolish.identification.residuals import residual_analysis
 from robustpolish.identification.search.search import MOST_EFFECTS
 from robustpolish.identification.tell_apart import ToldApart
 from robustpolish.identification.tell_apart import tell_apart as tell_machines_apart
+from robustpolish.identification.trial import try_effect
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.signals.frequency_response import holds_frequency_response
 
@@ -214,6 +217,65 @@ def refit(
         cli.to_json(content)  # nothing is written if anything fails
         if draft is not None:
             draft.write_text(result.model.to_toml(), encoding="utf-8")
+    return content, repr(result)
+
+
+# `robustpolish try`.
+
+_CHANGE = "An effect and where it acts, as in 'coulomb_friction tool ground'; repeatable."
+
+
+@click.command("try")
+@cli.data_argument
+@_model
+@cli.repeatable("--add added", "'KIND PLACE ...'", _CHANGE)
+@cli.repeatable("--remove removed", "'KIND PLACE ...'", "The same, of an effect of the model.")
+@cli.option("--save", "Save the model with the effect (.toml).", cli.FILE)
+@cli.option("--ledger", "Errors of every step (.json): kept from call to call.", cli.FILE)
+@cli.option("--plot", "Save the picture of the errors (.png, .svg).", cli.FILE)
+@cli.measurement_options
+@cli.result_options
+def try_(
+    data: tuple[str, ...], model: str, added: tuple[str, ...], removed: tuple[str, ...],
+    save: str | None, ledger: str | None, plot: str | None, reading: cli.Reading, force: bool,
+) -> tuple[Any, ...]:  # fmt: skip
+    """Add an effect to a model by hand, or remove one, and show the held-out error.
+
+    DATA is a measurement with the model's inputs and outputs as columns, or several of them. The
+    model is fitted with the effect and without it, and the part of DATA that neither was fitted to
+    judges. --save OTHER.toml, then --model OTHER.toml of the next call, goes on from there. The
+    exit code is 0 whether the effect is worth its numbers or not, and 2 for bad input.
+    """
+    changes = [(*text.split(), False) for text in added] + [(*t.split(), True) for t in removed]
+    if not changes or min(map(len, changes)) < 3:
+        remedy = "Write --add 'coulomb_friction tool ground'."
+        shown = described(" ".join((*added, *removed)) or "nothing")
+        raise invalid("--add", shown, "a kind of effect and a place", remedy)
+    loaded = MechanicalModel.from_toml(Path(model))
+    records = cli.load_records(data, loaded, reading)
+    with ExitStack() as places:
+        drafts = {
+            path: places.enter_context(new_file(path, force or path == ledger, suffixes))
+            for path, suffixes in ((save, (".toml",)), (ledger, (".json",)))
+            if path is not None
+        }
+        tell = places.enter_context(cli.stages("Fitting"))
+        known = ledger is not None and Path(ledger).exists()
+        steps = ledger_from(read_saved(ledger, "ledger")) if known else Ledger()
+        result: Any = loaded
+        for kind, *at, remove in changes:
+            result = try_effect(
+                result, records, kind, at, remove=remove, ledger=steps, progress=tell
+            )
+            steps = result.ledger
+        content = result.to_dict()
+        cli.to_json(content)  # nothing is written if anything fails
+        if save is not None:
+            drafts[save].write_text(result.model.to_toml(), encoding="utf-8")
+        if ledger is not None:
+            content_of = {"ledger": steps.to_list(), "noise_floor": {}}
+            write_saved(drafts[ledger], "ledger", content_of, force=True)
+    cli.save_picture(plot, force, lambda: result.plot().figure)
     return content, repr(result)
 
 

@@ -21,6 +21,7 @@ _COMMANDS = {
     "brush": "Simulate the brush on its mould and show the forces.",
     "compare": "Compare a mechanical model with a measurement.",
     "refit": "Fit the numbers of a mechanical model to measurements.",
+    "try": "Add an effect to a mechanical model by hand and show what that does to the error.",
     "diagnose": "Name the effects that a mechanical model lacks.",
     "tell-apart": "Find the experiment that tells two models apart which a measurement does not.",
     "warm-up": "Compile now what is compiled on first use, once per user and version.",
@@ -29,7 +30,7 @@ _COMMANDS = {
 
 _MODULES = {
     **dict.fromkeys(("design", "margins", "modes", "norms"), "design"),
-    **dict.fromkeys(("compare", "refit", "diagnose", "tell-apart"), "learn"),
+    **dict.fromkeys(("compare", "refit", "try", "diagnose", "tell-apart"), "learn"),
 }
 """Module of :mod:`robustpolish.app.cli` of each command that has none of its own name."""
 
@@ -79,7 +80,7 @@ class _Group(click.Group):
             return None
         name = cmd_name.replace("-", "_")
         module = importlib.import_module(f"robustpolish.app.cli.{_MODULES.get(cmd_name, name)}")
-        return getattr(module, name)
+        return getattr(module, name, None) or getattr(module, f"{name}_")
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         del ctx

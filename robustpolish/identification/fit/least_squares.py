@@ -40,6 +40,9 @@ _ENDLESS = 1e100
 CONVERGED = 1e-3
 # Most steps of the last stage of a fit that ends below the usual fall of the cost.
 _DIRECT_STEPS = 20
+# Dampings that are tried before a fit has converged, each 8 times the one before, to 1e5 times the
+# curvature: friction makes the cost rough, so that a step has to be short before it falls.
+_DAMPINGS = 10
 # Share of its first size below which an effect has vanished in a stage of a fit.
 _VANISHED = 0.01
 # Enough to see the scatter, few enough to be long against the memory of residuals.
@@ -244,7 +247,7 @@ def fit(
         # parameters that rest at a bound stay
         held = ((x <= residuals.lower) & (normal.g > 0)) | ((x >= residuals.upper) & (normal.g < 0))
         fall = 0.0
-        for _ in range(4):
+        for _ in range(_DAMPINGS):
             step, moves = normal.step(~held, damping)
             trial = residuals.within(x + step)
             new_starts = starts if sizes is None else starts + moves * sizes

@@ -334,7 +334,7 @@ def _diagnosis(
     deviations = stderr_from_covariance(covariance)
     numbers = model.parameters
     added = range(len(reference.effects), len(model.effects))
-    effects = tuple(_found_effect(model, index, deviations) for index in added)
+    effects = tuple(found_effect(model, index, deviations) for index in added)
     named = not found.scored.curves
     alike = [indistinguishable_pair(*p) for p in _alike_pairs(run, found)] if named else []
     limited = []
@@ -423,7 +423,8 @@ def _undetermined_effects(final: Fit, added: Sequence[int]) -> list[str]:
     ]
 
 
-def _found_effect(model: MechanicalModel, index: int, errors: dict[str, float]) -> FoundEffect:
+def found_effect(model: MechanicalModel, index: int, errors: dict[str, float]) -> FoundEffect:
+    """Return an effect of a fitted model with the standard errors and units of its sizes."""
     effect = model.effects[index]
     parameters = {}
     for p in effect.definition.parameters:

@@ -425,16 +425,15 @@ def _exchange(run: EffectSearch) -> bool:
 
 
 def _remove(run: EffectSearch) -> None:
-    """Remove effects without which the model is as good."""
-    again = True
+    """Remove effects one by one while the model stays within very strong evidence of the best."""
+    best, again = run.best, True
     while again and run.best.added:
         again = False
-        for effect in run.best.added:
-            fewer = run.fits.replaced(run.best, effect)
-            if fewer is not None and nats(run.best, fewer) < STRONG:
-                run.accept(fewer)
-                again = True
-                break
+        fewer = [run.fits.replaced(run.best, effect) for effect in run.best.added]
+        near = [f for f in fewer if f is not None and nats(best, f) < STRONG]
+        if near:
+            run.accept(min(near, key=lambda f: nats(best, f)))
+            again = True
 
 
 def _explain_surprise(run: EffectSearch) -> None:
