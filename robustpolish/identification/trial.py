@@ -86,7 +86,19 @@ class Trial(Displayed):
         }
 
     def plot(self, ax: Axes | None = None, *, output: str | None = None) -> Axes:
-        """Draw the held-out error of one output after every step; see :meth:`Ledger.plot`."""
+        """Draw the held-out error of one output after every step.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        output : str, optional
+            The first by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
         return self.ledger.plot(ax, output=output)
 
     def _card(self) -> Card:

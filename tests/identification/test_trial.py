@@ -65,7 +65,8 @@ def test_an_effect_is_tried_from_the_command_line(slide, tmp_path):
         "--model", toml, "--add", "coulomb_friction x ground", "--save", learned,
         "--plot", picture, "--json", str(tmp_path / "said.json"),
     )  # fmt: skip
-    assert "worth its numbers" in said and "cubic_stiffness" in said
+    assert "worth its numbers" in said
+    assert "cubic_stiffness" in said
     assert json.loads((tmp_path / "said.json").read_text())["worthwhile"]
     assert rp.load(learned).effects[0].kind == "coulomb_friction"
     assert (tmp_path / "falls.png").stat().st_size > 1000
@@ -80,3 +81,16 @@ def test_a_change_without_a_place_is_refused(slide, tmp_path):
     result = CliRunner().invoke(main, [*given, "--add", "coulomb_friction"])
     assert result.exit_code == 2
     assert "--add" in result.output
+
+
+def test_the_air_bearing_is_a_model_by_name(tmp_path):
+    written = tmp_path / "bearing.toml"
+    result = CliRunner().invoke(main, ["model", "air-bearing:as-printed", "--out", str(written)])
+    assert result.exit_code == 0, result.output
+    bearing = rp.polishing.air_bearing_model(rp.polishing.AirBearingParameters.as_printed())
+    assert rp.load(written).parameters == pytest.approx(bearing.parameters)
+    shown = CliRunner().invoke(main, ["model", "air-bearing"])
+    assert rp.MechanicalModel.from_toml(shown.output).free == bearing.free
+    refused = CliRunner().invoke(main, ["model", "air-bearing:as-built"])
+    assert refused.exit_code == 2
+    assert "air-bearing:as-published" in refused.output

@@ -1,4 +1,4 @@
-"""Commands on measurements: `compare`, `try`, `diagnose`, `refit` and `tell-apart`."""
+"""Commands on models and measurements: from `model` and `compare` to `tell-apart`."""
 
 from __future__ import annotations
 
@@ -30,13 +30,33 @@ from robustpolish.identification.search.search import MOST_EFFECTS
 from robustpolish.identification.tell_apart import ToldApart
 from robustpolish.identification.tell_apart import tell_apart as tell_machines_apart
 from robustpolish.identification.trial import try_effect
-from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.signals.frequency_response import holds_frequency_response
 
 # `robustpolish compare`.
 
 
-_model = cli.option("--model", "Mechanical model, a TOML file.", click.Path(), required=True)
+_model = cli.option(
+    "--model",
+    "Mechanical model: a TOML file, or air-bearing (air-bearing:as-printed).",
+    click.Path(),
+    required=True,
+)
+
+
+@click.command("model")
+@click.argument("name")
+@cli.option("--out", "Write the model to a file (.toml).", cli.FILE)
+@cli.result_options
+def model_(name: str, out: str | None, force: bool) -> tuple[Any, ...]:
+    """Show a mechanical model as TOML, to be changed and given to other commands.
+
+    NAME is air-bearing, air-bearing:as-printed, air-bearing:as-corrected, or a TOML file.
+    """
+    shown = cli.mechanical_model(name).to_toml()
+    if out is not None:
+        with new_file(out, force, (".toml",)) as draft:
+            draft.write_text(shown, encoding="utf-8")
+    return {"toml": shown}, shown if out is None else f"The model is in {out}."
 
 
 @click.command()
@@ -60,7 +80,7 @@ def compare(
     responses (CSV with a column "frequency [Hz]", UFF 58), which are compared with those of the
     model. The exit code is 0 however well the model fits, and 2 for bad input.
     """
-    loaded = MechanicalModel.from_toml(Path(model))
+    loaded = cli.mechanical_model(model)
     if any(holds_frequency_response(path) for path in data):
         given = {"--window": window, "--horizon": horizon, "--residuals": residuals or None}
         result = compare_model(loaded, cli.load_response(data, reading, given))
@@ -132,7 +152,7 @@ def diagnose(
     with the best so far, which is saved and reported as usual. The exit code is 0 whatever the
     verdict, and 2 for bad input.
     """
-    loaded = MechanicalModel.from_toml(Path(model))
+    loaded = cli.mechanical_model(model)
     for path in data:
         require_time_data(path)
     records = cli.load_records(data, loaded, reading)
@@ -205,7 +225,7 @@ def refit(
     the numbers of the machine are common. Or it holds frequency responses (CSV with a column
     "frequency [Hz]", UFF 58). The exit code is 0 however well the model fits, and 2 for bad input.
     """
-    loaded = MechanicalModel.from_toml(Path(model))
+    loaded = cli.mechanical_model(model)
     if any(holds_frequency_response(path) for path in data):
         given = cli.load_response(data, reading, {})
     else:
@@ -251,7 +271,7 @@ def try_(
         remedy = "Write --add 'coulomb_friction tool ground'."
         shown = described(" ".join((*added, *removed)) or "nothing")
         raise invalid("--add", shown, "a kind of effect and a place", remedy)
-    loaded = MechanicalModel.from_toml(Path(model))
+    loaded = cli.mechanical_model(model)
     records = cli.load_records(data, loaded, reading)
     with ExitStack() as places:
         drafts = {
@@ -308,7 +328,7 @@ def tell_apart(
         given: Any = Diagnosis.load(machines[0])
         model = given.model
     elif len(machines) == 2:
-        given = tuple(MechanicalModel.from_toml(Path(path)) for path in machines)
+        given = tuple(map(cli.mechanical_model, machines))
         model = given[0]
     else:
         shown = described(f"{len(machines)} files: {', '.join(machines)}")

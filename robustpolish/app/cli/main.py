@@ -19,6 +19,7 @@ _COMMANDS = {
     "margins": "Tell what the loop of a saved design is like, and whether it can be built.",
     "export": "Sample a saved design, certify the loop and write C, MAT, JSON or an FMU.",
     "brush": "Simulate the brush on its mould and show the forces.",
+    "model": "Show the polishing robot's air bearing, or any model, as a TOML file.",
     "compare": "Compare a mechanical model with a measurement.",
     "refit": "Fit the numbers of a mechanical model to measurements.",
     "try": "Add an effect to a mechanical model by hand and show what that does to the error.",
@@ -30,7 +31,7 @@ _COMMANDS = {
 
 _MODULES = {
     **dict.fromkeys(("design", "margins", "modes", "norms"), "design"),
-    **dict.fromkeys(("compare", "refit", "try", "diagnose", "tell-apart"), "learn"),
+    **dict.fromkeys(("model", "compare", "refit", "try", "diagnose", "tell-apart"), "learn"),
 }
 """Module of :mod:`robustpolish.app.cli` of each command that has none of its own name."""
 

@@ -20,7 +20,7 @@ from robustpolish.base.checks import described, invalid
 from robustpolish.base.saved import plain
 from robustpolish.errors import InvalidInputError, RobustPolishError
 from robustpolish.machines.mechanical.model import MechanicalModel
-from robustpolish.polishing.air_bearing import AirBearingParameters
+from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing_model
 from robustpolish.signals.frequency_response import read_frequency_response
 from robustpolish.signals.read import read_measurement
 
@@ -233,6 +233,18 @@ machine_options = options(
     option("--dissipation", "Share of the energy lost per cycle, n in (8.23).", float, 0.001),
 )
 """Which machine: --parameters and --dissipation."""
+
+
+def mechanical_model(given: str) -> MechanicalModel:
+    """Return a model by its TOML file, or the ``air-bearing``, ``air-bearing:as-printed``."""
+    name, _, reading = given.partition(":")
+    if name != "air-bearing":
+        return MechanicalModel.from_toml(Path(given))
+    reading = reading.removeprefix("as-") or "published"
+    if reading not in READINGS:
+        wanted = f"air-bearing:as-{', '.join(READINGS)}"
+        raise invalid("--model", given, wanted, "Take one of these readings of the thesis.")
+    return air_bearing_model(READINGS[reading]())
 
 
 # Options of the subcommands that read a measurement.

@@ -459,8 +459,10 @@ def _explain_surprise(run: EffectSearch) -> None:
         ]
     found = []
     for effect in tried:
-        run.say(f"refit with {effect}")
         key = run.best.places | {(effect.kind, effect.at)}
+        if key == run.best.places:
+            continue  # the model has this gain already
+        run.say(f"refit with {effect}")
         scored = run.fits.beside_known_numbers(run.best, effect)
         known_one = run.fits.done.get(key)
         if scored is None or (known_one is not None and nats(known_one, scored) > 0):

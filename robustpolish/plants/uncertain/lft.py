@@ -108,8 +108,10 @@ class RealElement:
         Returns
         -------
         float
+            Infinite at the pole of the map, which lies outside the range.
         """
-        return self.nominal + self.slope * delta / (1 - self.skew * delta)
+        step, left = self.slope * delta, 1 - self.skew * delta
+        return self.nominal + step / left if left else math.copysign(math.inf, step)
 
     def delta(self, value: Any) -> float:
         """Return the delta of a number, which may lie outside the range.

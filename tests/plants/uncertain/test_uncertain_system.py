@@ -374,3 +374,10 @@ def test_shape_is_taken_as_it_is():
 def test_bad_ellipsoids_are_refused(call):
     with pytest.raises(rp.InvalidInputError):
         call()
+
+
+def test_a_number_of_an_unsymmetric_range_is_infinite_at_the_pole_of_its_map():
+    """1 from 0.5 to 2 is 1 + (2/3) d / (1 - d / 3)."""
+    number = rp.uncertain.real("c", 1, range=(0.5, 2)).elements["c"]
+    assert [number.value(d) for d in (-1.0, 0.0, 1.0)] == pytest.approx([0.5, 1.0, 2.0])
+    assert number.value(3.0) == np.inf
