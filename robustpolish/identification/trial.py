@@ -230,7 +230,7 @@ def _found(fitted: ScoredModel) -> FoundEffect:
 
 def _named(model: MechanicalModel, kind: str | EffectKind, at: str | Sequence[str]) -> Effect:
     """Return the effect of a model that is of a kind and at a place."""
-    name = kind if isinstance(kind, str) else kind.name
+    name = kind if isinstance(kind, str) else kind.kind
     place = (at,) if isinstance(at, str) else tuple(at)
     for effect in model.effects:
         if effect.kind == name and set(effect.at) == set(place):

@@ -94,3 +94,10 @@ def test_the_air_bearing_is_a_model_by_name(tmp_path):
     refused = CliRunner().invoke(main, ["model", "air-bearing:as-built"])
     assert refused.exit_code == 2
     assert "air-bearing:as-published" in refused.output
+
+
+def test_a_kind_of_ones_own_is_removed_by_its_formula(slide):
+    own = rp.effect("f = -b*v**3", parameters={"b": "N s^3/m^3"})
+    wrong = rp.try_effect(*slide, own, AT)
+    again = rp.try_effect(wrong, slide[1], own, AT, remove=True)
+    assert again.model.effects == ()

@@ -280,8 +280,9 @@ def try_(
             if path is not None
         }
         tell = places.enter_context(cli.stages("Fitting"))
-        known = ledger is not None and Path(ledger).exists()
-        steps = ledger_from(read_saved(ledger, "ledger")) if known else Ledger()
+        steps = Ledger()
+        if ledger is not None and Path(ledger).exists():
+            steps = ledger_from(read_saved(ledger, "ledger"))
         result: Any = loaded
         for kind, *at, remove in changes:
             result = try_effect(

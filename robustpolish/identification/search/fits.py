@@ -98,11 +98,16 @@ class Fits:
         known = replace(self.reference, effects=start.model.effects)
         return self.scored(self._grown(known, (effect,)))
 
-    def replaced(self, start: ScoredModel, effect: Effect, *instead: Effect) -> ScoredModel | None:
-        """Return a model with others in place of one of its effects, or with none."""
+    def replaced(
+        self, start: ScoredModel, effect: Effect, *instead: Effect, anew: bool = False
+    ) -> ScoredModel | None:
+        """Return a model with others in place of one of its effects, or with none.
+
+        A set that was fitted from elsewhere is fitted `anew` only if that is asked for.
+        """
         gone = {(effect.kind, effect.at)}
         key = (start.places - gone) | {(e.kind, e.at) for e in instead}
-        if self.settled(key, start):
+        if self.settled(key, start) and not anew:
             return self.done[key]
         self.begun[key] = start.places
         bare = replace(

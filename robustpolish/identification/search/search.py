@@ -350,7 +350,17 @@ def _best_alternative(run: EffectSearch, chosen: ScoredModel) -> ScoredModel:
             scored = _replaced(run, chosen, effect, other)
             if scored is not None:
                 found.append(scored)
-    return simplest_of_best(found, run.best)
+    best = simplest_of_best(found, run.best)
+    gone, new = chosen.places - best.places, best.places - chosen.places
+    if best.numbers > chosen.numbers and len(gone) == len(new) == 1:
+        # the kind of fewer numbers may have ended in a wrong minimum
+        simpler = next(e for e in chosen.added if (e.kind, e.at) in gone)
+        instead_of = next(e for e in best.added if (e.kind, e.at) in new)
+        run.say(f"refit with {simpler} in place of {instead_of}")
+        again = run.fits.replaced(best, instead_of, simpler, anew=True)
+        if again is not None and not run.note(again, (simpler,)):
+            best = simplest_of_best([best, again], run.best)
+    return best
 
 
 def _elsewhere(run: EffectSearch, chosen: ScoredModel, effect: Effect) -> list[Effect]:
