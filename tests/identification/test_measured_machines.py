@@ -282,7 +282,8 @@ def test_positioning_system_from_the_command_line(shared, tmp_path):
 def test_friction_damper_diagnosed():
     """Imposed motion, measured force: friction with memory first, then the clearance.
 
-    Dahl's friction has a memory too, and is within five nats of an elastic Coulomb friction.
+    Dahl's friction has a memory too, and is within five nats of an elastic Coulomb friction. The
+    offset of the sensor is found beside them; a constant has no place in their order.
     """
     at = ("x", "ground")
     model = rp.MechanicalModel(
@@ -295,7 +296,7 @@ def test_friction_damper_diagnosed():
     one, other = rp.datasets.friction_damper(1.0, 1.5), rp.datasets.friction_damper(0.5, 0.5)
     later = other.assign_coords(time=other["time"] + float(one["time"][-1]) + 1 / 1024)
     diagnosis = rp.diagnose(model, xr.concat([one, later], "time"))
-    found = kinds(diagnosis)
+    found = [kind for kind in kinds(diagnosis) if kind != "sensor_offset"]
     assert found[0] in MEMORY_OR_DAHL
     assert found[1] == "backlash"
     held_out = [rp.datasets.friction_damper(*test) for test in ((1, 1), (1, 0.5), (0.5, 1))]
