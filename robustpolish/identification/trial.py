@@ -105,9 +105,7 @@ class Trial(Displayed):
         evidence = f"it gains {self.gain:.0f} nats, and above {STRONG:.0f} is very strong evidence"
         if self.refused:
             evidence = self.refused.partition(": ")[2] or self.refused
-        verdict = (
-            f"{'worth its numbers' if self.worthwhile else 'not worth its numbers'}: {evidence}"
-        )
+        verdict = f"{'' if self.worthwhile else 'not '}worth its numbers: {evidence}"
         head = ("parameter", "value", "standard error", "unit")
         sizes = [
             (n, *estimate(v.value, v.stderr), v.unit) for n, v in self.effect.parameters.items()

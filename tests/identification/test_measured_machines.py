@@ -283,7 +283,7 @@ def test_friction_damper_diagnosed():
     """Imposed motion, measured force: friction with memory first, then the clearance.
 
     Dahl's friction has a memory too, and is within five nats of an elastic Coulomb friction. The
-    offset of the sensor is found beside them; a constant has no place in their order.
+    offset of the sensor is found too; it is a constant, and the order of constants does not count.
     """
     at = ("x", "ground")
     model = rp.MechanicalModel(

@@ -266,8 +266,8 @@ def try_(
     judges. --save OTHER.toml, then --model OTHER.toml of the next call, goes on from there. The
     exit code is 0 whether the effect is worth its numbers or not, and 2 for bad input.
     """
-    changes = [(*text.split(), False) for text in added] + [(*t.split(), True) for t in removed]
-    if not changes or min(map(len, changes)) < 3:
+    changes = [(text.split(), False) for text in added] + [(t.split(), True) for t in removed]
+    if not changes or any(len(words) < 2 for words, _ in changes):
         remedy = "Write --add 'coulomb_friction tool ground'."
         shown = described(" ".join((*added, *removed)) or "nothing")
         raise invalid("--add", shown, "a kind of effect and a place", remedy)
@@ -284,7 +284,7 @@ def try_(
         if ledger is not None and Path(ledger).exists():
             steps = ledger_from(read_saved(ledger, "ledger"))
         result: Any = loaded
-        for kind, *at, remove in changes:
+        for (kind, *at), remove in changes:
             result = try_effect(
                 result, records, kind, at, remove=remove, ledger=steps, progress=tell
             )
@@ -294,8 +294,8 @@ def try_(
         if save is not None:
             drafts[save].write_text(result.model.to_toml(), encoding="utf-8")
         if ledger is not None:
-            content_of = {"ledger": steps.to_list(), "noise_floor": {}}
-            write_saved(drafts[ledger], "ledger", content_of, force=True)
+            kept = {"ledger": steps.to_list(), "noise_floor": steps.noise_floor}
+            write_saved(drafts[ledger], "ledger", kept, force=True)
     cli.save_picture(plot, force, lambda: result.plot().figure)
     return content, repr(result)
 
