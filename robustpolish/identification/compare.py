@@ -39,7 +39,7 @@ from robustpolish.identification.frequency.comparison import (
     compare_frequency_response,
 )
 from robustpolish.identification.observer.runs import Reproducibility, free_run
-from robustpolish.identification.record import Record, record_of, repeats
+from robustpolish.identification.record import Record, measured, repeats
 from robustpolish.identification.sanity import sanity_warnings
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plots.time import plot_before_and_after, plot_overlay, plot_response
@@ -200,6 +200,7 @@ def compare(
     window: float | None = ...,
     horizon: float | None = ...,
     standard_errors: Mapping[str, float] | None = ...,
+    outputs: Sequence[str] | None = ...,
 ) -> Comparison | FrequencyComparison: ...
 
 
@@ -211,6 +212,7 @@ def compare(
     window: float | None = ...,
     horizon: float | None = ...,
     standard_errors: Mapping[str, float] | None = ...,
+    outputs: Sequence[str] | None = ...,
 ) -> Comparison: ...
 
 
@@ -222,6 +224,7 @@ def compare(
     window: float | None = None,
     horizon: float | None = None,
     standard_errors: Mapping[str, float] | None = None,
+    outputs: Sequence[str] | None = None,
 ) -> Comparison | FrequencyComparison:
     """Simulate a model on measured inputs and compare its outputs with the measured ones.
 
@@ -245,6 +248,9 @@ def compare(
     standard_errors : mapping of str to float, optional
         Standard errors of parameters by their keys in ``model.parameters``; they give the band of
         the simulated outputs, the parameters being taken as independent.
+    outputs : sequence of str, optional
+        Outputs that are used and that the data must hold. By default those that the data hold, and
+        ``notes`` names the others.
 
     Returns
     -------
@@ -293,7 +299,7 @@ def compare(
         return compare_frequency_response(model, data)
     if window is not None and horizon is not None:
         raise invalid("horizon", horizon, "either a window or a horizon", "Leave one of them out.")
-    record = record_of(model, data)
+    model, record, left_out = measured(model, data, outputs)
     run = free_run(model, record)
     if window is not None:
         method, span = "windows", positive("window", window, "s")
@@ -302,7 +308,7 @@ def compare(
     else:
         method, span = "free run", None
     found = [simulated_record(run, part, method, span) for part in record.parts]
-    notes: list[str] = [str(note) for note in record.data.attrs.get("notes", ())]
+    notes: list[str] = [*left_out, *(str(note) for note in record.data.attrs.get("notes", ()))]
     several = len(found) > 1
     for data_set, part in zip(record.sets, found, strict=True):
         free = _dataset(model, part.outputs, data_set["time"]) if method == "free run" else None
@@ -516,7 +522,7 @@ def step_runs(diagnosis: Diagnosis, data: Any) -> tuple[StepRun, ...]:
     >>> [run.step for run in runs]
     ['base', 'refit', 'coulomb_friction']
     """
-    record = record_of(diagnosis.model, data)
+    record = measured(diagnosis.model, data).record
     data = record.data
     found: list[StepRun] = []
     for entry in diagnosis.ledger.entries:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
@@ -18,9 +18,9 @@ from robustpolish.identification.compare import compare, comparison_window
 from robustpolish.identification.diagnosis import Diagnosis
 from robustpolish.identification.findings import Ledger
 from robustpolish.identification.fit.least_squares import evaluate_fit
-from robustpolish.identification.fit.prepared import ReducedRecord, prepare, reduce_record
+from robustpolish.identification.fit.prepared import ReducedRecord, prepare, reduced_data
 from robustpolish.identification.policy import POLICY
-from robustpolish.identification.record import Record, record_of, require_length, require_time_data
+from robustpolish.identification.record import Record, require_time_data
 from robustpolish.identification.refit import (
     collect_warnings,
     split_holds,
@@ -51,6 +51,7 @@ def diagnose(
     time_limit: float | None = None,
     max_effects: int = MOST_EFFECTS,
     good_enough: float | Mapping[str, float] | None = None,
+    outputs: Sequence[str] | None = None,
 ) -> Diagnosis:
     """Learn which physical effect a model lacks, and add it.
 
@@ -72,6 +73,9 @@ def diagnose(
         Held-out error at which nothing more is sought: a share of every output's deviation, or the
         root mean square of outputs by name, in SI units. By default the search ends at the noise,
         or at 0.2 % of the deviation.
+    outputs : sequence of str, optional
+        Outputs that are used and that the data must hold. By default those that the data hold, and
+        ``notes`` names the others.
 
     Returns
     -------
@@ -120,7 +124,7 @@ def diagnose(
     require_time_data(data)
     limit = Budget(seconds=math.inf if time_limit is None else time_limit)
     with progress_bar("Diagnosing") if progress is None else nullcontext(progress) as say:
-        return _diagnose(model, data, say, limit, max_effects, good_enough)
+        return _diagnose(model, data, say, limit, max_effects, good_enough, outputs)
 
 
 def _diagnose(
@@ -130,8 +134,9 @@ def _diagnose(
     limit: Budget,
     most: int,
     good_enough: float | Mapping[str, float] | None,
+    outputs: Sequence[str] | None,
 ) -> Diagnosis:
-    fewer = reduce_record(model, require_length(model, record_of(model, data)))
+    fewer = reduced_data(model, data, outputs)
     model, prepared = fewer.model, prepare(fewer.model, fewer.record, POLICY)
     say("how inputs act between their samples")
     # what its file says of the inputs is known
@@ -177,14 +182,16 @@ def _diagnose(
     notes = (*fewer.notes, *collect_warnings(model, found.model, prepared))
     return replace(
         found,
-        model=fewer.with_original_holds(found.model),
+        model=fewer.restored(found.model),
         notes=notes,
         status="stopped" if stopped else "complete",
-        ledger=_as_compared(found, fewer, data),
+        ledger=_as_compared(found, fewer, data, outputs),
     )
 
 
-def _as_compared(found: Diagnosis, fewer: ReducedRecord, data: Any) -> Ledger:
+def _as_compared(
+    found: Diagnosis, fewer: ReducedRecord, data: Any, outputs: Sequence[str] | None
+) -> Ledger:
     """Return the ledger with the errors that :func:`robustpolish.compare` tells of its models.
 
     Models whose free runs judge nothing are compared in windows, all of them.
@@ -193,8 +200,8 @@ def _as_compared(found: Diagnosis, fewer: ReducedRecord, data: Any) -> Ledger:
     entries = []
     for entry in found.ledger.entries:
         if entry.model is not None:
-            model = fewer.with_original_holds(entry.model)
-            compared: Any = compare(model, data, window=window)
+            model = fewer.restored(entry.model)
+            compared: Any = compare(model, data, window=window, outputs=outputs)
             nrmse = {name: error.nrmse for name, error in compared.outputs.items()}
             entries.append(replace(entry, model=model, nrmse=nrmse))
     return replace(found.ledger, entries=tuple(entries))

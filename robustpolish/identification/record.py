@@ -11,22 +11,23 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, combinations, pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
 from robustpolish.base.arrays import AnyArray, Array
-from robustpolish.base.checks import described, invalid, misfit
+from robustpolish.base.checks import described, invalid, misfit, one_of
 from robustpolish.errors import InvalidInputError
+from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import Input, Output
 from robustpolish.machines.simulation import IntersampleLines, lines, raw_outputs, signals
 from robustpolish.signals.filtering import decimate
 from robustpolish.signals.frequency_response import holds_frequency_response
 from robustpolish.signals.headers import same_kind
-from robustpolish.signals.quality import check_sampling, sampling_time
+from robustpolish.signals.quality import sampling_time
 from robustpolish.signals.read import read_measurement
 
 # Concatenation of several records in one dataset, each with its name and its own time.
@@ -301,6 +302,141 @@ def joined_lines(each: Sequence[IntersampleLines | None]) -> IntersampleLines | 
     return IntersampleLines(*joined) if known else None
 
 
+class Measured(NamedTuple):
+    """A model with the outputs that a record holds.
+
+    Attributes
+    ----------
+    model : MechanicalModel
+    record : Record
+    notes : tuple of str
+        Which outputs were left out, and which modes the record cannot show.
+    """
+
+    model: MechanicalModel
+    record: Record
+    notes: tuple[str, ...]
+
+
+def measured(model: MechanicalModel, data: Any, outputs: Sequence[str] | None = None) -> Measured:
+    """Leave out the outputs of a model that were not measured, and check the others.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    data : xarray.Dataset, path or pandas.DataFrame, or a sequence or mapping of them
+    outputs : sequence of str, optional
+        Outputs that are used and that the data must hold; by default those that they do hold.
+
+    Returns
+    -------
+    Measured
+
+    Raises
+    ------
+    InvalidInputError
+        If no output was measured, or one that is asked for; see :func:`record_of`.
+    """
+    given = named_records(data)
+    require_model(model)
+    wanted = model.output_names
+    if outputs is not None:
+        wanted = tuple([outputs] if isinstance(outputs, str) else outputs)
+        for name in wanted:
+            one_of("outputs", name, model.output_names)
+    read = {
+        name: source if isinstance(source, xr.Dataset) else read_channels(model, source, outputs)
+        for name, source in given.items()
+    }
+    if outputs is None:
+        held = tuple(n for n in wanted if any(n in each for each in read.values()))
+        wanted = held or wanted  # of a record that holds none all are reported
+    narrowed = with_outputs(model, wanted)
+    record = record_of(narrowed, read)
+    absent = [name for name in model.output_names if name not in wanted]
+    note = f"{', '.join(absent)}: not measured, and left out of the comparison"
+    notes = [note] * (bool(absent) and outputs is None)
+    half = 0.5 / record.dt
+    if fast := sorted({f"{f:.4g}" for f in frequencies(narrowed) if f >= half}, key=float):
+        notes.append(
+            f"the record, sampled at {2 * half:.6g} Hz, does not show the model's "
+            f"mode{'s' if len(fast) > 1 else ''} at {', '.join(fast)} Hz: of modes above half "
+            "the sampling rate only the static part counts"
+        )
+    return Measured(narrowed, record, tuple(notes))
+
+
+def read_channels(
+    model: MechanicalModel, source: Any, outputs: Sequence[str] | None = None, **how: Any
+) -> xr.Dataset:
+    """Read the inputs of a model, and those of its outputs that a file holds.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    source : path or pandas.DataFrame
+    outputs : sequence of str, optional
+        Outputs that the file must hold.
+    **how
+        For :func:`robustpolish.read_measurement`.
+
+    Returns
+    -------
+    xarray.Dataset
+
+    Raises
+    ------
+    InvalidInputError
+        If an input is missing, or every output.
+    """
+    needed = [*model.input_names, *(outputs or ())]
+    optional = model.output_names if outputs is None else ()
+    data = read_measurement(source, columns=needed, optional=optional, **how)
+    if not any(name in data for name in model.output_names):  # refused with the file's columns
+        return read_measurement(source, columns=[*needed, *optional], **how)
+    return data
+
+
+def with_outputs(model: MechanicalModel, names: Sequence[str]) -> MechanicalModel:
+    """Return a model with some of its outputs and their effects, in the model's order.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    names : sequence of str
+    """
+    if set(names) == set(model.output_names):
+        return model
+    kept = tuple(e for e in model.effects if not _of_sensor(e) or set(e.at) <= set(names))
+    outputs = tuple(output for output in model.outputs if output.name in names)
+    return replace(model, outputs=outputs, effects=kept)
+
+
+def with_all_outputs(fitted: MechanicalModel, given: MechanicalModel) -> MechanicalModel:
+    """Return a fitted model with the outputs that :func:`with_outputs` left out, and their effects.
+
+    Parameters
+    ----------
+    fitted, given : MechanicalModel
+        With some outputs, and with all of them.
+    """
+    names = fitted.output_names
+    if set(names) == set(given.output_names):
+        return fitted
+    missed = tuple(e for e in given.effects if _of_sensor(e) and not set(e.at) <= set(names))
+    return replace(fitted, outputs=given.outputs, effects=(*fitted.effects, *missed))
+
+
+def _of_sensor(effect: Effect) -> bool:
+    return effect.definition.domain == "output"
+
+
+def require_model(model: Any) -> None:
+    """Refuse what is no mechanical model."""
+    if not isinstance(model, MechanicalModel):
+        raise misfit("model", type(model).__name__, "a MechanicalModel", "Read it with from_toml.")
+
+
 def record_of(model: MechanicalModel, data: Any) -> Record:
     """Check that the data holds the model's columns, and return its arrays.
 
@@ -344,8 +480,6 @@ def record_of(model: MechanicalModel, data: Any) -> Record:
 def _check_channels(model: MechanicalModel, given: dict[str, Any]) -> None:
     """Refuse a channel that some records have and others do not."""
     read = {name: data for name, data in given.items() if isinstance(data, xr.Dataset)}
-    if not isinstance(model, MechanicalModel):
-        return  # what is wrong with it is said with the first record
     for item in [*model.inputs, *model.outputs]:
         lacking = [name for name, data in read.items() if item.name not in data]
         if 0 < len(lacking) < len(read):
@@ -492,10 +626,9 @@ def checked_data(model: MechanicalModel, data: Any) -> xr.Dataset:
     ------
     InvalidInputError
         If a column is missing, has another unit than the model, or is not finite; if time is not
-        uniform; if the sampling rate is too low for the model's modes.
+        uniform.
     """
-    if not isinstance(model, MechanicalModel):
-        raise misfit("model", type(model).__name__, "a MechanicalModel", "Read it with from_toml.")
+    require_model(model)
     items = [*model.inputs, *model.outputs]
     if not isinstance(data, xr.Dataset):
         data = read_measurement(data, columns=[item.name for item in items])
@@ -516,7 +649,6 @@ def checked_data(model: MechanicalModel, data: Any) -> xr.Dataset:
         raise invalid("time", shown, "a uniform, rising grid", remedy)
     for item in items:
         _check_column(model, item, data)
-    check_sampling(data, frequencies(model))
     return data
 
 
@@ -535,6 +667,9 @@ def _check_column(model: MechanicalModel, item: Input | Output, data: xr.Dataset
     if not np.isfinite(values).all():
         i = int(np.flatnonzero(~np.isfinite(values))[0])
         raise misfit(name, f"{values[i]} at sample {i}", "finite numbers", "Cut the record there.")
+    if isinstance(item, Output) and np.ptp(values) == 0:
+        remedy = "Check the sensor, or leave the output out with outputs= (--columns)."
+        raise misfit(name, f"{values[0]:.6g} throughout", "a signal that changes", remedy)
     unit, wanted = str(column.attrs.get("units", "")), model.unit_of(item)
     converts = isinstance(item, Input) and abs(item.gain) != 1 and item.unit is None
     if not converts and not same_kind(unit, wanted):

@@ -25,12 +25,12 @@ from robustpolish.identification.fit.least_squares import (
     short_window_log_error,
 )
 from robustpolish.identification.fit.parameters import chain_keys, connected, inputs_of_chain
-from robustpolish.identification.fit.prepared import PreparedRecord, prepare, reduce_record
+from robustpolish.identification.fit.prepared import PreparedRecord, prepare, reduced_data
 from robustpolish.identification.fit.result import Refit, refit_of
 from robustpolish.identification.free_runs import free_run_error, free_runs, record_errors
 from robustpolish.identification.frequency.fit import refit_frequency_response
 from robustpolish.identification.policy import POLICY
-from robustpolish.identification.record import output_sizes, record_of, require_length
+from robustpolish.identification.record import output_sizes
 from robustpolish.identification.sanity import implausible_changes, sanity_warnings
 from robustpolish.identification.search.screening import null_score, numbers_along_motion, screen
 from robustpolish.machines.effects.effect import Effect
@@ -327,7 +327,13 @@ def collect_warnings(
 
 
 @single_threaded_blas
-def refit(model: MechanicalModel, data: Any, progress: Callable[[], None] | None = None) -> Refit:
+def refit(
+    model: MechanicalModel,
+    data: Any,
+    progress: Callable[[], None] | None = None,
+    *,
+    outputs: Sequence[str] | None = None,
+) -> Refit:
     """Fit the parameters of a model, those of its effects included.
 
     Masses and input gains are known to about 5 % beforehand; data may move them further.
@@ -346,6 +352,9 @@ def refit(model: MechanicalModel, data: Any, progress: Callable[[], None] | None
         fitted to them, effects linearised.
     progress : callable, optional
         Called after every step.
+    outputs : sequence of str, optional
+        Outputs that are used and that the data must hold. By default those that the data hold, and
+        ``notes`` names the others.
 
     Returns
     -------
@@ -383,7 +392,7 @@ def refit(model: MechanicalModel, data: Any, progress: Callable[[], None] | None
             found = refit_frequency_response(model, data, progress)
         moved = implausible_changes(model.parameters, found.model.parameters)
         return replace(found, notes=tuple(moved))
-    fewer = reduce_record(model, require_length(model, record_of(model, data)))
+    fewer = reduced_data(model, data, outputs)
     model, prepared = fewer.model, prepare(fewer.model, fewer.record, POLICY)
     started = with_start_values(model, prepared)
     spans = prepared.spans(prepared.everything)
@@ -409,9 +418,7 @@ def refit(model: MechanicalModel, data: Any, progress: Callable[[], None] | None
         found = refit_of(best.model, best.free, covariance_of(best), nrmse)
         records = record_errors(found.model, free_runs(found.model, fewer.record))
     notes = (*fewer.notes, *collect_warnings(started, found.model, prepared))
-    return replace(
-        found, model=fewer.with_original_holds(found.model), notes=notes, records=records
-    )
+    return replace(found, model=fewer.restored(found.model), notes=notes, records=records)
 
 
 def _best_not_worse_than_start(

@@ -60,6 +60,7 @@ _CROSSED, _STRAIGHT = 0.3, 3.0
 _MEAN = 3.0
 # Factor by which a fit may change a mass, a stiffness or a gain, 1.5 decades, and a damping, which
 # is guessed to a decade at best; and that by which a change may miss one that units would make.
+_NO_DAMPING = 1e-9
 _MOVED, _DAMPING_MOVED, _GUESSED = 30.0, 100.0, 3.0
 
 
@@ -383,12 +384,23 @@ def implausible_changes(before: Mapping[str, float], after: Mapping[str, float])
     >>> implausible_changes({"spring[0].stiffness": 2.0}, {"spring[0].stiffness": 1.9e6})[0]
     'the fit moved spring[0].stiffness from 2 to 1.9e+06, by 6.0 decades, as milliseconds taken
     for seconds make it. Check the units in the model file and of the channels and the time'
+    >>> air = {"dof.z.mass": 1.5, "spring[0].stiffness": 7e7, "damper[0].damping": 1e-8}
+    >>> implausible_changes(air, {**air, "damper[0].damping": 1e-3})  # there was no damper
+    []
     >>> implausible_changes({"dof.x.mass": 2.0}, {"dof.x.mass": 3.0})
     []
     """
     found = []
+    # a damper below any share of the critical damping 2 sqrt(m k) stands for none
+    most = {
+        kind: max((abs(n) for k, n in before.items() if k.endswith(kind)), default=0.0)
+        for kind in ("mass", "inertia", "stiffness")
+    }
+    none = _NO_DAMPING * 2 * math.sqrt(max(most["mass"], most["inertia"]) * most["stiffness"])
     for key, old in before.items():
         kind, new = key.rpartition(".")[2], after.get(key, old)
+        if kind == "damping" and abs(old) <= none:
+            continue
         if kind not in _CHANGES or key.startswith("effect") or old == 0 or new == 0:
             continue
         if old * new < 0:

@@ -35,7 +35,13 @@ from robustpolish.identification.fit.parameters import free_parameters
 from robustpolish.identification.fit.result import Refit
 from robustpolish.identification.observer.kalman import excited_bandwidth, scales_of
 from robustpolish.identification.policy import POLICY
-from robustpolish.identification.record import Record, record_of, require_length, require_time_data
+from robustpolish.identification.record import (
+    Record,
+    measured,
+    require_length,
+    require_time_data,
+    with_outputs,
+)
 from robustpolish.identification.refit import refit
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plots.time import plot_distances, plot_two_machines
@@ -351,14 +357,17 @@ def tell_apart(
             models = machine_pair(diagnosis.model, chosen)
         else:
             models = _comparable_models(machines)
-        record = require_length(models[0], record_of(models[0], data))
+        fitted = diagnosis is not None and models[0] is diagnosis.model
+        first, record, _ = measured(models[0], data)
+        models = first, with_outputs(models[1], first.output_names)
+        require_length(first, record)
         floor = _noise(models[0], record, noise, diagnosis)
         reach = _output_limits(models[0], record, limits)
         names = describe_difference(*models)
         on_record: dict[str, tuple[float, float]] = {}
         if fit:
             first, second = models
-            if diagnosis is not None and first is diagnosis.model:  # it was fitted before
+            if diagnosis is not None and fitted:
                 errors = diagnosis.ledger.entries[-1].nrmse
             else:
                 say("refit of the first machine")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robustpolish.base.budget import progress_bar, single_threaded_blas
-from robustpolish.base.checks import described, invalid
+from robustpolish.base.checks import described, invalid, one_of
 from robustpolish.base.results import Card, Displayed, Table, estimate
 from robustpolish.identification.findings import FoundEffect, Ledger
 from robustpolish.identification.fit.least_squares import (
@@ -18,10 +18,10 @@ from robustpolish.identification.fit.least_squares import (
     free_run_rms,
     short_window_rms,
 )
-from robustpolish.identification.fit.prepared import prepare, reduce_record
+from robustpolish.identification.fit.prepared import prepare, reduced_data
 from robustpolish.identification.fit.result import stderr_from_covariance
 from robustpolish.identification.policy import POLICY
-from robustpolish.identification.record import record_of, require_length, require_time_data
+from robustpolish.identification.record import require_time_data
 from robustpolish.identification.refit import collect_warnings, with_start_values
 from robustpolish.identification.search.conclude import found_effect
 from robustpolish.identification.search.score import STRONG, ScoredModel, nats
@@ -128,6 +128,7 @@ def try_effect(
     remove: bool = False,
     ledger: Ledger | None = None,
     progress: Callable[[str], None] | None = None,
+    outputs: Sequence[str] | None = None,
 ) -> Trial:
     """Add one effect to a model, or remove it, and show the held-out error before and after.
 
@@ -149,6 +150,9 @@ def try_effect(
         Errors of earlier steps, which are kept; by default those of a trial that continues.
     progress : callable, optional
         Called with a short text at every step.
+    outputs : sequence of str, optional
+        Outputs that are used and that the data must hold. By default those that the data hold, and
+        ``notes`` names the others.
 
     Returns
     -------
@@ -181,7 +185,9 @@ def try_effect(
     given = model.model if isinstance(model, Trial) else model
     extended = given if remove else given.with_effect(kind, at, parameters)
     effect = _named(given, kind, at) if remove else extended.effects[-1]
-    fewer = reduce_record(extended, require_length(extended, record_of(extended, data)))
+    fewer = reduced_data(extended, data, outputs)
+    if effect.definition.domain == "output":
+        one_of("at", effect.at[0], fewer.model.output_names, "Name an output that was measured.")
     # the effect may bring channels of its own, which both models have
     bare = tuple(e for e in fewer.model.effects if e != effect)
     without = replace(fewer.model, effects=bare)
@@ -201,7 +207,7 @@ def try_effect(
 
     def entered(ledger: Ledger, step: str, error: Any, of: MechanicalModel) -> Ledger:
         shares = dict(zip(names, (error / size).tolist(), strict=True))
-        return ledger.add(step, shares, fewer.with_original_holds(of))
+        return ledger.add(step, shares, fewer.restored(of))
 
     before, after = (fitted, run.base) if remove else (run.base, fitted)
     if ledger is None:
@@ -215,7 +221,7 @@ def try_effect(
     notes = (*fewer.notes, *collect_warnings(start, after.model, prepared))
     gain = nats(fitted, run.base)
     return Trial(
-        fewer.with_original_holds(after.model), _found(fitted), gain, fitted.refusal[0], remove,
+        fewer.restored(after.model), _found(fitted), gain, fitted.refusal[0], remove,
         ledger, notes,
     )  # fmt: skip
 

@@ -405,7 +405,7 @@ def air_bearing_model(
     dofs, springs, dampers = [], [], []
     for axis, (mass, k_ground, k, damped, c_ground, c_between) in rows.items():
         bearing = f"{axis}_m"
-        dofs += [Dof(bearing, mass), Dof(axis, p.m_t)]
+        dofs += [Dof(bearing, mass, axis=axis), Dof(axis, p.m_t, axis=axis)]
         springs += [Spring((bearing, "ground"), k_ground), Spring((bearing, axis), k)]
         dampers += [
             Damper((damped.format(axis), "ground"), c_ground),

@@ -76,6 +76,11 @@ class RawTable:
         expected = f"the channels that are there: {', '.join(ends or self.columns) or 'none'}"
         raise misfit(argument, shown, expected, "Check the header, or rename with rename=.")
 
+    def holds(self, name: str) -> bool:
+        """Return whether one column or several may be meant by a name."""
+        meant = {name, self.headers.get(name)}
+        return any(c in meant or c.endswith(f"/{name}") for c in self.columns)
+
     def rename(self, names: Mapping[str, str]) -> None:
         """Call columns otherwise.
 

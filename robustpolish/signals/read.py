@@ -14,7 +14,6 @@ from robustpolish.base.checks import invalid, misfit, positive
 from robustpolish.signals.headers import is_count, to_si
 from robustpolish.signals.quality import (
     check_finite,
-    check_moves,
     check_not_clipped,
     ends_without_values,
     fill_gaps,
@@ -29,6 +28,7 @@ def read_measurement(
     source: Any,
     *,
     columns: Sequence[str] | None = None,
+    optional: Sequence[str] = (),
     units: Mapping[str, str] | None = None,
     time: str | None = None,
     rename: Mapping[str, str] | None = None,
@@ -48,6 +48,8 @@ def read_measurement(
     columns : sequence of str, optional
         The channels to read; all by default. What a group holds is called ``group/name``, or
         ``name`` alone where that is clear.
+    optional : sequence of str, optional
+        Channels that are read beside `columns` if the file holds them.
     units : mapping of str to str, optional
         Units of channels whose file has none, or other ones; a factor may precede the unit:
         ``{"channel_1": "2.5 mm"}``. A channel without a unit is kept as it is.
@@ -69,14 +71,15 @@ def read_measurement(
     -------
     xarray.Dataset
         Channels over ``time`` in s, uniform, each with its SI unit in ``attrs["units"]`` ("" if
-        unknown). ``attrs["notes"]`` tells what was filled in, resampled or left out.
+        unknown). ``attrs["notes"]`` tells what was filled in, resampled or left out, and
+        which channels never change.
 
     Raises
     ------
     InvalidInputError
         If the file is missing, damaged, empty or of an unknown kind; if a column is missing; if
-        time does not rise or has a long gap; if a channel has long gaps, text, infinities, is
-        constant or clipped; if a unit is unknown. The message names file, channel, and sample or
+        time does not rise or has a long gap; if a channel has long gaps, text, infinities, or is
+        clipped; if a unit is unknown. The message names file, channel, and sample or
         line.
     MissingDependencyError
         If the format needs the extra ``[io]``.
@@ -97,6 +100,10 @@ def read_measurement(
             raise invalid(f"units[{column!r}]", unit, "text such as 'mm'", "Quote it.")
     raw.units.update({raw.resolve("units", column): unit for column, unit in (units or {}).items()})
     name = find_time(raw, time) if raw.columns else None
+    if columns is not None:
+        wanted = [columns] if isinstance(columns, str) else list(columns)
+        there = [n for n in optional if n not in wanted and raw.holds(n)]
+        columns = [*wanted, *there] or list(optional)
     stamps = _stamps(raw, name, sampling_rate)
     channels = _channels(raw, columns, name, stamps.size)
     kept = _kept(raw, stamps, channels, between)
@@ -110,12 +117,12 @@ def read_measurement(
         check_finite(column, np.where(np.isnan(given), 0.0, given), taken)  # gaps may stay, so far
         values, note = fill_gaps(column, given, taken, lines)
         check_finite(column, values, taken)
-        check_moves(column, values)
         check_not_clipped(column, values)
         unit = raw.units.get(raw.resolve("column", column), "")
         values, unit = to_si(values, unit, f"unit of {column!r}")
         data[column] = ("time", axis.move(values), {"units": unit})
-        notes += [note, axis.interpolation_warning(column, values)]
+        still = f"{column}: {values[0]:.6g} throughout" if np.ptp(values) == 0 else ""
+        notes += [note, still, axis.interpolation_warning(column, values)]
     dataset = xr.Dataset(data, coords={"time": ("time", axis.time, {"units": "s"})})
     dataset.attrs["notes"] = list(filter(None, notes))
     if isinstance(source, str | Path):
@@ -160,8 +167,7 @@ def _channels(
             else:
                 found[name] = values
     else:
-        wanted = [columns] if isinstance(columns, str) else list(columns)
-        found = {name: raw.columns[raw.resolve("column", name)] for name in wanted}
+        found = {name: raw.columns[raw.resolve("column", name)] for name in columns}
     channels = {name: numeric(name, given) for name, given in found.items()}
     for name, values in channels.items():
         if values.shape != (length,):

@@ -10,6 +10,7 @@ import robustpolish as rp
 from robustpolish.identification.record import (
     checked_data,
     join_records,
+    measured,
     named_records,
     record_of,
     require_time_data,
@@ -29,6 +30,52 @@ def test_files_and_frames_are_read(tmp_path):
         found = record_of(oscillator(), source)
         np.testing.assert_allclose(found.Y[:, 0], data["x"], rtol=1e-9)
         assert found.dt == pytest.approx(1 / RATE)
+
+
+def two_masses(**changes):
+    """A mass on a fast one: 3.2 and 318 Hz."""
+    parts = {
+        "dofs": [rp.Dof("x", 1.0), rp.Dof("fast", 0.01)],
+        "springs": [rp.Spring(("fast", "ground"), 4e4), rp.Spring(("x", "fast"), 404.04)],
+        "dampers": [rp.Damper(("x", "ground"), 1.0)],
+        "outputs": [rp.Output("x", PLACE), rp.Output("fast", ("fast", "ground"))],
+    }
+    return oscillator(**{**parts, **changes})
+
+
+def test_outputs_that_were_not_measured_are_left_out_with_a_note(tmp_path):
+    model = two_masses().with_effect("sensor_offset", "fast", {"offset": 1e-3})
+    kept, found, notes = measured(model, record())
+    assert (kept.output_names, kept.effects, found.Y.shape[1]) == (("x",), (), 1)
+    assert "fast: not measured" in notes[0]
+    compared = rp.compare(model, record())
+    assert [*compared.outputs] == ["x"]
+    assert "fast: not measured" in compared.notes[0]
+    record().to_dataframe().to_csv(tmp_path / "data.csv")
+    assert rp.compare(model, tmp_path / "data.csv").fit_percent == pytest.approx(
+        compared.fit_percent, abs=1e-6
+    )
+    fitted = rp.refit(model, record()).model  # nothing of the model is lost
+    assert (fitted.output_names, fitted.effects) == (("x", "fast"), model.effects)
+    with pytest.raises(rp.InvalidInputError, match="no column 'fast'"):
+        rp.compare(model, record(), outputs=model.output_names)
+    with pytest.raises(rp.InvalidInputError, match="no column 'x'"):
+        rp.compare(model, record()[["F"]])
+
+
+def test_a_mode_above_the_band_of_the_record_keeps_its_static_part():
+    # 404.04 N/m on 4e4 N/m make the 400 N/m of the record; 1 % more would be an error of 10 %
+    compared = rp.compare(two_masses(), record())
+    assert any("does not show the model's mode at 3" in note for note in compared.notes)
+    assert compared.outputs["x"].nrmse < 5e-4
+
+
+def test_a_constant_input_is_an_input():
+    # 4 N push the oscillator of 400 N/m 10 mm away from where the record has it
+    load = rp.Input("F_p", PLACE)
+    model = oscillator(inputs=[rp.Input("F", PLACE), load])
+    data = record().assign(F_p=("time", np.full(4000, 4.0)), x=record()["x"] + 0.01)
+    assert rp.compare(model, data).outputs["x"].nrmse < 1e-3
 
 
 def test_a_gain_may_convert_the_unit_of_an_input():
@@ -81,8 +128,7 @@ BAD = {
     "jitter": (lambda: (oscillator(), jittered()), "uniform"),
     "backwards": (lambda: (oscillator(), record().isel(time=slice(None, None, -1))), "rising"),
     "short": (lambda: (oscillator(), record().isel(time=slice(0, 2))), "samples"),
-    "slow": (lambda: (oscillator(stiffness=4e6), record()), "sampling rate"),
-    "no model": (lambda: ("model.toml", record()), "MechanicalModel"),
+    "a still sensor": (lambda: (oscillator(), changed(x=0 * record()["x"])), "0 throughout"),
     "no data": (lambda: (oscillator(), 3), "measurement"),
 }
 

@@ -17,8 +17,10 @@ def test_columns_can_be_chosen(tmp_path):
         TIME * 1e3, FORCE / 1e3, MOTION * 1e6, 0 * TIME + 20,
     ])  # fmt: skip
     path.write_text(constant)
-    with pytest.raises(InvalidInputError, match=r"T: got 20 throughout"):
-        read_measurement(path)
+    # what stands still may be an input, as a constant load is
+    assert "T: 293.15 throughout" in read_measurement(path).attrs["notes"]
+    chosen = read_measurement(path, columns=["F"], optional=["x", "y"])
+    assert [*chosen.data_vars] == ["F", "x"]
     check(read_measurement(path, columns=["F", "x"]))
     with pytest.raises(InvalidInputError, match=r"no channel 'y'.*F, x, T"):
         read_measurement(path, columns=["y"])

@@ -209,7 +209,6 @@ BAD_CSV = {
     "time in metres": (csv("time [mm],F [kN],x [um]"), "unit of time"),
     "same name": (csv("time [ms],F [kN],F [um]"), "F"),
     "no time": (csv("a [ms],F [kN],x [um]"), "sampling_rate"),
-    "constant": (csv(columns=[TIME * 1e3, FORCE * 0 + 1, MOTION]), "F: got 1 throughout"),
     "clipped": (csv(columns=[TIME * 1e3, np.clip(FORCE, -1e3, 1e3), MOTION]), "F.*clipped"),
     "nameless": (csv("time [ms],,x [um]"), "name"),
 }

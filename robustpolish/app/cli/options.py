@@ -16,13 +16,13 @@ import xarray as xr
 
 from robustpolish.base.atomic_writes import check_new_file, new_file, new_folder, write_file
 from robustpolish.base.budget import is_interactive, progress_bar
-from robustpolish.base.checks import described, invalid
+from robustpolish.base.checks import described, invalid, one_of
 from robustpolish.base.saved import plain
 from robustpolish.errors import InvalidInputError, RobustPolishError
+from robustpolish.identification.record import read_channels
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing_model
 from robustpolish.signals.frequency_response import read_frequency_response
-from robustpolish.signals.read import read_measurement
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -263,6 +263,8 @@ class Reading:
         In s.
     max_bytes : float or None
         Largest size of a file, also of what it unpacks to.
+    columns : str or None
+        Outputs that are read, as in ``x,y``; the inputs always are.
     units, renames : tuple of str
         As in ``x=mm`` and ``old=new``.
     """
@@ -272,6 +274,7 @@ class Reading:
     sampling_rate: float | None = None
     between: tuple[float, float] | None = None
     max_bytes: float | None = None
+    columns: str | None = None
     units: tuple[str, ...] = ()
     renames: tuple[str, ...] = ()
 
@@ -291,30 +294,40 @@ def measurement_options(command: F) -> F:
     return _options(gathered)  # type: ignore[return-value]
 
 
+_COLUMNS = "Outputs to use; by default those of the model that DATA holds."
 _PART = "Part to read, in seconds, of each file."
 _options = options(
     option("--table", "Matrix or group of a file that holds several."),
     option("--time", "Column that holds the time.", metavar="NAME"),
     option("--sampling-rate", "In Hz, for files without time.", float),
     option("--between", _PART, (float, float), metavar="START END"),
+    option("--columns", _COLUMNS, metavar="X,Y"),
     option("--max-bytes", "Read files up to this size; 1e9 by default.", float),
     repeatable("--rename renames", "OLD=NEW", "Call a column as the model does; repeatable."),
     repeatable("--unit units", "COLUMN=UNIT", "As in x=mm; repeatable."),
 )
 
 
-_OVER_TIME = ("table", "time", "sampling_rate", "between")
+_OF_TABLE = ("table", "time", "sampling_rate", "between")
+_OVER_TIME = (*_OF_TABLE, "columns")
 """Options that mean something for records over time only."""
 
 
 def load_data(path: str, model: MechanicalModel, reading: Reading) -> xr.Dataset:
     """Read the columns that a model needs."""
-    return read_measurement(
+    outputs = None
+    if reading.columns is not None:
+        asked = [name.strip() for name in reading.columns.split(",")]
+        for name in asked:
+            one_of("--columns", name, (*model.input_names, *model.output_names))
+        outputs = [name for name in model.output_names if name in asked]
+    return read_channels(
+        model,
         path,
-        columns=[*model.input_names, *model.output_names],
+        outputs,
         units=pairs("--unit", reading.units, "COLUMN=UNIT", "--unit x=mm"),
         rename=_renames(reading),
-        **{name: getattr(reading, name) for name in (*_OVER_TIME, "max_bytes")},
+        **{name: getattr(reading, name) for name in (*_OF_TABLE, "max_bytes")},
     )
 
 

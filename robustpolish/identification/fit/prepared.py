@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -46,11 +47,14 @@ from robustpolish.identification.record import (
     Repeats,
     frequencies,
     least_samples,
+    measured,
     most_active_part,
     poles_of,
     quiet_after,
     record_of,
     repeats,
+    require_length,
+    with_all_outputs,
 )
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.mechanical.model import MechanicalModel
@@ -223,13 +227,40 @@ class ReducedRecord:
     notes: tuple[str, ...]
     given: MechanicalModel
 
-    def with_original_holds(self, fitted: MechanicalModel) -> MechanicalModel:
-        """Return a fitted model for the sampling of the whole record: with its holds of inputs."""
+    def restored(self, fitted: MechanicalModel) -> MechanicalModel:
+        """Return a fitted model with all outputs, and holds of inputs as in the whole record."""
+        fitted = with_all_outputs(fitted, self.given)
         if not self.thinned:
             return fitted
         known = {e.at: e for e in self.given.effects if e.kind == _HOLD}
         effects = (known.get(e.at, e) if e.kind == _HOLD else e for e in fitted.effects)
         return replace(fitted, effects=tuple(effects))
+
+
+def reduced_data(
+    model: MechanicalModel, data: Any, outputs: Sequence[str] | None = None
+) -> ReducedRecord:
+    """Return what fits and observers take of data, with the outputs that were measured.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    data : xarray.Dataset, path or pandas.DataFrame, or a sequence or mapping of them
+    outputs : sequence of str, optional
+        Outputs that the data must hold; by default those that they do hold.
+
+    Returns
+    -------
+    ReducedRecord
+
+    Raises
+    ------
+    InvalidInputError
+        If the data do not suit the model, or are too short.
+    """
+    narrowed, record, notes = measured(model, data, outputs)
+    fewer = reduce_record(narrowed, require_length(narrowed, record))
+    return replace(fewer, notes=(*notes, *fewer.notes), given=model)
 
 
 def reduce_record(model: MechanicalModel, record: Record) -> ReducedRecord:

@@ -83,7 +83,10 @@ def places(model: MechanicalModel, kind: EffectKind) -> list[tuple[str, ...]]:
         found += [(b, a) for b in all_names[i + 1 :] if a in free or b in free]
     unique: dict[frozenset[str], tuple[str, ...]] = {}
     turning = {dof.name: dof.rotational for dof in model.dofs}
+    axis = {dof.name: dof.axis for dof in model.dofs if dof.axis}
     for pair in found:
+        if len({axis[name] for name in pair if name in axis}) > 1:
+            continue
         if turning.get(pair[0], turning.get(pair[1])) != turning.get(pair[1], turning.get(pair[0])):
             continue  # a displacement less an angle, which an inertia may couple, is no motion
         unique.setdefault(frozenset(pair), (pair[0], pair[1]))

@@ -58,6 +58,9 @@ class Dof:
         only where an input imposes the motion.
     rotational : bool, optional
         Whether the coordinate is an angle in rad.
+    axis : str, optional
+        Direction along which it moves or about which it turns, such as ``"x"``. No spring, damper
+        or friction is sought between coordinates of different axes; without axes between all.
 
     Examples
     --------
@@ -69,6 +72,7 @@ class Dof:
     name: str
     mass: float
     rotational: bool = False
+    axis: str = ""
 
     def __post_init__(self) -> None:
         name = text("dof", self.name)
@@ -77,6 +81,8 @@ class Dof:
             raise invalid(("dof", name), name, "a name other than 'ground'", remedy)
         mass = positive(self.key, number(self.key, self.mass), self.unit, True)
         object.__setattr__(self, "mass", mass)
+        if self.axis:
+            text(("dof", name, "axis"), self.axis)
 
     @property
     def key(self) -> tuple[str, str, str]:

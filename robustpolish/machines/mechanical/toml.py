@@ -202,12 +202,12 @@ def _list(table: Table, key: str, make: Callable[[Key, Table], Any]) -> tuple[An
 def _dof(name: str, item: Any) -> Dof:
     where = ("dof", name)
     item = _table(where, item)
-    known_keys(where, item, ("mass", "inertia"))
-    if len(item) != 1:
-        shown = described(" and ".join(item) or "neither")
+    known_keys(where, item, ("mass", "inertia", "axis"))
+    given = [key for key in ("mass", "inertia") if key in item]
+    if len(given) != 1:
+        shown = described(" and ".join(given) or "neither")
         raise invalid(where, shown, "either mass or inertia", "Give one of them.")
-    [(key, inertia)] = item.items()
-    return Dof(name, inertia, key == "inertia")
+    return Dof(name, item[given[0]], given[0] == "inertia", item.get("axis", ""))
 
 
 def _connection(where: Key, item: Table) -> Any:
@@ -290,6 +290,7 @@ def write_model(model: MechanicalData, path: str | Path | None = None) -> str:
     for dof in model.dofs:
         lines += ["", f"[dof.{_key(dof.name)}]"]
         lines.append(f"{dof.key[-1]} = {_value(dof.mass)}  # {dof.unit}")
+        lines += [f"axis = {_value(dof.axis)}"] * bool(dof.axis)
     for what, (_, name, _) in CONNECTIONS.items():
         for part in getattr(model, f"{what}s"):
             lines += _entry(what, {"between": part.between, name: getattr(part, name)})
