@@ -24,7 +24,7 @@ from robustpolish.identification.fit.least_squares import (
     residuals_of,
     short_window_log_error,
 )
-from robustpolish.identification.fit.parameters import chain_keys, connected, inputs_of_chain
+from robustpolish.identification.fit.parameters import chain_keys, inputs_of_chain
 from robustpolish.identification.fit.prepared import PreparedRecord, prepare, reduced_data
 from robustpolish.identification.fit.result import Refit, refit_of
 from robustpolish.identification.free_runs import free_run_error, free_runs, record_errors
@@ -35,6 +35,7 @@ from robustpolish.identification.sanity import implausible_changes, sanity_warni
 from robustpolish.identification.search.screening import null_score, numbers_along_motion, screen
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import CONSTANT
+from robustpolish.machines.mechanical.data import connected
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import FORCE
 from robustpolish.signals.frequency_response import holds_frequency_response

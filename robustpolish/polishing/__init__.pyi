@@ -20,6 +20,9 @@ from .coupled_loops import (
     CoupledComparison as CoupledComparison,
 )
 from .coupled_loops import (
+    brush_record as brush_record,
+)
+from .coupled_loops import (
     compare_coupled as compare_coupled,
 )
 from .coupled_loops import (
@@ -220,6 +223,7 @@ __all__ = [
     "admittance_control",
     "air_bearing",
     "air_bearing_model",
+    "brush_record",
     "check_brush_fit",
     "compare_contact_laws",
     "compare_coupled",

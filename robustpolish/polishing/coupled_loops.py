@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import control
@@ -20,10 +21,13 @@ from robustpolish.errors import InvalidInputError
 from robustpolish.implementation.sampled_design import SampledDesign
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.linear.response import linear_response
+from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.simulation import simulate_model
 from robustpolish.plants.linearization import Linearization
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plots.time import plot_time_series
 from robustpolish.polishing import contact as disc
+from robustpolish.polishing.air_bearing import air_bearing_model
 from robustpolish.polishing.brush import check_passes, physical_dataset
 from robustpolish.polishing.coupled import (
     PLACE,
@@ -36,6 +40,7 @@ from robustpolish.polishing.coupled import (
     guided_brush,
     run_coupled,
 )
+from robustpolish.polishing.hardware import PolishingHardware
 from robustpolish.polishing.parameters import BrushParameters
 from robustpolish.polishing.quantities import or_default
 from robustpolish.synthesis.design import Design
@@ -241,6 +246,85 @@ def simulate_coupled(
         signals[f"tool_{axis}"] = tool.copy(data=guided.place[:, i] + yielded[:, i])
     loop = carried.labelled(guided.time, outputs)
     return signals.merge(loop).assign_attrs({**signals.attrs, "simulator": "coupled"})
+
+
+# Record of a machine that carries the brush, as sensors take it.
+
+
+def brush_record(
+    brush: xr.Dataset,
+    model: MechanicalModel | None = None,
+    *,
+    sensors: Sequence[str] = PLACES,
+    noise: float | None = None,
+    seed: int = 0,
+) -> xr.Dataset:
+    """Return what force sensors and displacement sensors record while the brush shakes a machine.
+
+    Without effects of its own, which are not linear, the machine and the brush feel each other
+    (:func:`simulate_coupled`); with effects the forces of the rigid machine act on it. It begins
+    where the first load holds its linear part at rest.
+
+    Parameters
+    ----------
+    brush : xarray.Dataset
+        What the brush did on a rigid machine, from
+        :func:`robustpolish.polishing.simulate_brush`.
+    model : MechanicalModel, optional
+        With inputs among F_x, F_y, F_z and F_p (N);
+        :func:`robustpolish.polishing.air_bearing_model` by default.
+    sensors : sequence of str, optional
+        Outputs of the model that are measured; the displacements of the brush by default.
+    noise : float, optional
+        Standard deviation of a reading in m; that of
+        :class:`robustpolish.polishing.PolishingHardware` by default. Forces have none.
+    seed : int, optional
+        Of the noise.
+
+    Returns
+    -------
+    xarray.Dataset
+        Inputs and measured outputs over ``time``, for :func:`robustpolish.compare` and the like.
+
+    Raises
+    ------
+    InvalidInputError
+        If a sensor is no output of the model, or the brush lacks an input.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> brush = rp.polishing.simulate_brush(run=1, duration=0.05)
+    >>> record = rp.polishing.brush_record(brush)
+    >>> sorted(record.data_vars)
+    ['F_p', 'F_x', 'F_y', 'F_z', 'x', 'y', 'z']
+    >>> rp.compare(rp.polishing.air_bearing_model(), record).outputs["y"].fit_percent > 99
+    True
+    """
+    machine = air_bearing_model() if model is None else model
+    size = PolishingHardware().sensor_noise if noise is None else noise
+    size, random = positive("noise", size, zero=True), np.random.default_rng(seed)
+    for name in sensors:
+        one_of("sensors", name, machine.output_names)
+    for name in machine.input_names:
+        one_of("model", name, (*FORCES, "F_p"), "Name its inputs so.")
+    if machine.effects:
+        data = brush[list(machine.input_names)]
+        system = replace(machine, effects=()).state_space()
+        first = np.array([float(data[name][0]) for name in system.input_labels])
+        begin = -np.linalg.solve(np.asarray(system.A), np.asarray(system.B) @ first)
+        moved = simulate_model(machine, data, begin).outputs
+        columns = zip(machine.output_names, moved.T, strict=True)
+        data = data.assign({name: ("time", column) for name, column in columns})
+    else:
+        data = simulate_coupled(machine.state_space(), brush)[
+            [*machine.input_names, *machine.output_names]
+        ]
+    units = {o.name: machine.unit_of(o) for o in machine.outputs}
+    for name in sensors:
+        reading = data[name].values + size * random.standard_normal(data.sizes["time"])
+        data[name] = ("time", reading, {"units": units[name]})
+    return data[[*machine.input_names, *sensors]]
 
 
 # Comparison of replayed forces with coupled simulation.

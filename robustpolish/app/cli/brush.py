@@ -8,15 +8,26 @@ from typing import Any
 import click
 import numpy as np
 
-from robustpolish.app.cli.options import FILE, brush_options, option, result_options, stages
+from robustpolish.app.cli.options import (
+    FILE,
+    brush_options,
+    mechanical_model,
+    option,
+    result_options,
+    stages,
+)
 from robustpolish.base.atomic_writes import new_file
 from robustpolish.polishing.air_bearing import FORCES
+from robustpolish.polishing.coupled_loops import brush_record
 from robustpolish.polishing.simulate import simulate_brush
 from robustpolish.polishing.surfaces.mould import Mould
 from robustpolish.polishing.tool_path import ToolPath
 
 _THERE = click.Path(exists=True, dir_okay=False)
 _MOULD = "an .stl mesh, or a .csv grid of heights."
+_MODEL = (
+    "Record what sensors on a machine measure that carries the brush: a TOML file, or air-bearing."
+)
 _PATH = "a .csv file with columns x, y and perhaps t."
 
 
@@ -26,13 +37,19 @@ _PATH = "a .csv file with columns x, y and perhaps t."
 @option("--path", f"Where the tool goes instead of circling: {_PATH}", _THERE)
 @option("--unit", "Of the files of mould and path.", click.Choice(["m", "mm", "um"]), "mm")
 @option("--speed", "In m/s along the mould, of a path without times.", float)
+@option("--model", _MODEL, click.Path())
+@option("--sensors", "Of the model's outputs, with --model.", default="x,y,z", metavar="X,Y")
+@option("--noise", "Of a sensor, in m, with --model; 20 nm by default.", float)
+@option("--seed", "Of that noise.", default=0)
 @option("--out", "Save all signals: a .csv or .nc (netCDF) file.", FILE)
 @result_options
 def brush(
     run: int, simulator: Any, duration: float, mould: str | None, path: str | None, unit: Any,
-    speed: float | None, out: str | None, force: bool,
+    speed: float | None, model: str | None, sensors: str, noise: float | None, seed: int,
+    out: str | None, force: bool,
 ) -> tuple[Any, ...]:  # fmt: skip
     """Simulate the brush on its mould and show the forces with which it disturbs the tool."""
+    machine = None if model is None else mechanical_model(model)
     with ExitStack() as places:
         # The place is claimed first: nothing is simulated that could not be saved.
         draft = places.enter_context(new_file(out, force, (".csv", ".nc"))) if out else None
@@ -44,13 +61,19 @@ def brush(
         tell = places.enter_context(stages("Polishing"))
         tell(f"Simulating {duration:g} s of run {run} ({simulator}) ...")
         signals = simulate_brush(simulator, run, duration, surface=surface, path=course)
+        if machine is not None:
+            tell("Recording the machine ...")
+            measured = [name.strip() for name in sensors.split(",")]
+            signals = brush_record(signals, machine, sensors=measured, noise=noise, seed=seed)
         if draft is not None and draft.suffix == ".csv":
             over_time = [name for name in signals.data_vars if signals[name].dims == ("time",)]
-            signals[over_time].to_dataframe().to_csv(draft)
+            units = {name: f"{name} [{signals[name].attrs['units']}]" for name in over_time}
+            table = signals[over_time].to_dataframe()
+            table.rename(columns=units if machine is not None else {}).to_csv(draft)
         elif draft is not None:
             signals.to_netcdf(draft)
     forces, lines = {}, [f"{'':6}{'largest [N]':>14}{'mean [N]':>14}{'impulse [N s]':>16}"]
-    for name in FORCES:
+    for name in FORCES if machine is None else machine.input_names:
         largest, mean = float(np.abs(signals[name]).max()), float(signals[name].mean())
         impulse = float(signals[name].integrate("time"))
         forces[name] = {"largest": largest, "mean": mean, "impulse": impulse}

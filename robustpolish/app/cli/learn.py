@@ -43,16 +43,40 @@ _model = cli.option(
 )
 
 
+_ADDED = "An effect and where it acts, as in 'coulomb_friction x ground force=2'; repeatable."
+
+
+def _changes(option: str, texts: tuple[str, ...]) -> list[tuple[str, list[str], dict[str, float]]]:
+    """Read effects as kind, place and perhaps parameters, such as 'coulomb_friction x ground'."""
+    found = []
+    for text in texts:
+        kind, *rest = text.split() or [""]
+        given = cli.pairs(option, tuple(w for w in rest if "=" in w), "NAME=VALUE", "force=2")
+        at = [word for word in rest if "=" not in word]
+        if not at:
+            remedy = f"Write {option} 'coulomb_friction x ground'."
+            raise invalid(option, text, "a kind of effect and a place", remedy)
+        try:
+            found.append((kind, at, {name: float(value) for name, value in given.items()}))
+        except ValueError:
+            raise invalid(option, text, "numbers behind =", "Write force=2.") from None
+    return found
+
+
 @click.command("model")
 @click.argument("name")
+@cli.repeatable("--add added", "'KIND PLACE ... NUMBER=VALUE ...'", _ADDED)
 @cli.option("--out", "Write the model to a file (.toml).", cli.FILE)
 @cli.result_options
-def model_(name: str, out: str | None, force: bool) -> tuple[Any, ...]:
+def model_(name: str, added: tuple[str, ...], out: str | None, force: bool) -> tuple[Any, ...]:
     """Show a mechanical model as TOML, to be changed and given to other commands.
 
     NAME is air-bearing, air-bearing:as-printed, air-bearing:as-corrected, or a TOML file.
     """
-    shown = cli.mechanical_model(name).to_toml()
+    loaded = cli.mechanical_model(name)
+    for kind, at, numbers in _changes("--add", added):
+        loaded = loaded.with_effect(kind, at, numbers)
+    shown = loaded.to_toml()
     if out is not None:
         with new_file(out, force, (".toml",)) as draft:
             draft.write_text(shown, encoding="utf-8")
@@ -242,13 +266,11 @@ def refit(
 
 # `robustpolish try`.
 
-_CHANGE = "An effect and where it acts, as in 'coulomb_friction tool ground'; repeatable."
-
 
 @click.command("try")
 @cli.data_argument
 @_model
-@cli.repeatable("--add added", "'KIND PLACE ...'", _CHANGE)
+@cli.repeatable("--add added", "'KIND PLACE ...'", _ADDED)
 @cli.repeatable("--remove removed", "'KIND PLACE ...'", "The same, of an effect of the model.")
 @cli.option("--save", "Save the model with the effect (.toml).", cli.FILE)
 @cli.option("--ledger", "Errors of every step (.json): kept from call to call.", cli.FILE)
@@ -266,11 +288,11 @@ def try_(
     judges. --save OTHER.toml, then --model OTHER.toml of the next call, goes on from there. The
     exit code is 0 whether the effect is worth its numbers or not, and 2 for bad input.
     """
-    changes = [(text.split(), False) for text in added] + [(t.split(), True) for t in removed]
-    if not changes or any(len(words) < 2 for words, _ in changes):
+    if not added and not removed:
         remedy = "Write --add 'coulomb_friction tool ground'."
-        shown = described(" ".join((*added, *removed)) or "nothing")
-        raise invalid("--add", shown, "a kind of effect and a place", remedy)
+        raise invalid("--add", described("nothing"), "a kind of effect and a place", remedy)
+    changes = [(change, False) for change in _changes("--add", added)]
+    changes += [(change, True) for change in _changes("--remove", removed)]
     loaded = cli.mechanical_model(model)
     records = cli.load_records(data, loaded, reading)
     with ExitStack() as places:
@@ -284,10 +306,11 @@ def try_(
         if ledger is not None and Path(ledger).exists():
             steps = ledger_from(read_saved(ledger, "ledger"))
         result: Any = loaded
-        for (kind, *at), remove in changes:
+        for (kind, at, numbers), remove in changes:
             result = try_effect(
-                result, records, kind, at, remove=remove, ledger=steps, progress=tell
-            )
+                result, records, kind, at, parameters=numbers or None, remove=remove,
+                ledger=steps, progress=tell,
+            )  # fmt: skip
             steps = result.ledger
         content = result.to_dict()
         cli.to_json(content)  # nothing is written if anything fails

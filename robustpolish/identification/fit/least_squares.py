@@ -21,6 +21,7 @@ from robustpolish.identification.fit.parameters import (
 )
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.observer.runs import (
+    Chains,
     InitialState,
     Runner,
     StartedPiece,
@@ -121,6 +122,7 @@ class Residuals:
         self.joint = joint_priors(model, self.free) * self.scale
         self.x = np.array([f.start for f in free]) / self.scale
         self.keys = keys = [f.key for f in free]
+        self.chains = Chains(model)
         self._at: tuple[Array, MechanicalModel] | None = None
         self.coupled = np.array([key.startswith("coupled_inertia") for key in keys])
         self.above = [(j, keys.index(f.at_least)) for j, f in enumerate(free) if f.at_least in keys]
@@ -189,22 +191,30 @@ class Residuals:
 
         Those to the starts are of each piece's errors to the scaled states of its own start.
         """
-        p, model = len(x), self.model_at(x)
+        p, model, chains = len(x), self.model_at(x), self.chains
         run, sizes = self.runner.run(model), self.start_sizes
+        of = [chains.parameter(key) for key in self.keys] + ([] if sizes is None else chains.states)
+        h = _STEP * np.maximum(np.abs(x), 1.0)
+        h = np.where(x + h > self.upper, -h, h)
 
-        def column(j: int) -> Array:
-            if j >= p:
+        def columns(group: Sequence[int]) -> list[Array]:
+            if group[0] >= p:
                 assert sizes is not None
                 moved = starts.copy()
-                moved[:, j - p] += _STEP * sizes[j - p]
-                return (run.errors_along(self.records, moved) - errors) / _STEP
-            h = _STEP * max(abs(x[j]), 1.0)
-            if x[j] + h > self.upper[j]:
-                h = -h
-            beside = model.with_parameters({self.keys[j]: float((x[j] + h) * self.scale[j])})
-            return (self.runner.run(beside).errors_along(self.records, starts) - errors) / h
+                for j in group:
+                    moved[:, j - p] += _STEP * sizes[j - p]
+                change = run.errors_along(self.records, moved) - errors
+                return [chains.own(change, of[j]) / _STEP for j in group]
+            ahead = {self.keys[j]: float((x[j] + h[j]) * self.scale[j]) for j in group}
+            beside = self.runner.run(model.with_parameters(ahead))
+            change = beside.errors_along(self.records, starts) - errors
+            return [chains.own(change, of[j]) / h[j] for j in group]
 
-        return parallel_map(column, range(p + (0 if sizes is None else starts.shape[1])))
+        groups = chains.groups(of[:p])
+        groups += [[p + j for j in group] for group in chains.groups(of[p:])]
+        found = zip(groups, parallel_map(columns, groups), strict=True)
+        each = {j: c for group, changes in found for j, c in zip(group, changes, strict=True)}
+        return [each[j] for j in range(len(of))]
 
 
 def fit(

@@ -12,7 +12,7 @@ from robustpolish.identification.policy import Policy
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import CONSTANT
 from robustpolish.machines.effects.spline_law import coefficients_of, spline_basis
-from robustpolish.machines.mechanical.data import port_row
+from robustpolish.machines.mechanical.data import connected, port_row
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import FORCE
 
@@ -66,19 +66,6 @@ class FreeParameter:
     def is_effect(self) -> bool:
         """Whether it belongs to an effect."""
         return self.key.startswith("effect[")
-
-
-def connected(model: MechanicalModel) -> list[set[str]]:
-    """Return the chains of a model: coordinates that springs, dampers and effects join."""
-    groups = [{name} for name in model.dof_names if name not in model.channels]
-    joints = [s.between for s in model.springs] + [d.between for d in model.dampers]
-    joints += [c.between for c in model.coupled_inertias]
-    for joint in [*joints, *(e.at for e in model.effects)]:
-        ends = {name for name in joint if name in model.dof_names}
-        touched = [g for g in groups if g & ends]
-        if len(touched) > 1:
-            groups = [g for g in groups if not g & ends] + [set().union(*touched)]
-    return groups
 
 
 def chain_keys(model: MechanicalModel, chain: set[str]) -> tuple[list[str], list[str], list[str]]:

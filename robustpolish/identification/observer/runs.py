@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -21,8 +22,9 @@ from robustpolish.identification.observer.kalman import (
     with_missing_force,
 )
 from robustpolish.identification.record import Record, joined_lines, output_sizes
-from robustpolish.machines.mechanical.data import MechanicalData, dynamic_effects
+from robustpolish.machines.mechanical.data import MechanicalData, connected, dynamic_effects
 from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import Input
 from robustpolish.machines.simulation import (
     InputCourse,
     IntersampleLines,
@@ -250,6 +252,68 @@ def free_run(model: MechanicalModel, record: Record) -> RecordRun:
     if model.effects:
         peak = displacement_peak(model, record, excited_bandwidth(model, record))
     return Runner(model, record.dt, peak).run(model)
+
+
+class Chains:
+    """The chain of coordinates, decoupled from the others, to which each number of a model belongs.
+
+    A number changes the outputs of its own chain only, so that derivatives to numbers of different
+    chains come from one run (A. R. Curtis, M. J. D. Powell and J. K. Reid 1974, On the estimation
+    of sparse Jacobian matrices, IMA Journal of Applied Mathematics 13, 117-119).
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    """
+
+    def __init__(self, model: MechanicalModel) -> None:
+        self.model = model
+        chains = connected(model, signals=True)
+        self.of_name = {name: i for i, chain in enumerate(chains) for name in chain}
+        self.outputs = np.array([self._of(output.of) for output in model.outputs])
+        internal = [
+            chain
+            for _, effect in dynamic_effects(model)
+            for chain in [self._of(effect.at)] * effect.definition.states
+        ]
+        self.states = [self._of((name,)) for name in model.free] * 2 + internal
+
+    def _of(self, names: Sequence[str]) -> int:
+        """Return the chain of a place; -1 of none."""
+        return next((self.of_name[name] for name in names if name in self.of_name), -1)
+
+    def parameter(self, key: str) -> int:
+        """Return the chain of a parameter by its key; -1 if it may belong to several."""
+        model, (what, *rest) = self.model, key.split(".")
+        if what == "dof":
+            return self._of(rest[:1])
+        if what == "input":
+            return self._of(next(i.on for i in model.inputs if i.name == rest[0]))
+        table, _, number = what.rstrip("]").partition("[")
+        if not number:
+            return -1
+        if table != "effect":
+            return self._of(getattr(model, f"{table}s")[int(number)].between)
+        effect = model.effects[int(number)]
+        signals = {"input": model.inputs, "output": model.outputs}
+        for signal in signals.get(effect.definition.domain, ()):
+            if signal.name == effect.at[0]:
+                return self._of(signal.on if isinstance(signal, Input) else signal.of)
+        return self._of(effect.at)
+
+    @staticmethod
+    def groups(chains: Sequence[int]) -> list[list[int]]:
+        """Return the positions of numbers, those together whose chains differ."""
+        each: dict[int, list[int]] = {}
+        for j, chain in enumerate(chains):
+            each.setdefault(chain, []).append(j)
+        alone = [[j] for j in each.pop(-1, [])]
+        together = zip_longest(*each.values())
+        return alone + [[j for j in row if j is not None] for row in together]
+
+    def own(self, change: Array, chain: int) -> Array:
+        """Return of a change of the outputs, shape (samples, ny), that of one chain's."""
+        return change if chain < 0 else np.where(self.outputs == chain, change, 0.0)
 
 
 def rest(model: MechanicalData) -> InitialState:

@@ -9,7 +9,7 @@ import numpy as np
 
 from robustpolish.base.arrays import Array
 from robustpolish.base.budget import parallel_map
-from robustpolish.identification.observer.runs import InitialState, RecordRun, StartedPiece
+from robustpolish.identification.observer.runs import Chains, InitialState, RecordRun, StartedPiece
 from robustpolish.identification.record import Record, output_sizes
 from robustpolish.machines.mechanical.data import MechanicalData, dynamic_effects
 
@@ -53,6 +53,7 @@ class StartFit:
         longest = max((piece.record for piece in pieces), key=lambda record: record.samples)
         self.run, self.sizes, self.longest = run, sizes, longest.samples
         self.weights = 1 / output_sizes(longest.Y)
+        self.chains = Chains(run.model)
 
     def _errors(self, records: Sequence[Record], starts: Array) -> list[Array]:
         """Return the weighted errors of each piece; a run that diverges has very large ones."""
@@ -91,16 +92,22 @@ class StartFit:
         while active and rounds:
             rounds -= 1
 
-            def moved(j: int, active: Sequence[int] = active) -> list[Array]:
+            def moved(group: Sequence[int], active: Sequence[int] = active) -> list[Array]:
                 ahead = vectors[active]
-                ahead[:, j] += step * sizes[j]
+                for j in group:
+                    ahead[:, j] += step * sizes[j]
                 return errors(ahead, active)
 
-            columns = parallel_map(moved, range(len(sizes)))
-            jacobians = {
-                i: np.column_stack([(column[k] - now[i]) / step for column in columns])
-                for k, i in enumerate(active)
-            }
+            groups = self.chains.groups(self.chains.states)
+            changed = parallel_map(moved, groups)
+            jacobians = {}
+            for k, i in enumerate(active):
+                columns = np.empty((now[i].size, len(sizes)))
+                for group, after in zip(groups, changed, strict=True):
+                    change = ((after[k] - now[i]) / step).reshape(-1, len(self.weights))
+                    for j in group:
+                        columns[:, j] = self.chains.own(change, self.chains.states[j]).ravel()
+                jacobians[i] = columns
             waiting, active = active, []
             for attempt in range(5):
                 trust = damping * 10**attempt

@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 from robustpolish.base.arrays import Array
 from robustpolish.base.budget import parallel_map
 from robustpolish.identification.fit.least_squares import independent_errors
-from robustpolish.identification.fit.parameters import connected, free_parameters, is_guessed
+from robustpolish.identification.fit.parameters import free_parameters, is_guessed
 from robustpolish.identification.fit.prepared import PreparedRecord, has_integrator
 from robustpolish.identification.observer.kalman import FREE, Level, LinearObserver, force_sites
 from robustpolish.identification.observer.missing_force import SmoothedMotion, known_forces
@@ -24,7 +24,13 @@ from robustpolish.identification.record import Record
 from robustpolish.machines.effects.effect import Effect, kinds
 from robustpolish.machines.effects.evaluate import shapes_along
 from robustpolish.machines.effects.kind import CONSTANT, EffectKind, Motion, Shape
-from robustpolish.machines.mechanical.data import motion_at, port_pairs, port_row, port_rows
+from robustpolish.machines.mechanical.data import (
+    connected,
+    motion_at,
+    port_pairs,
+    port_row,
+    port_rows,
+)
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.simulation import IntersampleLines, linear_interpolation
 

@@ -10,7 +10,7 @@ import numpy as np
 from robustpolish.base.arrays import Array
 from robustpolish.base.results import plus_minus
 from robustpolish.identification.fit.least_squares import covariance_of
-from robustpolish.identification.fit.parameters import chain_keys, connected
+from robustpolish.identification.fit.parameters import chain_keys
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.fit.result import stderr_from_covariance
 from robustpolish.identification.record import output_sizes
@@ -39,7 +39,7 @@ from robustpolish.identification.search.sets import (
 )
 from robustpolish.machines.effects.effect import Effect, kinds
 from robustpolish.machines.effects.kind import CONSTANT, Timing
-from robustpolish.machines.mechanical.data import effect_unit
+from robustpolish.machines.mechanical.data import connected, effect_unit
 from robustpolish.machines.mechanical.model import MechanicalModel
 
 MOST_EFFECTS = 4

@@ -561,6 +561,24 @@ def dynamic_effects(model: MechanicalData) -> list[tuple[int, Effect]]:
     return [(i, e) for i, e in enumerate(model.effects) if e.definition.law is not None]
 
 
+def connected(model: MechanicalData, *, signals: bool = False) -> list[set[str]]:
+    """Return the chains of a model: coordinates that springs, dampers and effects join.
+
+    With `signals` an input that pushes two coordinates and an output that sees several join them.
+    """
+    groups = [{name} for name in model.dof_names if name not in model.channels]
+    joints = [p.between for p in (*model.springs, *model.dampers, *model.coupled_inertias)]
+    joints += [e.at for e in model.effects]
+    if signals:
+        joints += [*(i.on for i in model.inputs), *(o.of for o in model.outputs)]
+    for joint in joints:
+        ends = {name for name in joint if name in model.dof_names}
+        touched = [g for g in groups if g & ends]
+        if len(touched) > 1:
+            groups = [g for g in groups if not g & ends] + [set().union(*touched)]
+    return groups
+
+
 def context_values(model: MechanicalData, effect: Effect, step: float) -> list[float]:
     """Return what an effect's law needs to know of the model, in the order it asked for."""
     if not effect.definition.context:
