@@ -194,6 +194,15 @@ def axis_and_turning(
 # Penetration is measured vertically, so that without damping and friction the force has an
 # exact potential, k_p delta^2 / (2 N) per node. lambda is never negative: contact does not pull.
 #
+# Nodes tilt with the disc and do not spin: a body of revolution that spins keeps its gaps. So
+#
+#     d(delta)/dt = (df/dx, df/dy, -1) . (u + w x arm),    w across the axis k, without the spin,
+#
+# and by virtual work, lambda d(delta), the pushes have no moment about k. Their arms give one: zero
+# on a fine rim without damping, else a brake whose work no damper takes. It is taken out, so that
+#
+#     d/dt (kinetic + stored energy) = power of carriage and drive - friction - damping power.
+#
 # The surface is a trough, whose two bends stand among the constants, or a mould, packed as in
 # `robustpolish.polishing.surfaces.spline`, which then follows the constants in the same array.
 
@@ -366,14 +375,14 @@ def rim_load(
     by, bz = kz * scale, -ky * scale
     touching = _touching_nodes(place, axis, constants, (ax, ay, az, by, bz), nodes, found)
     force_x = force_y = force_z = moment_x = moment_y = moment_z = 0.0
-    friction_power = damping_power = energy = front = back = left = right = 0.0
+    friction_power = damping_power = energy = about = front = back = left = right = 0.0
     for node in range(touching):
         cosine, sine, depth = found[0, node], found[1, node], found[2, node]
         arm_x = ax * cosine - half * kx
         arm_y = ay * cosine + by * sine - half * ky
         arm_z = az * cosine + bz * sine - half * kz
         slope_x, slope_y = found[3, node], found[4, node]
-        # Velocity of the rim without the spin, which moves it along itself.
+        # Velocity of the node, without the spin.
         vx = ux + wy * arm_z - wz * arm_y
         vy = uy + wz * arm_x - wx * arm_z
         vz = uz + wx * arm_y - wy * arm_x
@@ -381,9 +390,13 @@ def rim_load(
         push = share * depth * max(0.0, 1.0 + damping * rate)
         damping_power += (push - share * depth) * rate
         energy += 0.5 * share * depth * depth
-        vx += spin * (ky * arm_z - kz * arm_y)
-        vy += spin * (kz * arm_x - kx * arm_z)
-        vz += spin * (kx * arm_y - ky * arm_x)
+        # k x arm: n . (k x arm) = k . (arm x n) is the moment about k to be taken out.
+        tx, ty = ky * arm_z - kz * arm_y, kz * arm_x - kx * arm_z
+        tz = kx * arm_y - ky * arm_x
+        about += push * (tz - slope_x * tx - slope_y * ty)
+        vx += spin * tx
+        vy += spin * ty
+        vz += spin * tz
         stretch = 1.0 + slope_x * slope_x + slope_y * slope_y
         into = (vz - slope_x * vx - slope_y * vy) / stretch
         vx += into * slope_x
@@ -407,7 +420,8 @@ def rim_load(
         left += normal if sine >= abs(cosine) else 0.0
         right += normal if -sine >= abs(cosine) else 0.0
     load[FORCE], load[FORCE + 1], load[FORCE + 2] = force_x, force_y, force_z
-    load[MOMENT], load[MOMENT + 1], load[MOMENT + 2] = moment_x, moment_y, moment_z
+    load[MOMENT], load[MOMENT + 1] = moment_x - about * kx, moment_y - about * ky
+    load[MOMENT + 2] = moment_z - about * kz
     load[FRICTION_POWER], load[DAMPING_POWER], load[ENERGY] = friction_power, damping_power, energy
     load[SECTORS], load[SECTORS + 1] = front, back
     load[SECTORS + 2], load[SECTORS + 3] = left, right

@@ -42,9 +42,11 @@ def plain_load(brush, nodes, place, velocity, axis, turning, spin):
     size = np.sqrt(np.sum(slip**2, axis=1) + brush.slip_scale**2)
     pressure = push * np.linalg.norm(normal, axis=1)
     friction = -brush.friction * (pressure / size)[:, None] * slip
-    force = push[:, None] * normal + friction
+    pushes = push[:, None] * normal
     powers = -np.sum(friction * slip), np.sum((push - elastic) * rate)
-    return force.sum(axis=0), np.cross(arm, force).sum(axis=0), *powers, (depth > 0).sum()
+    # Pushes have moments across the axis only, for the spin changes no depth.
+    moment = np.cross(arm, pushes) @ (np.eye(3) - np.outer(axis, axis)) + np.cross(arm, friction)
+    return (pushes + friction).sum(axis=0), moment.sum(axis=0), *powers, (depth > 0).sum()
 
 
 def _random_state(seed: int):
