@@ -100,6 +100,9 @@ from .simulate import (
 from .simulate import (
     simulate_brush as simulate_brush,
 )
+from .simulate import (
+    simulate_disc as simulate_disc,
+)
 from .spindle import (
     rotating_beam as rotating_beam,
 )
@@ -247,6 +250,7 @@ __all__ = [
     "rotating_beam",
     "simulate_brush",
     "simulate_coupled",
+    "simulate_disc",
     "spindle_rotor",
     "thesis_comparison",
     "thesis_structures",

@@ -282,7 +282,7 @@ def test_critical_speeds_are_where_the_diagram_meets_the_spin():
 
 @pytest.mark.parametrize("rod", [SLENDER, STUBBY])
 def test_critical_speeds_end_where_the_mesh_does_not_resolve_them(rod):
-    """Euler on two pins: rho (A - I b^2) w^2 = E I b^4; elements of length h err by (b h)^4/1440."""
+    """Euler on two pins: rho (A - I b^2) w^2 = E I b^4; elements of length h err by (bh)^4/1440."""
     rotor = RotorModel([rod], bearings=PINS, theory="euler")
     count = int(20 / math.pi * (1440 * 0.005 * 16 / 15) ** 0.25)
     b = math.pi * np.arange(1, count + 1)

@@ -150,9 +150,10 @@ def test_energy_balance(stiffness, damping, friction, spin, three_angles):
     led = tool_velocity(0.5 * (time[1:] + time[:-1]), brush)
     carriage = -np.sum(led * np.diff(track[contact.IMPULSES][:2]), axis=0)
     carriage = np.r_[0.0, carriage.cumsum()]
-    braking = np.sum(loads[contact.MOMENT : contact.MOMENT + 3] * track[contact.AXES], axis=0)
+    about = np.sum(loads[contact.MOMENT : contact.MOMENT + 3] * track[contact.AXES], axis=0)
+    held = loads[contact.ABOUT] - about  # an ideal drive
     slowed = brush.spindle_damping * (spin - track[contact.SPIN])
-    power = track[contact.SPIN] * (slowed if three_angles else -braking)
+    power = track[contact.SPIN] * (slowed if three_angles else held)
     drive = cumulative_simpson(power, x=time, initial=0.0)
     gap = stored - stored[0] + heat - drive - carriage
     exchanged = heat[-1] + np.ptp(stored) + np.ptp(drive) + np.ptp(carriage)
