@@ -198,9 +198,9 @@ def axis_and_turning(
 #
 #     d(delta)/dt = (df/dx, df/dy, -1) . (u + w x arm),    w across the axis k, without the spin,
 #
-# and by virtual work, lambda d(delta), the pushes do not turn the disc about k. Their arms give such
-# a moment: zero on a fine rim without damping, else a brake whose work no damper takes. The spin
-# goes without it, so that
+# and by virtual work, lambda d(delta), the pushes do not turn the disc about k. Their arms give a
+# moment about k: zero on a fine rim without damping, else a brake whose work no damper takes.
+# The spin's equation leaves it out, so that
 #
 #     d/dt (kinetic + stored energy) = power of carriage and drive - friction - damping power.
 #

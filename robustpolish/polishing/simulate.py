@@ -450,7 +450,7 @@ def simulate_disc(
 
     Examples
     --------
-    A level disc leans about x, turns about y, and has done so on average at M / (I p):
+    A steady moment M about x turns a level disc about y, on average at M / (I p):
 
     >>> import numpy as np
     >>> import robustpolish as rp
