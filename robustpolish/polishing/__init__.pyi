@@ -103,6 +103,9 @@ from .simulate import (
 from .simulate import (
     simulate_brush as simulate_brush,
 )
+from .simulate import (
+    simulate_disc as simulate_disc,
+)
 from .spindle import (
     rotating_beam as rotating_beam,
 )
@@ -251,6 +254,7 @@ __all__ = [
     "rotating_beam",
     "simulate_brush",
     "simulate_coupled",
+    "simulate_disc",
     "spindle_rotor",
     "thesis_comparison",
     "thesis_structures",

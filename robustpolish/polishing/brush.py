@@ -18,6 +18,7 @@ from robustpolish.polishing import contact
 from robustpolish.polishing.contact import euler_angles, tilt_angles
 from robustpolish.polishing.dataset import (
     POINTS,
+    Variable,
     angle_variables,
     force_variables,
     labelled,
@@ -268,33 +269,36 @@ def impulse_difference(coarse: Any, fine: Any, force: float) -> float:
 # Labelled dataset of a run.
 
 
-def physical_dataset(
-    run: PhysicalRun, check: dict[str, Any], parameters: BrushParameters, three_angles: bool
-) -> xr.Dataset:
-    """Label a run, and tell in the attributes how it was checked."""
-    axis, turning = run.track[:, contact.AXES], run.track[:, contact.TURNINGS]
-    spin, twist = run.track[:, contact.SPIN], run.track[:, contact.TWIST]
-    loads, both = run.loads, ("time", "point")
+def attitude_variables(track: Array, three_angles: bool) -> dict[str, Variable]:
+    """Return the angles of the disc and their rates; with three angles its spin too."""
+    axis, turning = track[:, contact.AXES], track[:, contact.TURNINGS]
+    spin, twist = track[:, contact.SPIN], track[:, contact.TWIST]
     if three_angles:
         angles = euler_angles(axis, turning)
         theta, psi, _, psi_rate = angles
         precessed = np.cumsum(0.5 * np.diff(psi) * (np.cos(theta[1:]) + np.cos(theta[:-1])))
         phi = twist - np.concatenate([[0.0], precessed])
         rate = spin - psi_rate * np.cos(theta)
-        attitude = {
+        return {
             **angle_variables(angles, ("nutation", "precession"), level=None),
             "phi": quantity(phi, "rad", "rotation of the tool about its axis"),
             "phi_rate": quantity(rate, "rad/s", "rate of phi"),
             "omega_z": quantity(spin, "rad/s", "angular velocity about the axis of the disc"),
         }
-    else:
-        names = ("tilt about x", "tilt about y")
-        attitude = angle_variables(tilt_angles(axis, turning), names, level=0.0)
+    names = ("tilt about x", "tilt about y")
+    return angle_variables(tilt_angles(axis, turning), names, level=0.0)
+
+
+def physical_dataset(
+    run: PhysicalRun, check: dict[str, Any], parameters: BrushParameters, three_angles: bool
+) -> xr.Dataset:
+    """Label a run, and tell in the attributes how it was checked."""
+    loads, both = run.loads, ("time", "point")
     fx, fy, fz = run.forces.T
     normal = loads[:, contact.SECTORS : contact.SECTORS + len(POINTS)]
     friction, damping = loads[:, contact.FRICTION_POWER], loads[:, contact.DAMPING_POWER]
     variables = {
-        **attitude,
+        **attitude_variables(run.track, three_angles),
         **force_variables(-fx, -fy, fz, np.full_like(fz, parameters.polishing_force)),
         "contact": quantity(normal > 0.0, "1", "whether the quarter of the rim touches", both),
         "contact_force": quantity(normal, "N", "normal force on the quarter of the rim", both),

@@ -194,6 +194,16 @@ def axis_and_turning(
 # Penetration is measured vertically, so that without damping and friction the force has an
 # exact potential, k_p delta^2 / (2 N) per node. lambda is never negative: contact does not pull.
 #
+# Nodes tilt with the disc and do not spin: a body of revolution that spins keeps its gaps. So
+#
+#     d(delta)/dt = (df/dx, df/dy, -1) . (u + w x arm),    w across the axis k, without the spin,
+#
+# and by virtual work, lambda d(delta), the pushes do not turn the disc about k. Their arms give a
+# moment about k: zero on a fine rim without damping, else a brake whose work no damper takes.
+# The spin's equation leaves it out, so that
+#
+#     d/dt (kinetic + stored energy) = power of carriage and drive - friction - damping power.
+#
 # The surface is a trough, whose two bends stand among the constants, or a mould, packed as in
 # `robustpolish.polishing.surfaces.spline`, which then follows the constants in the same array.
 
@@ -206,7 +216,8 @@ FRICTION_POWER = 6  # turned into heat by friction [W]
 DAMPING_POWER = 7  # turned into heat by contact damping [W]
 SECTORS = 8  # and 9, 10, 11: normal force on the rim's quarters at +x, -x, +y, -y [N]
 ENERGY = 12  # stored in the contact [J]
-LOADS = 13
+ABOUT = 13  # part about the axis of the pushes' moment, which the spin does not meet [N m]
+LOADS = 14
 
 # Places in the vector of constants.
 STIFFNESS, DAMPING, FRICTION, SLIP_SCALE, BEND_X, BEND_Y, RADIUS, HALF_HEIGHT = range(8)
@@ -366,14 +377,14 @@ def rim_load(
     by, bz = kz * scale, -ky * scale
     touching = _touching_nodes(place, axis, constants, (ax, ay, az, by, bz), nodes, found)
     force_x = force_y = force_z = moment_x = moment_y = moment_z = 0.0
-    friction_power = damping_power = energy = front = back = left = right = 0.0
+    friction_power = damping_power = energy = about = front = back = left = right = 0.0
     for node in range(touching):
         cosine, sine, depth = found[0, node], found[1, node], found[2, node]
         arm_x = ax * cosine - half * kx
         arm_y = ay * cosine + by * sine - half * ky
         arm_z = az * cosine + bz * sine - half * kz
         slope_x, slope_y = found[3, node], found[4, node]
-        # Velocity of the rim without the spin, which moves it along itself.
+        # Velocity of the node, without the spin.
         vx = ux + wy * arm_z - wz * arm_y
         vy = uy + wz * arm_x - wx * arm_z
         vz = uz + wx * arm_y - wy * arm_x
@@ -381,9 +392,13 @@ def rim_load(
         push = share * depth * max(0.0, 1.0 + damping * rate)
         damping_power += (push - share * depth) * rate
         energy += 0.5 * share * depth * depth
-        vx += spin * (ky * arm_z - kz * arm_y)
-        vy += spin * (kz * arm_x - kx * arm_z)
-        vz += spin * (kx * arm_y - ky * arm_x)
+        # The spin moves the node along k x arm; n . (k x arm) = k . (arm x n).
+        tx, ty = ky * arm_z - kz * arm_y, kz * arm_x - kx * arm_z
+        tz = kx * arm_y - ky * arm_x
+        about += push * (tz - slope_x * tx - slope_y * ty)
+        vx += spin * tx
+        vy += spin * ty
+        vz += spin * tz
         stretch = 1.0 + slope_x * slope_x + slope_y * slope_y
         into = (vz - slope_x * vx - slope_y * vy) / stretch
         vx += into * slope_x
@@ -408,6 +423,7 @@ def rim_load(
         right += normal if -sine >= abs(cosine) else 0.0
     load[FORCE], load[FORCE + 1], load[FORCE + 2] = force_x, force_y, force_z
     load[MOMENT], load[MOMENT + 1], load[MOMENT + 2] = moment_x, moment_y, moment_z
+    load[ABOUT] = about
     load[FRICTION_POWER], load[DAMPING_POWER], load[ENERGY] = friction_power, damping_power, energy
     load[SECTORS], load[SECTORS + 1] = front, back
     load[SECTORS + 2], load[SECTORS + 3] = left, right
@@ -472,7 +488,7 @@ def disc_derivative(state, load, motion, result):  # pragma: no cover - compiled
         result[IMPULSE + i] = load[FORCE + i]
     if motion[SPIN_DRIVE] > 0.0:
         drive = motion[SPIN_DRIVE] * (motion[SPIN_NOMINAL] - state[SPIN])
-        result[SPIN] = (about + drive) / motion[SPIN_INERTIA]
+        result[SPIN] = (about - load[ABOUT] + drive) / motion[SPIN_INERTIA]
     else:
         result[SPIN] = 0.0
     result[TWIST] = state[SPIN]
@@ -567,3 +583,39 @@ def advance(
         track[i + 1], loads[i + 1] = state, room[2]
         loads[i + 1, 0] = touching / nodes.shape[1]
     return RUNNING, accepted, refused, midway.shape[0]
+
+
+@njit(cache=True, error_model="numpy")
+def advance_free(state, time, moments, tolerance, scale, motion, track):  # pragma: no cover
+    """Integrate the disc alone under moments that are straight lines between the times.
+
+    Parameters are those of `advance`, but for the moments, shape (n, 3), at the times [N m].
+
+    Returns
+    -------
+    int
+        Times reached: all n, or fewer where the steps became too small to go on.
+    """
+    slopes, stage, load = np.zeros((STAGES, STATES)), state.copy(), np.zeros(LOADS)
+    wish, track[0] = time[1] - time[0], state
+    for i in range(time.size - 1):
+        interval = time[i + 1] - time[i]
+        left = interval
+        while left > 0.0:
+            step = min(wish, left)
+            for s in range(STAGES):
+                stage_state(slopes, s, state, step, stage)
+                share = 1.0 - (left - NODES[s] * step) / interval
+                for j in range(3):
+                    load[MOMENT + j] = (1.0 - share) * moments[i, j] + share * moments[i + 1, j]
+                disc_derivative(stage, load, motion, slopes[s])
+            error = step_error(slopes, step, scale) / tolerance
+            if error <= 1.0:
+                state[:] = stage
+                left -= step
+            elif step < 1e-9 * interval:
+                return i + 1
+            wish = step * min(5.0, max(0.2, 0.9 * max(error, 1e-10) ** -0.2))
+        renormalise_axis(state)
+        track[i + 1] = state
+    return time.size

@@ -8,12 +8,22 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from numpy.typing import ArrayLike
 
 from robustpolish.base.budget import progress_bar
-from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
+from robustpolish.base.checks import described, instance_of, invalid, matrix, one_of, positive
+from robustpolish.errors import SolverError
 from robustpolish.plots.charts import plot_over_plane
-from robustpolish.polishing.brush import check_passes, integrate, physical_dataset, refined
-from robustpolish.polishing.dataset import tool_position
+from robustpolish.polishing import contact
+from robustpolish.polishing.brush import (
+    attitude_variables,
+    check_passes,
+    integrate,
+    motion_constants,
+    physical_dataset,
+    refined,
+)
+from robustpolish.polishing.dataset import parameter_attributes, path_variables, tool_position
 from robustpolish.polishing.parameters import BrushParameters
 from robustpolish.polishing.surfaces.mould import Mould
 from robustpolish.polishing.surfaces.surface import Floats, PolishedSurface
@@ -390,3 +400,90 @@ def simulate_brush(
 
         found, _, check = refined(attempt, force, limit, passes, _RATTLES)
         return physical_dataset(found, check, brush, three)
+
+
+def simulate_disc(
+    time: ArrayLike,
+    moment: ArrayLike,
+    *,
+    parameters: BrushParameters | None = None,
+    disc: Literal["two-angle", "three-angle"] = "two-angle",
+    initial: ArrayLike = (0.0, 0.0, 0.0, 0.0),
+) -> xr.Dataset:
+    """Integrate the equations of the spinning disc under given moments, without contact.
+
+    I_0 w' = M - (M . k) k - I omega_z (w x k) and k' = w x k: (6.54) to (6.62) without their
+    singularity, and exact for large tilts. Without a moment the disc keeps its axis (figure 9.5).
+
+    Parameters
+    ----------
+    time : array_like, shape (n,)
+        Rising [s].
+    moment : array_like, shape (n, 3)
+        About the ball joint, along world x, y and z [N m]; straight lines between the samples.
+    parameters : BrushParameters, optional
+        Inertias, spin, drive, path and surface; ``BrushParameters()`` by default.
+    disc : {"two-angle", "three-angle"}, optional
+        Two angles and an ideal drive; or three, whose spin obeys
+        I omega_z' = M . k - spindle_damping (omega_z - spin).
+    initial : array_like, shape (4,), optional
+        theta, psi [rad], theta_rate and psi_rate [rad/s] at the first time: tilts about x and y,
+        or nutation and precession. The spin begins at that of the parameters.
+
+    Returns
+    -------
+    xarray.Dataset
+        Along `time` [s]: `theta`, `psi`, `theta_rate`, `psi_rate`, and for the three-angle disc
+        `phi`, `phi_rate` and `omega_z`, as from `simulate_brush`; `tool_x`, `tool_y`,
+        `surface_height` [m] and `elevation` [rad] of the path.
+
+    Raises
+    ------
+    InvalidInputError
+        If an argument has another shape, is not finite, or the times do not rise.
+    SolverError
+        If the moments turn the disc too fast to be followed.
+
+    References
+    ----------
+    M.L. Postma, Polishing robot: vibrations due to impact, sections 6.4 and 9.3.
+
+    Examples
+    --------
+    A steady moment M about x turns a level disc about y, on average at M / (I p):
+
+    >>> import numpy as np
+    >>> import robustpolish as rp
+    >>> time = np.linspace(0.0, 0.1, 501)
+    >>> run = rp.polishing.simulate_disc(time, np.tile([1e-4, 0.0, 0.0], (501, 1)))
+    >>> round(float(run.psi_rate.mean()), 3), round(1e-4 / (1e-5 * 100 * np.pi), 3)
+    (0.032, 0.032)
+    """
+    one_of("disc", disc, ("two-angle", "three-angle"))
+    brush = BrushParameters() if parameters is None else parameters
+    instance_of("parameters", brush, BrushParameters, "BrushParameters", "Build them first.")
+    times, three = np.array(time, dtype=float), disc == "three-angle"
+    rising = times.ndim == 1 and len(times) > 1 and (np.diff(times) > 0).all()
+    if not rising or not np.isfinite(times).all():
+        shown = described(f"an array of shape {times.shape}")
+        raise invalid("time", shown, "at least two rising times in s", "Sort them.")
+    moments = np.ascontiguousarray(matrix("moment", moment, (len(times), 3)))
+    first = matrix("initial", np.atleast_2d(initial), (1, 4))[0]
+    state, motion = np.zeros(contact.STATES), motion_constants(brush, three)
+    axis, turning = contact.axis_and_turning(*first, euler=three)
+    state[contact.AXES], state[contact.TURNINGS], state[contact.SPIN] = axis, turning, brush.spin
+    # The axis has length 1; rates are measured by that of nutation, I p / I_0.
+    scale, track = np.full(contact.STATES, np.inf), np.empty((len(times), contact.STATES))
+    scale[contact.AXES] = 1.0
+    scale[contact.TURNINGS] = scale[contact.SPIN] = 1.0 + (
+        brush.spin * brush.spin_inertia / brush.tilt_inertia
+    )
+    reached = contact.advance_free(state, times, moments, 1e-12, scale, motion, track)
+    if reached < len(times):
+        raise SolverError(
+            f"The disc turns too fast to be followed after {times[reached - 1]:.4g} s. Lower the "
+            "moments, or check their unit, N m."
+        )
+    variables = attitude_variables(track, three) | path_variables(times, brush)
+    about = {"simulator": "moments", "disc": disc, **parameter_attributes(brush)}
+    return xr.Dataset(variables, {"time": ("time", times, {"units": "s"})}, about)

@@ -121,6 +121,7 @@ def test_what_makes_no_rotor():
         (lambda: RotorModel(rod, internal_damping=-1.0), "internal_damping"),
         (lambda: RotorModel(rod).modes("fast"), "finite speed"),
         (lambda: RotorModel(rod).critical_speeds(), "nothing holds"),
+        (lambda: ISOTROPIC.critical_speeds(0.0), "resolution"),
         (lambda: RotorModel(rod).reduced(2, [0.5]), "nothing holds"),
         (lambda: RotorModel([light]).modes(), "nothing holds and that has no mass"),
         (lambda: ISOTROPIC.plant(loads={}, actuators=ENDS), "at least one place"),
@@ -277,6 +278,19 @@ def test_critical_speeds_are_where_the_diagram_meets_the_spin():
         assert found[int(near)].direction == "forward"
     listed = ISOTROPIC.campbell(np.linspace(0.0, 450.0, 5)).critical_speeds
     np.testing.assert_allclose(listed, speeds[:2])
+
+
+@pytest.mark.parametrize("rod", [SLENDER, STUBBY])
+def test_critical_speeds_end_where_the_mesh_does_not_resolve_them(rod):
+    """Euler on two pins: rho (A - I b^2) w^2 = E I b^4; elements of length h err by (bh)^4/1440."""
+    rotor = RotorModel([rod], bearings=PINS, theory="euler")
+    count = int(20 / math.pi * (1440 * 0.005 * 16 / 15) ** 0.25)
+    b = math.pi * np.arange(1, count + 1)
+    mass = rod.density * (rod.area - rod.area_moment * b**2)
+    found = rotor.critical_speeds(resolution=0.005)
+    np.testing.assert_allclose(found, np.sqrt(rod.bending_stiffness * b**4 / mass), rtol=0.0054)
+    assert len(rotor.critical_speeds()) > count
+    assert rotor.critical_speeds(None)[-1] > 1.5 * found[-1]
 
 
 def test_a_thin_disc_never_meets_its_critical_speed():

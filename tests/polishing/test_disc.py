@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from robustpolish.errors import InvalidInputError, SolverError
 from robustpolish.polishing import contact as disc
 from robustpolish.polishing.brush import contact_constants, motion_constants
 from robustpolish.polishing.contact import euler_angles, tilt_angles
 from robustpolish.polishing.parameters import BrushParameters
+from robustpolish.polishing.simulate import simulate_disc
 from robustpolish.polishing.surfaces.surface import Surface
 
 # The compiled rim, against a plain evaluation of the law, and its energy.
@@ -140,37 +142,85 @@ def test_without_a_moment_energy_and_momentum_stay(three_angles):
     np.testing.assert_allclose(angle, rate * np.linspace(0.0, 0.1, 201), atol=1e-8)
 
 
-def test_without_a_moment_a_disc_at_rest_stays():
-    """Section 9.3, figure 9.5: the spinning disc keeps its axis."""
-    axis, *_ = free(0.1, False, *tilted(0.2, (0.0, 0.0)), 100 * np.pi)
-    np.testing.assert_allclose(axis, np.tile(axis[0], (201, 1)), atol=1e-12)
+# The disc under given moments.
 
 
-def test_free_disc_follows_the_euler_angle_equations() -> None:
-    """Far above the surface the motion is that of (6.54) to (6.58) without moments."""
-    spin, ratio = 100.0, BRUSH.spin_inertia / BRUSH.tilt_inertia
+def test_without_a_moment_the_disc_keeps_its_axis():
+    """Section 9.3, figure 9.5: over 5 s of the path, on which the surface rises and falls."""
+    time = np.linspace(0.0, 5.0, 501)
+    run = simulate_disc(time, np.zeros((501, 3)), initial=(0.2, -0.1, 0.0, 0.0))
+    np.testing.assert_allclose(run.theta, 0.2, atol=1e-12)
+    np.testing.assert_allclose(run.psi, -0.1, atol=1e-12)
+    assert np.ptp(run.surface_height.values) > 5e-5
+    assert np.ptp(run.elevation.values) > 0.01
+
+
+def test_a_steady_moment_precesses_a_level_disc():
+    """(6.59) to (6.62) with M^x: theta = a (1 - cos vt), psi = a (vt - sin vt), v = p I/I_0."""
+    time, moment = np.linspace(0.0, 0.1, 1001), 1e-5
+    nutation = BRUSH.spin * BRUSH.spin_inertia / BRUSH.tilt_inertia
+    size, turn = moment / (BRUSH.tilt_inertia * nutation**2), nutation * time
+    run = simulate_disc(time, np.tile([moment, 0.0, 0.0], (1001, 1)))
+    np.testing.assert_allclose(run.theta, size * (1 - np.cos(turn)), atol=1e-6 * size)
+    np.testing.assert_allclose(run.psi, size * (turn - np.sin(turn)), atol=1e-6 * size)
+
+
+def test_a_moment_along_the_nodes_keeps_a_steady_precession():
+    """(6.44) at constant nutation, with the moment that goes round with the precession."""
+    nutation, rate, time = 0.4, 3.0, np.linspace(0.0, 1.0, 5001)
+    moment = BRUSH.spin_inertia * BRUSH.spin - BRUSH.tilt_inertia * rate * np.cos(nutation)
+    nodes = np.stack([np.cos(rate * time), np.sin(rate * time), 0.0 * time], axis=1)
+    moments = moment * rate * np.sin(nutation) * nodes
+    run = simulate_disc(time, moments, disc="three-angle", initial=(nutation, 0.0, 0.0, rate))
+    np.testing.assert_allclose(run.theta, nutation, atol=1e-7)
+    np.testing.assert_allclose(run.psi, rate * time, atol=1e-7)
+    np.testing.assert_allclose(run.omega_z, BRUSH.spin, atol=1e-7)
+
+
+def test_a_moment_about_the_axis_slows_the_spin_against_the_drive():
+    """I w' = M + c (p - w), with M = -g t: (p - w) c/g = t - b (1 - exp(-t / b)), b = I/c."""
+    time, drive = np.linspace(0.0, 0.01, 51), BRUSH.spindle_damping
+    lag, moments = BRUSH.spin_inertia / drive, np.outer(time, [0.0, 0.0, -10.0])
+    run = simulate_disc(time, moments, disc="three-angle")
+    slowed = 10.0 / drive * (time - lag * (1.0 - np.exp(-time / lag)))
+    np.testing.assert_allclose(run.omega_z, BRUSH.spin - slowed, rtol=1e-10)
+
+
+def test_disc_follows_the_euler_angle_equations() -> None:
+    """(6.54) to (6.58), moments along the nodes and across them given in world axes."""
+    spin, ratio, first = 100.0, BRUSH.spin_inertia / BRUSH.tilt_inertia, (0.6, 0.0, 3.0, 20.0)
+    along, across = np.array([0.004, -0.003]) / BRUSH.tilt_inertia
 
     def euler(_, q):
-        theta, theta_rate, _, psi_rate = q
+        theta, _, theta_rate, psi_rate = q
         sine, cosine = np.sin(theta), np.cos(theta)
-        return [
-            theta_rate,
-            psi_rate**2 * sine * cosine - ratio * psi_rate * sine * spin,
-            psi_rate,
-            (-2 * psi_rate * theta_rate * cosine + ratio * theta_rate * spin) / sine,
-        ]
+        nutation = along + psi_rate**2 * sine * cosine - ratio * psi_rate * sine * spin
+        precession = across - 2 * psi_rate * theta_rate * cosine + ratio * theta_rate * spin
+        return [theta_rate, psi_rate, nutation, precession / sine]
 
-    theta, theta_rate, psi_rate = 0.6, 3.0, 20.0
-    axis = np.array([0.0, -np.sin(theta), np.cos(theta)])
-    across = np.cross(axis, [1.0, 0.0, 0.0])
-    turning = theta_rate * np.eye(3)[0] + psi_rate * np.sin(theta) * across
-    found = euler_angles(*free(0.2, False, axis, turning, spin)[:2])
-    times, start = np.linspace(0.0, 0.2, 201), [theta, theta_rate, 0.0, psi_rate]
+    time = np.linspace(0.0, 0.2, 4001)
     expected = solve_ivp(
-        euler, (0.0, 0.2), start, t_eval=times, rtol=1e-11, atol=1e-12, method="DOP853"
+        euler, (0.0, 0.2), first, t_eval=time, rtol=1e-11, atol=1e-12, method="DOP853"
     ).y
-    for values, reference in zip(found, expected[[0, 2, 1, 3]], strict=True):
-        np.testing.assert_allclose(values, reference, rtol=1e-6, atol=1e-7)
+    axis, psi = disc.disc_axis(expected[0], expected[1], True), expected[1]
+    nodes = np.stack([np.cos(psi), np.sin(psi), np.zeros_like(psi)])
+    moments = BRUSH.tilt_inertia * (along * nodes + across * np.cross(axis, nodes, axis=0))
+    given = {"parameters": BrushParameters(spin=spin), "disc": "three-angle", "initial": first}
+    run = simulate_disc(time, moments.T, **given)
+    for name, values in zip(("theta", "psi", "theta_rate", "psi_rate"), expected, strict=True):
+        np.testing.assert_allclose(run[name], values, atol=1e-5 * np.ptp(values))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"time": [0.0, 0.0]}, {"time": [0.0, np.inf]}, {"moment": np.zeros((3, 3))},
+     {"initial": (0.1, 0.2)}, {"disc": "flat"}, {"parameters": 3.0}],
+)  # fmt: skip
+def test_wrong_arguments_of_a_driven_disc_are_named(wrong):
+    with pytest.raises(InvalidInputError, match=next(iter(wrong))):
+        simulate_disc(**{"time": [0.0, 1.0], "moment": np.zeros((2, 3)), **wrong})
+    with pytest.raises(SolverError, match="too fast"):
+        simulate_disc([0.0, 1.0], np.full((2, 3), 1e200))
 
 
 # Angles of a disc from its axis, there and back, and their rates.

@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import cumulative_trapezoid
+from scipy.integrate import cumulative_simpson, cumulative_trapezoid
 
 from robustpolish.errors import InvalidInputError, RobustPolishWarning, SolverError
+from robustpolish.polishing import contact
 from robustpolish.polishing.brush import integrate
+from robustpolish.polishing.dataset import tool_velocity
 from robustpolish.polishing.parameters import BrushParameters
 from robustpolish.polishing.simulate import simulate_brush
 from robustpolish.polishing.surfaces.surface import Surface
@@ -126,21 +128,36 @@ def test_contact_never_pulls_and_always_dissipates(default_run) -> None:
     assert float(landing.contact_share[0]) < float(landing.contact_share.max())
 
 
-@pytest.mark.parametrize("run", [1, 2, 3])
-def test_energy_balance_without_drive(run: int) -> None:
-    """Stored energy changes by the carriage's work less what friction and damping take."""
-    brush = BrushParameters(spin=0.0)
-    signals = simulate_brush(run=run, duration=0.1, parameters=brush, start="landing")
-    across = np.cos(signals.psi) * signals.theta_rate
-    kinetic = 0.5 * brush.tilt_inertia * (across**2 + signals.psi_rate**2)
-    kinetic = kinetic + 0.5 * brush.mass * signals.tool_z_rate**2
-    energy = kinetic + signals.contact_energy + brush.polishing_force * signals.tool_z
-    speed = {name: signals[f"tool_{name}"].differentiate("time") for name in "xy"}
-    carriage = signals.F_x * speed["x"] + signals.F_y * speed["y"]
-    gained = carriage - signals.friction_power - signals.damping_power
-    balance = energy - energy[0] - gained.cumulative_integrate("time")
-    scale = float(signals.friction_power.integrate("time"))
-    assert float(abs(balance).max()) < 2e-3 * scale
+@pytest.mark.parametrize("three_angles", [False, True])
+@pytest.mark.parametrize(
+    ("stiffness", "damping", "friction", "spin"),
+    [(1e4, 0.0, 0.0, 314.0), (1e4, 50.0, 0.0, 314.0), (1e6, 0.0, 0.35, 314.0),
+     (1e6, 50.0, 0.35, 0.0), (1e6, 50.0, 0.35, 314.0), (1e8, 5.0, 0.1, 50.0)],
+)  # fmt: skip
+def test_energy_balance(stiffness, damping, friction, spin, three_angles):
+    """Carriage and drive do the work that is stored or lost, to 1e-5 of what is exchanged."""
+    brush = BrushParameters(
+        contact_stiffness=stiffness, contact_damping=damping, friction=friction, spin=spin
+    )
+    time = np.arange(1601) / 40e3
+    run = integrate(brush, time, 2, three_angles=three_angles, landing=True)
+    track, loads, force = run.track.T, run.loads.T, brush.polishing_force
+    kinetic = brush.mass * track[contact.CLIMB] ** 2
+    kinetic += brush.tilt_inertia * np.sum(track[contact.TURNINGS] ** 2, axis=0)
+    kinetic += brush.spin_inertia * track[contact.SPIN] ** 2
+    stored = 0.5 * kinetic + loads[contact.ENERGY] + force * track[contact.HEIGHT]
+    heat = track[contact.FRICTION_HEAT] + track[contact.DAMPING_HEAT]
+    led = tool_velocity(0.5 * (time[1:] + time[:-1]), brush)
+    carriage = -np.sum(led * np.diff(track[contact.IMPULSES][:2]), axis=0)
+    carriage = np.r_[0.0, carriage.cumsum()]
+    about = np.sum(loads[contact.MOMENT : contact.MOMENT + 3] * track[contact.AXES], axis=0)
+    held = loads[contact.ABOUT] - about  # an ideal drive
+    slowed = brush.spindle_damping * (spin - track[contact.SPIN])
+    power = track[contact.SPIN] * (slowed if three_angles else held)
+    drive = cumulative_simpson(power, x=time, initial=0.0)
+    gap = stored - stored[0] + heat - drive - carriage
+    exchanged = heat[-1] + np.ptp(stored) + np.ptp(drive) + np.ptp(carriage)
+    assert np.max(np.abs(gap)) < 1e-5 * exchanged
 
 
 @pytest.mark.parametrize("run", [1, 4])

@@ -54,6 +54,7 @@ def brush_on_a_trough() -> None:
     """Run all discs, and the machine that yields."""
     run = rp.polishing.simulate_brush(duration=SECONDS)
     rp.polishing.simulate_brush(duration=SECONDS, disc="three-angle", start="landing")
+    rp.polishing.simulate_disc([0.0, SECONDS], np.zeros((2, 3)))
     machine = rp.air_bearing()
     rp.simulate(machine, run)
     rp.polishing.simulate_coupled(machine, run)

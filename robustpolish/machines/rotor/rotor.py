@@ -630,12 +630,20 @@ class RotorModel(Displayed):
         within = (critical >= given[0]) & (critical <= given[-1])
         return Campbell(given, eigenvalues, whirl, critical[within])
 
-    def critical_speeds(self) -> Vector:
+    def critical_speeds(self, resolution: float | None = 0.01) -> Vector:
         """Return where the undamped rotor whirls, either way, as fast as it spins, in rad/s.
 
         Only forward whirl is excited by unbalance where the bearings are alike in x and y; then
         only forward speeds are returned. A disc that is thin enough stiffens forward whirl so
         much that it never meets the spin. Damping and cross-coupling of bearings are left out.
+
+        Parameters
+        ----------
+        resolution : float, optional
+            Largest relative change of a speed on a mesh of twice the elements. The list ends before
+            the first that changes more. Errors fall with the fourth power of the elements' length,
+            so the change is 15/16 of the error; 1 % takes some three elements per wave. None lists
+            all that the mesh has, the highest of them wrong by a third.
 
         Returns
         -------
@@ -645,7 +653,11 @@ class RotorModel(Displayed):
         Raises
         ------
         InvalidInputError
-            If nothing holds the rotor.
+            If nothing holds the rotor, or the resolution is not positive.
+
+        References
+        ----------
+        G. Strang and G. J. Fix (1973), An analysis of the finite element method, chapter 6.
 
         Examples
         --------
@@ -656,7 +668,15 @@ class RotorModel(Displayed):
         >>> rp.rotor.RotorModel([weightless], [point], ends).critical_speeds().round(1)
         array([316.2])
         """
-        return critical_speeds(self.assembly.system)
+        speeds = critical_speeds(self.assembly.system)
+        if resolution is None:
+            return speeds
+        limit = positive("resolution", resolution)
+        shaft = [replace(segment, elements=2 * segment.elements) for segment in self.shaft]
+        # Both lists rise, and speeds of a space within another are the higher ones, one by one.
+        finer = critical_speeds(replace(self, shaft=shaft).assembly.system)[: len(speeds)]
+        within = np.abs(speeds[: len(finer)] / finer - 1) <= limit
+        return speeds[: np.logical_and.accumulate(within).sum()]
 
     def static_stiffness(self, position: float) -> Array:
         """Return the stiffness that a force at a place meets, at rest.
