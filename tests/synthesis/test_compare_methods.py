@@ -3,7 +3,7 @@
 import matplotlib as mpl
 import numpy as np
 import pytest
-from published_plants import scherer_1997
+from published_plants import benner_weak, scherer_1997
 
 import robustpolish as rp
 from robustpolish.synthesis.compare import compare_methods
@@ -30,7 +30,7 @@ def test_every_method_comes_close(table):
 def test_the_table_prints(table):
     text = str(table).splitlines()
     assert text[0].split() == [
-        "method", "status", "claimed", "achieved", "gain", "condition", "order", "seconds",
+        "part", "method", "status", "claimed", "achieved", "gain", "condition", "order", "seconds",
     ]  # fmt: skip
     assert len(text) == 6
     assert "<td>lmi/picos</td>" in table._repr_html_()
@@ -39,12 +39,46 @@ def test_the_table_prints(table):
         table["newton"]
 
 
-def test_the_plot_shows_every_method(table):
+def test_the_plot_shows_bound_claim_and_norm_of_every_method(table):
     ax = table.plot()
-    assert len(ax.lines) == 5
-    assert ax.get_xscale() == "log"
-    labels = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert labels == [r.method for r in table]
+    assert [label.get_text() for label in ax.get_yticklabels()] == [r.method for r in table]
+    bounds, claims, norms = (line.get_xdata() for line in ax.lines)
+    assert list(claims) == [r.claimed for r in table]
+    assert list(norms) == [r.achieved for r in table]
+    assert (bounds <= norms).all()
+
+
+def test_each_part_is_compared_with_price_and_noise():
+    # x' = a x + w + u, z = (x, u), y = x + v: X = Y and XY = gamma^2 at gamma = a + sqrt(a^2 + 2).
+    one = np.eye(2)
+    plant = rp.GeneralizedPlant.from_matrices(np.diag([1.0, 0.0]), one, one, one, one)
+    asked = {"control_weight": [1.0, 1.0], "measurement_noise": 1.0}
+    table = compare_methods(plant, ["riccati", "lmi/cvxpy"], **asked)
+    assert [(r.part, r.method) for r in table] == [
+        (part, method) for part in ("u1", "u2") for method in ("riccati", "lmi/cvxpy")
+    ]
+    for r in table:
+        a = {"u1": 1.0, "u2": 0.0}[r.part]
+        assert r.achieved == pytest.approx(a + np.sqrt(a**2 + 2), rel=4.1e-3)
+        assert r.design is not None
+        loop = r.design.plant.closed_loop(r.design.controller)
+        assert rp.hinf_norm(loop).value == pytest.approx(r.achieved, rel=1e-6)
+    assert table["u2", "riccati"].part == "u2"
+    assert table.plot().get_yticklabels()[3].get_text() == "u2: lmi/cvxpy"
+    with pytest.raises(rp.InvalidInputError, match=r"^control_weight: "):
+        compare_methods(plant, control_weight=-1.0)
+    # The parts have Pade models of a delay only, the whole has the delay.
+    whole = compare_methods(plant.with_delay("u1", 0.01), ["riccati"], **asked)
+    assert [r.part for r in whole] == ["u1, u2"]
+
+
+def test_the_status_follows_the_norm_achieved_and_not_the_claim():
+    found = compare_methods(benner_weak(), ["slycot"])["slycot"]
+    assert found.design is not None
+    bound = found.design.lower_bound or 0.0
+    assert bound == pytest.approx(0.806, rel=1e-3)
+    assert found.achieved >= bound
+    assert (found.status == "optimal") == (found.achieved <= 1.004 * bound)
 
 
 def test_failures_are_listed_with_their_reason():
@@ -54,7 +88,7 @@ def test_failures_are_listed_with_their_reason():
     assert np.isnan(table["riccati"].achieved)
     assert "uncontrollable mode +1" in table["riccati"].message
     assert f"riccati: {table['riccati'].message}"[:60] in str(table)
-    assert not table.plot().lines
+    assert not np.isfinite(table.plot().lines[2].get_xdata()).any()
 
 
 @pytest.mark.parametrize("methods", [["magic"], "riccati", ["lmi/gurobi"], ["riccati/scipy"]])
