@@ -83,7 +83,7 @@ def command_with_any_machine(other: click.Command) -> type[click.Command]:
 # The options that name a machine and its signals.
 
 given_machine_options = cli.options(
-    cli.option("--model", "Mechanical model, a TOML file.", click.Path()),
+    cli.option("--model", "Mechanical model: a TOML file, or air-bearing.", click.Path()),
     cli.option("--plant", "Or a plant that was saved (.json).", click.Path()),
 )
 """Which machine: --model or --plant."""
@@ -101,7 +101,7 @@ def named_machine(model: str | None, plant: str | None) -> MechanicalModel | Gen
         raise misfit("--plant", "--model and --plant", "one of the two", "Leave one out.")
     if plant is not None:
         return GeneralizedPlant.load(plant)
-    return MechanicalModel.from_toml(Path(model or ""))
+    return cli.mechanical_model(model or "")
 
 
 DEFAULT_OUT = "robustpolish-results"
@@ -155,7 +155,7 @@ def machine_design(
     """
     out = out or (DEFAULT_OUT if report == "" else None)
     machine = named_machine(model, plant)
-    source = Path(model) if model is not None and weights is None else machine
+    source = cli.named_source(model) if model is not None and weights is None else machine
     section = None if weights is None else Path(weights)
     for name, option_name in (("control_weight", "--control-weight"), ("noise", "--noise")):
         given[name] = _sizes(option_name, given[name])
@@ -360,12 +360,12 @@ def _machine(design: Design, plant: str | None, model: str | None) -> Generalize
         given = GeneralizedPlant.load(plant)
     elif model is not None:
         # With its actuators, sensors and delays.
-        machine = MechanicalModel.from_toml(Path(model))
+        machine = cli.mechanical_model(model)
         known = {*machine.output_names, *machine.free, *(f"d{name}" for name in machine.free)}
         names = [name.removeprefix("measured_") for name in wanted.measurement_names]
         own = {"controls": wanted.control_names, "weights": {}, "full_state": False}
         heard = names if known.issuperset(names) else ()
-        given = read_design_task(Path(model), measurements=heard, **own).plant
+        given = read_design_task(cli.named_source(model), measurements=heard, **own).plant
     else:
         return wanted
     found = [given] if given.delays else [given, given.with_full_state()]

@@ -235,6 +235,12 @@ machine_options = options(
 """Which machine: --parameters and --dissipation."""
 
 
+def named_source(given: str) -> Path | MechanicalModel:
+    """Return the file of a model, whose lines messages name, or the air bearing."""
+    path = Path(given)
+    return path if path.suffix == ".toml" else mechanical_model(given)
+
+
 def mechanical_model(given: str) -> MechanicalModel:
     """Return a model by its TOML file, or the ``air-bearing``, ``air-bearing:as-printed``."""
     name, _, reading = given.partition(":")
