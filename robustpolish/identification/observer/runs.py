@@ -22,6 +22,7 @@ from robustpolish.identification.observer.kalman import (
     with_missing_force,
 )
 from robustpolish.identification.record import Record, joined_lines, output_sizes
+from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.mechanical.data import MechanicalData, connected, dynamic_effects
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import Input
@@ -271,16 +272,21 @@ class Chains:
         chains = connected(model, signals=True)
         self.of_name = {name: i for i, chain in enumerate(chains) for name in chain}
         self.outputs = np.array([self._of(output.of) for output in model.outputs])
-        internal = [
-            chain
-            for _, effect in dynamic_effects(model)
-            for chain in [self._of(effect.at)] * effect.definition.states
-        ]
-        self.states = [self._of((name,)) for name in model.free] * 2 + internal
+        forces = [effect for _, effect in dynamic_effects(model)]
+        internal = [chain for e in forces for chain in [self.effect(e)] * e.definition.states]
+        self.states = [self.of_name[name] for name in model.free] * 2 + internal
 
     def _of(self, names: Sequence[str]) -> int:
-        """Return the chain of a place; -1 of none."""
-        return next((self.of_name[name] for name in names if name in self.of_name), -1)
+        chains = {self.of_name[name] for name in names if name in self.of_name}
+        return chains.pop() if len(chains) == 1 else -1
+
+    def effect(self, effect: Effect) -> int:
+        """Return the chain of an effect of the model or another; -1 if it joins several."""
+        signals = {"input": self.model.inputs, "output": self.model.outputs}
+        for signal in signals.get(effect.definition.domain, ()):
+            if signal.name == effect.at[0]:
+                return self._of(signal.on if isinstance(signal, Input) else signal.of)
+        return self._of(effect.at)
 
     def parameter(self, key: str) -> int:
         """Return the chain of a parameter by its key; -1 if it may belong to several."""
@@ -294,12 +300,7 @@ class Chains:
             return -1
         if table != "effect":
             return self._of(getattr(model, f"{table}s")[int(number)].between)
-        effect = model.effects[int(number)]
-        signals = {"input": model.inputs, "output": model.outputs}
-        for signal in signals.get(effect.definition.domain, ()):
-            if signal.name == effect.at[0]:
-                return self._of(signal.on if isinstance(signal, Input) else signal.of)
-        return self._of(effect.at)
+        return self.effect(model.effects[int(number)])
 
     @staticmethod
     def groups(chains: Sequence[int]) -> list[list[int]]:

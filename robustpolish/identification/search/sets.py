@@ -121,6 +121,8 @@ class SetProblem:
             self.rows.setdefault(i, []).append(k)
         self.candidates = [i for i, rows in self.rows.items() if self.usable[rows].all()]
         self.constants = [i for i in self.candidates if entries[i].kind.family == CONSTANT]
+        self.beside = [None, *self.constants]
+        self.alone = np.array([len(self.rows[i]) == 1 for i, _ in self.tasks])
 
     def best_sets(self, most: int) -> list[EffectSet]:
         """Return sets of up to so many effects that would gain most, the best first."""
@@ -161,41 +163,60 @@ class SetProblem:
     def _solved(self, sets: Sequence[tuple[int, ...]]) -> list[_Sized]:
         """Return the best of some sets with their sizes, the best first.
 
-        All are solved at once, beside all constants and whatever their signs: no signs and no
-        choice of constants can gain more. In this order the sizes of the right signs follow, each
-        set beside the constant that is worth its cost, until none that is left can come near.
+        All are solved at once, beside no constant and beside each, whatever their signs: right
+        signs cannot gain more. In this order the sizes of the right signs follow, each set beside
+        the constant that is worth its cost, until none that is left can come near.
         """
         groups: dict[int, list[tuple[int, ...]]] = {}
         for which in sets:
             groups.setdefault(sum(len(self.rows[i]) for i in which), []).append(which)
-        bounded: list[tuple[float, tuple[int, ...]]] = []
-        constants = [k for i in self.constants for k in self.rows[i]]
-        for count, alike in groups.items():
-            rows = np.array([[k for i in w for k in self.rows[i]] + constants for w in alike])
-            G = self.gram[rows[:, :, None], rows[:, None, :]]
-            G = G + _TRACE * np.einsum("kii->k", G)[:, None, None] * np.eye(rows.shape[1])
-            g = self.target[rows]
-            falls = np.einsum("ki,ki->k", g, np.linalg.solve(G, g[:, :, None])[:, :, 0])
-            gains = [self._nats(fall, count) for fall in falls.tolist()]
-            bounded += zip(gains, alike, strict=True)
-        bounded.sort(key=lambda pair: -pair[0])
+        bounded: list[tuple[tuple[int, ...], Array]] = []
+        for alike in groups.values():
+            own = [[k for i in which for k in self.rows[i]] for which in alike]
+            gains = [self._bounds(own, self.rows[i] if i is not None else []) for i in self.beside]
+            bounded += zip(alike, np.array(gains).T, strict=True)
+        bounded.sort(key=lambda pair: -np.max(pair[1]))
         found: list[_Sized] = []
-        for bound, which in bounded:
+        for which, bounds in bounded:
             level = sorted((s.nats for s in found), reverse=True)
-            if len(found) >= _KEPT and bound < level[_WIDTH - 1]:
+            if len(found) >= _KEPT and np.max(bounds) < level[_WIDTH - 1]:
                 break
-            one = self._sized(which)
+            one = self._sized(which, bounds)
             found += [one] if one is not None else []
         return sorted(found, key=lambda s: -s.nats)
 
-    def _sized(self, which: tuple[int, ...]) -> _Sized | None:
+    def _bounds(self, own: Sequence[list[int]], also: list[int]) -> Array:
+        """Return what sets of as many numbers each gain at most, beside others.
+
+        Minus infinity where one that is alone in its effect pulls the wrong way: of right signs it
+        would be zero, or another one (Karush, Kuhn and Tucker), and the set a smaller one.
+        """
+        rows = np.array([each + also for each in own])
+        G = self.gram[rows[:, :, None], rows[:, None, :]]
+        G = G + _TRACE * np.einsum("kii->k", G)[:, None, None] * np.eye(rows.shape[1])
+        g = self.target[rows]
+        c = np.linalg.solve(G, g[:, :, None])[:, :, 0]
+        falls = np.einsum("ki,ki->k", g, c)
+        gains = np.array([self._nats(fall, rows.shape[1]) for fall in falls.tolist()])
+        wrong = np.any((self.signs[rows] * c < 0) & self.alone[rows], axis=1)
+        return np.where(wrong, -np.inf, gains)
+
+    def _sized(self, which: tuple[int, ...], bounds: Array) -> _Sized | None:
         """Return a set with its sizes, and with a constant if one is worth its cost.
 
-        None if one of them pulls the wrong way or does nothing.
+        None if one of them pulls the wrong way or does nothing. `bounds` are the gains that the
+        set can have beside each of the constants at most.
         """
-        found = []
-        beside = [] if set(which).intersection(self.constants) else self.constants
-        for also in [(), *((i,) for i in beside)]:
+        found: list[_Sized] = []
+        for position in np.argsort(-bounds, kind="stable"):
+            constant = self.beside[position]
+            if constant is not None and set(which).intersection(self.constants):
+                continue
+            if bounds[position] == -np.inf:
+                break
+            if found and bounds[position] <= max(s.nats for s in found):
+                break
+            also = () if constant is None else (constant,)
             rows = [k for i in (*which, *also) for k in self.rows[i]]
             c = coefficients(self.gram[np.ix_(rows, rows)], self.target[rows], self.signs[rows])
             size = dict(zip(rows, c.tolist(), strict=True))
