@@ -32,6 +32,8 @@ _LOST_RATIO = 1.5
 _ALTERNATIVE_STRETCHES = 2
 # Relative fall with which a start is good enough, and that of a stretch for the next one.
 _TOLERANCE, _COARSE_TOLERANCE = 1e-6, 1e-2
+# Share of an output's size that an error counts for at least.
+_LEAST_LEFT = 1e-6
 # Mean square error over the first stretch, in those of the outputs, from which a start is wrong: a
 # wrong model follows its few samples, too.
 _WRONG_START_ERROR = 0.1
@@ -128,6 +130,19 @@ class StartFit:
             active.sort()
         return [piece.with_start(row) for piece, row in zip(pieces, vectors, strict=True)]
 
+    def refined_by_noise(self, pieces: Sequence[StartedPiece], samples: int) -> list[StartedPiece]:
+        """Improve starts once more, each output weighted by the error that is left of it.
+
+        Weighted by its size alone the noise of a faint output would spoil what a clear one tells
+        (reweighted least squares, the maximum of the likelihood).
+        """
+        if len(self.weights) < 2:
+            return list(pieces)
+        heads, starts = _heads(pieces, samples), np.array([p.start.vector for p in pieces])
+        left = np.sqrt(np.mean(np.concatenate(self._errors(heads, starts)) ** 2, axis=0))
+        self.weights = self.weights / np.maximum(left, _LEAST_LEFT)
+        return self.refined(pieces, samples)
+
     def refined_briefly(self, pieces: Sequence[StartedPiece], samples: int) -> list[StartedPiece]:
         """Improve starts over stretches shorter than the first usual one."""
         brief = list(pieces)
@@ -223,7 +238,7 @@ def fitted_start(
     found = best_of(found, spans[0])
     for before, span in pairwise(spans):
         found = best_of(longer(found, before, span), span)
-    return found[0].start
+    return search.refined_by_noise(found[:1], record.samples)[0].start
 
 
 def fitted_starts(
@@ -272,7 +287,7 @@ def fitted_starts(
                         found[k] = piece
         if others and (i + 1 == _ALTERNATIVE_STRETCHES or samples == longest):
             found, others = search.better(found, others, samples), ()
-    return found
+    return search.refined_by_noise(found, longest)
 
 
 def doubling_lengths(samples: int) -> list[int]:
