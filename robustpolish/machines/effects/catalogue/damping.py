@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustpolish.machines.effects.catalogue import told
-from robustpolish.machines.effects.kind import EffectKind, Parameter, Scan, Steepness, Values
+from robustpolish.machines.effects.catalogue import declared
+from robustpolish.machines.effects.kind import EffectKind, Steepness, Values
 
 # Drag that grows with the square of the velocity, as of air or oil.
 
@@ -14,13 +14,7 @@ def _quadratic_damping_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def
     f[0] = -p[0] * abs(v[0]) * v[0]
 
 
-_QUADRATIC_DAMPING = EffectKind(
-    **told("quadratic_damping"),
-    domain="pair",
-    parameters=(Parameter("coefficient", "F*T^2/L^2", "force over velocity squared", lower=0.0),),
-    law=_quadratic_damping_law,
-    linear_in=("coefficient",),
-)
+_QUADRATIC_DAMPING = declared("quadratic_damping", law=_quadratic_damping_law)
 
 
 # Damping inside a material: the loss of a cycle grows with its amplitude squared, not its rate.
@@ -35,15 +29,7 @@ def _structural_damping_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-de
     f[0] = -p[0] * abs(q[0]) * np.sign(v[0])
 
 
-_STRUCTURAL_DAMPING = EffectKind(
-    **told("structural_damping"),
-    domain="pair",
-    # Neither linear_in nor scan: at one frequency and one amplitude it is a viscous damper, so that
-    # a diagnosis does not try it. Fits and simulations take it.
-    parameters=(Parameter("loss", "F/L", "pi/2 times loss factor times stiffness", lower=0.0),),
-    law=_structural_damping_law,
-    sharp=True,
-)
+_STRUCTURAL_DAMPING = declared("structural_damping", law=_structural_damping_law)
 
 
 # Damping that grows with the square of the displacement.
@@ -53,14 +39,8 @@ def _displacement_dependent_damping_law(t, q, v, z, p, f, dz):  # type: ignore[n
     f[0] = -p[0] * q[0] * q[0] * v[0]
 
 
-_DISPLACEMENT_DEPENDENT_DAMPING = EffectKind(
-    **told("displacement_dependent_damping"),
-    domain="pair",
-    parameters=(
-        Parameter("coefficient", "F*T/L^3", "damping over displacement squared", lower=0.0),
-    ),
-    law=_displacement_dependent_damping_law,
-    linear_in=("coefficient",),
+_DISPLACEMENT_DEPENDENT_DAMPING = declared(
+    "displacement_dependent_damping", law=_displacement_dependent_damping_law
 )
 
 
@@ -88,27 +68,12 @@ def _maxwell_state_sizes(values: Values, q: float, v: float) -> tuple[float, ...
     return (values["stiffness"] * max(min(q, values["time"] * v), 1e-6 * q),)
 
 
-_MAXWELL_ELEMENT = EffectKind(
-    **told("maxwell_element"),
-    domain="pair",
-    parameters=(
-        Parameter("stiffness", "F/L", "stiffness of its spring", lower=0.0),
-        Parameter(
-            "time",
-            "T",
-            "relaxation time: its damping over its stiffness",
-            lower=0.0,
-            fit_bounds=_maxwell_near,
-        ),
-    ),
+_MAXWELL_ELEMENT = declared(
+    "maxwell_element",
     law=_maxwell_law,
-    linear_in=("stiffness",),
-    scan=(Scan("time", (1, -1), (0.1, 0.25, 0.6, 1.5, 4.0)),),
     gains=_maxwell_gains,
     state_sizes=_maxwell_state_sizes,
-    states=1,
-    # Without a spring beside it, where it drags a machine that drifts, it could be any slow force.
-    context=("spring_stiffness", "step"),
+    fit_bounds={"time": _maxwell_near},
 )
 
 
@@ -152,42 +117,13 @@ def _bouc_wen_state_sizes(values: Values, q: float, v: float) -> tuple[float, ..
     return (values["force"],)
 
 
-_BOUC_WEN_HYSTERESIS = EffectKind(
-    **told("bouc_wen_hysteresis"),
-    domain="pair",
-    parameters=(
-        Parameter("force", "F", "force that beta and gamma refer to", lower=0.0, fitted=False),
-        Parameter("stiffness", "F/L", "hysteretic stiffness at small motion", lower=0.0),
-        Parameter("exponent", "1", "sharpness of yielding", lower=0.5, upper=20.0, default=1.0),
-        Parameter(
-            "beta",
-            "1",
-            "of the term with the sign of the velocity",
-            default=0.5,
-            fit_size=_bouc_wen_bend,
-        ),
-        Parameter(
-            "gamma",
-            "1",
-            "of the term without, negative if it stiffens",
-            default=0.5,
-            fit_size=_bouc_wen_bend,
-        ),
-    ),
+_BOUC_WEN_HYSTERESIS = declared(
+    "bouc_wen_hysteresis",
     law=_bouc_wen_law,
-    linear_in=("force",),
-    scan=(
-        Scan("stiffness", "per slip", (0.01, 0.05, 0.15, 0.4, 0.8)),
-        Scan("exponent", "1", (1.0, 2.0)),
-        Scan("gamma", "1", (0.5, -0.5)),
-    ),
     gains=_bouc_wen_gains,
     implausible=_bouc_wen_implausible,
     state_sizes=_bouc_wen_state_sizes,
-    states=1,
-    context=("step",),
-    family="dry friction",
-    sharp=True,
+    fit_size={"beta": _bouc_wen_bend, "gamma": _bouc_wen_bend},
 )
 
 

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
-from robustpolish.machines.effects.catalogue import told
-from robustpolish.machines.effects.kind import EffectKind, Parameter, Scan, Steepness, Values
-
-_dry_friction = partial(EffectKind, domain="pair", family="dry friction", sharp=True)
+from robustpolish.machines.effects.catalogue import declared
+from robustpolish.machines.effects.kind import EffectKind, Steepness, Values
 
 # Dry friction of constant size against the sliding velocity.
 
@@ -24,20 +20,7 @@ def _coulomb_gains(values: Values, q: float, v: float) -> Steepness:
     return 0.0, values["force"] / values["width"] if values["width"] > 0 else 0.0, 0.0
 
 
-_COULOMB_FRICTION = _dry_friction(
-    **told("coulomb_friction"),
-    parameters=(
-        Parameter("force", "F", "sliding friction force", lower=0.0),
-        Parameter("asymmetry", "F", "half the difference between the directions", fitted=False),
-        Parameter("width", "L/T", "speed over which the force turns over", lower=0.0, fitted=False),
-    ),
-    law=_coulomb_law,
-    linear_in=("force",),
-    scan=(Scan("width", "speed", (0.02,), kept=False),),
-    gains=_coulomb_gains,
-    turns_over="width",
-    context=("mobility",),
-)
+_COULOMB_FRICTION = declared("coulomb_friction", law=_coulomb_law, gains=_coulomb_gains)
 
 
 # Dry friction that is larger at low speed.
@@ -71,14 +54,6 @@ def _near_velocity(values: Values) -> tuple[float, float]:
     return (0.2 * velocity, 6 * velocity) if velocity > 0 else (0.0, np.inf)
 
 
-_STATIC_FORCE = Parameter(
-    "static_force", "F", "friction force at rest", lower=0.0, at_least="force"
-)
-_VELOCITY = Parameter(
-    "velocity", "L/T", "speed over which it falls", 0.0, default=1.0, fit_bounds=_near_velocity
-)
-
-
 def _stribeck_gains(values: Values, q: float, v: float) -> Steepness:
     more = abs(values["static_force"] - values["force"])
     width = values["width"]
@@ -86,33 +61,13 @@ def _stribeck_gains(values: Values, q: float, v: float) -> Steepness:
     return 0.0, max(slope, more / max(values["velocity"], 1e-300)), 0.0
 
 
-_STRIBECK_FRICTION = _dry_friction(
-    **told("stribeck_friction"),
-    parameters=(
-        Parameter("force", "F", "sliding friction force at high speed", lower=0.0),
-        _STATIC_FORCE,
-        _VELOCITY,
-        Parameter("width", "L/T", "speed over which the force turns over", lower=0.0, fitted=False),
-    ),
+_STRIBECK_FRICTION = declared(
+    "stribeck_friction",
     law=_stribeck_law,
-    linear_in=(("force", "static_force"), "static_force"),
-    scan=(
-        Scan("velocity", "speed", (0.06, 0.15, 0.4)),
-        Scan("width", "speed", (0.02,), kept=False),
-    ),
     gains=_stribeck_gains,
     implausible=_implausible,
-    context=("mobility",),
-    turns_over="width",
+    fit_bounds={"velocity": _near_velocity},
 )
-
-
-_BEHIND_CLEARANCE = Parameter(
-    "behind_clearance", "1", "1 if it acts behind a clearance at its place, 0 beside it",
-    lower=0.0, upper=1.0, default=1.0, fitted=False, choices=(1.0, 0.0), matters_with="clearance",
-)  # fmt: skip
-"""Of an elastic friction: with a clearance it is in series (a damper behind a worn pin), or what
-moves in the clearance rubs as well."""
 
 
 def _sliding_gains(values: Values, q: float, v: float) -> Steepness:
@@ -154,20 +109,11 @@ def _elastic_coulomb_state_sizes(values: Values, q: float, v: float) -> tuple[fl
     return (max(values["force"] / max(values["stiffness"], 1e-300), 1e-6 * q),)
 
 
-_ELASTIC_COULOMB_FRICTION = _dry_friction(
-    **told("elastic_coulomb_friction"),
-    parameters=(
-        Parameter("force", "F", "force at which it slips", lower=0.0),
-        Parameter("stiffness", "F/L", "stiffness while it sticks", lower=0.0),
-        _BEHIND_CLEARANCE,
-    ),
+_ELASTIC_COULOMB_FRICTION = declared(
+    "elastic_coulomb_friction",
     law=_elastic_coulomb_law,
-    linear_in=("force",),
-    scan=(Scan("stiffness", "per slip", (0.02, 0.05, 0.12, 0.3, 0.6, 1.0)),),
     gains=_sliding_gains,
     state_sizes=_elastic_coulomb_state_sizes,
-    states=1,
-    context=("clearance", "step"),
 )
 
 
@@ -193,20 +139,8 @@ def _dahl_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
             f[0] = -min(max(force, -size), size)
 
 
-_DAHL_FRICTION = _dry_friction(
-    **told("dahl_friction"),
-    parameters=(
-        Parameter("force", "F", "sliding friction force", lower=0.0),
-        Parameter("stiffness", "F/L", "stiffness after a reversal", lower=0.0),
-        _BEHIND_CLEARANCE,
-    ),
-    law=_dahl_law,
-    linear_in=("force",),
-    scan=(Scan("stiffness", "per slip", (0.003, 0.01, 0.03, 0.1, 0.3)),),
-    gains=_sliding_gains,
-    state_sizes=_sliding_state_sizes,
-    states=1,
-    context=("clearance", "step"),
+_DAHL_FRICTION = declared(
+    "dahl_friction", law=_dahl_law, gains=_sliding_gains, state_sizes=_sliding_state_sizes
 )
 
 
@@ -227,27 +161,13 @@ def _lugre_gains(values: Values, q: float, v: float) -> Steepness:
     return stiffness, abs(values["damping"]), rate
 
 
-_LUGRE_FRICTION = _dry_friction(
-    **told("lugre_friction"),
-    parameters=(
-        Parameter("force", "F", "sliding friction force at high speed", lower=0.0),
-        _STATIC_FORCE,
-        _VELOCITY,
-        Parameter("stiffness", "F/L", "stiffness of the bristles", lower=0.0),
-        Parameter("damping", "F*T/L", "damping of the bristles", lower=0.0, fitted=False),
-    ),
+_LUGRE_FRICTION = declared(
+    "lugre_friction",
     law=_lugre_law,
-    linear_in=("force",),
-    scan=(
-        Scan("stiffness", "per slip", (0.01, 0.04, 0.12, 0.35)),
-        Scan("velocity", "speed", (0.06, 0.25)),
-        Scan("static_force", "1", (1.3, 2.0)),
-    ),
     gains=_lugre_gains,
     state_sizes=_sliding_state_sizes,
     implausible=_implausible,
-    states=1,
-    context=("step",),
+    fit_bounds={"velocity": _near_velocity},
 )
 
 
