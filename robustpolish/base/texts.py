@@ -1,13 +1,21 @@
-"""Texts with values filled in: templates that stand beside the modules that use them."""
+"""Words beside the modules that say them: tables, and templates with values to fill in."""
 
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Callable
 from importlib import resources
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-import jinja2
+if TYPE_CHECKING:
+    import jinja2
+
+
+def tables(module: str, name: str = "words.toml") -> dict[str, Any]:
+    """Return the tables of a file beside a module, whose ``__file__`` is given."""
+    return tomllib.loads(Path(module).with_name(name).read_text("utf-8"))
 
 
 def templates(package: str, **filters: Callable[..., Any]) -> jinja2.Environment:
@@ -15,6 +23,8 @@ def templates(package: str, **filters: Callable[..., Any]) -> jinja2.Environment
 
     ``f`` writes a number with fixed decimals, ``g`` with significant digits.
     """
+    import jinja2  # it takes a while, and only words need it
+
     folder = resources.files(package)
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(lambda name: folder.joinpath(name).read_text("utf-8")),

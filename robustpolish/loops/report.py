@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 from robustpolish.base.arrays import AnyVector
 from robustpolish.base.checks import invalid, one_of
 from robustpolish.base.results import Displayed, Table, bears_prefix, prefix_power, prefixed
+from robustpolish.base.texts import paragraphs, templates
 from robustpolish.linear.stability import Stability
 from robustpolish.loops.disk_margins import DiskMargin, decibel
 from robustpolish.loops.loop import PLACES, Loop, Place, sample_step
@@ -312,8 +313,6 @@ def _several(found: LoopFigures) -> list[MarginsAtOnce]:
 
 @cache
 def _template() -> Any:
-    from robustpolish.base.texts import templates  # it takes a while, and only words need it
-
     words = {"si": quantity, "amount": _amount, "listed": _listed, "disk": _disk_text}
     words["db"] = decibel
     return templates("robustpolish.loops", **words).get_template("texts.jinja")
@@ -321,8 +320,6 @@ def _template() -> Any:
 
 def _said(found: LoopFigures, block: str, **values: Any) -> tuple[str, ...]:
     """Return the sentences of a block of ``texts.jinja``."""
-    from robustpolish.base.texts import paragraphs
-
     names = {"frequency": _frequency, "delay": _delay, "speed": _rate}
     words = {name: partial(say, found) for name, say in names.items()}
     return paragraphs(_template(), block, found=found, inf=math.inf, **words, **values)

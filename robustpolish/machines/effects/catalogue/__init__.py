@@ -1,13 +1,12 @@
 """The built-in kinds of effects: what a file declares of them, and the functions of a family."""
 
-import tomllib
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
+from robustpolish.base.texts import tables
 from robustpolish.machines.effects.kind import EffectKind, Parameter, Scan
 
-_DECLARED = tomllib.loads(Path(__file__).with_name("kinds.toml").read_text("utf-8"))
+_DECLARED = tables(__file__, "kinds.toml")
 
 
 def declared(
