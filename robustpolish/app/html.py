@@ -116,13 +116,13 @@ def panels(caption: str, responses: Mapping[str, xr.Dataset], signals: Sequence[
 
 @cache
 def _templates() -> jinja2.Environment:
-    return texts.templates(
-        "robustpolish.app.templates",
-        svg=_svg,
-        cell=lambda value, digits: shown(value, digits, missing="–"),
-        numbers=_numbers,
-        us=lambda seconds: f"{1e6 * seconds:.3g} µs",
-    )
+    filters = {
+        "svg": _svg,
+        "cell": lambda value, digits: shown(value, digits, missing="–"),
+        "numbers": _numbers,
+        "us": lambda seconds: f"{1e6 * seconds:.3g} µs",
+    }
+    return texts.templates("robustpolish.app.templates", filters)
 
 
 def paragraphs(block: str, **values: Any) -> tuple[str, ...]:

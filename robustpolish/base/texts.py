@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,9 @@ def tables(module: str, name: str = "words.toml") -> dict[str, Any]:
     return tomllib.loads(Path(module).with_name(name).read_text("utf-8"))
 
 
-def templates(package: str, **filters: Callable[..., Any]) -> jinja2.Environment:
+def templates(
+    package: str, filters: Mapping[str, Callable[..., Any]], **options: Any
+) -> jinja2.Environment:
     """Return the templates in a package's folder; `filters` come beside ``f`` and ``g``.
 
     ``f`` writes a number with fixed decimals, ``g`` with significant digits.
@@ -30,6 +32,7 @@ def templates(package: str, **filters: Callable[..., Any]) -> jinja2.Environment
         loader=jinja2.FunctionLoader(lambda name: folder.joinpath(name).read_text("utf-8")),
         autoescape=jinja2.select_autoescape(),
         undefined=jinja2.StrictUndefined,
+        **options,
     )
     environment.filters |= {
         "f": lambda value, digits: f"{value:.{digits}f}",

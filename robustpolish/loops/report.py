@@ -313,9 +313,9 @@ def _several(found: LoopFigures) -> list[MarginsAtOnce]:
 
 @cache
 def _template() -> Any:
-    words = {"si": quantity, "amount": _amount, "listed": _listed, "disk": _disk_text}
-    words["db"] = decibel
-    return templates("robustpolish.loops", **words).get_template("texts.jinja")
+    filters = {"si": quantity, "amount": _amount, "listed": _listed, "disk": _disk_text}
+    filters["db"] = decibel
+    return templates("robustpolish.loops", filters).get_template("texts.jinja")
 
 
 def _said(found: LoopFigures, block: str, **values: Any) -> tuple[str, ...]:
