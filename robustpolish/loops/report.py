@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from robustpolish.base.arrays import AnyVector
 from robustpolish.base.checks import invalid, one_of
 from robustpolish.base.results import Displayed, Table, bears_prefix, prefix_power, prefixed
-from robustpolish.base.texts import paragraphs, templates
+from robustpolish.base.texts import paragraphs, tables, templates
 from robustpolish.linear.stability import Stability
 from robustpolish.loops.disk_margins import DiskMargin, decibel
 from robustpolish.loops.loop import PLACES, Loop, Place, sample_step
@@ -207,50 +207,29 @@ def tables_of(found: LoopFigures) -> tuple[Table, ...]:
     if not found.stable:
         return ()
     (noisy, noise), (driven, effort) = _strongest(found.noise), _strongest(found.effort)
-    tables = [
-        _table("Margins, one loop at a time", _MARGINS, found.margins),
-        _table("Margins, all at once", _AT_ONCE, tuple(found.at_once.values())),
-        _table("Bandwidths", _BANDWIDTHS, found.bandwidths),
-        _table(f"Noise on the measurements: what the controls do{noisy}", _EFFORT, noise),
-        _table(f"Disturbances: what the controls do{driven}", _EFFORT, effort),
+    told = [
+        _table("Margins, one loop at a time", "margins", found.margins),
+        _table("Margins, all at once", "at_once", tuple(found.at_once.values())),
+        _table("Bandwidths", "bandwidths", found.bandwidths),
+        _table(f"Noise on the measurements: what the controls do{noisy}", "effort", noise),
+        _table(f"Disturbances: what the controls do{driven}", "effort", effort),
     ]
     if found.given:
-        tables.append(_table("Under the given disturbance", _GIVEN, found.given))
+        told.append(_table("Under the given disturbance", "given", found.given))
     if rate := found.sample_rate:
         last = ("needed", rate.needed_hz), ("lowest stable", rate.lowest_stable_hz)
-        tables.append(Table("Sampling", ("rule", "rate [Hz]"), (*rate.rules.items(), *last)))
-    return tuple(tables)
+        told.append(Table("Sampling", ("rule", "rate [Hz]"), (*rate.rules.items(), *last)))
+    return tuple(told)
 
 
-def _table(caption: str, columns: Mapping[str, str], rows: Sequence[Any]) -> Table:
+def _table(caption: str, kind: str, rows: Sequence[Any]) -> Table:
     """Return a table of attributes, by the heads of their columns."""
+    columns = _COLUMNS[kind]
     cells = attrgetter(*columns.values())
     return Table(caption, tuple(columns), tuple(cells(row) for row in rows))
 
 
-_DISK = {"disk": "disk.alpha", "disk [dB]": "disk.gain_db", "disk [deg]": "disk.phase_deg"}
-_MARGINS = {
-    "broken at": "place", "signal": "name", "gain down [dB]": "gain_down_db",
-    "gain up [dB]": "gain_up_db", "phase [deg]": "phase_deg", "delay [s]": "delay_s", **_DISK,
-    "modulus": "modulus",
-}  # fmt: skip
-_AT_ONCE = {
-    "changed at": "where", **_DISK, "worst at [Hz]": "disk.frequency_hz",
-    "common delay [s]": "common_delay_s", "any delays [s]": "any_delay_s",
-}  # fmt: skip
-_BANDWIDTHS = {
-    "broken at": "place", "signal": "name", "crossover [Hz]": "crossover_hz",
-    "S -3 dB [Hz]": "sensitivity_hz", "T -3 dB [Hz]": "complementary_hz", "peak S": "peak_s",
-    "peak T": "peak_t",
-}  # fmt: skip
-_EFFORT = {
-    "source": "source", "control": "control", "RMS": "rms", "peak gain": "peak_gain",
-    "at [Hz]": "peak_gain_hz", "step peak": "step_peak", "step rate [1/s]": "step_rate",
-    "unit": "_unit_per_source",
-}  # fmt: skip
-_GIVEN = {
-    "control": "control", "peak": "peak", "RMS": "rms", "rate [1/s]": "peak_rate", "unit": "unit",
-}  # fmt: skip
+_COLUMNS = tables(__file__)["columns"]
 
 
 def _strongest(rows: Sequence[Effort]) -> tuple[str, list[Effort]]:
