@@ -22,8 +22,7 @@ from robustpolish.signals.quality import numeric, sampling_time
 from robustpolish.signals.raw import RECORD, RawResponse, RawTable
 from robustpolish.signals.readers.csv import csv_headers, read_csv
 from robustpolish.signals.readers.instruments import read_uff_responses, uff_holds_responses_only
-from robustpolish.signals.readers.objects import read_frd, read_object
-from robustpolish.signals.sources import TEXT, UNIVERSAL
+from robustpolish.signals.sources import TEXT, UNIVERSAL, read_frd, read_object
 
 # Frequency responses in tables: what the head of each column says.
 

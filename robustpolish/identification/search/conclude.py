@@ -36,13 +36,14 @@ from robustpolish.identification.observer.kalman import force_sites
 from robustpolish.identification.residual_tests import force_maps, residual_noise_floor
 from robustpolish.identification.search.equivalents import find_force_equivalents
 from robustpolish.identification.search.laws import CURVES, KINDS, OVER_TIME, learn
-from robustpolish.identification.search.plausible import DETERMINED, undetermined_parameter
 from robustpolish.identification.search.score import (
+    DETERMINED,
     STRONG,
     ScoredModel,
     nats,
     scores,
     simplest_of_best,
+    undetermined_parameter,
 )
 from robustpolish.identification.search.search import NEAR, EffectSearch, told_alike
 from robustpolish.identification.search.verdict import (
