@@ -83,6 +83,9 @@ from .linear.delay_stability import (
     DelayStability as DelayStability,
 )
 from .linear.modes import (
+    AxisZero as AxisZero,
+)
+from .linear.modes import (
     Mode as Mode,
 )
 from .linear.modes import (
@@ -111,9 +114,6 @@ from .linear.scaling import (
 )
 from .linear.stability import (
     Stability as Stability,
-)
-from .linear.zeros import (
-    AxisZero as AxisZero,
 )
 from .loops.analysis import (
     LoopAnalysis as LoopAnalysis,

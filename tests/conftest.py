@@ -1,7 +1,9 @@
 """Fixtures that all tests share."""
 
+import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import robustpolish as rp
@@ -29,6 +31,14 @@ def shared() -> Path:
     if not SHARED.is_dir():
         pytest.skip("the folder ../shared with measurements and benchmarks is not here")
     return SHARED
+
+
+@pytest.fixture
+def overflows_are_expected():
+    """Warnings of NumPy are what absurd numbers look like on the way to an answer."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -1,5 +1,6 @@
 """Results that no computation made, for tests of what becomes of results."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -15,10 +16,10 @@ from robustpolish.identification.findings import (
     Value,
 )
 from robustpolish.machines.effects.effect import Effect
-from robustpolish.machines.effects.spline_law import learned_name, spline_basis
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
 from robustpolish.polishing.ideal import BrushDesign
+from tests.effects.learned_curves import learned_law_of
 
 PLACE = ("x", "ground")
 
@@ -93,23 +94,25 @@ def brush_design() -> BrushDesign:
 
 def unknown_law() -> Diagnosis:
     """The diagnosis with friction and a hardening law, 4e9 q^5 in N, that nobody has named."""
-    told, knots, q = diagnosis(), 9, np.linspace(-0.01, 0.01, 800)
-    basis = spline_basis(q, -0.01, 0.01, knots)
-    c = np.linalg.lstsq(basis.T, 4e9 * q**5, rcond=None)[0]
-    error = 0.002 * 4e9 * 0.01**5
-    c = c + error * np.random.default_rng(0).standard_normal(knots)
-    values = {f"c{j + 1}": float(value) for j, value in enumerate(c)}
-    effect = Effect(learned_name("stiffness", knots), PLACE, {"low": -0.01, "high": 0.01, **values})
-    keys = [f"effect[1].{name}" for name in values]
-    found = FoundEffect(
-        effect.kind, effect.at, {name: Value(v, 0.1, "N") for name, v in effect.values.items()}
-    )
+    told, law = diagnosis(), learned_law_of(lambda q: 4e9 * q**5, -0.01, 0.01, 9, at=PLACE)
+    effect = law.effect
+    keys = [f"effect[1].c{j + 1}" for j in range(9)]
+    numbers = {name: Value(v, 0.1, "N") for name, v in effect.values.items()}
     return replace(
         told,
         verdict="unknown_law",
         model=replace(told.model, effects=(*told.model.effects, effect)),
-        effects=(*told.effects, found),
+        effects=(*told.effects, FoundEffect(effect.kind, effect.at, numbers)),
         covariance=xr.DataArray(
-            error**2 * np.eye(knots), {"parameter": keys, "other": keys}, ("parameter", "other")
+            np.array(law.covariance), {"parameter": keys, "other": keys}, ("parameter", "other")
         ),
     )
+
+
+def edited(result, path, change):
+    """Save a result, change what stands in its file, and return the path."""
+    result.save(path)
+    content = json.loads(path.read_text())
+    change(content)
+    path.write_text(json.dumps(content))
+    return path

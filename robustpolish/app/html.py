@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import io
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib import resources
 from typing import Any
 
 import jinja2
@@ -18,6 +16,7 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from robustpolish.base import texts
 from robustpolish.base.results import Table, shown
 from robustpolish.plots.time import plot_panels
 
@@ -117,28 +116,18 @@ def panels(caption: str, responses: Mapping[str, xr.Dataset], signals: Sequence[
 
 @cache
 def _templates() -> jinja2.Environment:
-    folder = resources.files("robustpolish.app").joinpath("templates")
-    environment = jinja2.Environment(
-        loader=jinja2.FunctionLoader(lambda name: folder.joinpath(name).read_text("utf-8")),
-        autoescape=jinja2.select_autoescape(),
-        undefined=jinja2.StrictUndefined,
-    )
-    environment.filters |= {
+    filters = {
         "svg": _svg,
         "cell": lambda value, digits: shown(value, digits, missing="–"),
         "numbers": _numbers,
-        "f": lambda value, digits: f"{value:.{digits}f}",
-        "g": lambda value, digits=6: f"{value:.{digits}g}",
         "us": lambda seconds: f"{1e6 * seconds:.3g} µs",
     }
-    return environment
+    return texts.templates("robustpolish.app.templates", filters)
 
 
 def paragraphs(block: str, **values: Any) -> tuple[str, ...]:
     """Return the paragraphs of a block of ``texts.jinja`` with values filled in."""
-    template = _templates().get_template("texts.jinja")
-    text = "".join(template.blocks[block](template.new_context(values)))
-    return tuple(" ".join(part.split()) for part in re.split(r"\n\s*\n", text) if part.strip())
+    return texts.paragraphs(_templates().get_template("texts.jinja"), block, **values)
 
 
 def render_html(report: Report, version: str) -> str:

@@ -16,6 +16,7 @@ from robustpolish.base.arrays import Array
 from robustpolish.base.checks import described, invalid
 from robustpolish.base.results import Card, Displayed, Table, estimate, plus_minus
 from robustpolish.base.saved import Fields, read_saved, write_saved
+from robustpolish.base.texts import tables
 from robustpolish.identification.findings import (
     Entry,
     ForceMap,
@@ -35,15 +36,7 @@ from robustpolish.plots.time import plot_time_series
 
 # JSON files of findings: the model as TOML inside, numbers and missing force beside it.
 
-_VERDICTS = {
-    "adequate": "The model is adequate: what is left is noise.",
-    "parameters": "Nothing is missing, but the model's numbers were wrong; they were refitted.",
-    "missing_effect": "The model lacks a physical effect.",
-    "partly_explained": "The model lacks physical effects; a part of the error is left.",
-    "unknown_law": "The model lacks a force that no effect of the catalogue describes; it was "
-    "learned as a curve.",
-    "unexplained": "Something is missing that no effect of the catalogue explains.",
-}
+_VERDICTS = tables(__file__)["verdicts"]
 VERDICTS = tuple(_VERDICTS)
 STATUSES = ("complete", "stopped")
 _TRIED = ("nrmse_held_out", "step", "score", "remark")

@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 
 from robustpolish.base.checks import one_of
 from robustpolish.base.results import Card, Displayed, Table, quantities
+from robustpolish.base.texts import tables
 from robustpolish.machines.effects.effect import Effect, lookup
 from robustpolish.machines.effects.kind import EffectKind
 from robustpolish.machines.effects.learned_law import LearnedLaw
@@ -348,20 +349,7 @@ class IndistinguishablePair:
 
 # Indistinguishable pairs of effects, and experiments that separate them.
 
-_EXPERIMENTS: dict[frozenset[str], str] = {
-    frozenset({"sensor_offset", "constant_force"}): "Start the record at rest, before the "
-    "force acts: an offset is there from the first sample, a force moves the machine.",
-    frozenset({"coulomb_friction", "stribeck_friction"}): "Excite slowly, with velocities "
-    "down to a tenth of those of this record: only Stribeck friction rises there.",
-    frozenset({"coulomb_friction", "constant_force"}): "Move at several constant speeds in both "
-    "directions, and let the machine rest after each: friction that differs with the direction "
-    "vanishes at rest, a constant force does not.",
-    frozenset({"coulomb_friction", "sensor_offset"}): "Record the force while nothing moves and "
-    "nothing drives it: an offset is there, friction that differs with the direction is not.",
-    frozenset({"cubic_stiffness", "backlash"}): "Excite at two or three times the amplitude and at "
-    "a third of it: a cubic spring changes with the square, a clearance matters less and less.",
-    frozenset({"input_gain", "sensor_gain"}): "Load with a known weight, or add a known mass.",
-}
+_EXPERIMENTS = {frozenset(k.split()): text for k, text in tables(__file__)["experiments"].items()}
 
 
 def indistinguishable_pair(first: Effect, second: Effect) -> IndistinguishablePair:

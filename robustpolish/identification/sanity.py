@@ -12,6 +12,7 @@ import xarray as xr
 from scipy.signal import csd, welch
 
 from robustpolish.base.arrays import Vector
+from robustpolish.base.texts import tables
 from robustpolish.identification.record import poles_of
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import ACCELERATION, FORCE, Output
@@ -50,7 +51,7 @@ _LINES, _BAND = 8, 3.0
 _REVERSED, _STEADY = 0.8, 1.7
 # Factor by which the ratio of amplitudes may miss a power of a thousand, as stiffnesses are
 # guessed, and that for 57.3 and 9.81, which a guess might be off by.
-_NEAR, _CLOSE = 2.5, 1.08
+_TOLERANCES = {"near": 2.5, "close": 1.08}
 # Factor that half of the lines have to lie within, for a ratio to be one of units.
 _SCATTER = 3.0
 # Distance of outputs that have changed places from the model, in the logarithm, below which they
@@ -216,17 +217,7 @@ def coherent_gain(simulated: Vector, measured: Vector, dt: float) -> CoherentGai
 
 # Checks of measured against simulated outputs: signs, units, exchanged sensors, means.
 
-_AMPLITUDES = (
-    (1e3, _NEAR, "as a length in mm read as m is, or a force in kN read as N"),
-    (1e-3, _NEAR, "as a length in m read as mm is, or a force in N read as kN"),
-    (1e6, _NEAR, "as a length in um read as m is"),
-    (1e-6, _NEAR, "as a length in m read as um is"),
-    (180 / math.pi, _CLOSE, "as degrees read as radians are"),
-    (math.pi / 180, _CLOSE, "as radians read as degrees are"),
-    (9.80665, _CLOSE, "as m/s^2 read as g is, or kg read as N"),
-    (1 / 9.80665, _CLOSE, "as g read as m/s^2 is, or N read as kg"),
-)
-"""Measured over simulated, the factor by which it may be missed, and the confusion of units."""
+_UNITS = tables(__file__)["units"]
 
 
 def _reversed_outputs(gains: Mapping[str, CoherentGain]) -> list[str]:
@@ -256,8 +247,9 @@ def _unit_factors(gains: Mapping[str, CoherentGain], inputs: Sequence[str]) -> l
     """
     found = {}
     for name, gain in gains.items():
-        for factor, tolerance, words in _AMPLITUDES:
-            scatters = gain.scatter > (_SCATTER if tolerance == _NEAR else tolerance)
+        for factor, kind, words in _UNITS["amplitude"]:
+            tolerance = _TOLERANCES[kind]
+            scatters = gain.scatter > (_SCATTER if kind == "near" else tolerance)
             near = gain.enough and abs(math.log(gain.size / factor)) <= math.log(tolerance)
             if near and not scatters:
                 found[name] = words
@@ -345,27 +337,6 @@ def _mean_warnings(
 
 # Checks of fitted against given numbers.
 
-_TURNS = ((180 / math.pi, "as degrees taken for radians make it"),
-          (math.pi / 180, "as degrees taken for radians make it"))  # fmt: skip
-_MASSES = ((1e3, "as t for kg makes it, or g for kg the other way round"),
-           (1e-3, "as g for kg makes it"),
-           (1e6, "as milliseconds taken for seconds make it"))  # fmt: skip
-_CHANGES = {
-    "mass": _MASSES,
-    "inertia": _MASSES,
-    "stiffness": ((1e3, "as N/mm for N/m makes it"), (1e-3, "as mm taken for m makes it"),
-                  (1e6, "as milliseconds taken for seconds make it"),
-                  (1e-6, "as seconds taken for milliseconds make it"),
-                  ((2 * math.pi) ** 2, "as Hz taken for rad/s makes it"), *_TURNS),
-    "damping": ((1e3, "as milliseconds taken for seconds make it, or N s/mm for N s/m"),
-                (1e-3, "as seconds taken for milliseconds make it, or mm taken for m")),
-    "gain": ((1e3, "as kN for N makes it, or mm for m"),
-             (1e-3, "as N for kN makes it, or m for mm"),
-             (180 / math.pi, "as degrees for radians make it"),
-             (math.pi / 180, "as radians for degrees make it")),
-}  # fmt: skip
-"""New over old, by the kind of number, and the confusion of units that makes it."""
-
 
 def implausible_changes(before: Mapping[str, float], after: Mapping[str, float]) -> list[str]:
     """Name the numbers of a machine that a fit moved so far that a unit must be wrong.
@@ -401,7 +372,7 @@ def implausible_changes(before: Mapping[str, float], after: Mapping[str, float])
         kind, new = key.rpartition(".")[2], after.get(key, old)
         if kind == "damping" and abs(old) <= none:
             continue
-        if kind not in _CHANGES or key.startswith("effect") or old == 0 or new == 0:
+        if kind not in _UNITS["changes"] or key.startswith("effect") or old == 0 or new == 0:
             continue
         if old * new < 0:
             found.append(
@@ -412,7 +383,9 @@ def implausible_changes(before: Mapping[str, float], after: Mapping[str, float])
         ratio = new / old
         if max(ratio, 1 / ratio) < (_DAMPING_MOVED if kind == "damping" else _MOVED):
             continue
-        near, words = min((abs(math.log(ratio / factor)), text) for factor, text in _CHANGES[kind])
+        near, words = min(
+            (abs(math.log(ratio / factor)), text) for factor, text in _UNITS["changes"][kind]
+        )
         guess = f", {words}" if near <= math.log(_GUESSED) else ""
         found.append(
             f"the fit moved {key} from {old:.4g} to {new:.4g}, by {abs(math.log10(ratio)):.1f} "

@@ -10,9 +10,11 @@ from .delay_stability import DelayStability as DelayStability
 from .delay_stability import delay_stability as delay_stability
 from .delayed_systems import DelayedSystem as DelayedSystem
 from .delayed_systems import DelayLine as DelayLine
+from .modes import AxisZero as AxisZero
 from .modes import Mode as Mode
 from .modes import Modes as Modes
 from .modes import modes as modes
+from .modes import zeros_on_axis as zeros_on_axis
 from .norms.h2 import H2Norm as H2Norm
 from .norms.h2 import h2_norm as h2_norm
 from .norms.hinf import HinfNorm as HinfNorm
@@ -33,8 +35,6 @@ from .scaling import prescale as prescale
 from .scaling import scale_system as scale_system
 from .stability import Stability as Stability
 from .stability import stability as stability
-from .zeros import AxisZero as AxisZero
-from .zeros import zeros_on_axis as zeros_on_axis
 
 __all__ = [
     "AxisZero",

@@ -233,7 +233,7 @@ class MeasuredLoopAnalysis(LoopFigures):
         >>> "50 measured lines" in rp.loop_analysis(lines, -1).explain()
         True
         """
-        return explain(self, [lines_in_words(self)])
+        return explain(self, lines_in_words(self))
 
     def tables(self) -> tuple[Table, ...]:
         """Return the figures as tables: margins and bandwidths.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
+from functools import cache, partial
 from operator import attrgetter
 from typing import Any
 
@@ -15,6 +16,7 @@ from matplotlib.axes import Axes
 from robustpolish.base.arrays import AnyVector
 from robustpolish.base.checks import invalid, one_of
 from robustpolish.base.results import Displayed, Table, bears_prefix, prefix_power, prefixed
+from robustpolish.base.texts import paragraphs, tables, templates
 from robustpolish.linear.stability import Stability
 from robustpolish.loops.disk_margins import DiskMargin, decibel
 from robustpolish.loops.loop import PLACES, Loop, Place, sample_step
@@ -205,50 +207,29 @@ def tables_of(found: LoopFigures) -> tuple[Table, ...]:
     if not found.stable:
         return ()
     (noisy, noise), (driven, effort) = _strongest(found.noise), _strongest(found.effort)
-    tables = [
-        _table("Margins, one loop at a time", _MARGINS, found.margins),
-        _table("Margins, all at once", _AT_ONCE, tuple(found.at_once.values())),
-        _table("Bandwidths", _BANDWIDTHS, found.bandwidths),
-        _table(f"Noise on the measurements: what the controls do{noisy}", _EFFORT, noise),
-        _table(f"Disturbances: what the controls do{driven}", _EFFORT, effort),
+    told = [
+        _table("Margins, one loop at a time", "margins", found.margins),
+        _table("Margins, all at once", "at_once", tuple(found.at_once.values())),
+        _table("Bandwidths", "bandwidths", found.bandwidths),
+        _table(f"Noise on the measurements: what the controls do{noisy}", "effort", noise),
+        _table(f"Disturbances: what the controls do{driven}", "effort", effort),
     ]
     if found.given:
-        tables.append(_table("Under the given disturbance", _GIVEN, found.given))
+        told.append(_table("Under the given disturbance", "given", found.given))
     if rate := found.sample_rate:
         last = ("needed", rate.needed_hz), ("lowest stable", rate.lowest_stable_hz)
-        tables.append(Table("Sampling", ("rule", "rate [Hz]"), (*rate.rules.items(), *last)))
-    return tuple(tables)
+        told.append(Table("Sampling", ("rule", "rate [Hz]"), (*rate.rules.items(), *last)))
+    return tuple(told)
 
 
-def _table(caption: str, columns: Mapping[str, str], rows: Sequence[Any]) -> Table:
+def _table(caption: str, kind: str, rows: Sequence[Any]) -> Table:
     """Return a table of attributes, by the heads of their columns."""
+    columns = _COLUMNS[kind]
     cells = attrgetter(*columns.values())
     return Table(caption, tuple(columns), tuple(cells(row) for row in rows))
 
 
-_DISK = {"disk": "disk.alpha", "disk [dB]": "disk.gain_db", "disk [deg]": "disk.phase_deg"}
-_MARGINS = {
-    "broken at": "place", "signal": "name", "gain down [dB]": "gain_down_db",
-    "gain up [dB]": "gain_up_db", "phase [deg]": "phase_deg", "delay [s]": "delay_s", **_DISK,
-    "modulus": "modulus",
-}  # fmt: skip
-_AT_ONCE = {
-    "changed at": "where", **_DISK, "worst at [Hz]": "disk.frequency_hz",
-    "common delay [s]": "common_delay_s", "any delays [s]": "any_delay_s",
-}  # fmt: skip
-_BANDWIDTHS = {
-    "broken at": "place", "signal": "name", "crossover [Hz]": "crossover_hz",
-    "S -3 dB [Hz]": "sensitivity_hz", "T -3 dB [Hz]": "complementary_hz", "peak S": "peak_s",
-    "peak T": "peak_t",
-}  # fmt: skip
-_EFFORT = {
-    "source": "source", "control": "control", "RMS": "rms", "peak gain": "peak_gain",
-    "at [Hz]": "peak_gain_hz", "step peak": "step_peak", "step rate [1/s]": "step_rate",
-    "unit": "_unit_per_source",
-}  # fmt: skip
-_GIVEN = {
-    "control": "control", "peak": "peak", "RMS": "rms", "rate [1/s]": "peak_rate", "unit": "unit",
-}  # fmt: skip
+_COLUMNS = tables(__file__)["columns"]
 
 
 def _strongest(rows: Sequence[Effort]) -> tuple[str, list[Effort]]:
@@ -309,41 +290,77 @@ def _several(found: LoopFigures) -> list[MarginsAtOnce]:
     return [m for m in found.at_once.values() if len(m.signals) > 1 and " " not in m.where]
 
 
+@cache
+def _template() -> Any:
+    filters = {"si": quantity, "amount": _amount, "listed": _listed, "disk": _disk_text}
+    filters["db"] = decibel
+    return templates("robustpolish.loops", filters).get_template("texts.jinja")
+
+
+def _said(found: LoopFigures, block: str, **values: Any) -> tuple[str, ...]:
+    """Return the sentences of a block of ``texts.jinja``."""
+    names = {"frequency": _frequency, "delay": _delay, "speed": _rate}
+    words = {name: partial(say, found) for name, say in names.items()}
+    return paragraphs(_template(), block, found=found, inf=math.inf, **words, **values)
+
+
 def explain(found: LoopFigures, more: Sequence[str]) -> str:
     """Say in a paragraph whether a loop can be built, and what limits it; `more` ends it."""
-    against = found.problems
-    if not found.stable:
-        return f"This loop cannot be built: {against[0]}. There are no margins."
-    can = "This loop can be built."
-    if against:
-        can = f"This loop cannot be built as it is: {'; '.join(against)}."
-    return " ".join(filter(None, [can, _margins(found), _at_once(found), *more]))
+    verdict = _said(found, "verdict", several=_several(found))
+    return " ".join((*verdict, *more) if found.stable else verdict)
 
 
-def details(found: LoopFigures) -> list[str]:
+def details(found: LoopFigures) -> tuple[str, ...]:
     """Return the sentences that need a model."""
     if not found.stable:
-        return []
-    told = (_where, _sampling, _sensors, _noise, _effort, _conditional, _outside, _approximated)
-    return [say(found) for say in told]
+        return ()
+    loop, plant = found.loop, found.loop.plant
+    full = plant.nx > 1 and not plant.D22.any() and np.array_equal(plant.C2, np.eye(plant.nx))
+    crossovers = [c.frequency_hz for m in found.margins for c in m.gain_crossovers]
+    noise = [row for row in found.noise if row.peak_gain > 0]
+    noisiest = max(noise, key=lambda row: row.rms, default=None)
+    unit, power = noisiest.source_unit if noisiest else "", 0
+    if noisiest and bears_prefix(unit):  # a metre of noise says little, a micrometre much
+        power = max(0, prefix_power(noisiest.rms))
+        unit = prefixed(unit, -power)
+    steps = [row for row in found.effort if row.step_peak > 0]
+    given = [
+        f"{row.control} reaches {_amount(row.peak, row.unit)} and moves at up to "
+        f"{_rate(found, row.peak_rate, row.unit)}"
+        for row in found.given
+    ]
+    delays = {} if loop.is_discrete else loop.approximated_delays
+    return _said(
+        found,
+        "details",
+        crossover=max(crossovers, default=None),
+        own=_fastest_own(loop),
+        extra=min((m.delay_samples for m in found.margins), default=math.inf),
+        states=plant.nx if full else 0,
+        endless=sorted({row.control for row in noise if not math.isfinite(row.rms)}),
+        noisiest=noisiest,
+        noise_unit=unit or "unit",
+        noise_scale=10.0**power,
+        given=given,
+        hardest=max(steps, key=lambda row: row.step_rate, default=None),
+        conditional=[f"{m.place} {m.name}" for m in found.margins if m.conditionally_stable],
+        delays=[f"{quantity(delay, 's')} at {name}" for name, delay in delays.items()],
+    )
 
 
-def lines_in_words(found: LoopFigures) -> str:
+def _fastest_own(loop: Loop) -> float:
+    """Return the highest natural frequency in Hz of the plant's states inside the loop."""
+    poles = np.linalg.eigvals(loop.plant_matrices[0]).astype(complex)
+    if loop.is_discrete:
+        poles = np.log(poles[poles != 0]) / sample_step(loop.dt)
+    return float(np.abs(poles).max(initial=0.0)) / (2 * math.pi)
+
+
+def lines_in_words(found: LoopFigures) -> tuple[str, ...]:
     """Say on what the figures of a measured loop rest."""
     loop: Any = found.loop
-    low, high = (quantity(float(loop.omega[i] / (2 * np.pi)), "Hz") for i in (0, -1))
-    reason = found.stability.reason
-    text = (
-        f"All this rests on {len(loop.omega)} measured lines from {low} to {high}: between and "
-        f"beyond them nothing is proven. {reason[0].upper()}{reason[1:]}."
-    )
     last = float(loop.response("output").sizes()[-1, 0])
-    if last > 0.5:
-        text += (
-            f" At the last line the loop still has a gain of {last:.3g}: crossings beyond it "
-            "are not seen, so measure further."
-        )
-    return text + " Efforts, noise and sampling rates need a model."
+    return _said(found, "lines", hertz=loop.omega / (2 * np.pi), last=last)
 
 
 def _delays(found: LoopFigures) -> list[str]:
@@ -365,159 +382,6 @@ def _delays(found: LoopFigures) -> list[str]:
         share = f"{100 * total / margin:.0f} %"
         return [f"of its delay margin of {quantity(margin, 's')}, {share} are used up: {what}"]
     return []
-
-
-def _margins(found: LoopFigures) -> str:
-    """Say what one loop at a time bears."""
-    (down, up), phase, delay = found.gain_margin, found.phase_margin, found.delay_margin
-    falls = f"fall by {-decibel(down):.3g} dB" if down > 0 else "fall to nothing"
-    rises = f"rise by {decibel(up):.3g} dB" if math.isfinite(up) else "rise without limit"
-    turns = f"by {phase:.3g} deg" if math.isfinite(phase) else "freely"
-    waits = "and any delay be added"
-    if math.isfinite(delay):
-        waits = f"and a delay reach {_delay(found, delay)}" if delay else "but no delay be added"
-    disk, hertz = found.disk_margin, found.disk_margin.frequency_hz
-    worst = f", worst at {_frequency(found, hertz)}" if 0 < hertz < math.inf else ""
-    return (
-        f"One loop at a time, the gain may {falls} and {rises}, the phase turn {turns} {waits}; "
-        f"gain and phase together may change by {_disk_text(disk)}{worst}."
-    )
-
-
-def _at_once(found: LoopFigures) -> str:
-    """Say what all loops bear at once; nothing of a single one."""
-    several = _several(found)
-    if not several:
-        return ""
-    parts = [f"{_disk_text(m.disk)} at all {m.where}" for m in several]
-    delay = min(m.any_delay_s for m in several)
-    waits = ""
-    if 0 < delay < math.inf:
-        waits = f", and delays up to {_delay(found, delay)} in any combination"
-    return f"All at once they bear {' and '.join(parts)}{waits}."
-
-
-def _where(found: LoopFigures) -> str:
-    crossovers = [c.frequency_hz for m in found.margins for c in m.gain_crossovers]
-    if not crossovers:
-        return "The gain of no single loop reaches 1: control changes little."
-    fastest, loop = max(crossovers), found.loop
-    poles: Any = np.linalg.eigvals(loop.plant_matrices[0]) if loop.inside else np.zeros(0)
-    if loop.is_discrete:
-        poles = np.log(poles[poles != 0]) / sample_step(loop.dt)
-    own = float(np.abs(poles).max(initial=0.0)) / (2 * math.pi)
-    text = f"The highest gain crossover is at {_frequency(found, fastest)}"
-    if own and fastest > 10 * own:
-        text += (
-            f", {fastest / own:.3g} times the plant's fastest own frequency of "
-            f"{_frequency(found, own)}: the gain is far above what the plant asks for"
-        )
-    return text + "."
-
-
-def _sampling(found: LoopFigures) -> str:
-    rate, dt = found.sample_rate, found.loop.dt
-    if rate is None:
-        unit = "" if dt is True else f" ({quantity(1 / float(dt), 'Hz')})"
-        extra = min((m.delay_samples for m in found.margins), default=math.inf)
-        bears = f"a further delay of less than {extra:.3g} samples"
-        return (
-            f"It is sampled{unit}, and bears {bears if extra < math.inf else 'any further delay'}."
-        )
-    text = f"It needs sampling at {quantity(rate.needed_hz, 'Hz')} for its {rate.limited_by}"
-    if rate.lowest_stable_hz == 0:
-        return text + ", and no slower rate makes it unstable."
-    if not math.isfinite(rate.needed_hz):
-        return "No sampling is fast enough, for the gain of the loop never falls below 1."
-    if not math.isfinite(rate.lowest_stable_hz):
-        return text + ", and no rate was found at which the sampled loop is stable."
-    late = rate.computation_samples
-    return (
-        f"{text}; below {quantity(rate.lowest_stable_hz, 'Hz')}, with {late} "
-        f"{'sample' if late == 1 else 'samples'} of computation, the sampled loop is unstable."
-    )
-
-
-def _sensors(found: LoopFigures) -> str:
-    plant = found.loop.plant
-    if plant.nx < 2 or plant.D22.any() or not np.array_equal(plant.C2, np.eye(plant.nx)):
-        return ""
-    return (
-        f"It takes all {plant.nx} states as measured: as many sensors, or an observer with margins "
-        "of its own."
-    )
-
-
-def _noise(found: LoopFigures) -> str:
-    rows = [row for row in found.noise if row.peak_gain > 0]
-    endless = sorted({row.control for row in rows if not math.isfinite(row.rms)})
-    if not rows:
-        return ""
-    if endless:
-        return (
-            f"White measurement noise drives {_listed(endless)} without bound, because the "
-            "controller answers at once: give it a low-pass filter beyond the bandwidth "
-            "that is needed."
-        )
-    worst = max(rows, key=lambda row: row.rms)
-    often = "in every sample" if found.loop.is_discrete else "per root hertz"
-    unit, power = worst.source_unit or "unit", 0
-    if bears_prefix(worst.source_unit):  # a metre of noise says little, a micrometre much
-        power = max(0, prefix_power(worst.rms))
-        unit = prefixed(unit, -power)
-    return (
-        f"Measurement noise of 1 {unit} {often} on {worst.source} moves "
-        f"{worst.control} by {_amount(worst.rms / 10.0**power, worst.unit)} RMS."
-    )
-
-
-def _effort(found: LoopFigures) -> str:
-    if found.given:
-        parts = [
-            f"{row.control} reaches {_amount(row.peak, row.unit)} and moves at up to "
-            f"{_rate(found, row.peak_rate, row.unit)}"
-            for row in found.given
-        ]
-        return f"Under the given disturbance {_listed(parts, 6)}."
-    rows = [row for row in found.effort if row.step_peak > 0]
-    if not rows:
-        return ""
-    worst = max(rows, key=lambda row: row.step_rate)
-    rate = f"moves at up to {_rate(found, worst.step_rate, worst.unit)}"
-    return (
-        f"After a step of 1 {worst.source_unit or 'unit'} of {worst.source}, {worst.control} "
-        f"{'jumps' if math.isinf(worst.step_rate) else rate} and reaches "
-        f"{_amount(worst.step_peak, worst.unit)}."
-    )
-
-
-def _conditional(found: LoopFigures) -> str:
-    names = [f"{m.place} {m.name}" for m in found.margins if m.conditionally_stable]
-    if not names:
-        return ""
-    return f"It is only conditionally stable at {_listed(names)}: less gain makes it unstable."
-
-
-def _outside(found: LoopFigures) -> str:
-    loop = found.loop
-    if not loop.outside or loop.outside_stability:
-        return ""
-    return (
-        f"Outside the loop, where no control reaches or no measurement sees, "
-        f"{_listed(list(loop.outside))} are not stable ({loop.outside_stability.reason})."
-    )
-
-
-def _approximated(found: LoopFigures) -> str:
-    delays = {} if found.loop.is_discrete else found.loop.approximated_delays
-    if not delays:
-        return ""
-    named = [f"{quantity(delay, 's')} at {name}" for name, delay in delays.items()]
-    return (
-        f"Delays of the plant ({_listed(named)}) are exact in stability, in all margins, in "
-        "bandwidths and in peaks of S and T, which are found over frequency and, but for disks of "
-        "several signals, not proven; efforts and systems have Padé models of them."
-    )
 
 
 def _disk_text(disk: Any) -> str:

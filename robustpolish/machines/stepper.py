@@ -294,30 +294,21 @@ def run_steps(m, output, laws, layout, p, W, E, Y, K, s0, z0, t0, dt, substeps, 
                 break
             if ports > 0:
                 at = n + motions
-                for r in range(motions):
-                    total = out[at + r]
-                    for i in range(ports):
-                        total += by_force[i, r] * f0[i]
-                    now[r] = total
-                for i in range(nz):
-                    zs[i] = z[i] + h / 2 * d0[i]
-                if any_dry:
-                    _slide_on(now, ports, layout, dry, v0)
-                _forces(laws, layout, p, t + h / 2, now, 0, ports, zs, fa, da)
-                if any_dry:
-                    _hold(fa, layout, dry, v0, held)
-                for r in range(motions):
-                    total = out[at + r]
-                    for i in range(ports):
-                        total += by_force[i, r] * fa[i]
-                    now[r] = total
-                for i in range(nz):
-                    zs[i] = z[i] + h / 2 * da[i]
-                if any_dry:
-                    _slide_on(now, ports, layout, dry, v0)
-                _forces(laws, layout, p, t + h / 2, now, 0, ports, zs, fb, db)
-                if any_dry:
-                    _hold(fb, layout, dry, v0, held)
+                force, rate = f0, d0
+                for next_force, next_rate in ((fa, da), (fb, db)):  # both in the middle of the step
+                    for r in range(motions):
+                        total = out[at + r]
+                        for i in range(ports):
+                            total += by_force[i, r] * force[i]
+                        now[r] = total
+                    for i in range(nz):
+                        zs[i] = z[i] + h / 2 * rate[i]
+                    if any_dry:
+                        _slide_on(now, ports, layout, dry, v0)
+                    _forces(laws, layout, p, t + h / 2, now, 0, ports, zs, next_force, next_rate)
+                    if any_dry:
+                        _hold(next_force, layout, dry, v0, held)
+                    force, rate = next_force, next_rate
                 at += motions
                 for r in range(motions):
                     total = out[at + r]

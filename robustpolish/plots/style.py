@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 import matplotlib.pyplot as plt
 import xarray as xr
+from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.ticker import EngFormatter, Formatter, LogLocator, NullFormatter
@@ -17,23 +18,12 @@ from robustpolish.base.results import bears_prefix, prefix_power, prefixed
 T = TypeVar("T")
 
 # Okabe and Ito's colours, dark to light, with line styles for a print in grey.
-LINE_STYLES: tuple[dict[str, Any], ...] = (
-    {"color": "#999999", "linestyle": "-"},
-    {"color": "#0072b2", "linestyle": "-"},
-    {"color": "#d55e00", "linestyle": "--"},
-    {"color": "#009e73", "linestyle": "-."},
-    {"color": "#cc79a7", "linestyle": ":"},
-    {"color": "#000000", "linestyle": "--"},
+_COLOURS = ["#999999", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000", "#56b4e9"]
+LINE_STYLES: tuple[dict[str, Any], ...] = tuple(
+    cycler(color=_COLOURS[:6], linestyle=["-", "-", "--", "-.", ":", "--"])
 )
 # The same for points and for areas.
-MARKER_STYLES: tuple[dict[str, Any], ...] = (
-    {"color": "#0072b2", "marker": "o"},
-    {"color": "#d55e00", "marker": "s"},
-    {"color": "#009e73", "marker": "^"},
-    {"color": "#cc79a7", "marker": "D"},
-    {"color": "#000000", "marker": "v"},
-    {"color": "#56b4e9", "marker": "P"},
-)
+MARKER_STYLES: tuple[dict[str, Any], ...] = tuple(cycler(color=_COLOURS[1:], marker="os^DvP"))
 LEVEL: dict[str, Any] = {"facecolor": "#999999", "edgecolor": "#333333"}
 GOOD: dict[str, Any] = {"facecolor": "#56b4e9", "edgecolor": "#333333", "hatch": "//"}
 BAD: dict[str, Any] = {"facecolor": "#d55e00", "edgecolor": "#333333", "hatch": "xx"}

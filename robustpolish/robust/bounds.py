@@ -15,14 +15,7 @@ import scipy.linalg as sla
 
 from robustpolish.base.arrays import AnyMatrix, AnyVector, Matrix, Vector
 from robustpolish.base.budget import check_deadline
-from robustpolish.linear.arithmetic.balls import (
-    Ball,
-    complex_ball,
-    gershgorin_discs,
-    identity,
-    part,
-    precision,
-)
+from robustpolish.linear.arithmetic import balls
 from robustpolish.robust.branch_and_bound import (
     Goal,
     Probe,
@@ -85,7 +78,7 @@ def proven_real_margin(loop: LoopModel, size: float) -> float | None:
     if blocks[0].copies * n > _ROWS:
         return None
     least = size * (1 - _SLACK)
-    with precision(_BITS):
+    with balls.precision(_BITS):
         try:
             operator, D = _operator(loop)
             clear = all(_has_no_real_eigenvalue_beyond(M, 1 / least) for M in (operator, D))
@@ -94,34 +87,34 @@ def proven_real_margin(loop: LoopModel, size: float) -> float | None:
     return least if clear else None
 
 
-def _operator(loop: LoopModel) -> tuple[Ball, Ball]:
+def _operator(loop: LoopModel) -> tuple[balls.Ball, balls.Ball]:
     """Return the matrix from Y to C X + D Y with A X + X A' = -(B Y + Y' B'), and D."""
     A, B, C, D = loop.balls
     n = A.nrows()
-    one = identity(n)
+    one = balls.identity(n)
     forward = _product(B, one)
     swapped = [j * n + i for i in range(n) for j in range(n)]
-    turned = part(forward, swapped, range(forward.ncols()))
+    turned = balls.part(forward, swapped, range(forward.ncols()))
     X = (_product(A, one) + _product(one, A)).solve(forward + turned)
     return flint.acb_mat(_product(D, one) - _product(C, one) * X), flint.acb_mat(D)
 
 
-def _product(left: Ball, right: Ball) -> Ball:
+def _product(left: balls.Ball, right: balls.Ball) -> balls.Ball:
     """Return the Kronecker product."""
     shape = left.nrows() * right.nrows(), left.ncols() * right.ncols()
     rows = [[a * b for a in one for b in two] for one in left.tolist() for two in right.tolist()]
     return flint.arb_mat(*shape, [entry for row in rows for entry in row])
 
 
-def _has_no_real_eigenvalue_beyond(matrix: Ball, limit: float) -> bool:
+def _has_no_real_eigenvalue_beyond(matrix: balls.Ball, limit: float) -> bool:
     """Prove that no real eigenvalue has a size of a limit or more."""
     if not any(entry != 0 for entry in matrix.entries()):
         return True
     vectors = matrix.eig(right=True, algorithm="approx")[1]
     try:
-        centres, radii = gershgorin_discs(matrix, vectors)
+        centres, radii = balls.gershgorin_discs(matrix, vectors)
     except ZeroDivisionError:  # eigenvectors that are the same: any size below the norm will do
-        centres, radii = gershgorin_discs(matrix, complex_ball(np.eye(matrix.nrows())))
+        centres, radii = balls.gershgorin_discs(matrix, balls.complex_ball(np.eye(matrix.nrows())))
     real = np.abs(np.imag(centres)) <= radii
     return bool((np.abs(np.real(centres[real])) + radii[real] < limit).all())
 

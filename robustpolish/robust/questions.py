@@ -17,6 +17,7 @@ from robustpolish.base.arrays import AnyMatrix
 from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import described, instance_of, invalid, positive
 from robustpolish.base.results import Card, Displayed, quantities
+from robustpolish.base.texts import tables
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.linear.stability import stability
 from robustpolish.plants.uncertain.lft import ComplexElement, RealElement, constant, product
@@ -249,15 +250,7 @@ def system_at_witness(
 # Of the gap, which is a difference of nearly equal numbers.
 _ROUNDING = 1e-9
 
-_SAYS = {
-    "bracketed": "proven {side}, and reached by the witness",
-    "wide": "proven {side}, and reached by the witness, but farther apart than was asked for",
-    "no witness": "proven {side}; no search found a machine that is worse than that",
-    "incomplete": "not proven: the intervals do not cover the axis",
-    "unstable": "the nominal loop is unstable",
-    "marginal": "the nominal loop has a pole on the boundary of stability",
-    "unaffected": "nothing that is uncertain acts back on itself: stable whatever it is",
-}
+_SAYS = tables(__file__)["status"]
 
 
 def _physical_bounds(

@@ -14,6 +14,7 @@ from robustpolish.base.arrays import AnyMatrix
 from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import described, invalid, positive
 from robustpolish.base.results import Card, quantities
+from robustpolish.base.texts import tables
 from robustpolish.linear.arithmetic.balls import complex_ball, precision
 from robustpolish.plants.blocks import as_state_space, matrices_of
 from robustpolish.plants.uncertain.system import UncertainSystem
@@ -38,12 +39,7 @@ _BITS = 160
 
 Status = Literal["bracketed", "wide", "no witness", "zero", "incomplete", "unstable", "marginal"]
 
-_SAYS = {
-    "no witness": "proven above; no search found a Delta that makes I - M Delta singular",
-    "zero": "no Delta makes I - M Delta singular, whatever its size",
-    "unstable": "M is unstable",
-    "marginal": "M has a pole on the boundary of stability",
-}
+_SAYS = tables(__file__)["singular_value"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -15,29 +15,20 @@ from scipy.signal import csd, get_window
 
 from robustpolish.base.checks import invalid, misfit, one_of, positive
 from robustpolish.base.input_files import FileSpec, file_size
+from robustpolish.base.texts import tables
 from robustpolish.errors import InvalidInputError
 from robustpolish.signals.headers import is_count, is_time, split_header, to_si
 from robustpolish.signals.quality import numeric, sampling_time
 from robustpolish.signals.raw import RECORD, RawResponse, RawTable
+from robustpolish.signals.read import TEXT, UNIVERSAL, read_frd, read_object
 from robustpolish.signals.readers.csv import csv_headers, read_csv
 from robustpolish.signals.readers.instruments import read_uff_responses, uff_holds_responses_only
-from robustpolish.signals.readers.objects import read_frd, read_object
-from robustpolish.signals.sources import TEXT, UNIVERSAL
 
 # Frequency responses in tables: what the head of each column says.
 
-FREQUENCY_NAMES = ("frequency", "freq", "hz", "frequenz")
-ANGULAR_NAMES = ("omega", "angular frequency", "angular_frequency")
+_NAMES = tables(__file__)["frequency"]
 _LETTER = "f"  # in lower case only: F is a force
-_PARTS = {
-    "real": ("real", "re"),
-    "imag": ("imaginary", "imag", "im"),
-    "magnitude": ("magnitude", "amplitude", "mag", "abs", "gain"),
-    "phase": ("phase", "angle", "arg"),
-    "coherence": ("coherence", "coh"),
-    "variance": ("variance", "var"),
-}
-_PART = {word: part for part, words in _PARTS.items() for word in words}
+_PART = {word: part for part, words in _NAMES["parts"].items() for word in words}
 _WORDS = "|".join(sorted(_PART, key=len, reverse=True))
 _BEHIND = re.compile(rf"^(?:(?P<pair>.*?)[\s_:]+)?(?P<part>{_WORDS})$", re.IGNORECASE)
 _BEFORE = re.compile(rf"^(?P<part>{_WORDS})(?:[\s_:]+|\s*\()(?P<pair>.*?)\)?$", re.IGNORECASE)
@@ -52,7 +43,7 @@ def is_frequency(name: str) -> bool:
     (True, True, False)
     """
     text = name.strip()
-    return text == _LETTER or text.casefold() in (*FREQUENCY_NAMES, *ANGULAR_NAMES)
+    return text == _LETTER or text.casefold() in _NAMES["hertz"] + _NAMES["angular"]
 
 
 def responses_of(table: RawTable) -> list[RawResponse]:
@@ -79,7 +70,7 @@ def responses_of(table: RawTable) -> list[RawResponse]:
         listed = ", ".join(table.columns) or "none"
         shown, want = f"no such column among {listed}", "a column 'frequency [Hz]'"
         raise misfit("frequency", shown, want, "Name it so.")
-    unit = table.units.get(axis, "") or ("rad/s" if axis.casefold() in ANGULAR_NAMES else "Hz")
+    unit = table.units.get(axis, "") or ("rad/s" if axis.casefold() in _NAMES["angular"] else "Hz")
     frequency = numeric(axis, table.columns[axis])
     pairs: dict[str, dict[str, str]] = {}
     for name in table.columns:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.base.checks import invalid
+from robustpolish.base.texts import tables
 
 _TIME_UNITS = r"(?:[nuµμm]?s|[mu]?secs?|seconds?|sekunden|milliseconds?|min|minutes?|h|hours?)"
 _PREFIXED = r"[fpnuµμmcdkMG]?(?:m|g|s|N|Nm|Nmm|Ns|V|A|W|Pa|Hz|rad|J|bar|strain|eps)"
@@ -23,16 +24,7 @@ _PARENTHESES = re.compile(r"^(?P<name>.*?\S)\s*\((?P<unit>[^\[\]]*)\)\s*$")
 _FRACTION = re.compile(r"^(?P<name>[^/\[\]]*?\w)\s*/\s*(?P<unit>[^\[\]]+?)\s*$")
 _LINE = re.compile(r"^\s*[(\[](?P<unit>.*)[)\]]\s*$")
 
-# Time in the languages and programs that label it otherwise; the likeliest first.
-TIME_NAMES = (
-    "time", "t", "zeit", "temps", "tiempo", "tempo", "tijd", "timestamp", "time stamp",
-    "zeitstempel", "datetime", "date time", "date/time", "datum/zeit", "datum zeit", "elapsed time",
-    "time elapsed", "rel time", "abs time", "messzeit", "x value", "uhrzeit", "clock", "elapsed",
-)  # fmt: skip
-_COUNTS = (
-    "", "index", "idx", "nr", "no", "n", "num", "number", "#", "sample", "samples", "sample no",
-    "row", "count", "point", "record", "scan", "unnamed: 0", "lfd nr", "i",
-)  # fmt: skip
+_WORDS = tables(__file__)
 
 
 def split_header(header: str, fraction: bool = False) -> tuple[str, str]:
@@ -105,8 +97,8 @@ def rank_as_time(name: str) -> int | None:
     """Return how far behind the likeliest name of the time this one is; None if it is none."""
     words = re.sub(r"[\s_\-]+", " ", name.strip().casefold())
     for text in (words, re.sub(rf" {_TIME_UNITS}$", "", words), words.rpartition("/")[2]):
-        if text in TIME_NAMES:
-            return TIME_NAMES.index(text)
+        if text in _WORDS["time"]:
+            return _WORDS["time"].index(text)
     return None
 
 
@@ -118,7 +110,7 @@ def is_count(name: str) -> bool:
     >>> is_count("Index"), is_count("Nr."), is_count("x")
     (True, True, False)
     """
-    return re.sub(r"[\s_\-.]+", " ", name.casefold()).strip() in _COUNTS
+    return re.sub(r"[\s_\-.]+", " ", name.casefold()).strip() in _WORDS["counts"]
 
 
 def _bare(unit: str) -> str:
@@ -130,28 +122,6 @@ def _bare(unit: str) -> str:
 
 
 # Units at the edge: what a file says, turned into SI.
-
-# The SI units that signals are kept in. Anything else keeps its base units.
-_PREFERRED = (
-    "m", "m/s", "m/s^2", "m/s^3", "rad", "rad/s", "rad/s^2", "s", "Hz", "N", "N m", "kg", "kg m^2",
-    "N/m", "N s/m", "Pa", "V", "A", "W", "K", "N/V", "m/V", "m/N", "m/s/N", "m/s^2/N",
-    "rad/(N m)", "rad/s/(N m)", "rad/s^2/(N m)",
-)  # fmt: skip
-
-# What engineers write and pint reads otherwise: Nm as nanometre's cousin, g as a gram.
-_SPELLINGS = (
-    (r"²", "^2"),
-    (r"³", "^3"),
-    (r"[·⋅×]", "*"),
-    (r"(?<![A-Za-z])([kmMG]?)Nm(?![A-Za-z])", r"\1N*m"),
-    (r"(?<![A-Za-z])([kmMG]?)Nmm(?![A-Za-z])", r"\1N*mm"),
-    (r"(?<![A-Za-z])([kmMG]?)Ns(?![A-Za-z])", r"\1N*s"),
-    (r"(?<![A-Za-z_])g(?![A-Za-z_])", "standard_gravity"),
-    (r"(?<![A-Za-z_])(?:mg|milli-g)(?![A-Za-z_])", "(0.001*standard_gravity)"),
-    (r"(?<![A-Za-z_])(?:[uµμ]g)(?![A-Za-z_])", "(1e-6*standard_gravity)"),
-    (r"(?<![A-Za-z])(?:[uµμ](?:strain|e|ε|eps))(?![A-Za-z])", "microstrain"),
-    (r"([A-Za-z])(\d)", r"\1^\2"),
-)
 
 
 def to_si(
@@ -236,7 +206,7 @@ def _conversion(unit: str, argument: str) -> tuple[float, float, str]:
 def _quantity(unit: str, value: float) -> Any:
     found = re.match(r"^([+-]?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)\s*\*?\s*(.*)$", unit)
     scale, symbol = (float(found[1]), found[2] or "1") if found else (1.0, unit)
-    for pattern, replacement in _SPELLINGS:
+    for pattern, replacement in _WORDS["spellings"]:
         symbol = re.sub(pattern, replacement, symbol)
     registry = _registry()
     if symbol in ("1", "-"):
@@ -264,5 +234,5 @@ def _names() -> dict[str, str]:
     parsed = _registry().parse_expression
     return {
         str(parsed(name.replace("^", "**")).to_base_units().units): name
-        for name in reversed(_PREFERRED)
+        for name in reversed(_WORDS["preferred"])
     }

@@ -43,18 +43,8 @@ from robustpolish.synthesis.engine import (
     check_candidate,
 )
 from robustpolish.synthesis.lmi.program import BACKENDS
+from robustpolish.synthesis.problem import preflight
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
-from robustpolish.synthesis.problem.preflight import (
-    PlantPart,
-    SolvabilityCheck,
-    SolverPlant,
-    Status,
-    joined_controller,
-    refuse_unstable,
-    truncated,
-    with_dummy_signals,
-    worst_status,
-)
 from robustpolish.synthesis.riccati.gamma import (
     LowerBound,
     estimated_lower_bound,
@@ -166,7 +156,7 @@ class ChosenController(NamedTuple):
     certificate: Certificate | None
     claim: float
     findings: Engine
-    status: Status
+    status: preflight.Status
     bound: LowerBound | None
 
     @property
@@ -202,12 +192,12 @@ class PartSearch:
         self,
         plant: GeneralizedPlant,
         settings: Settings,
-        diagnosis: SolvabilityCheck,
+        diagnosis: preflight.SolvabilityCheck,
         budget: Budget,
         shorten: bool = True,
     ) -> None:
         self.settings, self.diagnosis, self.budget = settings, diagnosis, budget
-        self.part = SolverPlant.of(plant, settings.norm == "hinf", settings.full_state)
+        self.part = preflight.SolverPlant.of(plant, settings.norm == "hinf", settings.full_state)
         self.unit = self.part.norm(1.0, settings.norm)
         if not (shorten and self._search(shorten=True)):
             self._search(shorten=False)
@@ -403,7 +393,7 @@ class PartSearch:
         reasons += proof.reasons or [f"only the bound {proof.bound:.6g} could be proven"]
         return None
 
-    def _status(self, achieved: float) -> Status:
+    def _status(self, achieved: float) -> preflight.Status:
         bound = self.problem.bound
         near = bound is not None and achieved <= bound.value * (1 + self.problem.tolerance)
         near = near and not any(engine.constrained for engine in self.searches)
@@ -442,7 +432,7 @@ def _truncated_plant(
     plant: PlantMatrices, tolerance: float, accuracy: float, budget: Budget
 ) -> tuple[PlantMatrices, LowerBound, str] | None:
     """Leave out what hardly counts; None unless the bound holds for the whole plant too."""
-    short = truncated(plant)
+    short = preflight.truncated(plant)
     if short is None:
         return None
     fewer, error = short
@@ -546,19 +536,19 @@ class JoinedController:
         return near if self.how else ""
 
     @property
-    def status(self) -> Status:
+    def status(self) -> preflight.Status:
         """The status of the whole: that of the parts that decide its norm."""
         achieved, done = self.certificate.achieved, self.done
         if self.budget.was_late:
             return "time_limit"
         near = achieved <= self.bound * (1 + self.settings.tolerance)
         if self.settings.full_state:
-            worst = worst_status(c.status for c in done)
+            worst = preflight.worst_status(c.status for c in done)
             return "suboptimal" if worst == "optimal" and not near else worst
         if self.known and near:
             return "optimal"
         largest = max((c.achieved for c in done), default=0.0)
-        return worst_status(
+        return preflight.worst_status(
             c.status for c in done if self.settings.norm == "h2" or c.achieved >= 0.99 * largest
         )
 
@@ -589,9 +579,9 @@ class JoinedController:
 
 def design_by_parts(
     plant: GeneralizedPlant,
-    parts: Sequence[PlantPart],
+    parts: Sequence[preflight.PlantPart],
     settings: Settings,
-    diagnosis: SolvabilityCheck,
+    diagnosis: preflight.SolvabilityCheck,
     budget: Budget,
 ) -> JoinedController:
     """Design a controller for every part of a plant, and certify them together.
@@ -611,14 +601,16 @@ def design_by_parts(
         if P.nu and P.ny:
             problems.append((keys[-1] or (), P.nx**2 + 1, P))
             continue
-        refuse_unstable(P)
+        preflight.refuse_unstable(P)
         if settings.norm == "h2" and not P.is_discrete and P.D11.any():
             raise no_finite_h2_norm()
     norm, full_state, wanted = settings.norm, settings.full_state, settings.wanted
     # Norms of parts add up for the H2 norm, so that only a single one can be told.
     own = replace(settings, wanted=ANY_NORM) if norm == "h2" and len(parts) > 1 else settings
     searched = solve_each_once(
-        problems, budget, lambda P, share: PartSearch(with_dummy_signals(P), own, diagnosis, share)
+        problems,
+        budget,
+        lambda P, share: PartSearch(preflight.with_dummy_signals(P), own, diagnosis, share),
     )
     # No part has to be much better than the one that decides the norm of the whole.
     enough = 0.01 * max((s.best for s in searched.values()), default=0.0)
@@ -628,7 +620,7 @@ def design_by_parts(
         choices = {key: search.choose(enough, prove) for key, search in searched.items()}
         chosen = [None if key is None else choices[key] for key in keys]
         done = [c for c in chosen if c is not None]
-        controller = joined_controller(plant, parts, [c and c.controller for c in chosen])
+        controller = preflight.joined_controller(plant, parts, [c and c.controller for c in chosen])
         # The norms of the parts without control, except those in which nothing happens.
         still = [part.plant for part, c in zip(parts, chosen, strict=True) if c is None]
         size = hinf_norm if norm == "hinf" else h2_norm

@@ -19,24 +19,9 @@ from tests import made_up
 from tests.app.command_line import run
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.identification.oscillators import PLACE, oscillator, record
+from tests.machine_files import machine
 
-MODEL = """\
-[dof.x]
-mass = 0.5
-[[spring]]
-between = ["x", "ground"]
-stiffness = 2e4
-[[damper]]
-between = ["x", "ground"]
-damping = 5.0
-[[input]]
-name = "F"
-force_on = "x"
-[[output]]
-name = "x"
-measures = "x"
-quantity = "displacement"
-"""
+MODEL = machine("oscillator")
 
 
 def csv(head, *columns):

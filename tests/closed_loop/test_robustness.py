@@ -65,10 +65,9 @@ def test_threads_give_the_bits_of_one_by_one(design):
 
 
 def test_each_norm_is_that_of_its_machine(design):
-    check = rp.simulation.check_robustness(
-        design, machine(), standard_errors={STIFFNESS: 80.0, MASS: 0.1}, plant_of=with_state,
-        samples=20, seed=4,
-    )  # fmt: skip
+    errors = {STIFFNESS: 80.0, MASS: 0.1}
+    how = {"standard_errors": errors, "plant_of": with_state, "samples": 20, "seed": 4}
+    check = rp.simulation.check_robustness(design, machine(), **how)
     assert np.std(check.parameters, axis=0) == pytest.approx([80.0, 0.1], rel=0.4)
     frequency = 1j * np.linspace(1, 60, 4000)
     for row, found in zip(check.parameters, check.norms, strict=True):
@@ -79,10 +78,7 @@ def test_each_norm_is_that_of_its_machine(design):
         pencils = frequency[:, None, None] * np.eye(2) - loop.A
         response = C @ np.linalg.solve(pencils, np.asarray(loop.B, complex)[None])
         assert found == pytest.approx(np.max(np.linalg.norm(response[:, :, 0], axis=1)), rel=1e-3)
-    again = rp.simulation.check_robustness(
-        design, machine(), standard_errors={STIFFNESS: 80.0, MASS: 0.1}, plant_of=with_state,
-        samples=20, seed=4,
-    )  # fmt: skip
+    again = rp.simulation.check_robustness(design, machine(), **how)
     assert np.array_equal(again.norms, check.norms)
 
 

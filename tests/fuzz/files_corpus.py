@@ -14,6 +14,7 @@ import scipy.io
 
 import robustpolish as rp
 from tests import made_up
+from tests.machine_files import machine
 
 Corpus = dict[str, bytes]
 """Content by name; what stands before the first stroke of the name says who reads it."""
@@ -22,83 +23,9 @@ TIME = np.arange(24) / 1000
 FORCE = 2.0 * np.sin(300 * TIME)
 MOTION = 1e-3 * np.cos(200 * TIME)
 
-_MACHINE = """
-name = "slide"
-spin_frequency = 31.0
-[dof.x]
-mass = 2.0
-[dof.y]
-inertia = 0.5
-[[coupled_inertia]]
-between = ["x", "y"]
-value = 0.1
-[[spring]]
-between = ["x", "ground"]
-stiffness = 800.0
-[[spring]]
-between = ["y", "ground"]
-stiffness = 90.0
-[[damper]]
-between = ["x", "ground"]
-damping = 3.0
-[[input]]
-name = "F"
-force_on = "x"
-gain = 2.0
-unit = "N"
-[[input]]
-name = "base"
-motion_of = "y"
-[[input]]
-name = "shaken"
-motion_of = "y"
-quantity = "acceleration"
-[[output]]
-name = "x"
-measures = "x"
-quantity = "velocity"
-[[output]]
-name = "both"
-measures = { x = 1.0, y = -0.5 }
-unit = "m"
-[[output]]
-name = "f"
-quantity = "force"
-of = ["x", "ground"]
-[[effect]]
-kind = "coulomb_friction"
-at = ["x", "ground"]
-parameters = { force = 3.1 }
-[[effect]]
-name = "own"
-formula = "f = -c*v*abs(v)"
-units = { c = "N s^2/m^2" }
-at = ["y", "ground"]
-parameters = { c = 0.2 }
-"""
+_MACHINE = machine("every_part")
 
-_TASK = """
-[dof.x]
-mass = 2.0
-[[spring]]
-between = ["x", "ground"]
-stiffness = 800.0
-[[input]]
-name = "F"
-force_on = "x"
-[[output]]
-name = "x"
-measures = "x"
-
-[design]
-controls = ["F"]
-sensors.x = { bandwidth_hz = 500.0, noise = 1e-9 }
-delays.F = 1e-4
-
-[weights]
-performance = { low = 100.0, crossover_hz = 3.0, high = 0.5 }
-effort = 1e-5
-"""
+_TASK = machine("task")
 
 
 def corpus() -> Corpus:

@@ -1,7 +1,5 @@
 """Finite numbers of any size as arguments: a result, or an error of the package."""
 
-import warnings
-
 import control
 import numpy as np
 import pytest
@@ -40,12 +38,7 @@ SCALARS = {
 }
 
 
-@pytest.fixture(autouse=True)
-def overflows_are_expected():
-    """Warnings of NumPy are what absurd numbers look like on the way to an answer."""
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore")
-        yield
+pytestmark = pytest.mark.usefixtures("overflows_are_expected")
 
 
 @pytest.mark.parametrize("name", SCALARS)

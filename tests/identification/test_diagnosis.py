@@ -17,7 +17,6 @@ from robustpolish.identification.findings import (
     Value,
 )
 from tests import made_up
-from tests.identification.learned_diagnosis import unknown_law
 from tests.identification.oscillators import PLACE, oscillator, record
 
 
@@ -135,7 +134,7 @@ FIFTH = "k5*q**5 with k5 = "
 
 
 def test_the_words_tell_the_law_and_no_coefficients():
-    told = unknown_law()
+    told = made_up.unknown_law()
     assert headline(told) == (
         "The model lacked a force that no catalogue describes: Coulomb friction at x, ground and "
         "Learned law over displacement at x, ground."
@@ -150,7 +149,7 @@ def test_the_words_tell_the_law_and_no_coefficients():
 
 
 def test_plain_data_hold_the_law():
-    content = json.loads(json.dumps(unknown_law().to_dict(), allow_nan=False))
+    content = json.loads(json.dumps(made_up.unknown_law().to_dict(), allow_nan=False))
     assert content["verdict"] == "unknown_law"
     (law,) = content["laws"]
     assert law["kind"] == "learned_stiffness_9"
@@ -208,20 +207,13 @@ def told():
 
 
 def test_older_files_are_read(tmp_path):
-    path = tmp_path / "slide.json"
-    told().save(path)
-    content = json.loads(path.read_text())
-    del content["covariance"]
-    path.write_text(json.dumps(content))
+    path = made_up.edited(told(), tmp_path / "slide.json", lambda c: c.pop("covariance"))
     assert rp.results.Diagnosis.load(path).covariance is None
 
 
 def test_a_damaged_covariance_is_refused(tmp_path):
     path = tmp_path / "slide.json"
-    told().save(path)
-    content = json.loads(path.read_text())
-    content["covariance"]["values"].pop()
-    path.write_text(json.dumps(content))
+    made_up.edited(told(), path, lambda content: content["covariance"]["values"].pop())
     with pytest.raises(rp.InvalidInputError, match="values"):
         rp.results.Diagnosis.load(path)
 
@@ -270,7 +262,7 @@ def told_of_its_own():
     )
 
 
-@pytest.mark.parametrize("make", [told, unknown_law, told_of_its_own])
+@pytest.mark.parametrize("make", [told, made_up.unknown_law, told_of_its_own])
 def test_everything_comes_back(make, tmp_path):
     before, catalogue = make(), list(rp.effects.kinds())
     before.save(tmp_path / "slide.json")
@@ -297,15 +289,14 @@ def test_effects_of_ones_own_are_told_by_their_formula():
     assert "f = -k*q**5 at x, ground" in told_of_its_own().explain()
 
 
-def test_a_damaged_effect_of_ones_own_is_refused(tmp_path):
-    path = tmp_path / "own.json"
-    told_of_its_own().save(path)
-    for damage in ("f = -k*q^5", 3, None, "f = __import__('os')"):
-        content = json.loads(path.read_text())
+@pytest.mark.parametrize("damage", ["f = -k*q^5", 3, None, "f = __import__('os')"])
+def test_a_damaged_effect_of_ones_own_is_refused(tmp_path, damage):
+    def change(content):
         content["candidates"][2]["own"]["formula"] = damage
-        (tmp_path / "damaged.json").write_text(json.dumps(content))
-        with pytest.raises(rp.InvalidInputError, match="formula"):
-            rp.load(tmp_path / "damaged.json")
+
+    path = made_up.edited(told_of_its_own(), tmp_path / "own.json", change)
+    with pytest.raises(rp.InvalidInputError, match="formula"):
+        rp.load(path)
 
 
 CUBIC = 2e4

@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 
 import robustpolish as rp
 from robustpolish.app.cli.main import main
+from tests.machine_files import machine
 
 # Linear models on four measured sets: published reference errors.
 
@@ -94,17 +95,21 @@ def test_friction_damper_by_a_linear_model(shared):
     assert pooled(rig, held_out, "F_N") == pytest.approx(7.03e3, rel=0.01)
 
 
-def test_magnetic_beam_by_a_linear_model(shared):
-    decay = rp.read_measurement(
-        shared / "data/magnetic_beam/decay.npz", columns=["strain_beam"]
-    ).isel(time=slice(2180, 5680))
+def beam_by_a_spring():
     at = ("s", "ground")
-    model = rp.MechanicalModel(
+    return rp.MechanicalModel(
         [rp.Dof("s", 1.0)],
         [rp.Spring(at, (2 * np.pi * 40) ** 2)],
         [rp.Damper(at, 5.0)],
         outputs=[rp.Output("strain_beam", at, unit="1")],
     )
+
+
+def test_magnetic_beam_by_a_linear_model(shared):
+    decay = rp.read_measurement(
+        shared / "data/magnetic_beam/decay.npz", columns=["strain_beam"]
+    ).isel(time=slice(2180, 5680))
+    model = beam_by_a_spring()
     model = fitted(
         model, ["spring[0].stiffness", "damper[0].damping"], [decay.isel(time=slice(0, 1000))]
     )
@@ -168,25 +173,7 @@ def test_silverbox_diagnosed(shared):
     lowers them again, to 0.236 and 0.301 mV. So they are expected here, and the limits are those
     of the whole model.
     """
-    model = rp.MechanicalModel.from_toml("""
-        [dof.y]
-        mass = 1.0
-        [[spring]]
-        between = ["y", "ground"]
-        stiffness = 1.88e5
-        [[damper]]
-        between = ["y", "ground"]
-        damping = 50.0
-        [[input]]
-        name = "V1"
-        force_on = "y"
-        gain = 1.88e5
-        unit = "V"
-        [[output]]
-        name = "V2"
-        measures = "y"
-        unit = "V"
-    """)
+    model = rp.MechanicalModel.from_toml(machine("silverbox"))
     data = rp.read_measurement(shared / "data/silverbox/SNLS80mV.mat", sampling_rate=1e7 / 2**14)
     first, length = 40585, 8692
     diagnosis = rp.diagnose(model, data.isel(time=slice(first, first + 3 * length)))
@@ -238,19 +225,7 @@ def test_positioning_system_from_the_command_line(shared, tmp_path):
     it: on the unseen pulses it takes the error from 1.18 to 0.46 mm. So it is expected here, and
     the limit is that of the whole model.
     """
-    (tmp_path / "drive.toml").write_text("""
-        [dof.q]
-        mass = 90.0
-        [[damper]]
-        between = ["q", "ground"]
-        damping = 300.0
-        [[input]]
-        name = "vir"
-        force_on = "q"
-        [[output]]
-        name = "qm"
-        measures = "q"
-    """)
+    (tmp_path / "drive.toml").write_text(machine("drive"))
     folder = shared / "data/emps"
     units = ["--unit", "qm=m", "--unit", "vir=35.15 N"]
     model, refined = str(tmp_path / "drive.toml"), str(tmp_path / "refined.toml")
@@ -305,15 +280,8 @@ def test_friction_damper_diagnosed():
 
 def test_magnetic_beam_diagnosed():
     """A free decay: the stiffness grows with the amplitude."""
-    at = ("s", "ground")
-    model = rp.MechanicalModel(
-        [rp.Dof("s", 1.0)],
-        [rp.Spring(at, (2 * np.pi * 40) ** 2)],
-        [rp.Damper(at, 5.0)],
-        outputs=[rp.Output("strain_beam", at, unit="1")],
-    )
     beam = rp.datasets.magnetic_beam()
-    diagnosis = rp.diagnose(model, beam.isel(time=slice(0, 1000)))
+    diagnosis = rp.diagnose(beam_by_a_spring(), beam.isel(time=slice(0, 1000)))
     assert kinds(diagnosis)[0] == "cubic_stiffness"
     held_out = beam.isel(time=slice(1000, 3500))
     assert pooled(diagnosis.model, [held_out], "strain_beam", window=0.25) < 1.2e-6

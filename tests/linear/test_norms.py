@@ -65,22 +65,30 @@ def test_small_systems(system, value, frequency):
         assert norm.frequency == pytest.approx(frequency)
 
 
-@pytest.mark.parametrize(
-    ("system", "told"),
-    [
-        (ss([[0]], [[1]], [[1]]), "pole 0 rad/s on the imaginary axis"),
-        (ss([[0, 1], [-4, 0]], [[0], [1]], [[1, 0]]), "2j rad/s on the imaginary axis"),
-        (ss([[3]], [[1]], [[0]]), "pole 3 rad/s in the right half-plane"),  # hidden, yet unstable
-        (ss([[1e-20]], [[1]], [[1]]), "1e-20 rad/s in the right half-plane"),
-        (ss([[-1]], [[1]], [[1]], 0, True), "pole -1 on the unit circle"),
-        (ss([[2]], [[1]], [[1]], 0, True), "pole 2 outside the unit circle"),
-    ],
-)
-def test_infinite_norms_say_why(system, told):
-    norm = hinf_norm(system)
+INFINITE = [
+    (ss([[0]], [[1]], [[1]]), "pole 0 rad/s on the imaginary axis"),
+    (ss([[0, 1], [-4, 0]], [[0], [1]], [[1, 0]]), "2j rad/s on the imaginary axis"),
+    (ss([[3]], [[1]], [[0]]), "pole 3 rad/s in the right half-plane"),  # hidden, yet unstable
+    (ss([[1e-20]], [[1]], [[1]]), "1e-20 rad/s in the right half-plane"),
+    (ss([[-1]], [[1]], [[1]], 0, True), "pole -1 on the unit circle"),
+    (ss([[2]], [[1]], [[1]], 0, True), "pole 2 outside the unit circle"),
+]
+
+
+@pytest.mark.parametrize("norm_of", [hinf_norm, h2_norm])
+@pytest.mark.parametrize(("system", "told"), INFINITE)
+def test_infinite_norms_say_why(system, told, norm_of):
+    norm = norm_of(system)
     assert norm.value == np.inf
     assert not norm.stable
     assert told in norm.reason
+
+
+def test_white_noise_straight_to_the_output_has_no_finite_h2_norm():
+    norm = h2_norm(ss([[-1]], [[1]], [[1]], 1e-9))
+    assert norm.value == np.inf
+    assert norm.stable
+    assert "D is not zero" in norm.reason
 
 
 def test_a_hidden_pole_on_the_axis_leaves_the_norm_finite():
@@ -198,21 +206,6 @@ def test_small_systems_h2(system, value):
     norm = h2_norm(system)
     assert norm.stable
     assert norm.value == pytest.approx(value, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("system", "stable", "told"),
-    [
-        (ss([[-1]], [[1]], [[1]], 1e-9), True, "D is not zero"),
-        (ss([[0]], [[1]], [[1]]), False, "on the imaginary axis"),
-        (ss([[2]], [[1]], [[1]], 0, True), False, "outside the unit circle"),
-    ],
-)
-def test_infinite_norms_say_why_h2(system, stable, told):
-    norm = h2_norm(system)
-    assert norm.value == np.inf
-    assert norm.stable is stable
-    assert told in norm.reason
 
 
 def test_a_hidden_pole_on_the_axis_leaves_the_norm_finite_h2():

@@ -9,8 +9,7 @@ import pytest
 import robustpolish as rp
 from robustpolish.loops.disk_margins import DiskMargin, decibel
 from robustpolish.loops.loop import loop_of
-from robustpolish.loops.margins import margins_of, simultaneous_margins
-from robustpolish.loops.scaled_peak import best_scales
+from robustpolish.loops.margins import best_scales, margins_of, simultaneous_margins
 from tests.loops.loops_for_tests import (
     CONDITIONAL,
     SATELLITE,

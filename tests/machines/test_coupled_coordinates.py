@@ -10,6 +10,7 @@ import robustpolish as rp
 from robustpolish.errors import InvalidInputError
 from robustpolish.machines.mechanical.data import definite_coupling_share
 from robustpolish.machines.simulation import simulate_model
+from tests.machine_files import machine
 
 # Inertias between two coordinates: double pendulum, pendulum on a cart, on a moved base.
 G = 9.81
@@ -226,22 +227,7 @@ def test_three_couplings_that_are_too_much_together_are_refused():
 
 
 # Sensors that see sums of coordinates, and machines that turn: from the file to the diagnosis.
-BEAM = """
-dof.q1.mass = 1.0
-dof.q2.mass = 1.0
-spring = [{ between = ["q1", "ground"], stiffness = 400.0 },
-          { between = ["q2", "ground"], stiffness = 3000.0 }]
-damper = [{ between = ["q1", "ground"], damping = 0.8 },
-          { between = ["q2", "ground"], damping = 1.5 }]
-input = [{ name = "F", force_on = "q1" }, { name = "G", force_on = "q2" }]
-[[output]]
-name = "tip"
-measures = { q1 = 0.8, q2 = -0.3 }
-[[output]]
-name = "middle"
-measures = { q2 = 1.1, q1 = 0.5 }
-quantity = "acceleration"
-"""
+BEAM = machine("beam")
 TIME = np.arange(4000) / 500
 
 

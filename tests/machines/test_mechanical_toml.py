@@ -11,100 +11,12 @@ from robustpolish.errors import InvalidInputError
 from robustpolish.machines.effects.effect import kinds
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import Damper, Dof, Input, Output, Spring
+from tests.machine_files import machine
 
-FILE = """\
-name = "air bearing, x axis"
-spin_frequency = 50.0        # Hz, optional: the known rotation speed
-
-[dof.x_m]                    # one table per degree of freedom
-mass = 0.6376                # kg
-[dof.x]
-mass = 0.2
-
-[[spring]]
-between = ["x_m", "ground"]
-stiffness = 1.0752e8         # N/m
-[[spring]]
-between = ["x_m", "x"]
-stiffness = 2.9821e5
-[[damper]]
-between = ["x_m", "ground"]
-damping = 13.16              # N s/m
-
-[[input]]
-name = "F_x"                 # the data column
-force_on = "x"               # positive along the coordinate
-[[output]]
-name = "x"                   # the data column
-measures = "x"
-quantity = "displacement"
-
-[[effect]]                   # what was added
-kind = "coulomb_friction"
-at = ["x", "ground"]
-parameters = { force = 3.1 }
-"""
-ROTATION = """\
-[dof.phi]
-inertia = 0.02
-[[spring]]
-between = ["phi", "ground"]
-stiffness = 3.0
-[[input]]
-name = "T"
-torque_on = "phi"
-[[output]]
-name = "phi"
-measures = "phi"
-quantity = "angle"
-"""
-RIG = """\
-[dof.x]
-mass = 0.0
-[[input]]
-name = "x"
-motion_of = "x"
-gain = -1.0
-[[input]]
-name = "v"
-motion_of = "x"
-quantity = "velocity"
-[[spring]]
-between = ["x", "ground"]
-stiffness = 4.6e5
-[[output]]
-name = "F"
-quantity = "force"
-of = ["x", "ground"]
-"""
-OWN = """\
-[dof.x]
-mass = 2.0
-[[output]]
-name = "x"
-measures = "x"
-[[effect]]
-formula = "f = -k*q**5"
-units = { k = "N/m^5" }
-at = ["x", "ground"]
-parameters = { k = 3e15 }
-[[effect]]
-formula = "f = -F*abs(v/w)**n*sign(v)"
-name = "rim"
-title = "Drag at the rim"
-at = ["x", "ground"]
-parameters = { F = 0.1, n = 1.7 }
-[effect.units]
-F = "N"
-w = "m/s"
-n = "1"
-[effect.bounds]
-F = [0, inf]
-[effect.scan]
-n = [1, 2]
-[effect.known]
-w = 0.5
-"""
+FILE = machine("axis")
+ROTATION = machine("rotation")
+RIG = machine("rig")
+OWN = machine("own_effects")
 
 
 def test_the_documented_file():

@@ -158,13 +158,7 @@ def robust() -> Cases:
 
 
 def _coprime() -> Any:
-    plant = control.ss([[0, 1], [-16, -0.16]], [[0], [16]], [[1, 0]], 0)
-    K = rp.loop_shaping(plant, factor=1.001).controller
-    loop = rp.uncertain.append(np.eye(1), K) * rp.feedback(
-        rp.uncertain.append(plant, K) * 0 + np.eye(2),
-        np.array([[0, -1], [-1, 0]]) * rp.uncertain.append(plant, K),
-    )
-    return margin_of(rp.structured_singular_value(loop.nominal, [("full", (2, 2))]))
+    return margin_of(rp.structured_singular_value(ex.coprime_loop(), [("full", (2, 2))]))
 
 
 def _mu_of_matrix(seed: int) -> Any:

@@ -90,6 +90,17 @@ def column() -> Any:
     return control.append(weight, weight) * rp.feedback(np.eye(2), plant * K)
 
 
+def coprime_loop() -> control.StateSpace:
+    """The loop around errors of the coprime factors of an oscillator, 16/(s^2 + 0.16 s + 16)."""
+    plant = control.ss([[0, 1], [-16, -0.16]], [[0], [16]], [[1, 0]], 0)
+    K = rp.loop_shaping(plant, factor=1.001).controller
+    loop = rp.uncertain.append(np.eye(1), K) * rp.feedback(
+        rp.uncertain.append(plant, K) * 0 + np.eye(2),
+        np.array([[0, -1], [-1, 0]]) * rp.uncertain.append(plant, K),
+    )
+    return loop.nominal
+
+
 def robot() -> rp.MechanicalModel:
     """The polishing robot of notebook 09."""
     return rp.MechanicalModel(

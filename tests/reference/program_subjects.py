@@ -20,46 +20,21 @@ from pathlib import Path
 from typing import Any
 
 import robustpolish as rp
+from tests.machine_files import machine
 
 from . import examples as ex
 from .plain import digest, keys
 
 Cases = Iterator[tuple[str, Callable[[], Any]]]
 
-MACHINE = """\
-name = "slide"
-[dof.x]
-mass = 2.0
-[[spring]]
-between = ["x", "ground"]
-stiffness = 3000.0
-[[damper]]
-between = ["x", "ground"]
-damping = 10.0
-[[input]]
-name = "F"
-force_on = "x"
-unit = "N"
-[[output]]
-name = "x"
-measures = "x"
-unit = "m"
-"""
+MACHINE = machine("slide")
 CUBIC = """
 [[effect]]
 kind = "cubic_stiffness"
 at = ["x", "ground"]
 parameters = { stiffness = 2e7 }
 """
-DESIGN = """
-[design]
-controls = ["F"]
-sensors.x = { bandwidth_hz = 500.0, noise = 1e-9 }
-delays.F = 1e-4
-[weights]
-performance = { low = 100.0, crossover_hz = 3.0, high = 0.5 }
-effort = 1e-5
-"""
+DESIGN = machine("slide_design")
 
 
 def python(*arguments: str, code: int = 0) -> str:

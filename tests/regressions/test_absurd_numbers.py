@@ -1,7 +1,5 @@
 """Numbers that once ended in errors of NumPy, SciPy, python-control or Python itself."""
 
-import warnings
-
 import control
 import numpy as np
 import pytest
@@ -29,12 +27,7 @@ TINY = (1e-160, 1e-310, 5e-324)
 NAMES = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
 
 
-@pytest.fixture(autouse=True)
-def overflows_are_expected():
-    """Warnings of NumPy are what absurd numbers look like on the way to an answer."""
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore")
-        yield
+pytestmark = pytest.mark.usefixtures("overflows_are_expected")
 
 
 def plant(**matrices):

@@ -5,12 +5,11 @@ Among them the witnesses in 50 digits, and the bounds against those of SLICOT on
 
 import time
 
-import control
 import numpy as np
 import pytest
 
 import robustpolish as rp
-from tests.reference.examples import blocks_and_matrix, carts, column, damper, servo
+from tests.reference.examples import blocks_and_matrix, carts, column, coprime_loop, damper, servo
 from tests.robust.fifty_digits import distance, gain
 from tests.robust.loops import covers, singular
 
@@ -83,13 +82,7 @@ def test_stability_of_the_column():
 
 def test_coprime_factors():
     # one full block: the norm from errors of the factors, whose least value is 1.98835
-    plant = control.ss([[0, 1], [-16, -0.16]], [[0], [16]], [[1, 0]], 0)
-    K = rp.loop_shaping(plant, factor=1.001).controller
-    loop = rp.uncertain.append(np.eye(1), K) * rp.feedback(
-        rp.uncertain.append(plant, K) * 0 + np.eye(2),
-        np.array([[0, -1], [-1, 0]]) * rp.uncertain.append(plant, K),
-    )
-    mu = rp.structured_singular_value(loop.nominal, [("full", (2, 2))])
+    mu = rp.structured_singular_value(coprime_loop(), [("full", (2, 2))])
     assert mu.upper >= 1.98835 * (1 - 1e-5)
     assert mu.lower <= mu.upper <= 1.002 * mu.lower
     assert mu.proven

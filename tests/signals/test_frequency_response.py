@@ -170,6 +170,14 @@ def test_unknown_names_are_refused():
         read_frequency_response(3)
 
 
+def only_response(*heads, columns=((1.0, 2.0),) * 3, **how):
+    table = RawTable()
+    for head, values in zip(heads, columns, strict=True):
+        table.add(head, np.array(values, dtype=float), **how)
+    (found,) = responses_of(table)
+    return found
+
+
 @pytest.mark.parametrize(
     ("first", "second"),
     [
@@ -180,43 +188,28 @@ def test_unknown_names_are_refused():
     ],
 )
 def test_parts_are_known_before_and_behind_the_pair(first, second):
-    table = RawTable()
-    for head, values in (("f [Hz]", [1.0, 2]), (first, [3.0, 4]), (second, [5.0, 6])):
-        table.add(head, np.array(values))
-    (found,) = responses_of(table)
+    found = only_response("f [Hz]", first, second, columns=([1, 2], [3, 4], [5, 6]))
     assert (found.output, found.input, found.kind) == ("x", "F", "response")
     np.testing.assert_allclose(found.values, [3 + 5j, 4 + 6j])
 
 
 def test_a_single_pair_needs_no_name():
-    table = RawTable()
-    for head in ("omega", "magnitude [m/N]", "phase [rad]"):
-        table.add(head, np.array([1.0, 2.0]))
-    (found,) = responses_of(table)
+    found = only_response("omega", "magnitude [m/N]", "phase [rad]")
     assert (found.output, found.input, found.unit) == ("output", "input", "m/N")
     assert found.frequency_unit == "rad/s"
     np.testing.assert_allclose(found.values, [1, 2] * np.exp(1j * np.array([1.0, 2.0])))
 
 
 def test_an_imaginary_part_in_another_unit_is_converted():
-    table = RawTable()
-    for head in ("f", "x/F real [um/N]", "x/F imag [mm/N]"):
-        table.add(head, np.array([1.0, 2.0]))
-    (found,) = responses_of(table)
+    found = only_response("f", "x/F real [um/N]", "x/F imag [mm/N]")
     np.testing.assert_allclose(found.values, [1 + 1000j, 2 + 2000j])
 
 
 def test_a_stroke_stands_in_a_pair_unless_it_cannot():
-    table = RawTable()
-    for head in ("f/kHz", "magnitude x/V", "phase x/V"):
-        table.add(head, np.array([1.0, 2.0]), fraction=True)
-    (found,) = responses_of(table)
+    found = only_response("f/kHz", "magnitude x/V", "phase x/V", fraction=True)
     assert (found.output, found.input, found.unit) == ("x", "V", "")
     assert found.frequency_unit == "kHz"
-    table = RawTable()
-    for head in ("f/Hz", "magnitude/(um/N)", "phase/rad"):
-        table.add(head, np.array([1.0, 2.0]), fraction=True)
-    (found,) = responses_of(table)
+    found = only_response("f/Hz", "magnitude/(um/N)", "phase/rad", fraction=True)
     assert (found.output, found.input, found.unit) == ("output", "input", "um/N")
     np.testing.assert_allclose(found.values, [1, 2] * np.exp(1j * np.array([1.0, 2.0])))
 

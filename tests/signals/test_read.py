@@ -6,8 +6,7 @@ import pytest
 
 from robustpolish.errors import InvalidInputError
 from robustpolish.signals.raw import RawTable, library_errors
-from robustpolish.signals.read import read_measurement
-from robustpolish.signals.sources import UNIVERSAL, raw_table
+from robustpolish.signals.read import UNIVERSAL, raw_table, read_measurement
 from tests.signals.records import FORCE, MOTION, TIME, check, csv
 
 

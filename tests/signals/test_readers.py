@@ -16,8 +16,7 @@ import robustpolish as rp
 from robustpolish.errors import InvalidInputError
 from robustpolish.signals.read import read_measurement
 from robustpolish.signals.readers.arrays import table_of
-from robustpolish.signals.readers.hdf5 import check_heaps
-from robustpolish.signals.readers.mat import DamagedFileError, readable_variables
+from robustpolish.signals.readers.mat import DamagedFileError, check_heaps, readable_variables
 from tests.signals.records import FORCE, MOTION, TIME, UNITS, check, uff_record
 
 

@@ -17,15 +17,7 @@ from scipy.signal import welch
 from robustpolish.base.arrays import Array
 from robustpolish.base.budget import Budget
 from robustpolish.base.checks import described, invalid
-from robustpolish.identification.observer.kalman import (
-    ABOVE_FLOOR,
-    Level,
-    Scales,
-    displacement_peak,
-    motion_bandwidth,
-    power_bandwidth,
-    scales_of,
-)
+from robustpolish.identification.observer import kalman
 from robustpolish.identification.observer.missing_force import SmoothedMotion, smooth
 from robustpolish.identification.observer.runs import (
     InitialState,
@@ -349,7 +341,7 @@ def needed_rate(model: MechanicalModel, record: Record) -> float:
     # of the forces that drive a model
     pushing = [record.data[item.name].values for item in model.inputs if item.imposes is None]
     spectra = (_spectrum(np.asarray(u), record.dt) for u in pushing)
-    pushed = max((power_bandwidth(*each, _KEPT_POWER) for each in spectra), default=0.0)
+    pushed = max((kalman.power_bandwidth(*each, _KEPT_POWER) for each in spectra), default=0.0)
     wanted = min(residual * 2 / FLAT, _LONGEST / length)
     driven = min(pushed * 2 / FLAT, lasting)
     return max(each * fastest, wanted, driven, _FEWEST / length)
@@ -369,9 +361,9 @@ def _fastest_motion(model: MechanicalModel, record: Record) -> float:
         shown = [
             f for f in modes
             if np.max(density[(frequency > f / _AROUND) & (frequency < f * _AROUND)], initial=0.0)
-            > ABOVE_FLOOR * floor
+            > kalman.ABOVE_FLOOR * floor
         ]  # fmt: skip
-        moving = motion_bandwidth(output.quantity, frequency, density)
+        moving = kalman.motion_bandwidth(output.quantity, frequency, density)
         highest = max(highest, *shown, moving)
     return highest
 
@@ -385,8 +377,8 @@ def _residual_bandwidth(model: MechanicalModel, record: Record) -> float:
     if not np.isfinite(error).all():
         return 0.0
     spectra = (_spectrum(e, record.dt) for e in error.T)
-    left = ((f, d - ABOVE_FLOOR * float(np.percentile(d, 10))) for f, d in spectra)
-    return max(power_bandwidth(f, np.maximum(d, 0.0), _KEPT_POWER) for f, d in left)
+    left = ((f, d - kalman.ABOVE_FLOOR * float(np.percentile(d, 10))) for f, d in spectra)
+    return max(kalman.power_bandwidth(f, np.maximum(d, 0.0), _KEPT_POWER) for f, d in left)
 
 
 def _spectrum(y: Array, dt: float) -> tuple[Array, Array]:
@@ -395,7 +387,7 @@ def _spectrum(y: Array, dt: float) -> tuple[Array, Array]:
 
 
 # Levels among which an observer looks for the one that shows the motion best.
-_FOLLOWING = tuple(Level(share) for share in (10.0, 3.0, 1.0, 0.3, 0.1))
+_FOLLOWING = tuple(kalman.Level(share) for share in (10.0, 3.0, 1.0, 0.3, 0.1))
 # Samples of a trial piece.
 _TRIAL = 3500
 # Samples that are screened; where all motion is imposed, screening is quick and the amplitudes of
@@ -473,7 +465,7 @@ class PreparedRecord:
 
     record: Record
     policy: Policy
-    scales: Scales
+    scales: kalman.Scales
     peak: float
     motion_sizes: Array
     estimation: list[StartedPiece]
@@ -614,7 +606,7 @@ class PreparedRecord:
 
 def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedRecord:
     """Prepare a record for fits of a model and its extensions."""
-    scales = scales_of(model, record)
+    scales = kalman.scales_of(model, record)
     linear, m, omega = model.without_effects(), model.matrices, scales.bandwidth
     # the largest force that a motion of this size takes in the model
     stiffness = [np.abs(np.diag(matrix)) for matrix in (m.K, m.C * omega, m.M * omega**2)]
@@ -628,7 +620,7 @@ def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedR
         remedy = "Check the units of the columns, and the model's masses and stiffnesses."
         wanted = "motions that the model can have"
         raise invalid("data", described(shown), wanted, remedy) from error
-    peak = displacement_peak(model, record, scales.bandwidth, motion.q)
+    peak = kalman.displacement_peak(model, record, scales.bandwidth, motion.q)
     repeated = repeats(model, record)
     if repeated is not None:
         scales = replace(scales, noise=repeated.noise)

@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from robustpolish.base.arrays import Array
 from robustpolish.base.checks import described, invalid, one_of, positive
 from robustpolish.base.results import Card, Displayed, Table
+from robustpolish.base.texts import tables
 from robustpolish.identification.frequency.lines import (
     MeasuredResponse,
     Resonance,
@@ -32,24 +33,7 @@ _Shape = tuple[Resonance, dict[tuple[str, str], float]]
 # errors that the fit of a single pole makes anyway: its neighbours, leakage.
 _CHANGED, _SAME_FREQUENCY, _SAME_DAMPING = 4.0, 1e-4, 0.03
 # What a mode does as the amplitude grows (frequency, damping), and what would do that.
-_CAUSES: dict[tuple[Trend, Trend], tuple[str, str]] = {
-    ("stays", "stays"): ("linear within the scatter", ""),
-    ("rises", "stays"): ("hardens", "cubic_stiffness contact_stop backlash"),
-    ("rises", "rises"): (
-        "hardens and loses more", "contact_stop cubic_stiffness quadratic_damping"),
-    ("rises", "falls"): ("hardens and loses less", "backlash cubic_stiffness coulomb_friction"),
-    ("falls", "stays"): ("softens", "cubic_stiffness quadratic_stiffness pendulum_gravity"),
-    ("falls", "rises"): (
-        "softens and loses more, as joints in micro-slip do",
-        "elastic_coulomb_friction bouc_wen_hysteresis lugre_friction"),
-    ("falls", "falls"): (
-        "softens and loses less, as dry friction does that sticks at first",
-        "coulomb_friction elastic_coulomb_friction stribeck_friction"),
-    ("stays", "falls"): (
-        "loses less, as with dry friction", "coulomb_friction stribeck_friction"),
-    ("stays", "rises"): (
-        "loses more, as with drag", "quadratic_damping displacement_dependent_damping"),
-}  # fmt: skip
+_CAUSES = tables(__file__)["causes"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -307,7 +291,7 @@ def _mode(track: Mapping[float, Resonance], shapes: Sequence[_Shape]) -> Amplitu
     frequency, frequency_error, damping, damping_error, _ = map(np.array, zip(*modes, strict=True))
     by_frequency = _trend(amplitudes, frequency, frequency_error, _SAME_FREQUENCY)
     by_damping = _trend(amplitudes, damping, damping_error, _SAME_DAMPING)
-    character, effects = _CAUSES[by_frequency, by_damping]
+    character, effects = _CAUSES[f"{by_frequency} {by_damping}"]
     pairs = match_modes(tuple(mode for mode, _ in shapes), (track[min(track)],))
     motion = shapes[pairs[0][0]][1] if pairs else {}
     return AmplitudeMode(

@@ -10,17 +10,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from robustpolish.base.arrays import Array
-from robustpolish.identification.observer.kalman import (
-    FREE,
-    Gain,
-    Level,
-    Scales,
-    displacement_peak,
-    excited_bandwidth,
-    observer_gain,
-    white_noise,
-    with_missing_force,
-)
+from robustpolish.identification.observer import kalman
 from robustpolish.identification.record import Record, joined_lines, output_sizes
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.mechanical.data import MechanicalData, connected, dynamic_effects
@@ -96,8 +86,8 @@ class Runner:
         model: MechanicalModel,
         dt: float,
         amplitude: float,
-        level: Level = FREE,
-        scales: Scales | None = None,
+        level: kalman.Level = kalman.FREE,
+        scales: kalman.Scales | None = None,
         substeps: int | None = None,
         spend: Callable[[float], None] = lambda _: None,
     ) -> None:
@@ -107,9 +97,9 @@ class Runner:
         self._moves_inputs = any(e.definition.domain == "input" for e in model.effects)
         self._signals: tuple[object, object, Array, IntersampleLines | None] | None = None
         self._course: tuple[object, object, InputCourse, Array] | None = None
-        self.gain: Gain | None = None
+        self.gain: kalman.Gain | None = None
         if self._leak is not None and scales is not None:
-            self.gain = observer_gain(self._system(model), dt, level, scales)
+            self.gain = kalman.observer_gain(self._system(model), dt, level, scales)
 
     def run(self, model: MechanicalModel) -> RecordRun:
         """Return a model ready to run."""
@@ -117,7 +107,7 @@ class Runner:
 
     def _system(self, model: MechanicalModel) -> NonlinearSystem:
         plain = build_system(model, self.dt / self.substeps)
-        return plain if self._leak is None else with_missing_force(model, plain, self._leak)
+        return plain if self._leak is None else kalman.with_missing_force(model, plain, self._leak)
 
     def inputs(self, model: MechanicalModel, record: Record) -> Array:
         """Return the model's input signals over a record, shape (samples, signals)."""
@@ -251,7 +241,7 @@ def free_run(model: MechanicalModel, record: Record) -> RecordRun:
     """Return a model ready to run freely over a record."""
     peak = 0.0
     if model.effects:
-        peak = displacement_peak(model, record, excited_bandwidth(model, record))
+        peak = kalman.displacement_peak(model, record, kalman.excited_bandwidth(model, record))
     return Runner(model, record.dt, peak).run(model)
 
 
@@ -400,7 +390,7 @@ def reproducibility(
     change = _largest_change(run, StartedPiece(record.part(0, length), piece.start), size)
     if record.samples >= 64:  # enough for a spectrum: the noise of the quietest output
         sizes = zip(record.Y.T, size, strict=True)
-        noise = min(white_noise(y, record.dt, record.honest) / s for y, s in sizes)
+        noise = min(kalman.white_noise(y, record.dt, record.honest) / s for y, s in sizes)
     beyond = np.flatnonzero(~(change <= max(noise, _VISIBLE)))
     growth = float(np.max(change) / _TINY) if np.isfinite(change).all() else np.inf
     if not beyond.size:

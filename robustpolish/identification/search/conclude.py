@@ -34,16 +34,9 @@ from robustpolish.identification.fit.parameters import has_smoothing
 from robustpolish.identification.fit.result import stderr_from_covariance
 from robustpolish.identification.observer.kalman import force_sites
 from robustpolish.identification.residual_tests import force_maps, residual_noise_floor
+from robustpolish.identification.search import score
 from robustpolish.identification.search.equivalents import find_force_equivalents
 from robustpolish.identification.search.laws import CURVES, KINDS, OVER_TIME, learn
-from robustpolish.identification.search.plausible import DETERMINED, undetermined_parameter
-from robustpolish.identification.search.score import (
-    STRONG,
-    ScoredModel,
-    nats,
-    scores,
-    simplest_of_best,
-)
 from robustpolish.identification.search.search import NEAR, EffectSearch, told_alike
 from robustpolish.identification.search.verdict import (
     NEAR_NOISE,
@@ -66,7 +59,7 @@ _DRY = ("coulomb_friction", "stribeck_friction")
 class Conclusion(NamedTuple):
     """The model that is the answer, fitted to parts of the record and to the whole of it."""
 
-    scored: ScoredModel
+    scored: score.ScoredModel
     final: FinalFit
     residual: Residual
 
@@ -133,7 +126,7 @@ def _final(run: EffectSearch, predictable: bool) -> Conclusion:
     return found._replace(final=_smooth_frictions(run, final))
 
 
-def _better_law(run: EffectSearch, residual: Residual) -> ScoredModel | None:
+def _better_law(run: EffectSearch, residual: Residual) -> score.ScoredModel | None:
     """Return a learned law in place of all that was added, if it is better by strong evidence.
 
     A kind of the catalogue that makes its force takes its place if it is as good.
@@ -154,11 +147,11 @@ def _better_law(run: EffectSearch, residual: Residual) -> ScoredModel | None:
             found += [law, *_named(run, law)]
         if explains:
             break
-    chosen = simplest_of_best([run.best, *found], run.base)
+    chosen = score.simplest_of_best([run.best, *found], run.base)
     return None if chosen is run.best else chosen
 
 
-def _named(run: EffectSearch, scored: ScoredModel) -> list[ScoredModel]:
+def _named(run: EffectSearch, scored: score.ScoredModel) -> list[score.ScoredModel]:
     """Return models with kinds of the catalogue that make nearly the force of a learned curve."""
     laws = scored.curves
     if len(laws) != 1 or len(laws[0].definition.over) != 1:
@@ -182,7 +175,7 @@ def _verdict_on_law(run: EffectSearch, found: Conclusion) -> Verdict:
         float(np.max(scored.fitted.error / size)) for scored in (run.base, found.scored)
     )
     what = learned_laws_of(found.final.model, None)[-1].quantity
-    gain = nats(found.scored, run.base)
+    gain = score.nats(found.scored, run.base)
     reasons = [
         f"A {what} over {over} at {', '.join(curves[0].at)} takes the held-out error from "
         f"{before:.3g} to {after:.3g} of the output's deviation ({gain:.0f} nats).",
@@ -190,7 +183,7 @@ def _verdict_on_law(run: EffectSearch, found: Conclusion) -> Verdict:
     ]
     if run.best.added:
         named = " and ".join(map(str, run.best.added))
-        gain = float(np.diff(scores([run.best, found.scored], run.base))[0])
+        gain = float(np.diff(score.scores([run.best, found.scored], run.base))[0])
         reasons.append(f"Not kept, {gain:.0f} nats behind: {named}.")
     return Verdict("unknown_law", reasons, found.residual.floor)
 
@@ -211,7 +204,7 @@ def _as_it_is(run: EffectSearch, predictable: bool) -> FinalFit:
     return FinalFit(run.best.fitted.fit, error, predictable)
 
 
-def fit_whole_record(run: EffectSearch, scored: ScoredModel, predictable: bool) -> FinalFit:
+def fit_whole_record(run: EffectSearch, scored: score.ScoredModel, predictable: bool) -> FinalFit:
     """Fit a model to the whole record, and judge it there."""
     prepared, stage = run.prepared, scored.fitted
     policy, pieces = prepared.policy, prepared.everything
@@ -257,7 +250,7 @@ def _smooth_frictions(run: EffectSearch, final: FinalFit) -> FinalFit:
                 if _alike(fitted, final.fit)
                 else np.sum(effective_samples(fitted.errors) * np.log(final.error / left))
             )
-            if odds > STRONG:
+            if odds > score.STRONG:
                 final = FinalFit(fitted, left, final.predictable)
     return final
 
@@ -303,7 +296,7 @@ def _smoothed(run: EffectSearch, final: FinalFit, at: int) -> Iterator[Fit]:
     ):  # fmt: skip
         value = fitted.model.effects[at].values[name]
         errors = stderr_from_covariance(covariance_of(fitted))
-        if errors.get(f"effect[{at}].{name}", np.inf) < DETERMINED * value:
+        if errors.get(f"effect[{at}].{name}", np.inf) < score.DETERMINED * value:
             yield fitted
 
 
@@ -386,7 +379,7 @@ def _alike_pairs(run: EffectSearch, found: Conclusion) -> list[tuple[Effect, Eff
             counted = effective_samples(final.fit.errors)
             with np.errstate(divide="ignore"):
                 odds = float(np.sum(counted * np.log(error / final.error)))
-            if odds < STRONG:
+            if odds < score.STRONG:
                 pairs.append((effect, other))
     return pairs
 
@@ -396,7 +389,7 @@ def _candidates(run: EffectSearch) -> Iterator[RankedCandidate]:
     size = np.std(run.prepared.record.Y, axis=0)
     once = {(t.step, frozenset((e.kind, e.at) for e in t.effects)): t for t in run.tried}
     fitted = [t for t in once.values() if t.scored is not None and t.effects]
-    gains = scores([t.scored for t in fitted if t.scored is not None], run.base)
+    gains = score.scores([t.scored for t in fitted if t.scored is not None], run.base)
     for tried, gain in sorted(zip(fitted, gains, strict=True), key=lambda p: (p[0].step, -p[1])):
         assert tried.scored is not None
         error = float(np.mean(tried.scored.fitted.error / size))
@@ -414,7 +407,7 @@ def _candidates(run: EffectSearch) -> Iterator[RankedCandidate]:
 
 def _undetermined_effects(final: Fit, added: Sequence[int]) -> list[str]:
     """Say of which effects the first number is not determined, though they are there."""
-    leads = {i: undetermined_parameter(final, i) for i in added}
+    leads = {i: score.undetermined_parameter(final, i) for i in added}
     effects = final.model.effects
     return [
         f"{effects[i]} is there, but the data leave its {lead} open."

@@ -28,15 +28,8 @@ from robustpolish.identification.fit.least_squares import (
     windows_from_stage,
 )
 from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.search import screening
 from robustpolish.identification.search.score import Place
-from robustpolish.identification.search.screening import (
-    HIDDEN,
-    LEAST_LEFT,
-    CandidateColumns,
-    FilteredRecord,
-    effect_from,
-    mutually_exclusive,
-)
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import CONSTANT
 
@@ -100,7 +93,7 @@ class SetProblem:
 
     def __init__(
         self,
-        entries: Sequence[CandidateColumns],
+        entries: Sequence[screening.CandidateColumns],
         X: Array,
         project: Callable[[Array], Array],
         e: Array,
@@ -113,7 +106,7 @@ class SetProblem:
         self.C, self.rest = np.ascontiguousarray(project(X).T), project(e.reshape(-1, 1))[:, 0]
         self.gram, self.target = self.C @ X, -X.T @ self.rest
         self.total = max(float(e.ravel() @ self.rest), 1e-300)
-        self.usable = (self.unit > 0) & (np.diag(self.gram) >= HIDDEN)
+        self.usable = (self.unit > 0) & (np.diag(self.gram) >= screening.HIDDEN)
         self.signs = np.array([entries[i].shape.signs[j] for i, j in self.tasks])
         self.samples = independent_errors(self.rest.reshape(self.shape), noise)
         self.rows: dict[int, list[int]] = {}
@@ -227,7 +220,7 @@ class SetProblem:
         return max(found, key=lambda s: s.nats, default=None)
 
     def _nats(self, fall: float, numbers: int) -> float:
-        left = max(self.total - fall, LEAST_LEFT * self.total)
+        left = max(self.total - fall, screening.LEAST_LEFT * self.total)
         return 0.5 * self.samples * np.log(self.total / left) - 0.5 * numbers * np.log(self.samples)
 
     def _effects(self, found: _Sized) -> tuple[Effect, ...]:
@@ -241,7 +234,7 @@ class SetProblem:
             (i, np.array([size[k] / self.unit[k] for k in self.rows[i]]))
             for i in sorted(found.which, key=explains)
         ]
-        return tuple(effect_from(self.entries[i], c) for i, c in each)
+        return tuple(screening.effect_from(self.entries[i], c) for i, c in each)
 
     def _place(self, i: int) -> Place:
         return self.entries[i].kind.kind, self.entries[i].at
@@ -251,14 +244,14 @@ class SetProblem:
         for i, j in itertools.combinations(which, 2):
             a, b = self.entries[i], self.entries[j]
             if set(a.at) == set(b.at) and (
-                a.kind.kind == b.kind.kind or mutually_exclusive(a.kind, b.kind)
+                a.kind.kind == b.kind.kind or screening.mutually_exclusive(a.kind, b.kind)
             ):
                 return False
         return True
 
 
 def problem_of_free_runs(
-    stage: Fit, prepared: PreparedRecord, entries: Sequence[CandidateColumns], span: int
+    stage: Fit, prepared: PreparedRecord, entries: Sequence[screening.CandidateColumns], span: int
 ) -> SetProblem | None:
     """Return the problem about the model's own free runs over windows, None if these diverge."""
     windows = windows_from_stage(stage.model, prepared, prepared.trial, span, stage)
@@ -270,7 +263,7 @@ def problem_of_free_runs(
     force = float(np.mean(prepared.scales.force)) or 1.0
     signal = float(np.mean(np.std(prepared.record.Y, axis=0)))
 
-    def column(task: tuple[CandidateColumns, int]) -> Array:
+    def column(task: tuple[screening.CandidateColumns, int]) -> Array:
         """Change of the errors for a unit of one coefficient."""
         entry, j = task
         size = float(np.sqrt(np.mean(entry.shape.columns[j] ** 2)))
@@ -295,7 +288,7 @@ def problem_of_free_runs(
 
 
 def problem_along_motion(
-    seen: FilteredRecord, entries: Sequence[CandidateColumns]
+    seen: screening.FilteredRecord, entries: Sequence[screening.CandidateColumns]
 ) -> SetProblem | None:
     """Return the problem about the linear model's run along the measured motion."""
     # a scale of a sensor makes the data smaller, and every error with them

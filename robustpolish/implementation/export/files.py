@@ -15,7 +15,6 @@ import uuid
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -28,6 +27,7 @@ from robustpolish.base.arrays import Array, Matrix, Vector
 from robustpolish.base.atomic_writes import new_file, write_file
 from robustpolish.base.checks import invalid, one_of, whole_number
 from robustpolish.base.saved import write_saved
+from robustpolish.base.texts import templates
 from robustpolish.base.versions import __version__
 from robustpolish.errors import MissingDependencyError, SolverError
 from robustpolish.implementation.realization import SAMPLES, SinglePrecision, controller_outputs
@@ -121,19 +121,12 @@ def target(path: str | os.PathLike[str], name: str, suffix: str) -> Path:
 
 def rendered(template: str, spec: CodeSpec, name: str, **values: Any) -> str:
     """Return a jinja2 template of the folder `templates`, filled in for a controller."""
-    import jinja2  # needed by exports only
-
-    environment = jinja2.Environment(
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        undefined=jinja2.StrictUndefined,
-    )
-    environment.filters.update(comment=_comment, numbers=_numbers, plain=_plain, quote=quoteattr)
-    text = resources.files(__package__).joinpath("templates", template).read_text("utf-8")  # pyright: ignore[reportArgumentType]
+    filters = {"comment": _comment, "numbers": _numbers, "plain": _plain, "quote": quoteattr}
+    style = dict.fromkeys(("trim_blocks", "lstrip_blocks", "keep_trailing_newline"), True)
+    text = templates(f"{__package__}.templates", filters, **style).get_template(template)
     ny, nu = len(spec.measurements), len(spec.controls)
     own = {"version": __version__, "ny": ny, "nu": nu, "period": repr(float(spec.period))}
-    return environment.from_string(text).render(spec=spec, name=name, **own, **values)
+    return text.render(spec=spec, name=name, **own, **values)
 
 
 def c_text(spec: CodeSpec, name: str, precision: str, facts: tuple[str, ...] = ()) -> str:

@@ -23,7 +23,7 @@ from robustpolish.machines.effects.kind import GROUND, EffectKind
 from robustpolish.machines.effects.spline_law import learned_kind
 
 ENTRY_POINT_GROUP = "robustpolish.effects"
-_FAMILIES = ("friction", "damping", "stiffness", "excitation", "signals")
+_FAMILIES = ("forces", "excitation", "signals")
 _registered: dict[str, EffectKind] = {}
 
 

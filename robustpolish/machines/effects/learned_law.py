@@ -18,6 +18,7 @@ from scipy.stats import chi2
 from robustpolish.base.arrays import Array
 from robustpolish.base.checks import invalid
 from robustpolish.base.results import Card, Displayed, plus_minus, quantities
+from robustpolish.base.texts import tables
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.formula_language import PostfixProgram, read_formula
 from robustpolish.machines.effects.spline_law import coefficients_of, knot_error_bound, spline_basis
@@ -81,26 +82,7 @@ class Formula:
         return f"{self.expression} with {', '.join(told)}"
 
 
-# Terms, whose first name is the number that is fitted, and the powers of displacement and velocity
-# by which its unit divides; d and w are a length or a speed of the term's own.
-_OVER_DISPLACEMENT = {
-    "k*q": (1, 0), "k3*q**3": (3, 0), "k5*q**5": (5, 0), "ka*q*abs(q)": (2, 0), "k2*q**2": (2, 0),
-    "F0": (0, 0), "Fs*tanh(q/d)": (0, 0), "kd*sign(q)*max(abs(q) - d, 0)": (1, 0),
-    "kr*max(q - d, 0)": (1, 0), "kl*min(q + d, 0)": (1, 0), "kr*max(q, 0)": (1, 0),
-    "kl*min(q, 0)": (1, 0),
-}  # fmt: skip
-_OVER_VELOCITY = {
-    "c*v": (0, 1), "F*sign(v)": (0, 0), "ca*v*abs(v)": (0, 2), "c3*v**3": (0, 3), "F0": (0, 0),
-    "F*tanh(v/w)": (0, 0),
-}  # fmt: skip
-_TERMS: Mapping[str, Mapping[str, tuple[int, int]]] = {
-    "displacement": _OVER_DISPLACEMENT,
-    "velocity": _OVER_VELOCITY,
-    "displacement and velocity": {
-        **_OVER_DISPLACEMENT, **_OVER_VELOCITY, "cq*q**2*v": (2, 1), "kv*q*v": (1, 1)
-    },
-    "time": {"a0": (0, 0), "a1*t": (1, 0), "a2*t**2": (2, 0), "aw*(1 - exp(-t/d))": (0, 0)},
-}  # fmt: skip
+_TERMS: Mapping[str, dict[str, list[int]]] = tables(__file__, "laws.toml")["terms"]
 
 
 class _Term(NamedTuple):
@@ -115,13 +97,15 @@ class _Term(NamedTuple):
 
 @lru_cache(maxsize=4)
 def _terms(over: str) -> list[_Term]:
-    found = []
-    for text, powers in _TERMS[over].items():
+    found, texts = [], {}
+    for part in dict.fromkeys([*over.split(" and "), over]):
+        texts |= _TERMS[part]
+    for text, (q, v) in texts.items():
         name = text.split("*")[0]
         turn = "".join(re.findall(r"\b[dw]\b", text)[:1])
         formula = read_formula(f"f = {text}", [name, *turn])
         variable = next((letter for letter in "qvt" if letter in formula.names), "")
-        found.append(_Term(formula, powers, name, turn, variable))
+        found.append(_Term(formula, (q, v), name, turn, variable))
     return found
 
 

@@ -31,6 +31,7 @@ import numpy as np
 
 from robustpolish.base.arrays import Array
 from robustpolish.base.jit import njit
+from robustpolish.base.texts import tables
 from robustpolish.machines.effects.evaluate import machine_code
 from robustpolish.machines.effects.kind import EffectKind, Law, Parameter, Steepness, Values
 
@@ -271,27 +272,9 @@ def _steepest(values: Mapping[str, float], first: str, last: str, axis: int) -> 
     return float(np.max(np.abs(np.diff(c, axis=axis)))) / width if width > 0 else 0.0
 
 
-_LAWS: dict[str, tuple[tuple[str, ...], tuple[str, ...], str]] = {
-    "stiffness": (("displacement",), ("spring",), "F"),
-    "damping": (("velocity",), ("damper",), "F"),
-    "force": (("displacement", "velocity"), ("spring", "damper"), "F"),
-    "varying_stiffness": (("time",), ("spring",), "F/L"),
-    "varying_damping": (("time",), ("damper",), "F*T/L"),
-}
-"""What each law is a curve over, which parts it contains, and the dimension of its coefficients."""
+_TOLD = tables(__file__, "laws.toml")
 _DIMENSIONS = {"displacement": "L", "velocity": "L/T", "time": "T"}
 _KNOTS = (("low", "high"), ("slow", "fast"))
-_OF_THE_MOTION = (
-    "Ask which part at this place makes a force of this shape; its curve, its words and "
-    "its formula say what it resembles.",
-    "Repeat the record at a larger amplitude: outside of the range that was seen, the "
-    "curve is a guess.",
-)
-_OF_TIME = (
-    "Ask what warms up, loses its preload or its pressure, or moves along the machine meanwhile.",
-    "Repeat the record with its parts in another order: what follows the time stays where it was, "
-    "what follows the amplitude or the frequency moves.",
-)
 
 
 def learned_name(over: Over, count: int) -> str:
@@ -336,10 +319,11 @@ def learned_kind(name: str) -> EffectKind | None:
     True
     """
     told = _NAME.fullmatch(name)
-    if told is None or told[1] not in _LAWS:
+    if told is None or told[1] not in _TOLD["learned"]:
         return None
     over, count = cast(Over, told[1]), int(told[2])
-    (variables, contains, dimension), square = _LAWS[over], over == "force"
+    law, square = _TOLD["learned"][over], over == "force"
+    variables, dimension = law["over"], law["dimension"]
     fits = _FEWEST <= count <= (_MOST_ACROSS if square else _MOST)
     if not fits or told[3] != (told[2] if square else None):
         return None
@@ -371,9 +355,9 @@ def learned_kind(name: str) -> EffectKind | None:
         parameters=tuple(parameters),
         law=SplineLaw(over, count),
         prior=smoothness_prior,
-        over=variables,
-        contains=contains,
+        over=tuple(variables),
+        contains=tuple(law["contains"]),
         looks_like=f"{what}; its curve was learned from the data.",
-        checks=_OF_TIME if varies else _OF_THE_MOTION,
+        checks=tuple(_TOLD["checks"]["time" if varies else "motion"]),
         references=(_REFERENCE,),
     )

@@ -20,8 +20,8 @@ from robustpolish.implementation.reduction import balancing_projection, own_gram
 from robustpolish.linear.arithmetic import powers_of_two
 from robustpolish.linear.arithmetic.rational import EXACT_STATES
 from robustpolish.linear.controllability import controllability
+from robustpolish.linear.modes import AxisZero, zeros_on_axis
 from robustpolish.linear.scaling import decoupled_blocks
-from robustpolish.linear.zeros import AxisZero, zeros_on_axis
 from robustpolish.plants.blocks import matrices_of, named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import NOISE_PREFIX

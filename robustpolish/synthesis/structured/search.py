@@ -19,17 +19,7 @@ from robustpolish.base.budget import Budget
 from robustpolish.errors import SolverError
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import Norm, certify
-from robustpolish.synthesis.nonsmooth.descent import (
-    Bounds,
-    Measure,
-    Parametrisation,
-    Problem,
-    ReflectedParametrisation,
-    Requirement,
-    bfgs,
-    minimax,
-    stop_reason,
-)
+from robustpolish.synthesis.nonsmooth import descent
 from robustpolish.synthesis.nonsmooth.measures import (
     GainMeasure,
     HinfMeasure,
@@ -133,12 +123,12 @@ class MultistartSearch:
         One entry per descent.
     """
 
-    problem: Problem
-    stability: Measure
+    problem: descent.Problem
+    stability: descent.Measure
     effort: SearchEffort
     budget: Budget
     target: float = -np.inf
-    bounds: Bounds | None = None
+    bounds: descent.Bounds | None = None
     point: Vector | None = None
     value: float = np.inf
     reason: str = "starts"
@@ -168,7 +158,7 @@ class MultistartSearch:
     def _stop(self) -> str:
         """Return why no other descent is needed; empty if one is."""
         if self.budget.over:
-            return stop_reason(self.budget)
+            return descent.stop_reason(self.budget)
         if self.value < self.target:
             return "target"
         if self.point is None:
@@ -195,7 +185,7 @@ class MultistartSearch:
             return
         unbounded = np.full(start.size, np.inf)
         bounds = self.bounds or (-unbounded, unbounded)
-        folded = ReflectedParametrisation(problem.parametrisation, bounds)
+        folded = descent.ReflectedParametrisation(problem.parametrisation, bounds)
         smooth = replace(problem, parametrisation=folded)
         point = np.clip(start, *bounds)
         if problem.model(point) is None:
@@ -214,13 +204,15 @@ class MultistartSearch:
             # With the 110 free numbers of IH 300 steps end halfway.
             steps = max(300, 15 * point.size)
             goal = -np.inf if problem.requirements else self.target
-            first = bfgs(
+            first = descent.bfgs(
                 lambda theta: smooth.penalised(theta, _PENALTY),
                 point, budget, problem.work, steps, goal,
             )  # fmt: skip
             point = folded.point(first.point)
         if first is None or first.value < self.value + 0.1:
-            last = minimax(problem, point, budget, self.effort.steps, self.target, bounds=bounds)
+            last = descent.minimax(
+                problem, point, budget, self.effort.steps, self.target, bounds=bounds
+            )
             point, value, outcome = last.point, last.value, last.reason
         else:
             model = problem.model(point)
@@ -232,7 +224,7 @@ class MultistartSearch:
 
 
 def stabilise(
-    problem: Problem, stability: Measure, start: Vector, budget: Budget
+    problem: descent.Problem, stability: descent.Measure, start: Vector, budget: Budget
 ) -> tuple[Vector, float]:
     """Lower the spectral abscissa by BFGS until the objective is finite."""
     parametrisation = problem.parametrisation
@@ -249,7 +241,7 @@ def stabilise(
     margin = 1e-7
     point, abscissa = start, np.inf
     for _ in range(4):
-        ended = bfgs(function, point, budget, stability.work, 200, -margin, tolerance=1e-6)
+        ended = descent.bfgs(function, point, budget, stability.work, 200, -margin, tolerance=1e-6)
         if not np.isfinite(ended.value):
             return start, np.inf
         point, abscissa = ended.point, ended.value
@@ -326,18 +318,18 @@ class PartProblem:
     scaled: ScaledPlant
     norm: Norm
     order: int
-    parametrisation: Parametrisation
+    parametrisation: descent.Parametrisation
     starts: tuple[StartProposal, ...]
     what: str
     scatter: tuple[float, float] | None = None
     rest: Vector | None = None
     gain_bound: float | None = None
-    specifications: tuple[Requirement, ...] = ()
+    specifications: tuple[descent.Requirement, ...] = ()
     effort: SearchEffort = SearchEffort()
     objective_loop: PlantMatrices | None = None
-    bounds: Bounds | None = None
+    bounds: descent.Bounds | None = None
     open_ended: NDArray[np.bool_] | None = None
-    size: Measure | None = None
+    size: descent.Measure | None = None
     slack: float = 5e-5
     advice: str = "Raise order="
     machines: tuple[PlantMatrices, ...] = ()
@@ -349,7 +341,7 @@ class PartProblem:
         return augmented(PlantMatrices.of(self.scaled.plant), self.order)
 
     @cached_property
-    def objective(self) -> Measure:
+    def objective(self) -> descent.Measure:
         """The norm that is minimised."""
         if self.machines:
             return MaxMeasure(tuple(norm_measure(loop, self.norm) for loop in self.stable_loops))
@@ -362,13 +354,13 @@ class PartProblem:
         return controller_loop(self.order, left, right, self.scaled.original.is_discrete)
 
     @cached_property
-    def requirements(self) -> tuple[Requirement, ...]:
+    def requirements(self) -> tuple[descent.Requirement, ...]:
         """All specifications and the bound on the gain, over frequency if K is dynamic."""
         if self.gain_bound is None:
             return self.specifications
         own = self.controller_loop
         size = HinfMeasure(own) if self.order else GainMeasure(own.D12, own.D21)
-        return (*self.specifications, Requirement(size, self.gain_bound))
+        return (*self.specifications, descent.Requirement(size, self.gain_bound))
 
     @property
     def stable_loops(self) -> tuple[PlantMatrices, ...]:
@@ -379,14 +371,14 @@ class PartProblem:
         return (self.loop, self.controller_loop) if alone else (self.loop,)
 
     @property
-    def stability(self) -> Measure:
+    def stability(self) -> descent.Measure:
         """Negative where all that has to be stable is."""
         size = float(np.linalg.norm(self.loop.A, 2)) or 1.0
         return MaxMeasure(tuple(StabilityMeasure.of(each, size) for each in self.stable_loops))
 
-    def below(self, ceiling: float) -> Problem:
+    def below(self, ceiling: float) -> descent.Problem:
         """Return what the descents minimise, over gains below a ceiling."""
-        return Problem(self.parametrisation, self.objective, self.requirements, ceiling)
+        return descent.Problem(self.parametrisation, self.objective, self.requirements, ceiling)
 
     def proposals(self, budget: Budget, rng: np.random.Generator) -> Iterator[Vector]:
         """Ask one proposal of starts after the other."""
@@ -565,7 +557,7 @@ def _tidied(part: PartProblem, search: MultistartSearch, budget: Budget) -> Part
 
 
 def _smaller_gain(
-    part: PartProblem, problem: Problem, point: Vector, value: float, budget: Budget
+    part: PartProblem, problem: descent.Problem, point: Vector, value: float, budget: Budget
 ) -> tuple[Vector, float]:
     """Give away a little of the norm for the smallest gain."""
     if point.size == 0:
@@ -582,11 +574,11 @@ def _smaller_gain(
     K = gain(point)
     bound = float(np.exp(value)) * (1 + part.slack)
     size = part.size or GainMeasure(np.eye(K.shape[0]), np.eye(K.shape[1]))
-    held = (Requirement(problem.objective, bound), *problem.requirements)
+    held = (descent.Requirement(problem.objective, bound), *problem.requirements)
     small = replace(problem, objective=size, requirements=held)
     if not K.any() or small.model(point) is None:
         return point, value
-    ended = minimax(small, point, budget, iterations=150, weight=100.0, bounds=part.bounds)
+    ended = descent.minimax(small, point, budget, iterations=150, weight=100.0, bounds=part.bounds)
     check = problem.model(ended.point)
     if check is None or check.violation > 1e-9 or check.objective > np.log(bound) + 1e-6:
         return point, value

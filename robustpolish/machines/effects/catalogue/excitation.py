@@ -5,14 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from robustpolish.base.arrays import Array
-from robustpolish.machines.effects.catalogue import told
+from robustpolish.machines.effects.catalogue import declared
 from robustpolish.machines.effects.evaluate import force_with
 from robustpolish.machines.effects.kind import (
-    CONSTANT,
     LINE,
     EffectKind,
     Motion,
-    Parameter,
     Scan,
     Shape,
     Steepness,
@@ -26,14 +24,7 @@ def _constant_force_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     f[0] = p[0]
 
 
-_CONSTANT_FORCE = EffectKind(
-    **told("constant_force"),
-    domain="dof",
-    parameters=(Parameter("force", "F", "force along the coordinate"),),
-    law=_constant_force_law,
-    linear_in=("force",),
-    family=CONSTANT,
-)
+_CONSTANT_FORCE = declared("constant_force", law=_constant_force_law)
 
 
 # A force at one frequency that nobody measured.
@@ -43,18 +34,7 @@ def _harmonic_force_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     f[0] = p[0] * np.cos(2.0 * np.pi * p[1] * t + p[2])
 
 
-_HARMONIC_FORCE = EffectKind(
-    **told("harmonic_force"),
-    domain="dof",
-    parameters=(
-        Parameter("amplitude", "F", "amplitude along the coordinate", lower=0.0),
-        Parameter("frequency", "1/T", "frequency in Hz", lower=0.0, fit_scale=1e-3),
-        Parameter("phase", "rad", "phase of the cosine at time 0"),
-    ),
-    law=_harmonic_force_law,
-    linear_in=("amplitude",),
-    scan=(Scan("frequency", LINE, (0, 1, 2)),),
-)
+_HARMONIC_FORCE = declared("harmonic_force", law=_harmonic_force_law)
 
 
 # A mass beside the axis of rotation, at the known spin frequency.
@@ -66,25 +46,7 @@ def _unbalance_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     f[1] = p[2] * size * np.sin(p[3] * t + p[1])
 
 
-_UNBALANCE = EffectKind(
-    **told("unbalance"),
-    domain="axes",
-    parameters=(
-        Parameter("unbalance", "M*L", "mass times eccentricity", lower=0.0),
-        Parameter("phase", "rad", "angle from the first axis at time 0"),
-        Parameter(
-            "direction",
-            "1",
-            "1 if it turns from the first axis to the second, else -1",
-            default=1.0,
-            fitted=False,
-        ),
-    ),
-    law=_unbalance_law,
-    linear_in=("unbalance",),
-    scan=(Scan("direction", "1", (1.0, -1.0)),),
-    context=("spin_frequency",),
-)
+_UNBALANCE = declared("unbalance", law=_unbalance_law)
 
 
 # A spring whose stiffness turns with the spindle.
@@ -94,17 +56,7 @@ def _parametric_stiffness_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-
     f[0] = -p[0] * np.cos(p[2] * t + p[1]) * q[0]
 
 
-_PARAMETRIC_STIFFNESS = EffectKind(
-    **told("parametric_stiffness"),
-    domain="pair",
-    parameters=(
-        Parameter("amplitude", "F/L", "amplitude of the stiffness", lower=0.0),
-        Parameter("phase", "rad", "phase of the cosine at time 0"),
-    ),
-    law=_parametric_stiffness_law,
-    linear_in=("amplitude",),
-    context=("spin_frequency",),
-)
+_PARAMETRIC_STIFFNESS = declared("parametric_stiffness", law=_parametric_stiffness_law)
 
 
 # Two axes of a spinning body that turn each other.
@@ -115,13 +67,7 @@ def _gyroscopic_coupling_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-d
     f[1] = p[0] * v[0]
 
 
-_GYROSCOPIC_COUPLING = EffectKind(
-    **told("gyroscopic_coupling"),
-    domain="axes",
-    parameters=(Parameter("coefficient", "F*T/L", "force over the other axis' velocity"),),
-    law=_gyroscopic_coupling_law,
-    linear_in=("coefficient",),
-)
+_GYROSCOPIC_COUPLING = declared("gyroscopic_coupling", law=_gyroscopic_coupling_law)
 
 
 # Springs across two axes, as of seals, fluid films or tilted supports.
@@ -149,13 +95,8 @@ def _cross_stiffness_gains(values: Values, q: float, v: float) -> Steepness:
     return max(abs(values["stiffness_xy"]), abs(values["stiffness_yx"])), 0.0, 0.0
 
 
-_CROSS_STIFFNESS = EffectKind(
-    **told("cross_stiffness"),
-    domain="axes",
-    parameters=(
-        Parameter("stiffness_xy", "F/L", "first axis' force over second axis' displacement"),
-        Parameter("stiffness_yx", "F/L", "second axis' force over first axis' displacement"),
-    ),
+_CROSS_STIFFNESS = declared(
+    "cross_stiffness",
     law=_cross_stiffness_law,
     shapes=_cross_stiffness_shapes,
     gains=_cross_stiffness_gains,
@@ -231,19 +172,12 @@ def _resonator_state_sizes(values: Values, q: float, v: float) -> tuple[float, .
     return (q, v)
 
 
-_ATTACHED_RESONATOR = EffectKind(
-    **told("attached_resonator"),
-    domain="dof",
-    parameters=(
-        Parameter("mass", "M", "mass that swings", lower=0.0, default=1.0),
-        Parameter("stiffness", "F/L", "its spring", lower=0.0),
-        Parameter("damping", "F*T/L", "its damper", lower=0.0),
-    ),
+_ATTACHED_RESONATOR = declared(
+    "attached_resonator",
     law=_resonator_law,
     shapes=_resonator_shapes,
     gains=_resonator_gains,
     state_sizes=_resonator_state_sizes,
-    states=2,
     swinging=_resonator_values,
 )
 

@@ -6,13 +6,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from robustpolish.base.arrays import Array
-from robustpolish.machines.effects.catalogue import told
+from robustpolish.machines.effects.catalogue import declared
 from robustpolish.machines.effects.evaluate import first_order_lag
 from robustpolish.machines.effects.kind import (
-    CONSTANT,
     EffectKind,
     Motion,
-    Parameter,
     Shape,
     Timing,
     Values,
@@ -42,10 +40,8 @@ def _input_delay_timing(values: Values) -> Timing:
     return Timing(delay=values["delay"])
 
 
-_INPUT_DELAY = EffectKind(
-    **told("input_delay"),
-    domain="input",
-    parameters=(Parameter("delay", "T", "time from the record to the force", lower=0.0),),
+_INPUT_DELAY = declared(
+    "input_delay",
     on_signal=_input_delay_on_signal,
     timing=_input_delay_timing,
     shapes=_input_delay_shapes,
@@ -77,13 +73,8 @@ def _input_lag_timing(values: Values) -> Timing:
     return Timing(lag=values["lag"])
 
 
-_INPUT_LAG = EffectKind(
-    **told("input_lag"),
-    domain="input",
-    parameters=(Parameter("lag", "T", "time constant of the actuator", lower=0.0),),
-    on_signal=_input_lag_on_signal,
-    timing=_input_lag_timing,
-    shapes=_input_lag_shapes,
+_INPUT_LAG = declared(
+    "input_lag", on_signal=_input_lag_on_signal, timing=_input_lag_timing, shapes=_input_lag_shapes
 )
 
 
@@ -94,13 +85,7 @@ def _gain_on_signal(u: Array, time: Array, values: Values) -> Array:
     return u * values["gain"]
 
 
-_INPUT_GAIN = EffectKind(
-    **told("input_gain"),
-    domain="input",
-    parameters=(Parameter("gain", "1", "true over measured", default=1.0),),
-    on_signal=_gain_on_signal,
-    linear_in=("gain",),
-)
+_INPUT_GAIN = declared("input_gain", on_signal=_gain_on_signal)
 
 
 # What an input does between its samples; no effect of the machine but of the record.
@@ -128,23 +113,7 @@ def _input_hold_timing(values: Values) -> Timing:
     return Timing(values["order"])
 
 
-_INPUT_HOLD = EffectKind(
-    **told("input_hold"),
-    domain="input",
-    parameters=(
-        Parameter(
-            "order",
-            "1",
-            "0: held until the next sample, 1: linear, 3: smooth (band-limited)",
-            lower=0.0,
-            upper=3.0,
-            default=1.0,
-            fitted=False,
-        ),
-    ),
-    on_signal=_input_hold_on_signal,
-    timing=_input_hold_timing,
-)
+_INPUT_HOLD = declared("input_hold", on_signal=_input_hold_on_signal, timing=_input_hold_timing)
 
 
 # An actuator that cannot do more than its limit.
@@ -167,14 +136,10 @@ def _input_saturation_on_signal(u: Array, time: Array, values: Values) -> Array:
     return np.clip(u, -values["limit"], values["limit"])
 
 
-_INPUT_SATURATION = EffectKind(
-    **told("input_saturation"),
-    domain="input",
-    parameters=(
-        Parameter("limit", "signal", "largest force to either side", lower=0.0, default=np.inf),
-    ),
+_INPUT_SATURATION = declared(
+    "input_saturation",
     on_signal=_input_saturation_on_signal,
-    linear_signal=unchanged_signal,  # below the limit
+    linear_signal=unchanged_signal,
     shapes=_input_saturation_shapes,
 )
 
@@ -197,14 +162,10 @@ def _input_dead_zone_on_signal(u: Array, time: Array, values: Values) -> Array:
     return np.asarray(u - np.clip(u, -values["width"], values["width"]))
 
 
-_INPUT_DEAD_ZONE = EffectKind(
-    **told("input_dead_zone"),
-    domain="input",
-    parameters=(
-        Parameter("width", "signal", "command to either side that does nothing", lower=0.0),
-    ),
+_INPUT_DEAD_ZONE = declared(
+    "input_dead_zone",
     on_signal=_input_dead_zone_on_signal,
-    linear_signal=unchanged_signal,  # beyond it, changes act in full
+    linear_signal=unchanged_signal,
     shapes=_input_dead_zone_shapes,
 )
 
@@ -216,14 +177,8 @@ def _sensor_offset_on_signal(u: Array, time: Array, values: Values) -> Array:
     return u + values["offset"]
 
 
-_SENSOR_OFFSET = EffectKind(
-    **told("sensor_offset"),
-    domain="output",
-    parameters=(Parameter("offset", "signal", "shown when there is nothing"),),
-    on_signal=_sensor_offset_on_signal,
-    linear_signal=unchanged_signal,
-    linear_in=("offset",),
-    family=CONSTANT,
+_SENSOR_OFFSET = declared(
+    "sensor_offset", on_signal=_sensor_offset_on_signal, linear_signal=unchanged_signal
 )
 
 
@@ -237,13 +192,7 @@ def _sensor_gain_shapes(motion: Motion) -> list[Shape]:
     return [Shape(motion.q[None], values, (0,))]
 
 
-_SENSOR_GAIN = EffectKind(
-    **told("sensor_gain"),
-    domain="output",
-    parameters=(Parameter("gain", "1", "shown over true", default=1.0),),
-    on_signal=_gain_on_signal,
-    shapes=_sensor_gain_shapes,
-)
+_SENSOR_GAIN = declared("sensor_gain", on_signal=_gain_on_signal, shapes=_sensor_gain_shapes)
 
 
 KINDS = tuple(kind for kind in globals().copy().values() if isinstance(kind, EffectKind))
