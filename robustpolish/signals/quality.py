@@ -1,4 +1,4 @@
-"""Quality of a record: missing values, clipping and the sampling time."""
+"""Quality of a record: missing values, clipping and the sampling rate."""
 
 from __future__ import annotations
 
@@ -216,7 +216,7 @@ def _has_few_slopes(values: Vector, quantum: float) -> bool:
     return float(np.sort(counts)[-3:].sum()) > 0.7 * rise.size
 
 
-# How a record is sampled.
+# How a record is sampled, and whether that is fast enough for a model.
 
 
 def sampling_time(data: xr.Dataset) -> float:
@@ -238,3 +238,31 @@ def sampling_time(data: xr.Dataset) -> float:
     """
     values: Array = data["time"].values
     return float((values[-1] - values[0]) / (values.size - 1))
+
+
+def check_sampling(data: xr.Dataset, frequencies: Sequence[float]) -> None:
+    """Refuse a record that cannot show a model's modes.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Over ``time``.
+    frequencies : sequence of float
+        Natural frequencies in Hz that the outputs show.
+
+    Raises
+    ------
+    InvalidInputError
+        If half the sampling rate, the Nyquist frequency, is below the highest of them.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> check_sampling(xr.Dataset(coords={"time": [0.0, 0.01, 0.02]}), [12.0])
+    """
+    rate = 1 / sampling_time(data)
+    highest = float(np.max(frequencies, initial=0.0))
+    if highest >= rate / 2:
+        want = f"more than {2 * highest:.6g} Hz, for the model's mode at {highest:.6g} Hz"
+        remedy = "Sample faster, or leave the mode out of the model."
+        raise misfit("sampling rate", f"{rate:.6g} Hz", want, remedy)

@@ -8,6 +8,7 @@ from scipy import signal
 from robustpolish.errors import InvalidInputError
 from robustpolish.signals.quality import (
     check_not_clipped,
+    check_sampling,
     ends_without_values,
     fill_gaps,
 )
@@ -126,3 +127,9 @@ def test_short_ends_without_values_are_counted():
 
 
 DATA = xr.Dataset({"x": ("time", np.arange(100.0))}, {"time": np.arange(100) * 0.01})
+
+
+def test_sampling_too_slow_for_a_mode():
+    check_sampling(DATA, [49.0])
+    with pytest.raises(InvalidInputError, match="mode at 51 Hz"):
+        check_sampling(DATA, [3.0, 51.0])
