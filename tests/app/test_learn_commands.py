@@ -414,3 +414,30 @@ def test_only_json_of_an_earlier_run_is_replaced(tmp_path):
     assert not replaceable(data, data)
     assert not replaceable(str(tmp_path / "sub" / ".." / "data.json"), data)
     assert not replaceable(str(tmp_path / "out.csv"), data)
+
+
+def test_a_record_of_the_brush_on_a_bearing_that_hides_something(tmp_path):
+    hidden, record = str(tmp_path / "hidden.toml"), str(tmp_path / "record.csv")
+    run("model", "air-bearing", "--add", "coulomb_friction y ground force=0.3", "--out", hidden)
+    (effect,) = MechanicalModel.from_toml(Path(hidden)).effects
+    assert (effect.kind, effect.at, effect.values["force"]) == (
+        "coulomb_friction", ("y", "ground"), 0.3,
+    )  # fmt: skip
+    run("brush", "--duration", "0.05", "--model", hidden, "--seed", "3", "--out", record)
+    told = json.loads(run("compare", record, "--model", "air-bearing", "--json").stdout)
+    assert set(told["outputs"]) == {"x", "y", "z"}  # F_p stands still, the bearing has no sensors
+    assert told["outputs"]["x"]["nrmse"] < 0.05 < told["outputs"]["y"]["nrmse"]
+    fewer = run("compare", record, "--model", hidden, "--columns", "x, y", "--json")
+    assert set(json.loads(fewer.stdout)["outputs"]) == {"x", "y"}
+    for columns, message in (("x,w", "'w'"), ("x,x_m", "'x_m'")):
+        result = run("compare", record, "--model", hidden, "--columns", columns, code=2)
+        assert message in result.stderr
+    for change, message in (("force=2", "a place"), ("cubic_stiffness y force=much", "numbers")):
+        assert message in run("model", "air-bearing", "--add", change, code=2).stderr
+
+
+@pytest.mark.parametrize("command", ["modes", "norms"])
+def test_the_air_bearing_is_known_by_its_name(command):
+    named = run(command, "--model", "air-bearing:as-printed", "--json").stdout
+    assert json.loads(named)[command if command == "modes" else "hinf"]
+    assert "as-" in run(command, "--model", "air-bearing:as-drawn", code=2).stderr

@@ -10,6 +10,7 @@ from robustpolish.polishing import contact as disc
 from robustpolish.polishing.brush import rim_points
 from robustpolish.polishing.coupled import GuidedBrush, brush_at_rest, integrate_coupled
 from robustpolish.polishing.coupled_loops import carrier
+from tests.identification import air_bearings
 
 # A loop as the brush sees it: signals by name, signs, complaints.
 
@@ -223,3 +224,21 @@ def test_statics_are_those_of_springs_in_parallel_and_controls_stay_open():
     found = rp.polishing.linearize_with_brush(plant, rp.polishing.BrushParameters.for_run(2))
     assert found.system.ninputs == plant.nw + plant.nu
     assert found.system.noutputs == plant.nz + plant.ny + 7
+
+
+def test_a_record_of_a_machine_with_friction_against_an_integrator_of_its_own():
+    load = air_bearings.brush(duration=0.1)
+    rubbed = air_bearings.MODEL.with_effect("coulomb_friction", ("y", "ground"), {"force": 0.5})
+    found = rp.polishing.brush_record(load, rubbed, noise=0.0)
+    truth = air_bearings.measured(
+        "coulomb_friction", ("y", "ground"), (0.5,), noise=0.0, duration=0.1
+    )
+    for name in "xyz":
+        error = np.std(found[name] - truth[name]) / np.std(truth[name])
+        assert error < 1e-3
+        assert found[name].attrs["units"] == "m"
+    noisy = rp.polishing.brush_record(load, rubbed, sensors=["y"], noise=1e-8, seed=2)
+    assert [*noisy.data_vars] == ["F_x", "F_y", "F_z", "F_p", "y"]
+    assert float(np.std(noisy["y"] - found["y"])) == pytest.approx(1e-8, rel=0.1)
+    with pytest.raises(rp.InvalidInputError, match="sensors"):
+        rp.polishing.brush_record(load, rubbed, sensors=["w"])
