@@ -113,7 +113,7 @@ def compare(
         records = cli.load_records(data, loaded, reading)
         result = compare_model(loaded, records, window=window, horizon=horizon)
         content = result.to_dict()
-        lines = [repr(result), *(f"  {note}" for note in result.data.attrs["notes"])]
+        lines = [repr(result)]
         if residuals:
             analysis = residual_analysis(result)
             content["residuals"] = analysis.to_dict()
