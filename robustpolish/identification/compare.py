@@ -346,7 +346,7 @@ def compare(
         model, record.data, _dataset(model, simulated, record.data["time"]),
         output_errors(model, found), method, span,
         starts=np.concatenate([part.starts for part in found]), reproducibility=worst.found,
-        band=band, notes=tuple(notes), records=record_errors(model, found),
+        band=band, notes=tuple(dict.fromkeys(notes)), records=record_errors(model, found),
     )  # fmt: skip
 
 

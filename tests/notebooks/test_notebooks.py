@@ -12,6 +12,7 @@ import pytest
 
 NOTEBOOKS = sorted((Path(__file__).parents[2] / "notebooks").glob("*.md"))
 LONG = (
+    "00_learn_the_air_bearing",
     "03_state_feedback",
     "04_output_feedback",
     "05_find_the_hidden_effect",
