@@ -43,11 +43,7 @@ def test_help_and_bad_input(tmp_path):
 
 
 def test_a_command_without_a_model_says_where_its_machine_comes_from():
-    for command, says in {
-        "brush": "--mould",
-        "export": "--design",
-        "tell-apart": "arguments",
-    }.items():
+    for command, says in {"export": "--design", "tell-apart": "arguments"}.items():
         message = run(command, "--model", "m.toml", code=2).stderr
         assert "No such option" in message
         assert says in message
