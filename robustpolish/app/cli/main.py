@@ -36,7 +36,6 @@ _MODULES = {
 """Module of :mod:`robustpolish.app.cli` of each command that has none of its own name."""
 
 _WITHOUT_MODEL = {
-    "brush": "The brush is the polishing robot's; --mould names another mould.",
     "export": "The saved design of --design holds its machine.",
     "tell-apart": "Machines are arguments, after the measurement.",
 }
