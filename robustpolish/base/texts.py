@@ -1,4 +1,4 @@
-"""Words beside the modules that say them: tables, and templates with values to fill in."""
+"""Tables of words in TOML and templates in jinja, stored beside the modules that use them."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 
 
 def tables(module: str, name: str = "words.toml") -> dict[str, Any]:
-    """Return the tables of a file beside a module, whose ``__file__`` is given."""
+    """Return the tables of a TOML file in the folder of a module, whose ``__file__`` is given."""
     return tomllib.loads(Path(module).with_name(name).read_text("utf-8"))
 
 
 def templates(
     package: str, filters: Mapping[str, Callable[..., Any]], **options: Any
 ) -> jinja2.Environment:
-    """Return the templates in a package's folder; `filters` come beside ``f`` and ``g``.
+    """Return the templates in a package's folder; `filters` are added to ``f`` and ``g``.
 
     ``f`` writes a number with fixed decimals, ``g`` with significant digits.
     """

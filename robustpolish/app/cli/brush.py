@@ -14,6 +14,7 @@ from robustpolish.app.cli.options import (
     mechanical_model,
     option,
     result_options,
+    split_names,
     stages,
 )
 from robustpolish.base.atomic_writes import new_file
@@ -63,8 +64,9 @@ def brush(
         signals = simulate_brush(simulator, run, duration, surface=surface, path=course)
         if machine is not None:
             tell("Recording the machine ...")
-            measured = [name.strip() for name in sensors.split(",")]
-            signals = brush_record(signals, machine, sensors=measured, noise=noise, seed=seed)
+            signals = brush_record(
+                signals, machine, sensors=split_names(sensors), noise=noise, seed=seed
+            )
         if draft is not None and draft.suffix == ".csv":
             over_time = [name for name in signals.data_vars if signals[name].dims == ("time",)]
             units = {name: f"{name} [{signals[name].attrs['units']}]" for name in over_time}

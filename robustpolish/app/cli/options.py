@@ -323,7 +323,7 @@ def load_data(path: str, model: MechanicalModel, reading: Reading) -> xr.Dataset
     """Read the columns that a model needs."""
     outputs = None
     if reading.columns is not None:
-        asked = [name.strip() for name in reading.columns.split(",")]
+        asked = split_names(reading.columns)
         for name in asked:
             one_of("--columns", name, (*model.input_names, *model.output_names))
         outputs = [name for name in model.output_names if name in asked]
@@ -392,6 +392,11 @@ def load_response(paths: Sequence[str], reading: Reading, given: Mapping[str, An
 
 def _renames(reading: Reading) -> dict[str, str]:
     return pairs("--rename", reading.renames, "OLD=NEW", "--rename force=F")
+
+
+def split_names(text: str) -> list[str]:
+    """Take ``a, b`` apart."""
+    return [name.strip() for name in text.split(",")]
 
 
 def pairs(option: str, items: tuple[str, ...], form: str, example: str) -> dict[str, str]:

@@ -193,28 +193,23 @@ class Residuals:
         """
         p, model, chains = len(x), self.model_at(x), self.chains
         run, sizes = self.runner.run(model), self.start_sizes
-        of = [chains.parameter(key) for key in self.keys] + ([] if sizes is None else chains.states)
+        of = [chains.parameter(key) for key in self.keys]
+        of += [] if sizes is None else chains.states
         h = _STEP * np.maximum(np.abs(x), 1.0)
-        h = np.where(x + h > self.upper, -h, h)
+        h = np.concatenate([np.where(x + h > self.upper, -h, h), np.full(len(of) - p, _STEP)])
 
-        def columns(group: Sequence[int]) -> list[Array]:
-            if group[0] >= p:
-                assert sizes is not None
-                moved = starts.copy()
-                for j in group:
-                    moved[:, j - p] += _STEP * sizes[j - p]
-                change = run.errors_along(self.records, moved) - errors
-                return [chains.own(change, of[j]) / _STEP for j in group]
-            ahead = {self.keys[j]: float((x[j] + h[j]) * self.scale[j]) for j in group}
-            beside = self.runner.run(model.with_parameters(ahead))
-            change = beside.errors_along(self.records, starts) - errors
-            return [chains.own(change, of[j]) / h[j] for j in group]
+        def change(group: Sequence[int]) -> Array:
+            ahead, moved, changed = {}, starts.copy(), run
+            for j in group:
+                if j < p:
+                    ahead[self.keys[j]] = float((x[j] + h[j]) * self.scale[j])
+                elif sizes is not None:
+                    moved[:, j - p] += h[j] * sizes[j - p]
+            if ahead:
+                changed = self.runner.run(model.with_parameters(ahead))
+            return changed.errors_along(self.records, moved) - errors
 
-        groups = chains.groups(of[:p])
-        groups += [[p + j for j in group] for group in chains.groups(of[p:])]
-        found = zip(groups, parallel_map(columns, groups), strict=True)
-        each = {j: c for group, changes in found for j, c in zip(group, changes, strict=True)}
-        return [each[j] for j in range(len(of))]
+        return [c / step for c, step in zip(chains.changes(of, change), h, strict=True)]
 
 
 def fit(

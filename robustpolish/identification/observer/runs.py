@@ -10,6 +10,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from robustpolish.base.arrays import Array
+from robustpolish.base.budget import parallel_map
 from robustpolish.identification.observer import kalman
 from robustpolish.identification.record import Record, joined_lines, output_sizes
 from robustpolish.machines.effects.effect import Effect
@@ -302,9 +303,24 @@ class Chains:
         together = zip_longest(*each.values())
         return alone + [[j for j in row if j is not None] for row in together]
 
-    def own(self, change: Array, chain: int) -> Array:
-        """Return of a change of the outputs, shape (samples, ny), that of one chain's."""
-        return change if chain < 0 else np.where(self.outputs == chain, change, 0.0)
+    def changes(
+        self, chains: Sequence[int], change: Callable[[Sequence[int]], Array]
+    ) -> list[Array]:
+        """Return the change of the outputs by each number, shape (samples, ny).
+
+        Parameters
+        ----------
+        chains : sequence of int
+            Chain of each number.
+        change : callable
+            Makes a run with numbers of different chains moved, by their positions, and returns what
+            that changes.
+        """
+        groups = self.groups(chains)
+        found = zip(groups, parallel_map(change, groups), strict=True)
+        runs = {j: run for group, run in found for j in group}
+        own = [chain < 0 or self.outputs == chain for chain in chains]
+        return [np.where(mask, runs[j], 0.0) for j, mask in enumerate(own)]
 
 
 def rest(model: MechanicalData) -> InitialState:

@@ -8,7 +8,6 @@ from itertools import pairwise
 import numpy as np
 
 from robustpolish.base.arrays import Array
-from robustpolish.base.budget import parallel_map
 from robustpolish.identification.observer.runs import Chains, InitialState, RecordRun, StartedPiece
 from robustpolish.identification.record import Record, output_sizes
 from robustpolish.machines.mechanical.data import MechanicalData, dynamic_effects
@@ -94,22 +93,17 @@ class StartFit:
         while active and rounds:
             rounds -= 1
 
-            def moved(group: Sequence[int], active: Sequence[int] = active) -> list[Array]:
+            def change(group: Sequence[int], active: Sequence[int] = active) -> Array:
                 ahead = vectors[active]
-                for j in group:
-                    ahead[:, j] += step * sizes[j]
-                return errors(ahead, active)
+                ahead[:, group] += step * sizes[group]
+                after = zip(errors(ahead, active), active, strict=True)
+                moved = np.concatenate([(error - now[i]) / step for error, i in after])
+                return moved.reshape(-1, len(self.weights))
 
-            groups = self.chains.groups(self.chains.states)
-            changed = parallel_map(moved, groups)
-            jacobians = {}
-            for k, i in enumerate(active):
-                columns = np.empty((now[i].size, len(sizes)))
-                for group, after in zip(groups, changed, strict=True):
-                    change = ((after[k] - now[i]) / step).reshape(-1, len(self.weights))
-                    for j in group:
-                        columns[:, j] = self.chains.own(change, self.chains.states[j]).ravel()
-                jacobians[i] = columns
+            changes = self.chains.changes(self.chains.states, change)
+            columns = np.column_stack([each.ravel() for each in changes])
+            marks = np.cumsum([now[i].size for i in active])[:-1]
+            jacobians = dict(zip(active, np.split(columns, marks), strict=True))
             waiting, active = active, []
             for attempt in range(5):
                 trust = damping * 10**attempt

@@ -114,7 +114,7 @@ class SetProblem:
             self.rows.setdefault(i, []).append(k)
         self.candidates = [i for i, rows in self.rows.items() if self.usable[rows].all()]
         self.constants = [i for i in self.candidates if entries[i].kind.family == CONSTANT]
-        self.beside = [None, *self.constants]
+        self.extra = [None, *self.constants]  # none, or one of the constants
         self.alone = np.array([len(self.rows[i]) == 1 for i, _ in self.tasks])
 
     def best_sets(self, most: int) -> list[EffectSet]:
@@ -166,7 +166,7 @@ class SetProblem:
         bounded: list[tuple[tuple[int, ...], Array]] = []
         for alike in groups.values():
             own = [[k for i in which for k in self.rows[i]] for which in alike]
-            gains = [self._bounds(own, self.rows[i] if i is not None else []) for i in self.beside]
+            gains = [self._bounds(own, self.rows[i] if i is not None else []) for i in self.extra]
             bounded += zip(alike, np.array(gains).T, strict=True)
         bounded.sort(key=lambda pair: -np.max(pair[1]))
         found: list[_Sized] = []
@@ -202,7 +202,7 @@ class SetProblem:
         """
         found: list[_Sized] = []
         for position in np.argsort(-bounds, kind="stable"):
-            constant = self.beside[position]
+            constant = self.extra[position]
             if constant is not None and set(which).intersection(self.constants):
                 continue
             if bounds[position] == -np.inf:
