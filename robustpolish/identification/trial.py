@@ -20,11 +20,11 @@ from robustpolish.identification.fit.least_squares import (
 )
 from robustpolish.identification.fit.prepared import prepare, reduced_data
 from robustpolish.identification.fit.result import stderr_from_covariance
-from robustpolish.identification.policy import POLICY
+from robustpolish.identification.policy import POLICY, STRONG
 from robustpolish.identification.record import require_time_data
 from robustpolish.identification.refit import collect_warnings, with_start_values
 from robustpolish.identification.search.conclude import found_effect
-from robustpolish.identification.search.score import STRONG, ScoredModel, nats
+from robustpolish.identification.search.score import ScoredModel, nats
 from robustpolish.identification.search.search import begin_search
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import EffectKind
