@@ -9,7 +9,6 @@ from robustpolish.base.arrays import Array
 from robustpolish.machines.effects.catalogue import declared
 from robustpolish.machines.effects.evaluate import first_order_lag
 from robustpolish.machines.effects.kind import (
-    EffectKind,
     Motion,
     Shape,
     Timing,
@@ -40,14 +39,6 @@ def _input_delay_timing(values: Values) -> Timing:
     return Timing(delay=values["delay"])
 
 
-_INPUT_DELAY = declared(
-    "input_delay",
-    on_signal=_input_delay_on_signal,
-    timing=_input_delay_timing,
-    shapes=_input_delay_shapes,
-)
-
-
 # An actuator that follows its input with a first-order lag.
 
 
@@ -73,19 +64,11 @@ def _input_lag_timing(values: Values) -> Timing:
     return Timing(lag=values["lag"])
 
 
-_INPUT_LAG = declared(
-    "input_lag", on_signal=_input_lag_on_signal, timing=_input_lag_timing, shapes=_input_lag_shapes
-)
-
-
 # A measured input that acts with another size than it says.
 
 
-def _gain_on_signal(u: Array, time: Array, values: Values) -> Array:
+def _input_gain_on_signal(u: Array, time: Array, values: Values) -> Array:
     return u * values["gain"]
-
-
-_INPUT_GAIN = declared("input_gain", on_signal=_gain_on_signal)
 
 
 # What an input does between its samples; no effect of the machine but of the record.
@@ -113,9 +96,6 @@ def _input_hold_timing(values: Values) -> Timing:
     return Timing(values["order"])
 
 
-_INPUT_HOLD = declared("input_hold", on_signal=_input_hold_on_signal, timing=_input_hold_timing)
-
-
 # An actuator that cannot do more than its limit.
 
 
@@ -136,14 +116,6 @@ def _input_saturation_on_signal(u: Array, time: Array, values: Values) -> Array:
     return np.clip(u, -values["limit"], values["limit"])
 
 
-_INPUT_SATURATION = declared(
-    "input_saturation",
-    on_signal=_input_saturation_on_signal,
-    linear_signal=unchanged_signal,
-    shapes=_input_saturation_shapes,
-)
-
-
 # An actuator that does nothing about small commands.
 
 
@@ -162,14 +134,6 @@ def _input_dead_zone_on_signal(u: Array, time: Array, values: Values) -> Array:
     return np.asarray(u - np.clip(u, -values["width"], values["width"]))
 
 
-_INPUT_DEAD_ZONE = declared(
-    "input_dead_zone",
-    on_signal=_input_dead_zone_on_signal,
-    linear_signal=unchanged_signal,
-    shapes=_input_dead_zone_shapes,
-)
-
-
 # A sensor that does not show zero at zero.
 
 
@@ -177,12 +141,10 @@ def _sensor_offset_on_signal(u: Array, time: Array, values: Values) -> Array:
     return u + values["offset"]
 
 
-_SENSOR_OFFSET = declared(
-    "sensor_offset", on_signal=_sensor_offset_on_signal, linear_signal=unchanged_signal
-)
-
-
 # A sensor that shows another size than there is.
+
+
+_sensor_gain_on_signal = _input_gain_on_signal
 
 
 def _sensor_gain_shapes(motion: Motion) -> list[Shape]:
@@ -192,7 +154,6 @@ def _sensor_gain_shapes(motion: Motion) -> list[Shape]:
     return [Shape(motion.q[None], values, (0,))]
 
 
-_SENSOR_GAIN = declared("sensor_gain", on_signal=_gain_on_signal, shapes=_sensor_gain_shapes)
-
-
-KINDS = tuple(kind for kind in globals().copy().values() if isinstance(kind, EffectKind))
+_input_saturation_linear_signal = _input_dead_zone_linear_signal = unchanged_signal
+_sensor_offset_linear_signal = unchanged_signal
+KINDS = declared(globals())
