@@ -266,9 +266,7 @@ def control_limits(limits: Limits, names: Sequence[str]) -> tuple[Vector, Vector
     if isinstance(limits, Mapping):
         given = dict(limits)
         for name in given:
-            if name not in names:
-                where = ("limits", str(name))
-                raise invalid(where, name, f"one of {', '.join(names)}", _REMEDY)
+            one_of(("limits", str(name)), name, names, _REMEDY)
     elif isinstance(limits, list):
         if len(limits) != len(names):
             raise invalid("limits", limits, f"{len(names)} entries, one per control", _REMEDY)

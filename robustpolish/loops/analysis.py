@@ -17,6 +17,7 @@ from robustpolish.base.results import Card, Table
 from robustpolish.loops.loop import (
     PLACES,
     Loop,
+    MeasuredLoop,
     Place,
     controller_of,
     from_to,
@@ -24,7 +25,6 @@ from robustpolish.loops.loop import (
     measured_plant,
 )
 from robustpolish.loops.margins import Where, margins_of, simultaneous_margins
-from robustpolish.loops.measured import MeasuredLoop
 from robustpolish.loops.performance import (
     SHOWN,
     bandwidths,

@@ -19,9 +19,8 @@ from robustpolish.implementation.run import disturbance_columns
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import HinfNorm
 from robustpolish.linear.response import first_order_hold, linear_response
-from robustpolish.loops.loop import PLACES, Loop, Place, from_to, sample_step
+from robustpolish.loops.loop import PLACES, Loop, MeasuredLoop, Place, from_to, sample_step
 from robustpolish.loops.margins import LoopMargins
-from robustpolish.loops.measured import MeasuredLoop
 from robustpolish.loops.requirements import LoopRequirements
 from robustpolish.loops.response import LineResponse, Ports, connected, norm_of
 from robustpolish.plants.blocks import matrices_of

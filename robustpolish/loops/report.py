@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from robustpolish.base.arrays import AnyVector
-from robustpolish.base.checks import invalid, one_of
+from robustpolish.base.checks import one_of
 from robustpolish.base.results import Displayed, Table, bears_prefix, prefix_power, prefixed
 from robustpolish.base.texts import paragraphs, tables, templates
 from robustpolish.linear.stability import Stability
@@ -150,10 +150,7 @@ class LoopFigures(Displayed):
         }
         if signal is None:
             return [(place, i) for i in range(min(len(self.loop.names(place)), _MOST_SHOWN))]
-        if signal not in known:
-            listed = ", ".join(self.loop.signals)
-            raise invalid("signal", signal, f"one of {listed}", "Check its spelling.")
-        return [known[signal]]
+        return [known[one_of("signal", signal, known, "Check its spelling.")]]
 
     def _least(self, of: Callable[[LoopMargins], float]) -> float:
         return min((of(margins) for margins in self.margins), default=math.nan)

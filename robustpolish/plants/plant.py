@@ -18,6 +18,7 @@ from robustpolish.base.checks import (
     instance_of,
     invalid,
     matrix,
+    one_of,
     positive,
     square,
     state_space,
@@ -274,9 +275,7 @@ class GeneralizedPlant(WiredPlant, Displayed):
             raise invalid("units", unknown[0], want, "Check its spelling.")
         for argument in ("limits", "rate_limits"):
             for name, value in own[argument].items():
-                if name not in self.control_names:
-                    want = f"names of controls: {', '.join(self.control_names)}"
-                    raise invalid(argument, name, want, "Check its spelling.")
+                one_of(argument, name, self.control_names, "It has to be the name of a control.")
                 positive((argument, name), value)
 
     @classmethod

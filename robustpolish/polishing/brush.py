@@ -12,21 +12,20 @@ import numpy as np
 import xarray as xr
 
 from robustpolish.base.arrays import Array
-from robustpolish.base.checks import invalid
 from robustpolish.errors import RobustPolishWarning, SolverError
 from robustpolish.polishing import contact
 from robustpolish.polishing.contact import euler_angles, tilt_angles
-from robustpolish.polishing.dataset import (
+from robustpolish.polishing.parameters import (
     POINTS,
+    BrushParameters,
     Variable,
     angle_variables,
     force_variables,
     labelled,
     parameter_attributes,
     path_variables,
-    quantity,
+    variable,
 )
-from robustpolish.polishing.parameters import BrushParameters
 from robustpolish.polishing.surfaces.surface import Surface
 
 # Constants, initial state, integration, and refinement of steps and nodes.
@@ -64,12 +63,6 @@ class PhysicalRun:
     steps: int
     refused: int
     largest_step: float
-
-
-def check_passes(max_passes: Any) -> None:
-    """Refuse a number of passes that leaves nothing to compare."""
-    if not isinstance(max_passes, int) or max_passes < 2:
-        raise invalid("max_passes", max_passes, "an integer of at least 2", "Allow more passes.")
 
 
 def refined(
@@ -281,9 +274,9 @@ def attitude_variables(track: Array, three_angles: bool) -> dict[str, Variable]:
         rate = spin - psi_rate * np.cos(theta)
         return {
             **angle_variables(angles, ("nutation", "precession"), level=None),
-            "phi": quantity(phi, "rad", "rotation of the tool about its axis"),
-            "phi_rate": quantity(rate, "rad/s", "rate of phi"),
-            "omega_z": quantity(spin, "rad/s", "angular velocity about the axis of the disc"),
+            "phi": variable(phi, "rad", "rotation of the tool about its axis"),
+            "phi_rate": variable(rate, "rad/s", "rate of phi"),
+            "omega_z": variable(spin, "rad/s", "angular velocity about the axis of the disc"),
         }
     names = ("tilt about x", "tilt about y")
     return angle_variables(tilt_angles(axis, turning), names, level=0.0)
@@ -300,14 +293,14 @@ def physical_dataset(
     variables = {
         **attitude_variables(run.track, three_angles),
         **force_variables(-fx, -fy, fz, np.full_like(fz, parameters.polishing_force)),
-        "contact": quantity(normal > 0.0, "1", "whether the quarter of the rim touches", both),
-        "contact_force": quantity(normal, "N", "normal force on the quarter of the rim", both),
-        "contact_share": quantity(loads[:, 0], "1", "share of the rim that touches"),
-        "contact_energy": quantity(loads[:, contact.ENERGY], "J", "energy stored in the contact"),
-        "friction_power": quantity(friction, "W", "power that friction turns into heat"),
-        "damping_power": quantity(damping, "W", "power that contact damping turns into heat"),
-        "tool_z": quantity(run.track[:, contact.HEIGHT], "m", "height of the ball joint"),
-        "tool_z_rate": quantity(run.track[:, contact.CLIMB], "m/s", "rate of the height"),
+        "contact": variable(normal > 0.0, "1", "whether the quarter of the rim touches", both),
+        "contact_force": variable(normal, "N", "normal force on the quarter of the rim", both),
+        "contact_share": variable(loads[:, 0], "1", "share of the rim that touches"),
+        "contact_energy": variable(loads[:, contact.ENERGY], "J", "energy stored in the contact"),
+        "friction_power": variable(friction, "W", "power that friction turns into heat"),
+        "damping_power": variable(damping, "W", "power that contact damping turns into heat"),
+        "tool_z": variable(run.track[:, contact.HEIGHT], "m", "height of the ball joint"),
+        "tool_z_rate": variable(run.track[:, contact.CLIMB], "m/s", "rate of the height"),
         **path_variables(run.time, parameters),
     }
     attributes = {

@@ -11,20 +11,31 @@ from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
 from robustpolish.base.budget import progress_bar
-from robustpolish.base.checks import described, instance_of, invalid, matrix, one_of, positive
+from robustpolish.base.checks import (
+    described,
+    instance_of,
+    invalid,
+    matrix,
+    one_of,
+    positive,
+    whole_number,
+)
 from robustpolish.errors import SolverError
 from robustpolish.plots.charts import plot_over_plane
 from robustpolish.polishing import contact
 from robustpolish.polishing.brush import (
     attitude_variables,
-    check_passes,
     integrate,
     motion_constants,
     physical_dataset,
     refined,
 )
-from robustpolish.polishing.dataset import parameter_attributes, path_variables, tool_position
-from robustpolish.polishing.parameters import BrushParameters
+from robustpolish.polishing.parameters import (
+    BrushParameters,
+    parameter_attributes,
+    path_variables,
+    tool_position,
+)
 from robustpolish.polishing.surfaces.mould import Mould
 from robustpolish.polishing.surfaces.surface import Floats, PolishedSurface
 from robustpolish.polishing.thesis.listing import ListingDefects, Workaround, run_listing
@@ -371,7 +382,7 @@ def simulate_brush(
     else:
         one_of("disc", chosen["disc"], ("two-angle", "three-angle"))
         one_of("start", chosen["start"], ("pressed", "landing"))
-        check_passes(chosen["max_passes"])
+        whole_number("max_passes", chosen["max_passes"], 2, remedy="Allow more passes.")
     if parameters is None:
         parameters = BrushParameters.as_published() if listing else BrushParameters()
     remedy = "Build them with BrushParameters(...) or BrushParameters.for_run(...)."

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
+from robustpolish.loops.loop import MeasuredLoop
 from robustpolish.loops.margins import margins_of, simultaneous_margins
-from robustpolish.loops.measured import MeasuredLoop
 from tests.loops.loops_for_tests import SATELLITE, TEXTBOOK, s
 
 LINES = np.logspace(-2, 3, 400)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.polishing.dataset import tool_position, tool_velocity
-from robustpolish.polishing.parameters import BrushParameters
+from robustpolish.polishing.parameters import BrushParameters, tool_position, tool_velocity
 from robustpolish.polishing.tool_path import evaluate_path
 from tests.polishing import moulds
 

@@ -51,7 +51,7 @@ from robustpolish.identification.record import (
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import ACCELERATION, FORCE
-from robustpolish.signals.filtering import FLAT, decimate
+from robustpolish.signals.forces import FLAT, decimate
 
 # Cross-validation split: held-out records, or held-out blocks of each.
 

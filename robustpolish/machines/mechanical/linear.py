@@ -153,8 +153,7 @@ def _rest(
     q = np.zeros(len(names))
     if operating_point is not None:
         for name, value in operating_point.items():
-            if name not in names:
-                raise invalid("operating_point", name, f"one of {', '.join(names)}", "Correct it.")
+            one_of("operating_point", name, names, "Correct it.")
             q[names.index(name)] = number(f"operating_point[{name!r}]", value)
         return q
     m, free = model.matrices, model.matrices.free
@@ -376,8 +375,7 @@ def linearize(
     wanted = names if controls is None else tuple(controls)
     known = [*names, *m.signals]
     for name in wanted:
-        if name not in known:
-            raise invalid("controls", name, f"names among {', '.join(known)}", "Correct it.")
+        one_of("controls", name, known, "Correct it.")
     chosen = [name for name in wanted if name not in names]  # inputs that become controls
     pushes = [name for name in wanted if name in names]
     A, B, C, D, own = linear_with_effects(model, operating_point)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.special import chdtri
 
 from robustpolish.base.arrays import Matrix
-from robustpolish.base.checks import described, invalid, is_whole, matrix, misfit, positive
+from robustpolish.base.checks import described, invalid, is_whole, matrix, misfit, one_of, positive
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.plants.uncertain.lft import (
     ComplexElement,
@@ -351,9 +351,7 @@ class Ellipsoid(Displayed, Mapping[str, UncertainSystem]):
             If a name is unknown, or the numbers are off in a way that the ellipsoid excludes.
         """
         for name in values:
-            if name not in self.centre:
-                expected = f"names among {', '.join(self.centre)}"
-                raise invalid("values", name, expected, "Check its spelling.")
+            one_of("values", name, self.centre, "Check its spelling.")
         return point_of(self._directions, values)
 
     def size(self, values: Mapping[str, float]) -> float:

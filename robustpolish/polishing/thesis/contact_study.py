@@ -16,7 +16,7 @@ from scipy.integrate import cumulative_trapezoid, solve_ivp
 
 from robustpolish.base.arrays import Matrix, Vector
 from robustpolish.base.budget import progress_bar
-from robustpolish.base.checks import described, invalid, one_of, positive
+from robustpolish.base.checks import described, invalid, one_of, positive, whole_number
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.plots.charts import plot_bars
 from robustpolish.plots.time import plot_time_series
@@ -518,8 +518,7 @@ def land(
     """
     mass, speed = positive("mass", mass, "kg"), positive("speed", speed, "m/s")
     press, duration = positive("press", press, "N"), positive("duration", duration, "s")
-    if not isinstance(samples, int) or samples < 2:
-        raise invalid("samples", samples, "an integer of at least 2", "Ask for more.")
+    whole_number("samples", samples, 2, remedy="Ask for more.")
     time = np.linspace(0.0, duration, samples)
     followed: Any = _events if isinstance(law, EventImpulse) else _integrated
     impulse = followed(law, mass, speed, press, time)

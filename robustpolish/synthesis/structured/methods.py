@@ -13,7 +13,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.base.budget import Budget, enforce_deadline, progress_bar, single_threaded_blas
-from robustpolish.base.checks import described, instance_of, invalid, is_whole, one_of, positive
+from robustpolish.base.checks import (
+    described,
+    instance_of,
+    invalid,
+    one_of,
+    positive,
+    whole_number,
+)
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
@@ -201,9 +208,7 @@ def _verdict(designs: Sequence[PartDesign], achieved: float, late: bool) -> tupl
 
 def checked_order(order: Any) -> int:
     """Return a number of states, which has to be a whole one."""
-    if not is_whole(order) or order < 0:
-        raise invalid("order", order, "a whole number of at least 0", "0 is static feedback.")
-    return int(order)
+    return whole_number("order", order, 0, remedy="0 is static feedback.")
 
 
 def refuse_with_order(method: str, gamma: Any) -> None:
