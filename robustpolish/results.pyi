@@ -206,10 +206,10 @@ from .robust.questions import (
     RobustStability as RobustStability,
 )
 from .robust.questions import (
-    WorstCaseGain as WorstCaseGain,
-)
-from .robust.sector import (
     SectorStability as SectorStability,
+)
+from .robust.questions import (
+    WorstCaseGain as WorstCaseGain,
 )
 from .robust.structured_singular_value import (
     StructuredSingularValue as StructuredSingularValue,

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from robustpolish.base.checks import instance_of, invalid, misfit, one_of, positive, state_space
 from robustpolish.errors import InvalidInputError
-from robustpolish.implementation.emulation import emulated
+from robustpolish.implementation.realization import emulated
 from robustpolish.implementation.sampled.certificate import (
     AntiAliasing,
     Norm,

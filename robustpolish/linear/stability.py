@@ -68,7 +68,7 @@ def eigensystem(M: NDArray[np.float64]) -> Eigensystem:
     real, imag, left, right, failed = lapack.dgeev(M, lwork=_lapack_workspace(n))
     if failed:
         raise np.linalg.LinAlgError("the eigenvalues did not converge")
-    from robustpolish.linear.arithmetic.realisation import complex_eigenpairs
+    from robustpolish.linear.arithmetic.even_units import complex_eigenpairs
 
     backward = 10 * EPS * math.sqrt(n) * math.sqrt(np.vdot(M, M))
     values, cosines, left, right = complex_eigenpairs(real, imag, left.T, right.T)

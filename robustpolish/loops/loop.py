@@ -37,8 +37,7 @@ from robustpolish.plants.blocks import (
 )
 from robustpolish.plants.blocks import closed_loop as plant_loop
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.plants.wired import NOISE_PREFIX
-from robustpolish.plants.wiring import Wiring
+from robustpolish.plants.wired import NOISE_PREFIX, Wiring
 from robustpolish.synthesis.design import Design
 
 Place = Literal["input", "output"]

@@ -14,7 +14,7 @@ import xarray as xr
 
 from robustpolish.base.arrays import AnyVector, Array, Vector
 from robustpolish.implementation.certify_sampled import last_stable
-from robustpolish.implementation.emulation import integration_rule
+from robustpolish.implementation.realization import integration_rule
 from robustpolish.implementation.run import disturbance_columns
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import HinfNorm

@@ -38,8 +38,7 @@ from robustpolish.plants.blocks import (
     sorted_signals,
     static_controller,
 )
-from robustpolish.plants.wired import WiredPlant
-from robustpolish.plants.wiring import Wiring
+from robustpolish.plants.wired import WiredPlant, Wiring
 
 # Plants and systems with names in files: as plain values, every entry of a matrix exact.
 

@@ -16,6 +16,12 @@ from .air_bearing import (
 from .air_bearing import (
     polishing_plant as polishing_plant,
 )
+from .brush import (
+    tool_position as tool_position,
+)
+from .brush import (
+    tool_velocity as tool_velocity,
+)
 from .coupled_loops import (
     CoupledComparison as CoupledComparison,
 )
@@ -87,12 +93,6 @@ from .parameters import (
 )
 from .parameters import (
     BrushParameters as BrushParameters,
-)
-from .parameters import (
-    tool_position as tool_position,
-)
-from .parameters import (
-    tool_velocity as tool_velocity,
 )
 from .simulate import (
     BrushFit as BrushFit,

@@ -16,11 +16,8 @@ from robustpolish.base.checks import described, invalid
 from robustpolish.base.jit import njit
 from robustpolish.errors import SolverError
 from robustpolish.polishing import brush, contact
-from robustpolish.polishing.parameters import (
-    BrushParameters,
-    parameters_from_attributes,
-    tool_velocity,
-)
+from robustpolish.polishing.brush import parameters_from_attributes, tool_velocity
+from robustpolish.polishing.parameters import BrushParameters
 
 # Linear machine from contact forces to the displacement of the joint.
 

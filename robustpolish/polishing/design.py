@@ -23,10 +23,9 @@ from robustpolish.base.results import Card, Table
 from robustpolish.closed_loop.simulate import SAME_LOAD, ControllerComparison, simulate, tabulate
 from robustpolish.errors import InfeasibleError, RobustPolishError
 from robustpolish.implementation.certify_sampled import certify_sampled, last_stable
-from robustpolish.implementation.discretize import plant_at_samples
-from robustpolish.implementation.emulation import emulated
+from robustpolish.implementation.realization import emulated
 from robustpolish.implementation.sampled.certificate import SampledCertificate
-from robustpolish.implementation.sampled_design import SampledDesign
+from robustpolish.implementation.sampled_design import SampledDesign, plant_at_samples
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.loops.analysis import LoopAnalysis, model_analysis
 from robustpolish.loops.disk_margins import DiskMargin, disk_of

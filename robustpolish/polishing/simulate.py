@@ -27,15 +27,13 @@ from robustpolish.polishing.brush import (
     attitude_variables,
     integrate,
     motion_constants,
-    physical_dataset,
-    refined,
-)
-from robustpolish.polishing.parameters import (
-    BrushParameters,
     parameter_attributes,
     path_variables,
+    physical_dataset,
+    refined,
     tool_position,
 )
+from robustpolish.polishing.parameters import BrushParameters
 from robustpolish.polishing.surfaces.mould import Mould
 from robustpolish.polishing.surfaces.surface import Floats, PolishedSurface
 from robustpolish.polishing.thesis.listing import ListingDefects, Workaround, run_listing

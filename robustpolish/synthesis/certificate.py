@@ -25,8 +25,7 @@ from robustpolish.linear.arithmetic.balls import BallSystem
 from robustpolish.linear.arithmetic.powers_of_two import refuse_extreme
 from robustpolish.linear.delay_stability import DelayStability, delay_stability
 from robustpolish.linear.norms.h2 import h2_norm
-from robustpolish.linear.norms.hinf import HinfNorm, hinf_norm
-from robustpolish.linear.norms.singular_values import singular_values
+from robustpolish.linear.norms.hinf import HinfNorm, hinf_norm, singular_values
 from robustpolish.linear.stability import stability
 from robustpolish.plants.blocks import GivenController, controller_system, named_system
 from robustpolish.plants.plant import GeneralizedPlant

@@ -26,11 +26,10 @@ from robustpolish.base.saved import (
 )
 from robustpolish.errors import SolverError
 from robustpolish.implementation.certify_sampled import checked_plant, longest_period
-from robustpolish.implementation.discretize import discretized
-from robustpolish.implementation.emulation import METHODS
+from robustpolish.implementation.realization import METHODS
 from robustpolish.implementation.sampled.certificate import AntiAliasing, filter_system, with_filter
-from robustpolish.implementation.sampled_design import SampledDesign
-from robustpolish.linear.norms.singular_values import singular_values
+from robustpolish.implementation.sampled_design import SampledDesign, discretized
+from robustpolish.linear.norms.hinf import singular_values
 from robustpolish.linear.stability import stability
 from robustpolish.plants.blocks import GivenController, controller_system
 from robustpolish.plants.plant import (

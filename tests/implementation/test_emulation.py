@@ -6,7 +6,7 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.implementation.certify_sampled import longest_period
-from robustpolish.implementation.emulation import emulated
+from robustpolish.implementation.realization import emulated
 
 K = control.ss([[-1.0, 2.0], [-2.0, -1.0]], [[0.0], [1.0]], [[3.0, 1.0]], [[0.5]])
 

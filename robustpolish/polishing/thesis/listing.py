@@ -15,7 +15,7 @@ from robustpolish.base.arrays import AnyArray, Array
 from robustpolish.base.checks import described, invalid, matrix, one_of, positive
 from robustpolish.base.jit import njit
 from robustpolish.errors import SolverError
-from robustpolish.polishing import parameters as dataset
+from robustpolish.polishing import brush as dataset
 from robustpolish.polishing.contact import NODES, STAGES, inside_step, stage_state, step_error
 from robustpolish.polishing.parameters import BrushParameters
 

@@ -18,7 +18,7 @@ from robustpolish.base.budget import Budget, progress_bar, single_threaded_blas
 from robustpolish.base.checks import described, instance_of, invalid, known_keys, positive
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.errors import SolverError
-from robustpolish.linear.norms.singular_values import singular_values
+from robustpolish.linear.norms.hinf import singular_values
 from robustpolish.linear.response import uniform_step, varying_response
 from robustpolish.plants.blocks import SignalChoice, matrices_of, named_system
 from robustpolish.plants.plant import GeneralizedPlant
