@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import instance_of, misfit, one_of
 from robustpolish.base.results import Card, Table
+from robustpolish.loops import performance
 from robustpolish.loops.loop import (
     PLACES,
     Loop,
@@ -25,15 +26,6 @@ from robustpolish.loops.loop import (
     measured_plant,
 )
 from robustpolish.loops.margins import Where, margins_of, simultaneous_margins
-from robustpolish.loops.performance import (
-    SHOWN,
-    bandwidths,
-    disturbance_effort,
-    given_effort,
-    noise_effort,
-    sample_rate,
-    sensitivities,
-)
 from robustpolish.loops.pictures import plot_steps
 from robustpolish.loops.report import LoopFigures, details, explain, lines_in_words, tables_of
 from robustpolish.loops.requirements import LoopRequirements
@@ -157,7 +149,7 @@ class LoopAnalysis(LoopFigures):
     def _plot_steps(
         self, chosen: list[tuple[Place, int]], of: str, duration: float | None, ax: Axes | None
     ) -> Axes:
-        one_of("of", of, SHOWN)
+        one_of("of", of, performance.SHOWN)
         if not self.stable:
             shown = "the steps of an unstable loop"
             raise misfit("kind", shown, "a stable loop", "Draw kind='nyquist' to see why.")
@@ -402,12 +394,14 @@ def model_analysis(
         return found
     return replace(
         found,
-        noise=noise_effort(loop),
-        effort=disturbance_effort(loop),
-        given=() if disturbance is None else given_effort(loop, disturbance),
+        noise=performance.noise_effort(loop),
+        effort=performance.disturbance_effort(loop),
+        given=() if disturbance is None else performance.given_effort(loop, disturbance),
         sample_rate=None
         if loop.is_discrete
-        else sample_rate(loop, found.margins, found.delay_margin, found.bandwidths, asked),
+        else performance.sample_rate(
+            loop, found.margins, found.delay_margin, found.bandwidths, asked
+        ),
     )
 
 
@@ -416,7 +410,7 @@ def _figures(loop: Loop | MeasuredLoop, asked: LoopRequirements) -> dict[str, An
     found: dict[str, Any] = {
         "loop": loop,
         "stability": loop.stability,
-        **{place: sensitivities(loop, place) for place in PLACES},
+        **{place: performance.sensitivities(loop, place) for place in PLACES},
         **dict.fromkeys(("margins", "bandwidths", "noise", "effort", "given"), ()),
         "at_once": {},
         "sample_rate": None,
@@ -430,5 +424,5 @@ def _figures(loop: Loop | MeasuredLoop, asked: LoopRequirements) -> dict[str, An
     return found | {
         "margins": margins,
         "at_once": {where: simultaneous_margins(loop, where) for where in get_args(Where)},
-        "bandwidths": bandwidths(loop, margins),
+        "bandwidths": performance.bandwidths(loop, margins),
     }

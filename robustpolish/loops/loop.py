@@ -28,13 +28,7 @@ from robustpolish.loops.response import (
     connected,
     line_values,
 )
-from robustpolish.plants.blocks import (
-    GivenController,
-    as_state_space,
-    controller_system,
-    matrices_of,
-    named_system,
-)
+from robustpolish.plants import blocks
 from robustpolish.plants.blocks import closed_loop as plant_loop
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import NOISE_PREFIX, Wiring
@@ -303,7 +297,7 @@ class Loop(BreakableLoop):
         rest = [self.plant.states.index(name) for name in names]
         one = np.eye(len(rest))
         matrices = (self.plant.A[np.ix_(rest, rest)], one, one, 0 * one)
-        return stability(named_system(matrices, self.dt, names, names, names))
+        return stability(blocks.named_system(matrices, self.dt, names, names, names))
 
     @cached_property
     def plant_matrices(self) -> Matrices:
@@ -314,7 +308,7 @@ class Loop(BreakableLoop):
     @cached_property
     def controller_matrices(self) -> Matrices:
         """A, B, C and D of K."""
-        return matrices_of(self.controller)
+        return blocks.matrices_of(self.controller)
 
     def _wired(
         self, ports: Ports, inputs: Sequence[str], outputs: Sequence[str]
@@ -325,7 +319,7 @@ class Loop(BreakableLoop):
             f"{'controller_' if name in own else ''}{name}" for name in self.controller.state_labels
         ]
         matrices = connected(self.plant_matrices, self.controller_matrices, ports)
-        return named_system(matrices, self.dt, inputs, outputs, [*own, *others])
+        return blocks.named_system(matrices, self.dt, inputs, outputs, [*own, *others])
 
     def _responding(self, ports: Ports, names: Sequence[str]) -> SystemResponse:
         """Return it over frequency, delays as they are."""
@@ -375,9 +369,9 @@ def from_to(
     system: control.StateSpace, inputs: Sequence[int], outputs: Sequence[int]
 ) -> control.StateSpace:
     """Return a system between some of its inputs and outputs."""
-    A, B, C, D = matrices_of(system)
+    A, B, C, D = blocks.matrices_of(system)
     into, out = list(inputs), list(outputs)
-    return named_system(
+    return blocks.named_system(
         (A, B[:, into], C[out], D[np.ix_(out, into)]),
         0 if system.dt is None else system.dt,
         [system.input_labels[i] for i in into],
@@ -406,7 +400,7 @@ def _reached(edges: Any, start: Any) -> Any:
 
 def loop_of(
     plant: Design | GeneralizedPlant | control.StateSpace | control.TransferFunction,
-    controller: Design | GivenController | None,
+    controller: Design | blocks.GivenController | None,
 ) -> Loop:
     """Return the loop of a design, or of a plant and a controller.
 
@@ -432,7 +426,7 @@ def loop_of(
         found = f"a gain of shape {shape} for {whole.ny} measurements"
         remedy = "For a state feedback pass plant.with_full_state()."
         raise misfit("controller", found, f"a gain of shape ({whole.nu}, {whole.ny})", remedy)
-    K = controller_system(whole, given)
+    K = blocks.controller_system(whole, given)
     if K.nstates and K.dt is not None and K.dt != whole.dt and not _same_step(K.dt, whole.dt):
         found = f"{_timing(K.dt)} for a plant in {_timing(whole.dt)}"
         remedy = "Discretise the plant or the controller first, such as with control.c2d."
@@ -454,7 +448,7 @@ def check_signals(plant: GeneralizedPlant, K: control.StateSpace) -> None:
         raise misfit("controller", f"{K.ninputs} inputs and {K.noutputs} outputs", want, remedy)
 
 
-def controller_of(controller: Design | GivenController | None) -> GivenController:
+def controller_of(controller: Design | blocks.GivenController | None) -> blocks.GivenController:
     """Return the controller that was given, out of its design if it is in one."""
     if isinstance(controller, Design):
         return controller.controller
@@ -472,7 +466,7 @@ def measured_plant(plant: Any) -> GeneralizedPlant | None:
 
 def _as_plant(plant: Any) -> GeneralizedPlant:
     if isinstance(plant, control.StateSpace | control.TransferFunction):
-        plant = as_state_space("plant", plant, 0)
+        plant = blocks.as_state_space("plant", plant, 0)
     if isinstance(plant, control.StateSpace | control.FrequencyResponseData):
         plant = GeneralizedPlant(plant, plant.noutputs or 0, plant.ninputs or 0)
     expected = "a Design, a GeneralizedPlant, a control.StateSpace or a control.TransferFunction"
@@ -528,7 +522,7 @@ class MeasuredLoop(BreakableLoop):
 
     @classmethod
     def of(
-        cls, plant: GeneralizedPlant, controller: GivenController, unstable_poles: Any
+        cls, plant: GeneralizedPlant, controller: blocks.GivenController, unstable_poles: Any
     ) -> MeasuredLoop:
         """Put a measured plant and a controller together.
 
@@ -539,7 +533,7 @@ class MeasuredLoop(BreakableLoop):
         """
         remedy = "Count the plant's poles in the right half plane; none is 0."
         whole_number("unstable_poles", unstable_poles, 0, remedy=remedy)
-        system = controller_system(plant, controller)
+        system = blocks.controller_system(plant, controller)
         check_signals(plant, system)
         lines: Any = plant.system
         order = np.argsort(lines.omega)
@@ -553,7 +547,7 @@ class MeasuredLoop(BreakableLoop):
         G = np.moveaxis(np.asarray(lines.frdata), 2, 0)[order][kept]
         G = G[:, -plant.ny :, G.shape[2] - plant.nu :]
         points = np.exp(1j * omega * float(dt)) if dt else 1j * omega
-        K = resolvent_response(*matrices_of(system), points)
+        K = resolvent_response(*blocks.matrices_of(system), points)
         return cls(plant, system, omega, G, K, int(unstable_poles))
 
     @property

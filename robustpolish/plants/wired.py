@@ -26,25 +26,14 @@ from robustpolish.linear.delayed_systems import (
     in_a_row,
     resolvent_response,
 )
-from robustpolish.plants.blocks import (
-    GivenController,
-    PlantBlocks,
-    as_state_space,
-    chosen_names,
-    chosen_signals,
-    closed_loop,
-    controller_system,
-    interpolate_response,
-    matrices_of,
-    named_system,
-)
+from robustpolish.plants import blocks
 from robustpolish.signals.frequency_response import labelled_response, ratio_unit
 
 Side = Literal["input", "output"]
 
 
 @dataclass(frozen=True, eq=False)
-class Wiring(PlantBlocks):
+class Wiring(blocks.PlantBlocks):
     """A plant whose delays are lines between further signals, not approximated.
 
     Attributes
@@ -83,7 +72,7 @@ class Wiring(PlantBlocks):
         Wiring
         """
         A, B, C, D = _seen_from(side, self.arrays())
-        a, b, c, d = _seen_from(side, matrices_of(filter))
+        a, b, c, d = _seen_from(side, blocks.matrices_of(filter))
         n, k, own = len(A), len(a), slice(at, at + len(d))
         whole = np.block([[A, B[:, own] @ c], [np.zeros((k, n)), a]])
         C = np.hstack([C, D[:, own] @ c])
@@ -179,7 +168,7 @@ class Wiring(PlantBlocks):
         k = len(self.lines)
         ins = [*w, *range(self.nw - k, self.nw), *(self.nw + i for i in u)]
         outs = [*z, *range(self.nz - k, self.nz), *(self.nz + i for i in y)]
-        return Wiring(chosen_signals(self.system, outs, ins), len(y), len(u), self.lines)
+        return Wiring(blocks.chosen_signals(self.system, outs, ins), len(y), len(u), self.lines)
 
     def renamed(
         self, w: Sequence[str], u: Sequence[str], z: Sequence[str], y: Sequence[str],
@@ -200,11 +189,11 @@ class Wiring(PlantBlocks):
         k, w, z = len(self.lines), self.nw, self.nz
         ins = [*range(w - k), *range(w, w + self.nu), *range(w - k, w)]
         outs = [*range(z - k), *range(z, z + self.ny), *range(z - k, z)]
-        return DelayedSystem(chosen_signals(self.system, outs, ins), self.lines)
+        return DelayedSystem(blocks.chosen_signals(self.system, outs, ins), self.lines)
 
     def arrays(self) -> Matrices:
         """Copy A, B, C and D as floats of consistent shapes."""
-        return matrices_of(self.system)
+        return blocks.matrices_of(self.system)
 
     def _with(
         self,
@@ -216,7 +205,7 @@ class Wiring(PlantBlocks):
         ins = self.system.input_labels if inputs is None else inputs
         outs = self.system.output_labels if outputs is None else outputs
         own = self.states if states is None else states
-        return replace(self, system=named_system(matrices, self.dt, ins, outs, own))
+        return replace(self, system=blocks.named_system(matrices, self.dt, ins, outs, own))
 
 
 Matrices = tuple[Matrix, Matrix, Matrix, Matrix]
@@ -283,7 +272,7 @@ def lag(
     A, B, C, D = in_a_row(_sections(order, damping))
     rate = 2 * math.pi * hertz
     if not dt:
-        return named_system((A * rate, B * rate, C, D), 0, ["u"], ["y"], state_names(len(A)))
+        return blocks.named_system((A * rate, B * rate, C, D), 0, ["u"], ["y"], state_names(len(A)))
     return bilinear(A, B, C, D, dt, rate)
 
 
@@ -310,7 +299,7 @@ def bilinear(
     one = np.eye(len(A))
     inner = np.linalg.inv(one - half * A)
     matrices = (inner @ (one + half * A), 2 * half * inner @ B, C @ inner, D + half * C @ inner @ B)
-    return named_system(matrices, dt, ["u"], ["y"], state_names(len(A)))
+    return blocks.named_system(matrices, dt, ["u"], ["y"], state_names(len(A)))
 
 
 def single_filter(argument: str, value: Any, dt: float | bool) -> control.StateSpace:
@@ -328,7 +317,7 @@ def single_filter(argument: str, value: Any, dt: float | bool) -> control.StateS
     -------
     control.StateSpace
     """
-    system = as_state_space(argument, value, dt)
+    system = blocks.as_state_space(argument, value, dt)
     if (system.ninputs, system.noutputs) != (1, 1):
         shown = described(f"{system.ninputs} inputs and {system.noutputs} outputs")
         raise invalid(argument, shown, "one of each", "Give each signal a filter of its own.")
@@ -362,7 +351,7 @@ Given = control.StateSpace | control.TransferFunction | float
 NOISE_PREFIX = "noise_"
 
 
-class WiredPlant(PlantBlocks):
+class WiredPlant(blocks.PlantBlocks):
     """The methods of `GeneralizedPlant` that change its signals one by one.
 
     Attributes
@@ -438,7 +427,7 @@ class WiredPlant(PlantBlocks):
         >>> plant.nx, plant.control_names, dict(plant.limits)
         (3, ('F',), {'F': 50.0})
         """
-        names = chosen_names("name", name, self.control_names, "controls")
+        names = blocks.chosen_names("name", name, self.control_names, "controls")
         facts = limit is not None or rate_limit is not None
         model = self._dynamics((bandwidth_hz, order, damping), dynamics, facts)
         wiring = self.wiring
@@ -503,7 +492,7 @@ class WiredPlant(PlantBlocks):
         >>> plant.disturbance_names, plant.D21
         (('noise_x',), array([[1.e-09]]))
         """
-        names = chosen_names("name", name, self.measurement_names, "measurements")
+        names = blocks.chosen_names("name", name, self.measurement_names, "measurements")
         model = self._dynamics((bandwidth_hz, order, damping), dynamics, noise is not None)
         shaped = None if noise is None else single_filter("noise", noise, self.dt)
         wiring = self.wiring
@@ -640,7 +629,7 @@ class WiredPlant(PlantBlocks):
             delays[one] = delays.get(one, 0.0) + seconds
         return self.rewired(wiring, delays=delays)
 
-    def delayed_loop(self, controller: GivenController) -> DelayedSystem:
+    def delayed_loop(self, controller: blocks.GivenController) -> DelayedSystem:
         """Connect u = K y and return the loop with its delays as they are.
 
         Parameters
@@ -669,7 +658,9 @@ class WiredPlant(PlantBlocks):
         [True, False]
         """
         whole = self.wiring
-        return DelayedSystem(closed_loop(whole, controller_system(whole, controller)), whole.lines)
+        return DelayedSystem(
+            blocks.closed_loop(whole, blocks.controller_system(whole, controller)), whole.lines
+        )
 
     def frequency_response(self, frequency: ArrayLike) -> xr.DataArray:
         """Return the response from (w, u) to (z, y), delays as they are.
@@ -703,7 +694,7 @@ class WiredPlant(PlantBlocks):
         hertz = frequencies("frequency", frequency)
         omega = 2 * np.pi * hertz
         if isinstance(self.system, control.FrequencyResponseData):
-            values = interpolate_response(self.system, omega)
+            values = blocks.interpolate_response(self.system, omega)
         elif self.is_discrete:
             step = 1.0 if self.dt is True else float(self.dt)
             values = resolvent_response(*self.wiring.arrays(), np.exp(1j * omega * step))
@@ -741,7 +732,7 @@ class WiredPlant(PlantBlocks):
             want = f"a whole number of samples of {step:g} s"
             raise invalid("seconds", seconds, want, "Round it, or delay the continuous plant.")
         A, B, C = np.eye(count, k=-1), np.eye(count)[:, :1], np.eye(count)[-1:]
-        return named_system((A, B, C, [[0.0]]), self.dt, ["u"], ["y"], state_names(count))
+        return blocks.named_system((A, B, C, [[0.0]]), self.dt, ["u"], ["y"], state_names(count))
 
 
 def _place(wiring: Wiring, name: str, order: Sequence[str]) -> tuple[Side, int]:

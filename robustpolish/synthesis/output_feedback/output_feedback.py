@@ -19,16 +19,10 @@ from robustpolish.base.budget import (
 from robustpolish.base.checks import described, invalid, positive
 from robustpolish.errors import SolverError
 from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.synthesis import driver
 from robustpolish.synthesis.backends.slycot_backend import synthesise
 from robustpolish.synthesis.certificate import Gamma, Norm, NormTarget, norm_in_words
 from robustpolish.synthesis.design import Design
-from robustpolish.synthesis.driver import (
-    JoinedController,
-    check_arguments,
-    combined_norm,
-    design_by_parts,
-    time_limit_note,
-)
 from robustpolish.synthesis.engine import (
     AS_GOOD_AS_ZERO,
     COSTLY_STATES,
@@ -782,7 +776,7 @@ def output_feedback(
     (1, True)
     """
     seconds = (60.0 if order is None else TIME_LIMIT) if time_limit is None else time_limit
-    check_arguments(plant, norm, method, ENGINES["hinf"], backend, tolerance, seconds)
+    driver.check_arguments(plant, norm, method, ENGINES["hinf"], backend, tolerance, seconds)
     positive("effort", effort)
     if norm == "h2" and plant.is_discrete and method in ("lmi", "slycot"):
         shown = described(f"{method!r} for the H2 norm of a discrete-time plant")
@@ -816,7 +810,7 @@ def output_feedback(
     # Delays are approximated in the parts; the whole is certified with them as they are.
     parts = decoupled_parts(plant) if split else (whole_plant(plant.without_delays()),)
     with progress_bar("Designing an output feedback"), enforce_deadline(budget):
-        found = design_by_parts(plant, parts, settings, diagnosis, budget)
+        found = driver.design_by_parts(plant, parts, settings, diagnosis, budget)
     # Up to so many states of a plant its zeros on the axis are looked for, to explain a result.
     if plant.nx <= 30 and not (diagnosis.regular_feedthrough and found.status == "optimal"):
         diagnosis = diagnosis.with_zeros(plant)
@@ -825,14 +819,14 @@ def output_feedback(
         "diagnosis": diagnosis,
         "parts": tuple(part.states for part in parts),
         "part_norms": tuple(c.achieved if c else None for c in found.chosen),
-        "claim": combined_norm((c.claim for c in found.done), norm),
+        "claim": driver.combined_norm((c.claim for c in found.done), norm),
         "work": budget.spent,
         "estimated_infimum": None if found.known or not found.bound else found.bound,
     }
     return found.design(_message(found, diagnosis), bound, details)
 
 
-def _message(found: JoinedController, diagnosis: SolvabilityCheck) -> str:
+def _message(found: driver.JoinedController, diagnosis: SolvabilityCheck) -> str:
     achieved, bound, floor = found.certificate.achieved, found.bound, found.lower_bound_note
     wanted, status = found.settings.wanted, found.status
     if bound > 0 and status == "suboptimal" and found.known:
@@ -849,5 +843,5 @@ def _message(found: JoinedController, diagnosis: SolvabilityCheck) -> str:
     if wanted.is_requested:
         text += f" It was asked for {wanted.in_words()}."
     remarks = [remark for c in found.done for remark in c.findings.remarks]
-    text += time_limit_note(found.budget)
+    text += driver.time_limit_note(found.budget)
     return " ".join([text, *diagnosis.findings, *dict.fromkeys(remarks)])
