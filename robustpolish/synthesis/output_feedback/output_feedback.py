@@ -35,19 +35,7 @@ from robustpolish.synthesis.engine import (
     Settings,
     Task,
 )
-from robustpolish.synthesis.lmi.output_feedback import (
-    LmiVariables,
-    ProjectedSolution,
-    balanced_states,
-    coupling,
-    explicit_controller,
-    impose_h2,
-    loop_terms,
-    rebalanced,
-    reconstruct,
-    solve_projected,
-    well_conditioned_controllers,
-)
+from robustpolish.synthesis.lmi import output_feedback as lmi
 from robustpolish.synthesis.lmi.program import ProgramSolver, SemidefiniteProgram
 from robustpolish.synthesis.problem.matrices import (
     Controller,
@@ -433,7 +421,7 @@ class LmiHinf(_LmiEngine):
         solution = rung.solution
         if solution.X is None or solution.Y is None or self.budget.over:
             return
-        P = balanced_states(rung.plant, solution.X, solution.Y, rung.gamma, least)
+        P = lmi.balanced_states(rung.plant, solution.X, solution.Y, rung.gamma, least)
         if P is None:
             return
         # Numbers of order one suit the solver: the norm is divided by the goal, half of it at w and
@@ -468,18 +456,18 @@ class LmiHinf(_LmiEngine):
     def _solved(
         self,
         plant: PlantMatrices,
-        near: ProjectedSolution | None,
+        near: lmi.ProjectedSolution | None,
         gamma: float,
         goal: float,
         rung: _RegularisedSolution,
-    ) -> tuple[PlantMatrices, ProjectedSolution] | None:
+    ) -> tuple[PlantMatrices, lmi.ProjectedSolution] | None:
         """Solve at a gamma, in units of `goal`, beside a known solution, if there is one.
 
         Returns the plant and the solution in better states; None unless the controller keeps gamma.
         """
-        point = solve_projected(plant, gamma, self.solver, near)
-        after = None if point is None else rebalanced(plant, point.R, point.S)
-        K = None if after is None else explicit_controller(after[0], gamma, after[1])
+        point = lmi.solve_projected(plant, gamma, self.solver, near)
+        after = None if point is None else lmi.rebalanced(plant, point.R, point.S)
+        K = None if after is None else lmi.explicit_controller(after[0], gamma, after[1])
         claim = gamma * goal
         note = {"epsilon": rung.epsilon, "gamma": claim, "achieved": np.nan, "gain": np.nan}
         if rung.shift:
@@ -496,7 +484,7 @@ class LmiHinf(_LmiEngine):
         if not candidate.keeps_claim:
             return None
         sizes = np.diag(after[1])
-        return after[0], ProjectedSolution(sizes, sizes, gamma)
+        return after[0], lmi.ProjectedSolution(sizes, sizes, gamma)
 
 
 def _feasible(plant: PlantMatrices, gamma: float, budget: Budget) -> Iterator[_RegularisedSolution]:
@@ -550,9 +538,9 @@ class LmiH2(_LmiEngine):
         optimum, frame = np.inf, self.problem.plant
         for _ in range(_ROUNDS):
             program = SemidefiniteProgram()
-            v = LmiVariables.of(program, frame, "h2")
-            energy = impose_h2(program, loop_terms(frame, v), v)
-            coupling(program, v)
+            v = lmi.LmiVariables.of(program, frame, "h2")
+            energy = lmi.impose_h2(program, lmi.loop_terms(frame, v), v)
+            lmi.coupling(program, v)
             program.minimise(energy)
             solution = self.solver.solve(program)
             square = float(solution.value(energy).item())
@@ -560,10 +548,10 @@ class LmiH2(_LmiEngine):
                 break
             values = v.at(solution)
             self.history.append({"claim": np.sqrt(square)})
-            self._keep(reconstruct(frame, values), np.sqrt(square) * (1 + 1e-4))
+            self._keep(lmi.reconstruct(frame, values), np.sqrt(square) * (1 + 1e-4))
             settled = square > optimum * (1 - _AGREEMENT)
             optimum = min(optimum, square)
-            after = rebalanced(frame, values.X, values.Y)
+            after = lmi.rebalanced(frame, values.X, values.Y)
             if after is None:
                 break
             frame = after[0]
@@ -576,9 +564,9 @@ class LmiH2(_LmiEngine):
 
             def impose(program: SemidefiniteProgram, each: Any, bound: float = bound) -> None:
                 (v,) = each
-                program.nonnegative(bound**2 - impose_h2(program, loop_terms(frame, v), v))
+                program.nonnegative(bound**2 - lmi.impose_h2(program, lmi.loop_terms(frame, v), v))
 
-            for (K,) in well_conditioned_controllers([frame], "h2", impose, self.solver):
+            for (K,) in lmi.well_conditioned_controllers([frame], "h2", impose, self.solver):
                 self._keep(K, bound)
 
     def _keep(self, K: Controller | None, bound: float) -> None:
