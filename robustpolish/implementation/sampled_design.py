@@ -47,15 +47,7 @@ from robustpolish.implementation.realization import (
 )
 from robustpolish.implementation.realization import anti_windup as anti_windup_gain
 from robustpolish.implementation.run import sampled_run
-from robustpolish.implementation.sampled.certificate import (
-    AntiAliasing,
-    Norm,
-    SampledCertificate,
-    certificate_of,
-    filter_system,
-    sinusoid_gains,
-    with_filter,
-)
+from robustpolish.implementation.sampled import certificate as certificates
 from robustpolish.implementation.sampled.lifting import beyond_a_period, period_map
 from robustpolish.linear.norms.hinf import singular_values
 from robustpolish.linear.stability import stability
@@ -117,9 +109,9 @@ class SampledDesign(Displayed):
     controller: control.StateSpace
     period: float
     delay: float
-    certificate: SampledCertificate
+    certificate: certificates.SampledCertificate
     message: str
-    norm: Norm
+    norm: certificates.Norm
     continuous_norm: float
     method: str = "tustin"
     anti_aliasing: control.StateSpace | None = None
@@ -244,7 +236,7 @@ class SampledDesign(Displayed):
         (True, True)
         """
         K = realized(self.controller, form)
-        certificate = certificate_of(self._filtered, K, self.delay, self.norm)
+        certificate = certificates.certificate_of(self._filtered, K, self.delay, self.norm)
         if not certificate.valid:
             raise SolverError(
                 f"form: the loop has no certificate with a {form} controller, because "
@@ -521,7 +513,7 @@ class SampledDesign(Displayed):
 
     @property
     def _filtered(self) -> GeneralizedPlant:
-        return with_filter(self.plant, self.anti_aliasing)
+        return certificates.with_filter(self.plant, self.anti_aliasing)
 
     def _limits(self, limits: Limits) -> tuple[Vector, Vector] | None:
         """Return the limits that are meant: by default those that the plant knows."""
@@ -585,7 +577,7 @@ class SampledDesign(Displayed):
         >>> rp.given_controller(plant, [[-3.0]]).discretize(0.1).plot().get_xlabel()
         'frequency'
         """
-        sampled = sinusoid_gains(self._filtered, self.controller, self.delay)
+        sampled = certificates.sinusoid_gains(self._filtered, self.controller, self.delay)
         open_loop = self.plant.open_loop
         without = singular_values(open_loop, sampled["frequency"].values).isel(singular_value=0)
         name = "without control" + ("" if stability(open_loop) else " (unstable)")
@@ -633,7 +625,7 @@ def sampled_from(fields: Fields) -> SampledDesign:
     controller = discrete_controller(plant, given, period)
     analogue = None
     if fields.raw("anti_aliasing") is not None:
-        analogue = filter_system(system_from(fields.table("anti_aliasing")), plant.ny)
+        analogue = certificates.filter_system(system_from(fields.table("anti_aliasing")), plant.ny)
     norm: Any = fields.text("norm", ("hinf", "h2"))
     certificate = certify_sampled(plant, controller, delay=delay, norm=norm, anti_aliasing=analogue)
     confirm_norm(fields, certificate, _REMEDY)
@@ -664,7 +656,7 @@ def plant_at_samples(
     period: float,
     delay: float = 0.0,
     *,
-    anti_aliasing: AntiAliasing = None,
+    anti_aliasing: certificates.AntiAliasing = None,
 ) -> control.StateSpace:
     """Return the plant from its controls to its measurements at samples, exactly.
 
@@ -708,7 +700,7 @@ def plant_at_samples(
     checked_plant(plant)
     period = positive("period", period, "s")
     delay = checked_delay(delay, period)
-    plant = with_filter(plant, filter_system(anti_aliasing, plant.ny))
+    plant = certificates.with_filter(plant, certificates.filter_system(anti_aliasing, plant.ny))
     still = named_system(
         ([], [], [], np.zeros((plant.nu, plant.ny))),
         period,
@@ -737,12 +729,12 @@ def discretized(
     controller: control.StateSpace,
     period: float,
     delay: float,
-    norm: Norm,
+    norm: certificates.Norm,
     continuous_norm: float,
     *,
     method: str = "tustin",
     prewarp_hz: float | None = None,
-    anti_aliasing: AntiAliasing = None,
+    anti_aliasing: certificates.AntiAliasing = None,
     details: Mapping[str, Any] | None = None,
 ) -> SampledDesign:
     """Imitate a controller at samples and certify the sampled loop; see `Design.discretize`.
@@ -782,10 +774,10 @@ def discretized(
     checked_plant(plant)
     period = positive("period", period, "s")
     delay = checked_delay(delay, period)
-    filtering = filter_system(anti_aliasing, plant.ny)
+    filtering = certificates.filter_system(anti_aliasing, plant.ny)
     filtered = filtered_plant(plant, filtering, norm, "design for")
     K = with_signal_names_of(plant, emulated(controller, period, method, prewarp_hz))
-    certificate = certificate_of(filtered, K, delay, norm)
+    certificate = certificates.certificate_of(filtered, K, delay, norm)
     late = f" with a delay of {duration(delay)}" if delay else ""
     how = f"ampled every {duration(period)}{late}, the loop"
     if not certificate.stable:
