@@ -143,7 +143,8 @@ class LoopFigures(Displayed):
         }
         if signal is None:
             return [(place, i) for i in range(min(len(self.loop.names(place)), _MOST_SHOWN))]
-        return [known[one_of("signal", signal, known, "Check its spelling.")]]
+        one_of("signal", signal, self.loop.signals, "Check its spelling.")
+        return [known[signal]]
 
     def _least(self, of: Callable[[LoopMargins], float]) -> float:
         return min((of(margins) for margins in self.margins), default=math.nan)

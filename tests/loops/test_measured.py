@@ -144,7 +144,7 @@ def test_one_signal_is_drawn_and_an_unstable_loop_too():
         ({"kind": "step"}, "need|model"),
         ({"kind": "root locus"}, "kind"),
         ({"place": "middle"}, "place"),
-        ({"signal": "w"}, "one of u"),
+        ({"signal": "w"}, "one of 'u"),
     ],
 )
 def test_what_cannot_be_drawn_is_told(wrong, said, satellite_lines):
