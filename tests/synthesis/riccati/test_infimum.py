@@ -18,6 +18,7 @@ from robustpolish.synthesis.riccati.lower_bound import (
     PreciseRiccatiPair,
     proven_lower_bound,
 )
+from tests.synthesis.small_plants import double_integrator
 from tests.synthesis.weighted_servos import drawn, realisations
 
 # Infima of the full-order H-infinity norm of COMPleib plants, most of them singular.
@@ -48,14 +49,7 @@ def test_infimum_of_singular_plants(shared, name):
 
 def test_a_measurement_without_noise_takes_its_states_out_of_the_equation():
     # Position and velocity of a mass; the position is known exactly, so is then the velocity.
-    plant = rp.GeneralizedPlant.from_matrices(
-        [[0.0, 1.0], [0.0, 0.0]],
-        [[0.0], [1.0]],
-        [[0.0], [1.0]],
-        [[1.0, 0.0], [0.0, 0.0]],
-        [[1.0, 0.0]],
-        D12=[[0.0], [1.0]],
-    )
+    plant = double_integrator(noise=None)
     halves = reduced_riccati_pair(PlantMatrices.of(plant))
     assert len(halves.measurement.A) == 0
     assert len(halves.control.A) == 2
@@ -236,28 +230,17 @@ def test_with_more_controls_than_outputs_the_rest_is_free():
     assert not out_of_reach(plant, 1e-6)
 
 
-def double_integrator():
-    return PlantMatrices.of(
-        rp.GeneralizedPlant.from_matrices(
-            [[0.0, 1.0], [0.0, 0.0]],
-            [[0.0, 0.0], [1.0, 0.0]],
-            [[0.0], [1.0]],
-            [[1.0, 0.0], [0.0, 0.0]],
-            [[1.0, 0.0]],
-            D12=[[0.0], [1.0]],
-            D21=[[0.0, 1.0]],
-        )
-    )
+INTEGRATOR = PlantMatrices.of(double_integrator())
 
 
 @pytest.mark.parametrize("guess", [0.0, 1e-20, 1.0, 2.6, 1e20])
 def test_a_wrong_guess_takes_longer_only(guess):
-    found = proven_lower_bound(double_integrator(), guess, 1e-3)
-    assert found == pytest.approx(proven_lower_bound(double_integrator(), 2.58, 1e-4), rel=1.2e-3)
+    found = proven_lower_bound(INTEGRATOR, guess, 1e-3)
+    assert found == pytest.approx(proven_lower_bound(INTEGRATOR, 2.58, 1e-4), rel=1.2e-3)
 
 
 def test_when_the_time_is_over_what_was_proven_is_returned(monkeypatch):
-    full = proven_lower_bound(double_integrator(), 2.0, 1e-3)
+    full = proven_lower_bound(INTEGRATOR, 2.0, 1e-3)
     looks = [True, True, True]
 
     def look():
@@ -266,5 +249,5 @@ def test_when_the_time_is_over_what_was_proven_is_returned(monkeypatch):
         looks.pop()
 
     monkeypatch.setattr(proof, "check_deadline", look)
-    assert 1.9 < proven_lower_bound(double_integrator(), 2.0, 1e-3) < 0.999 * full
-    assert proven_lower_bound(double_integrator(), 2.0, 1e-3) == 0
+    assert 1.9 < proven_lower_bound(INTEGRATOR, 2.0, 1e-3) < 0.999 * full
+    assert proven_lower_bound(INTEGRATOR, 2.0, 1e-3) == 0
