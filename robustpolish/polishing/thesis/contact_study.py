@@ -308,12 +308,17 @@ class HuntCrossley(_Law):
 
 @dataclass(frozen=True)
 class LinearSpring(HuntCrossley):
-    """A spring that pushes only: force k_p times depth, nothing lost. Its damping is 0.
+    """A spring that pushes only: force k_p times depth, nothing lost.
 
     Parameters
     ----------
     stiffness : float
         k_p in N/m.
+
+    Attributes
+    ----------
+    damping : float
+        0: a law of Hunt and Crossley that loses nothing.
 
     Examples
     --------
