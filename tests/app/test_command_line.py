@@ -27,6 +27,7 @@ from robustpolish.app.cli.options import (
 from robustpolish.app.cli.warm_up import CALLS
 from robustpolish.errors import InfeasibleError, InvalidInputError
 from tests.app.command_line import run
+from tests.busy import output_of
 
 
 def test_help_and_bad_input(tmp_path):
@@ -58,10 +59,7 @@ def test_help_imports_no_subcommand():
         "names = {name for name in sys.modules if name.startswith('robustpolish.app.cli.')}\n"
         "assert names == {'robustpolish.app.cli.main'}, names\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program], check=False, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
+    output_of(program)
 
 
 def test_json_is_strict_and_replaced_only_by_force(tmp_path, capsys):

@@ -5,11 +5,13 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
+from robustpolish.implementation.certify_sampled import longest_period
 from robustpolish.implementation.realization import (
     FORMS,
     anti_windup,
     control_limits,
     controller_outputs,
+    emulated,
     realized,
     roundoff_bound,
 )
@@ -136,3 +138,114 @@ def test_it_is_the_response_of_the_system():
         expected = control.forced_response(K, inputs=y.T).outputs.reshape(K.noutputs, -1).T
         found = controller_outputs(K, y)
         np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10)
+
+
+# Controllers imitated at samples, plants at samples, and the longest period by hand.
+
+
+K = control.ss([[-1.0, 2.0], [-2.0, -1.0]], [[0.0], [1.0]], [[3.0, 1.0]], [[0.5]])
+
+
+def response(system, omega):
+    return complex(np.squeeze(system(np.exp(1j * omega * system.dt) if system.dt else 1j * omega)))
+
+
+@pytest.mark.parametrize(
+    ("method", "theirs"),
+    [("tustin", "bilinear"), ("zoh", "zoh"), ("forward", "euler"), ("backward", "backward_diff")],
+)
+def test_they_are_those_of_python_control(method, theirs):
+    found, expected = emulated(K, 0.1, method), control.sample_system(K, 0.1, theirs)
+    for omega in (0.0, 0.3, 2.0, 20.0):
+        assert response(found, omega) == pytest.approx(response(expected, omega), rel=1e-10)
+    same = emulated(K, 0.1, theirs)
+    np.testing.assert_array_equal(same.A, found.A)
+
+
+@pytest.mark.parametrize("method", ["tustin", "zoh", "foh", "matched", "forward", "backward"])
+def test_they_tend_to_the_controller(method):
+    gaps = [abs(response(emulated(K, h, method), 1.5) - response(K, 1.5)) for h in (1e-2, 1e-3)]
+    assert gaps[1] < 0.2 * gaps[0]
+    assert gaps[1] < 1e-2
+    assert response(emulated(K, 0.1, method), 0.0) == pytest.approx(response(K, 0.0), rel=1e-6)
+
+
+def test_prewarping_is_exact_at_its_frequency():
+    hertz = 1.3
+    found = emulated(K, 0.1, "tustin", prewarp_hz=hertz)
+    omega = 2 * np.pi * hertz
+    assert response(found, omega) == pytest.approx(response(K, omega), rel=1e-12)
+
+
+def test_first_order_hold_is_exact_for_ramps():
+    found = emulated(control.ss([[-1.0]], [[1.0]], [[1.0]], 0), 0.5, "foh")
+    k = np.arange(30)
+    y = control.forced_response(found, inputs=0.5 * k).outputs
+    t = 0.5 * k
+    np.testing.assert_allclose(y - y[0] * np.exp(-t), t - 1 + np.exp(-t), atol=1e-10)
+
+
+def test_a_gain_stays_itself():
+    gain = control.ss([], [], [], [[2.0, -1.0]])
+    for method in ("tustin", "zoh", "foh", "backward"):
+        found = emulated(gain, 0.1, method)
+        assert found.nstates == 0
+        np.testing.assert_array_equal(found.D, gain.D)
+
+
+def test_wrong_arguments_are_refused():
+    with pytest.raises(rp.InvalidInputError, match="method"):
+        emulated(K, 0.1, "magic")
+    for period in (0.0, -1.0, np.inf, "x"):
+        with pytest.raises(rp.InvalidInputError, match="period"):
+            emulated(K, period)
+    with pytest.raises(rp.InvalidInputError, match="prewarp_hz"):
+        emulated(K, 0.1, "zoh", prewarp_hz=1.0)
+    with pytest.raises(rp.InvalidInputError, match="prewarp_hz"):
+        emulated(K, 0.1, prewarp_hz=5.0)
+    with pytest.raises(rp.InvalidInputError, match="one of each"):
+        emulated(control.append(K, K), 0.1, "matched")
+    with pytest.raises(rp.InvalidInputError, match="pole"):
+        emulated(control.ss([[20.0]], [[1.0]], [[1.0]], 0), 0.1)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.04, 0.1, 0.25])
+def test_poles_are_those_of_the_certificate(delay):
+    plant = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+    sampled = rp.implementation.plant_at_samples(plant, 0.1, delay)
+    loop = control.feedback(sampled, control.ss([], [], [], [[-2.0]], 0.1), sign=1)
+    found = np.abs(np.linalg.eigvals(loop.A)).max()
+    certificate = rp.implementation.certify_sampled(plant, [[-2.0]], 0.1, delay)
+    assert found == pytest.approx(certificate.spectral_radius, rel=1e-9)
+
+
+def lag(a=1.0):
+    return rp.GeneralizedPlant.from_matrices([[a]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+
+
+def static(k):
+    return control.ss([], [], [], [[k]])
+
+
+def test_an_unstable_lag_with_a_gain():
+    # x+ = (e - 3 (e - 1)) x is stable while e < 2.
+    assert longest_period(lag(), static(-3.0)) == pytest.approx(np.log(2), rel=1e-6)
+    # One period of delay: z^2 - e z + 3 (e - 1), stable while 3 (e - 1) < 1.
+    found = longest_period(lag(), static(-3.0), delay_periods=1.0)
+    assert found == pytest.approx(np.log(4 / 3), rel=1e-6)
+
+
+def test_units_of_time_only_scale_it():
+    found = longest_period(lag(1e6), static(-3e6))
+    assert found == pytest.approx(np.log(2) * 1e-6, rel=1e-6)
+
+
+def test_a_fixed_delay_is_part_of_every_period():
+    # x' = x - 3 x(t - d) is unstable from d = acos(1/3)/sqrt(8) on, however fast one samples.
+    critical = np.arccos(1 / 3) / np.sqrt(8)
+    assert longest_period(lag(), static(-3.0), delay=critical * 1.05) == 0.0
+    assert 0 < longest_period(lag(), static(-3.0), delay=critical * 0.9) < 0.2
+
+
+def test_no_limit_is_infinite():
+    assert longest_period(lag(-1.0), static(-0.5)) == np.inf

@@ -52,7 +52,7 @@ from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import ACCELERATION, FORCE
 from robustpolish.machines.simulation import needed_substeps
-from robustpolish.signals.filtering import FLAT, decimate
+from robustpolish.signals.forces import FLAT, decimate
 
 # Cross-validation split: held-out records, or held-out blocks of each.
 

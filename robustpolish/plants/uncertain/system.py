@@ -11,7 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.base.arrays import Matrix
-from robustpolish.base.checks import closest_name_remedy, described, invalid, is_whole, matrix
+from robustpolish.base.checks import (
+    closest_name_remedy,
+    described,
+    invalid,
+    is_whole,
+    matrix,
+    one_of,
+    whole_number,
+)
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.plants.blocks import as_state_space, matrices_of, named_system
 from robustpolish.plants.uncertain import lft as algebra
@@ -294,8 +302,7 @@ class UncertainSystem(Displayed):
         list of control.StateSpace, ndarray or float
             Each within the bounds.
         """
-        if not is_whole(n) or n < 1:
-            raise invalid("n", n, "a whole number above 0", "Pass how many to draw.")
+        whole_number("n", n, 1, remedy="Pass how many to draw.")
         random = np.random.default_rng(seed)
         return [self.at(random_values(self.matrices, random)) for _ in range(n)]
 
@@ -344,8 +351,7 @@ class UncertainSystem(Displayed):
         InvalidInputError
             If the sizes do not fit, or the loop is not well posed.
         """
-        if sign not in (-1, 1):
-            raise invalid("sign", sign, "-1 or 1", "Choose one of these.")
+        one_of("sign", sign, (-1, 1))
         ny, nu = self.shape
         back = as_uncertain("other", other).matrices
         if back.shape == (1, 1) != (nu, ny) and nu == ny > 0:
