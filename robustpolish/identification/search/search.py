@@ -13,6 +13,7 @@ from robustpolish.identification.fit.least_squares import covariance_of
 from robustpolish.identification.fit.parameters import chain_keys
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.fit.result import stderr_from_covariance
+from robustpolish.identification.observer.runs import Chains
 from robustpolish.identification.policy import NEGLIGIBLE, STRONG
 from robustpolish.identification.record import output_sizes
 from robustpolish.identification.refit import fit_own_parameters
@@ -370,7 +371,7 @@ def _instead(run: EffectSearch, chosen: ScoredModel, effect: Effect) -> list[Eff
     if not run.at_noise_floor(chosen):
         return elsewhere + _alternatives(run, chosen, effect)[:ALTERNATIVES]
     simpler = _simpler(run, chosen, effect)
-    return elsewhere + ([] if simpler is None else [simpler]) + _beside(run, chosen)
+    return elsewhere + ([] if simpler is None else [simpler]) + _beside(run, chosen, effect)
 
 
 def _elsewhere(run: EffectSearch, chosen: ScoredModel, effect: Effect) -> list[Effect]:
@@ -405,12 +406,17 @@ def _elsewhere(run: EffectSearch, chosen: ScoredModel, effect: Effect) -> list[E
     return found[:ELSEWHERE]
 
 
-def _beside(run: EffectSearch, chosen: ScoredModel) -> list[Effect]:
-    """Return effects that would gain very strong evidence beside a model."""
+def _beside(run: EffectSearch, chosen: ScoredModel, effect: Effect) -> list[Effect]:
+    """Return effects of the same chain that would gain very strong evidence beside a model."""
     if run.screening is None:
         return []
-    own = {(e.kind, e.at) for e in chosen.added}
-    entries = [c for c in run.screening.finalists if (c.kind.kind, c.at) not in own]
+    chains, own = Chains(chosen.model), {(e.kind, e.at) for e in chosen.added}
+    entries = [
+        c
+        for c in run.screening.finalists
+        if (c.kind.kind, c.at) not in own
+        and chains.effect(Effect.of(c.kind, c.at)) in (-1, chains.effect(effect))
+    ]
     problem = problem_of_free_runs(chosen.fitted.fit, run.prepared, entries)
     found = [] if problem is None else [s for s in problem.best_sets(1) if s.nats > STRONG]
     return [s.effects[0] for s in found][:ELSEWHERE]

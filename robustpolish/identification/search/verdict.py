@@ -76,19 +76,15 @@ class Residual:
     matters: bool
 
     @property
-    def counts(self) -> Array:
-        """Of which outputs the error is large enough to count, shape (ny,)."""
-        return self.error >= NEGLIGIBLE * self.size
-
-    @property
     def times(self) -> float:
-        """Largest error that counts over its floor."""
-        return float(np.max((self.error / self.floor)[self.counts], initial=0.0))
+        """Largest error over its floor, of those that are large enough to count; 0 without any."""
+        counts = self.error >= NEGLIGIBLE * self.size
+        return float(np.max(np.where(counts, self.error / self.floor, 0.0)))
 
     @property
     def structure(self) -> tuple[str, ...]:
         """Why it is no noise; empty if nothing speaks against that."""
-        if not self.counts.any():
+        if self.times == 0:
             return ()
         loud = (f"What is left is {self.times:.3g} times the noise.",)
         return (*self.foretold, *(loud if self.times > NEAR_NOISE else ()))
