@@ -76,6 +76,9 @@ from .identification.compare import (
 from .identification.diagnose import (
     diagnose as diagnose,
 )
+from .identification.look import (
+    look as look,
+)
 from .identification.refit import (
     refit as refit,
 )
@@ -284,6 +287,7 @@ __all__ = [
     "linear",
     "linearize",
     "load",
+    "look",
     "loop_analysis",
     "loop_shaping",
     "mixed_output_feedback",

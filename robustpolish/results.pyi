@@ -55,6 +55,9 @@ from .identification.frequency.comparison import (
 from .identification.frequency.comparison import (
     PairError as PairError,
 )
+from .identification.look import (
+    RecordLook as RecordLook,
+)
 from .identification.residuals import (
     ResidualAnalysis as ResidualAnalysis,
 )
@@ -304,6 +307,7 @@ __all__ = [
     "PbhTest",
     "Prescaled",
     "RecordError",
+    "RecordLook",
     "ReducedRotor",
     "Refit",
     "ResidualAnalysis",

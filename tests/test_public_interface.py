@@ -86,6 +86,7 @@ FORWARDED = (
     "robustpolish.polishing.BrushParameters.for_run",
     "robustpolish.GeneralizedPlant.replace",
     "robustpolish.design_machine",
+    "robustpolish.look",
     "robustpolish.read_design_task",
     "robustpolish.effects.Effect.with_parameters",
     "robustpolish.trade_off",
@@ -120,6 +121,8 @@ def test_forwarded_keywords_are_refused_too():
         rp.air_bearing().replace(no_such_keyword=1)
     with pytest.raises(TypeError, match="no_such_keyword"):
         rp.trade_off(rp.air_bearing(), [1.0], no_such_keyword=1)
+    with pytest.raises(TypeError, match="no_such_keyword"):
+        rp.look("run.csv", no_such_keyword=1)
     for forwarding in (rp.design_machine, rp.read_design_task):
         with pytest.raises(rp.InvalidInputError, match="no_such_keyword"):
             forwarding(rp.air_bearing(), no_such_keyword=1)

@@ -52,6 +52,12 @@ from .frequency.comparison import (
 from .frequency.comparison import (
     PairError as PairError,
 )
+from .look import (
+    RecordLook as RecordLook,
+)
+from .look import (
+    look as look,
+)
 from .refit import (
     refit as refit,
 )
@@ -89,6 +95,7 @@ __all__ = [
     "OutputError",
     "PairError",
     "RecordError",
+    "RecordLook",
     "Refit",
     "ResidualAnalysis",
     "StepRun",
@@ -100,6 +107,7 @@ __all__ = [
     "cross_correlation",
     "diagnose",
     "effect_sector",
+    "look",
     "refit",
     "residual_analysis",
     "step_runs",

@@ -391,6 +391,8 @@ def read_channels(
     """
     needed = [*model.input_names, *(outputs or ())]
     optional = model.output_names if outputs is None else ()
+    # What an input is limited to is what acts on the machine.
+    how = {**how, "at_limit": model.input_names}
     data = read_measurement(source, columns=needed, optional=optional, **how)
     if not any(name in data for name in model.output_names):  # refused with the file's columns
         return read_measurement(source, columns=[*needed, *optional], **how)
@@ -631,7 +633,8 @@ def checked_data(model: MechanicalModel, data: Any) -> xr.Dataset:
     require_model(model)
     items = [*model.inputs, *model.outputs]
     if not isinstance(data, xr.Dataset):
-        data = read_measurement(data, columns=[item.name for item in items])
+        columns = [item.name for item in items]
+        data = read_measurement(data, columns=columns, at_limit=model.input_names)
     if "time" not in data.coords or data["time"].dims != ("time",):
         shown = described(f"coordinates {', '.join(map(str, data.coords)) or 'none'}")
         raise invalid("data", shown, "the coordinate time", "Read it with read_measurement.")

@@ -151,7 +151,8 @@ def check_not_clipped(name: str, values: Vector) -> None:
     if plateaus := clipped_plateaus(values):
         share = sum(plateaus) / values.size
         shown = f"{len(plateaus)} plateaus at the ends of its range, {share:.1%} of it"
-        remedy = "Lower the amplitude or widen the range of the sensor and record again."
+        remedy = "Record again with a lower amplitude or a wider range of the sensor, or, if it is "
+        remedy += f"a command, pass at_limit=[{name!r}]; inputs of a model may stay at a limit."
         raise misfit(name, shown, "a signal that is not clipped", remedy)
 
 
@@ -162,6 +163,14 @@ def clipped_plateaus(values: Vector) -> list[int]:
     """
     plateaus = [length for sign in (1, -1) for length in _plateaus(sign * values)]
     return plateaus if len(plateaus) >= 2 or sum(plateaus) >= 8 else []
+
+
+def share_at_limit(values: Vector) -> float:
+    """Return the share of samples at the ends of a channel's range, 0 if no end is a limit."""
+    if not clipped_plateaus(values):
+        return 0.0
+    low, high = values.min(), values.max()
+    return float(np.mean(np.minimum(values - low, high - values) <= 1e-9 * (high - low)))
 
 
 def _plateaus(values: Vector) -> list[int]:

@@ -268,6 +268,8 @@ class RawTable:
         Line of the file by sample, where there are lines.
     headers : dict of str to str
         Name by header as it stands in the file.
+    clock : str or None
+        The column that holds the time, once it is known.
     """
 
     columns: dict[str, Any] = field(default_factory=dict)
@@ -276,6 +278,7 @@ class RawTable:
     notes: list[str] = field(default_factory=list)
     lines: np.ndarray | None = None
     headers: dict[str, str] = field(default_factory=dict)
+    clock: str | None = None
 
     def add(
         self, header: str, values: Any, unit: str | None = None, fraction: bool = False

@@ -19,6 +19,7 @@ from robustpolish.signals.quality import (
     ends_without_values,
     fill_gaps,
     numeric,
+    share_at_limit,
 )
 from robustpolish.signals.raw import RECORD, RawResponse, RawTable, is_count, to_si
 from robustpolish.signals.readers.arrays import read_npz, read_wav
@@ -177,6 +178,7 @@ def read_measurement(
     sampling_rate: float | None = None,
     table: str | None = None,
     max_bytes: float | None = None,
+    at_limit: Sequence[str] = (),
 ) -> xr.Dataset:
     """Read a measurement, check it, and convert it to SI units.
 
@@ -207,6 +209,8 @@ def read_measurement(
         Matrix or group to read, in files that hold several.
     max_bytes : float, optional
         Largest size of a file in bytes, and of what it unpacks to; 1e9 by default.
+    at_limit : sequence of str, optional
+        Channels that may stay at a limit, such as commands: they get a note instead of an error.
 
     Returns
     -------
@@ -234,21 +238,11 @@ def read_measurement(
     >>> data["x"].values, data["x"].attrs["units"]
     (array([0.e+00, 2.e-06, 1.e-06]), 'm')
     """
-    raw = raw_table(source, table, max_bytes)
-    raw.rename(rename or {})
-    for column, unit in (units or {}).items():
-        if not isinstance(unit, str):
-            raise invalid(f"units[{column!r}]", unit, "text such as 'mm'", "Quote it.")
-    raw.units.update({raw.resolve("units", column): unit for column, unit in (units or {}).items()})
-    name = find_time(raw, time) if raw.columns else None
-    if columns is not None:
-        wanted = [columns] if isinstance(columns, str) else list(columns)
-        there = [n for n in optional if n not in wanted and raw.holds(n)]
-        columns = [*wanted, *there] or list(optional)
-    stamps = _stamps(raw, name, sampling_rate)
-    channels = _channels(raw, columns, name, stamps.size)
+    how: dict[str, Any] = {"units": units, "time": time, "rename": rename, "table": table}
+    how |= {"sampling_rate": sampling_rate, "max_bytes": max_bytes}
+    raw, stamps, channels = signals_over_time(source, columns, optional, **how)
     kept = _kept(raw, stamps, channels, between)
-    axis = uniform_time(stamps[kept], name or "time")
+    axis = uniform_time(stamps[kept], raw.clock or "time")
     taken = stamps[kept] if axis.taken is None else axis.taken
     lines = None if raw.lines is None else raw.lines[kept]
     data: dict[str, Any] = {}
@@ -258,17 +252,49 @@ def read_measurement(
         check_finite(column, np.where(np.isnan(given), 0.0, given), taken)  # gaps may stay, so far
         values, note = fill_gaps(column, given, taken, lines)
         check_finite(column, values, taken)
-        check_not_clipped(column, values)
+        limit = ""
+        if column not in at_limit:
+            check_not_clipped(column, values)
+        elif share := share_at_limit(values):
+            limit = f"{column}: at a limit in {share:.1%} of its samples, taken as it is"
         unit = raw.units.get(raw.resolve("column", column), "")
         values, unit = to_si(values, unit, f"unit of {column!r}")
         data[column] = ("time", axis.move(values), {"units": unit})
         still = f"{column}: {values[0]:.6g} throughout" if np.ptp(values) == 0 else ""
-        notes += [note, still, axis.interpolation_warning(column, values)]
+        notes += [note, still, limit, axis.interpolation_warning(column, values)]
     dataset = xr.Dataset(data, coords={"time": ("time", axis.time, {"units": "s"})})
     dataset.attrs["notes"] = list(filter(None, notes))
     if isinstance(source, str | Path):
         dataset.attrs["source"] = str(source)
     return dataset
+
+
+def signals_over_time(
+    source: Any,
+    columns: Sequence[str] | None,
+    optional: Sequence[str] = (),
+    *,
+    units: Mapping[str, str] | None = None,
+    time: str | None = None,
+    rename: Mapping[str, str] | None = None,
+    sampling_rate: float | None = None,
+    table: str | None = None,
+    max_bytes: float | None = None,
+) -> tuple[RawTable, Vector, dict[str, Vector]]:
+    """Return a source's table, its stamps in s and its channels as they are, unchecked."""
+    raw = raw_table(source, table, max_bytes)
+    raw.rename(rename or {})
+    for column, unit in (units or {}).items():
+        if not isinstance(unit, str):
+            raise invalid(f"units[{column!r}]", unit, "text such as 'mm'", "Quote it.")
+    raw.units.update({raw.resolve("units", column): unit for column, unit in (units or {}).items()})
+    raw.clock = find_time(raw, time) if raw.columns else None
+    if columns is not None:
+        wanted = [columns] if isinstance(columns, str) else list(columns)
+        there = [n for n in optional if n not in wanted and raw.holds(n)]
+        columns = [*wanted, *there] or list(optional)
+    stamps = _stamps(raw, raw.clock, sampling_rate)
+    return raw, stamps, _channels(raw, columns, raw.clock, stamps.size)
 
 
 def _stamps(raw: RawTable, name: str | None, sampling_rate: float | None) -> Vector:

@@ -23,6 +23,7 @@ from robustpolish.identification.compare import step_runs
 from robustpolish.identification.diagnose import diagnose as diagnose_model
 from robustpolish.identification.diagnosis import Diagnosis, ledger_from
 from robustpolish.identification.findings import Ledger
+from robustpolish.identification.look import look as look_at
 from robustpolish.identification.record import require_time_data
 from robustpolish.identification.refit import refit as refit_model
 from robustpolish.identification.residuals import residual_analysis
@@ -31,6 +32,43 @@ from robustpolish.identification.tell_apart import ToldApart
 from robustpolish.identification.tell_apart import tell_apart as tell_machines_apart
 from robustpolish.identification.trial import try_effect
 from robustpolish.signals.frequency_response import holds_frequency_response
+
+# `robustpolish look`.
+
+_INPUTS = "What drives the machine, as F,M; by default guessed from units and names."
+
+
+@click.command()
+@click.argument("data", type=click.Path())
+@cli.option("--inputs", _INPUTS, metavar="F,M")
+@cli.option("--out", "Write the drafted model to a file (.toml).", cli.FILE)
+@cli.measurement_options
+@cli.option("--plot", "Save the picture of the responses (.png, .svg).", cli.FILE)
+@cli.result_options
+def look(
+    data: str, inputs: str | None, out: str | None, reading: cli.Reading, plot: str | None,
+    force: bool,
+) -> tuple[Any, ...]:  # fmt: skip
+    """Show what a measurement holds, and draft a model of it.
+
+    DATA is a measurement (CSV, MAT, HDF5, NPZ, WAV; TDMS and UFF with the extra [io]). Channels,
+    gaps, limits, noise, likely modes, feedback and holds are told; --columns names the outputs.
+    The numbers of the model are guesses. The exit code is 0 whatever is found, and 2 for bad input.
+    """
+    with new_file(out, force, (".toml",)) if out is not None else nullcontext() as draft:
+        ends = {"inputs": inputs, "outputs": reading.columns}
+        names = {end: cli.split_names(text) for end, text in ends.items() if text is not None}
+        found = look_at(data, **names, **cli.read_as(reading))
+        if draft is not None and found.draft is None:
+            remedy = "Name them with --inputs and --columns, or write a model by hand."
+            raise invalid("--out", described("no output to draft a model of"), "outputs", remedy)
+        content, text = found.to_dict(), repr(found)
+        cli.to_json(content)  # nothing is written if anything fails
+        if draft is not None and found.draft is not None:
+            draft.write_text(found.draft.to_toml(), encoding="utf-8")
+    cli.save_picture(plot, force, lambda: found.plot().figure)
+    return content, text.replace("RUN.csv", data).replace("DRAFT.toml", out or "DRAFT.toml"), out
+
 
 # `robustpolish compare`.
 

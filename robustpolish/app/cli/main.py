@@ -20,6 +20,7 @@ _COMMANDS = {
     "export": "Sample a saved design, certify the loop and write C, MAT, JSON or an FMU.",
     "brush": "Simulate the brush on its mould and show the forces.",
     "model": "Show the polishing robot's air bearing, or any model, as a TOML file.",
+    "look": "Show what a measurement holds before there is a model, and draft one.",
     "compare": "Compare a mechanical model with a measurement.",
     "refit": "Fit the numbers of a mechanical model to measurements.",
     "try": "Add an effect to a mechanical model by hand and show what that does to the error.",
@@ -31,12 +32,15 @@ _COMMANDS = {
 
 _MODULES = {
     **dict.fromkeys(("design", "margins", "modes", "norms"), "design"),
-    **dict.fromkeys(("model", "compare", "refit", "try", "diagnose", "tell-apart"), "learn"),
+    **dict.fromkeys(
+        ("model", "look", "compare", "refit", "try", "diagnose", "tell-apart"), "learn"
+    ),
 }
 """Module of :mod:`robustpolish.app.cli` of each command that has none of its own name."""
 
 _WITHOUT_MODEL = {
     "export": "The saved design of --design holds its machine.",
+    "look": "It needs none: compare takes DATA and a model.",
     "tell-apart": "Machines are arguments, after the measurement.",
 }
 """What to do where somebody looks for the option of the other commands."""

@@ -327,14 +327,16 @@ def load_data(path: str, model: MechanicalModel, reading: Reading) -> xr.Dataset
         for name in asked:
             one_of("--columns", name, (*model.input_names, *model.output_names))
         outputs = [name for name in model.output_names if name in asked]
-    return read_channels(
-        model,
-        path,
-        outputs,
-        units=pairs("--unit", reading.units, "COLUMN=UNIT", "--unit x=mm"),
-        rename=_renames(reading),
+    return read_channels(model, path, outputs, **read_as(reading))
+
+
+def read_as(reading: Reading) -> dict[str, Any]:
+    """Return the arguments of :func:`robustpolish.read_measurement` but for the columns."""
+    return {
+        "units": pairs("--unit", reading.units, "COLUMN=UNIT", "--unit x=mm"),
+        "rename": _renames(reading),
         **{name: getattr(reading, name) for name in (*_OF_TABLE, "max_bytes")},
-    )
+    }
 
 
 def load_records(
