@@ -311,9 +311,10 @@ def plot_waterfall(
     if floor is not None and np.isfinite(floor):
         label = f"noise floor, {floor:.3g}"
         handles.append(ax.axhline(floor, color="black", linestyle="--", linewidth=1, label=label))
-    ax.set_xticks(range(len(names)), [name.replace("_", " ") for name in names])
+    labels = [name.replace("_", " ").replace(" at ", "\nat ") for name in names]
+    ax.set_xticks(range(len(names)), labels)
     if len(names) > 3 or max(map(len, names), default=0) > 14:
-        ax.tick_params(axis="x", rotation=20)
+        plt.setp(ax.get_xticklabels(), rotation=20, ha="right", rotation_mode="anchor")
     ax.set_xlabel("step")
     quantity_axis(ax.yaxis, levels, levels.name or "level")
     ax.margins(y=0.2)  # for the numbers on top of the bars

@@ -507,7 +507,7 @@ def _from_witness(
 
 
 def _at_the_ends(loop: LoopModel, fixed: tuple[bool, ...] | None, witness: Witness) -> Witness:
-    """Bring a witness slower or faster than all poles to rest or to infinity, if it is as small there.
+    """Bring a witness beyond all poles to rest or to infinity, if it is as small there.
 
     There its values are real. Its lags would turn phases that are nothing but rounding.
     """
