@@ -437,6 +437,9 @@ def test_a_record_of_the_brush_on_a_bearing_that_hides_something(tmp_path):
     told = json.loads(run("compare", record, "--model", "air-bearing", "--json").stdout)
     assert set(told["outputs"]) == {"x", "y", "z"}  # F_p stands still, the bearing has no sensors
     assert told["outputs"]["x"]["nrmse"] < 0.05 < told["outputs"]["y"]["nrmse"]
+    # the band of the record ends at 10 kHz, the printed bearing has a mode at 27 kHz
+    printed = run("compare", record, "--model", "air-bearing:as-printed").stdout
+    assert "does not show the model's mode at 2" in printed
     fewer = run("compare", record, "--model", hidden, "--columns", "x, y", "--json")
     assert set(json.loads(fewer.stdout)["outputs"]) == {"x", "y"}
     for columns, message in (("x,w", "'w'"), ("x,x_m", "'x_m'")):
@@ -444,6 +447,11 @@ def test_a_record_of_the_brush_on_a_bearing_that_hides_something(tmp_path):
         assert message in result.stderr
     for change, message in (("force=2", "a place"), ("cubic_stiffness y force=much", "numbers")):
         assert message in run("model", "air-bearing", "--add", change, code=2).stderr
+
+
+@pytest.mark.parametrize("command", ["compare", "refit", "try", "diagnose", "tell-apart"])
+def test_every_command_on_measurements_takes_columns(command):
+    assert "--columns" in run(command, "--help").stdout
 
 
 @pytest.mark.parametrize("command", ["modes", "norms"])

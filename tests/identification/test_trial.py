@@ -102,6 +102,7 @@ def test_the_air_bearing_is_a_model_by_name(tmp_path):
     assert result.exit_code == 0, result.output
     bearing = rp.polishing.air_bearing_model(rp.polishing.AirBearingParameters.as_printed())
     assert rp.load(written).parameters == pytest.approx(bearing.parameters)
+    assert {d.name: d.axis for d in rp.load(written).dofs} == {d.name: d.axis for d in bearing.dofs}
     shown = CliRunner().invoke(main, ["model", "air-bearing"])
     assert rp.MechanicalModel.from_toml(shown.output).free == bearing.free
     refused = CliRunner().invoke(main, ["model", "air-bearing:as-built"])
