@@ -311,8 +311,10 @@ def plot_waterfall(
     if floor is not None and np.isfinite(floor):
         label = f"noise floor, {floor:.3g}"
         handles.append(ax.axhline(floor, color="black", linestyle="--", linewidth=1, label=label))
-    labels = [name.replace("_", " ").replace(" at ", "\nat ") for name in names]
-    ax.set_xticks(range(len(names)), labels)
+    # kinds in words, places as they are called
+    parts = [[part.partition(" at ") for part in name.split(" and ")] for name in names]
+    told = [[f"{k.replace('_', ' ')}\n{at.lstrip()}{of}" for k, at, of in each] for each in parts]
+    ax.set_xticks(range(len(names)), ["\nand ".join(each).rstrip() for each in told])
     if len(names) > 3 or max(map(len, names), default=0) > 14:
         plt.setp(ax.get_xticklabels(), rotation=20, ha="right", rotation_mode="anchor")
     ax.set_xlabel("step")
