@@ -189,7 +189,7 @@ def _sections(zeros: AnyVector, poles: AnyVector) -> control.StateSpace | None:
     if zeros.size != poles.size or not (np.real(roots) < -_DAMPED * np.abs(roots)).all():
         return None
     result = control.StateSpace([], [], [], [[1.0]], 0)
-    for top, bottom in zip(_pairs(zeros), _pairs(poles), strict=True):
+    for top, bottom in zip(real_factors(zeros), real_factors(poles), strict=True):
         # Controllable form of top / bottom, in time units of its own rate.
         n = len(bottom) - 1
         rate = float(np.abs(bottom[-1]) ** (1 / n))
@@ -201,7 +201,7 @@ def _sections(zeros: AnyVector, poles: AnyVector) -> control.StateSpace | None:
     return result
 
 
-def _pairs(roots: AnyVector) -> list[Vector]:
+def real_factors(roots: AnyVector) -> list[Vector]:
     """Return real polynomials of degree two, and at last one of degree one if the number is odd."""
     upper = sorted((s for s in roots.tolist() if s.imag > 1e-9 * abs(s)), key=abs)
     real = sorted((s.real for s in roots.tolist() if abs(s.imag) <= 1e-9 * abs(s)), key=abs)
