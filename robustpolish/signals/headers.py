@@ -17,7 +17,7 @@ _PREFIXED = r"[fpnuµμmcdkMG]?(?:m|g|s|N|Nm|Nmm|Ns|V|A|W|Pa|Hz|rad|J|bar|strain
 _ALONE = r"(?:sec|deg|degrees?|°|rpm|%|°C|degC|K|[uµμ]e|[uµμ]ε|microstrain|lbf|ft|kgf|rev)"
 _ATOM = rf"(?:{_PREFIXED}|{_ALONE})(?:(?:\^|\*\*)?-?[1-4]|²|³)?"
 _UNIT = re.compile(rf"{_ATOM}(?:\s*[*·⋅./ ]\s*\(?{_ATOM}\)?)*")
-_TIME_UNIT = re.compile(_TIME_UNITS, re.IGNORECASE)
+TIME_UNIT = re.compile(_TIME_UNITS, re.IGNORECASE)
 
 _BRACKETS = re.compile(r"^(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]\s*$")
 _PARENTHESES = re.compile(r"^(?P<name>.*?\S)\s*\((?P<unit>[^\[\]]*)\)\s*$")
@@ -58,7 +58,7 @@ def split_header(header: str, fraction: bool = False) -> tuple[str, str]:
         found = pattern.match(text)
         if found:
             name, unit = found["name"].strip(), _bare(found["unit"])
-            if _UNIT.fullmatch(unit) or (is_time(name) and _TIME_UNIT.fullmatch(unit)):
+            if _UNIT.fullmatch(unit) or (is_time(name) and TIME_UNIT.fullmatch(unit)):
                 return name, unit
     found = re.fullmatch(rf"(?P<name>.*?)[ _](?P<unit>{_TIME_UNITS})", text)
     if found and is_time(found["name"]):
@@ -78,7 +78,7 @@ def line_of_units(cells: list[str]) -> list[str] | None:
     units = [(f["unit"] if f else c).strip() for f, c in zip(found, cells, strict=True)]
     # An empty cell, or a stroke, stands for a column without a unit.
     units = ["" if unit == "-" else unit for unit in units]
-    known = all(not u or _UNIT.fullmatch(u) or _TIME_UNIT.fullmatch(u) for u in units)
+    known = all(not u or _UNIT.fullmatch(u) or TIME_UNIT.fullmatch(u) for u in units)
     return units if known and any(units) else None
 
 
@@ -211,7 +211,11 @@ def _quantity(unit: str, value: float) -> Any:
     registry = _registry()
     if symbol in ("1", "-"):
         return registry.Quantity(value * scale, "dimensionless")
-    one = registry.parse_expression(symbol.replace("^", "**"))
+    symbol = symbol.replace("^", "**")
+    try:
+        one = registry.parse_expression(symbol)
+    except Exception:  # "Newtons", "Volts"; pint raises errors of its own and of the tokenizer
+        one = registry.parse_expression(symbol.lower())
     if isinstance(one, int | float):  # such as "%" turned into a number
         return registry.Quantity(value * scale * one, "dimensionless")
     if one.magnitude == 1:  # the way that temperatures with an offset need

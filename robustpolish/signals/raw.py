@@ -18,6 +18,9 @@ RECORD = FileSpec("measurement", "a file", "Check the path.", 1_000_000_000)
 """What a file with a record is, unpacked no larger than a gigabyte."""
 
 
+_SAME_SAMPLE = 0.05  # of a step, what stamps of clocks are rounded to
+
+
 @dataclass
 class RawTable:
     """Columns of a file with their units as written.
@@ -30,6 +33,8 @@ class RawTable:
         Unit by name where the file gives one.
     sampling_rate : float or None
         In Hz, where the file gives one.
+    start : float
+        Time of the first sample in s, for files without a column of times.
     notes : list of str
         What was done or left out on the way.
     lines : ndarray of int or None
@@ -41,6 +46,7 @@ class RawTable:
     columns: dict[str, Any] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
     sampling_rate: float | None = None
+    start: float = 0.0
     notes: list[str] = field(default_factory=list)
     lines: np.ndarray | None = None
     headers: dict[str, str] = field(default_factory=dict)
@@ -56,6 +62,30 @@ class RawTable:
         self.headers[str(header).strip()] = name
         if unit or written:
             self.units[name] = unit or written
+
+    def start_together(self, starts: Mapping[str, float], step: float) -> None:
+        """Cut columns that start at different times, in s, to what all of them cover.
+
+        Raises
+        ------
+        InvalidInputError
+            If they do not start a whole number of steps apart.
+        """
+        if not starts:
+            return
+        self.start = max(starts.values())
+        for name, start in starts.items():
+            late = (self.start - start) / step
+            if abs(late - round(late)) > _SAME_SAMPLE or round(late) >= np.size(self.columns[name]):
+                shown = f"{name}, which starts {self.start - start:.6g} s before another channel"
+                want = f"one start, or starts whole steps of {step:.6g} s apart within the record"
+                raise misfit("measurement", shown, want, "Resample, or pass table= or columns=.")
+            self.columns[name] = self.columns[name][round(late) :]
+        if min(starts.values()) < self.start:
+            length = min(np.size(self.columns[name]) for name in starts)
+            self.columns |= {name: self.columns[name][:length] for name in starts}
+            spread = self.start - min(starts.values())
+            self.notes.append(f"channels start up to {spread:.6g} s apart: cut to what all cover")
 
     def resolve(self, argument: str, name: str) -> str:
         """Return the column that is meant: by name, by header, or by the end of a path in groups.

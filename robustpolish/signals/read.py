@@ -166,6 +166,9 @@ def raw_table(source: Any, table: str | None = None, max_bytes: float | None = N
     raise misfit("table", shown, "no table: the file has but one", "Leave it out.")
 
 
+_CLOCKS_AGREE = 0.01  # relative, what the clock of a computer may be off
+
+
 def read_measurement(
     source: Any,
     *,
@@ -277,7 +280,15 @@ def _stamps(raw: RawTable, name: str | None, sampling_rate: float | None) -> Vec
     if not raw.columns:
         raise misfit("measurement", "no channels", "signals", "Check the file.")
     if name is not None and sampling_rate is None:
-        return seconds(raw, name)
+        stamps = seconds(raw, name)
+        told = raw.sampling_rate
+        step = float(np.median(np.diff(stamps))) if stamps.size > 1 else 0.0
+        if told and step > 0 and abs(step * told - 1) > _CLOCKS_AGREE:
+            raw.notes.append(
+                f"{name} has a step of {step:.6g} s, where the head of the file gives "
+                f"{told:.6g} Hz: the steps are used"
+            )
+        return stamps
     rate = raw.sampling_rate if sampling_rate is None else sampling_rate
     if rate is None:
         shown = f"no channel of that name among {', '.join(raw.columns)}"
@@ -288,7 +299,7 @@ def _stamps(raw: RawTable, name: str | None, sampling_rate: float | None) -> Vec
     length = max(set(lengths), key=lengths.count, default=0)
     if length < 2:
         raise misfit("measurement", f"{length} samples", "two or more", "Record longer.")
-    return step * np.arange(length, dtype=np.float64)
+    return raw.start + step * np.arange(length, dtype=np.float64)
 
 
 def _channels(

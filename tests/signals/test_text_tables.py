@@ -133,6 +133,48 @@ def test_the_rate_may_stand_above(line, tmp_path):
     check(read_measurement(path))
 
 
+def labview(tmp_path, head, shift=0.5, **changed):
+    """Write a LabVIEW file with other lines in its head, and read it."""
+    text = LVM
+    for key, line in changed.items():
+        text = "\n".join(line if row.startswith(key) else row for row in text.split("\n"))
+    columns = (
+        [texts(TIME), F, texts(TIME + shift), X] if head.count("X_") > 1 else [texts(TIME), F, X]
+    )
+    (tmp_path / "a.lvm").write_text(text + head + "\n" + rows(*columns, separator="\t"))
+    return read_measurement(tmp_path / "a.lvm")
+
+
+PLAIN, TWO = "X_Value\tF\tx\tComment", "X_Value\tF\tX_Value\tx\tComment"
+
+
+def test_the_head_of_a_labview_file_is_used(tmp_path):
+    check(labview(tmp_path, PLAIN))
+    check(labview(tmp_path, TWO, shift=0.0))
+    words = labview(tmp_path, PLAIN, Y_Unit="Y_Unit_Label\tNewtons\tg")
+    assert {k: v.attrs["units"] for k, v in words.items()} == {"F": "N", "x": "m/s^2"}
+    assert float(words["x"].max()) == pytest.approx(9.80665e3)
+    by_hand = labview(tmp_path, "X_Value\tF [N]\tx", Y_Unit="Y_Unit_Label\tVolts\tum")
+    assert by_hand["F"].attrs["units"] == "N"
+    short = labview(tmp_path, PLAIN, Samples="Samples\t2000\t2000")
+    assert "the head announces 2000 samples, 400 are there" in short.attrs["notes"]
+    slow = labview(tmp_path, PLAIN, Delta_X="Delta_X\t0.01\t0.01")
+    assert "gives 100 Hz: the steps are used" in slow.attrs["notes"][0]
+
+
+@pytest.mark.parametrize(
+    ("head", "changed", "told"),
+    [
+        (TWO, {}, "different X_Value"),
+        (PLAIN, {"X0": "X0\t0\t0.5"}, "different x0"),
+        (PLAIN, {"Delta_X": "Delta_X\t0.001\t0.002"}, "different delta_x"),
+    ],
+)
+def test_labview_channels_on_several_clocks_are_refused(head, changed, told, tmp_path):
+    with pytest.raises(InvalidInputError, match=told):
+        labview(tmp_path, head, **changed)
+
+
 def test_empty_cells_are_filled_or_named(tmp_path):
     path = tmp_path / "data.csv"
     force, motion = F.copy(), X.copy()
