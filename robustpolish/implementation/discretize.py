@@ -10,7 +10,7 @@ from typing import Any
 import control
 import numpy as np
 
-from robustpolish.base.checks import positive
+from robustpolish.base.checks import misfit, positive
 from robustpolish.base.results import shown
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.implementation.certify_sampled import (
@@ -28,7 +28,11 @@ from robustpolish.implementation.sampled.certificate import (
     filter_system,
     with_filter,
 )
-from robustpolish.implementation.sampled.lifting import beyond_a_period, period_map
+from robustpolish.implementation.sampled.lifting import (
+    beyond_a_period,
+    period_map,
+    without_loop_delay,
+)
 from robustpolish.implementation.sampled_design import SampledDesign
 from robustpolish.plants.blocks import named_system
 from robustpolish.plants.plant import GeneralizedPlant
@@ -60,12 +64,14 @@ def plant_at_samples(
     Returns
     -------
     control.StateSpace
-        With sampling time `period`; controls that the delay still holds back are among its states.
+        With sampling time `period`; controls that the delays still hold back are among its
+        states. The plant's own delays count too, from its controls and to its measurements.
 
     Raises
     ------
     InvalidInputError
-        If the plant is discrete, or the delay longer than 200 periods.
+        If the plant is discrete, the delays together are longer than 200 periods, or delays of
+        the plant differ between its controls or measurements or stand inside it.
 
     Notes
     -----
@@ -84,7 +90,13 @@ def plant_at_samples(
     """
     checked_plant(plant)
     period = positive("period", period, "s")
-    delay = checked_delay(delay, period)
+    plant, own = without_loop_delay(plant)
+    delay = checked_delay(positive("delay", delay, "s", zero=True) + own, period)
+    if plant.delays:
+        shown = ", ".join(f"{name} {duration(each)}" for name, each in plant.delays.items())
+        want = "the same delay at all controls and the same at all measurements"
+        remedy = "certify_sampled takes it, with a Pade model of what differs."
+        raise misfit("plant", f"delays that remain at single signals: {shown}", want, remedy)
     plant = with_filter(plant, filter_system(anti_aliasing, plant.ny))
     still = named_system(
         ([], [], [], np.zeros((plant.nu, plant.ny))),

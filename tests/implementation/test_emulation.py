@@ -129,6 +129,31 @@ def test_poles_are_those_of_the_certificate(delay):
     assert found == pytest.approx(certificate.spectral_radius, rel=1e-9)
 
 
+@pytest.mark.parametrize(("at", "computing"), [("u", 0), ("y", 0), ("uy", 0), ("uy", 0.07)])
+def test_delays_of_the_plant_are_exact_at_samples(at, computing):
+    lag = control.ss([[-2.0]], [[3.0]], [[1.0]], 0, inputs="u", outputs="y")
+    plant, total = rp.GeneralizedPlant(lag, measurements="y", controls="u"), computing
+    for name, seconds in (("u", 0.23), ("y", 0.11)):
+        if name in at:
+            plant, total = plant.with_delay(name, seconds), total + seconds
+    found = rp.implementation.plant_at_samples(plant, 0.1, computing)
+    n, r = divmod(total, 0.1)  # the control acts r after the sample n later
+    early, late = 1.5 * (np.exp(-0.2 + 2 * r) - np.exp(-0.2)), 1.5 * (1 - np.exp(-0.2 + 2 * r))
+    for rate in (0.1, 1.0, 3.0):
+        z = np.exp(1j * rate)
+        want = (late + early / z) / (z - np.exp(-0.2)) / z**n
+        assert complex(np.squeeze(found(z))) == pytest.approx(want, rel=1e-9)
+
+
+def test_delays_that_differ_are_refused_at_samples():
+    two = control.append(*[control.ss([[-2.0]], [[3.0]], [[1.0]], 0)] * 2)
+    plant = rp.GeneralizedPlant(two, measurements=2, controls=2)
+    for name in (plant.control_names[0], plant.measurement_names[1]):
+        late = plant.with_delay(name, 0.01)
+        with pytest.raises(rp.InvalidInputError, match=f"{name[0]}.* 10 ms".replace("[", r"\[")):
+            rp.implementation.plant_at_samples(late, 0.1)
+
+
 def lag(a=1.0):
     return rp.GeneralizedPlant.from_matrices([[a]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
 

@@ -439,7 +439,7 @@ def test_hdf5_attributes_of_a_channel_are_used(tmp_path):
     np.testing.assert_allclose(data["x"], MOTION, atol=1e-7)
     np.testing.assert_allclose(data["F"], FORCE + 5, atol=2)  # the gap is filled in
     with h5py.File(path, "a") as file:
-        file["x"].attrs["fs"] = 500.0
+        file["x"].attrs.update(fs=500.0)
     with pytest.raises(InvalidInputError, match="x: 500 Hz"):
         read_measurement(path)
 
