@@ -87,7 +87,7 @@ def table_of(arrays: dict[str, Any], chosen: str | None, source: str) -> RawTabl
     for name, vector in found.items():
         beside = (arrays.get(f"{name}_{word}") for word in _UNITS)
         written = [str(array.item()) for array in beside if array is not None and array.size == 1]
-        table.add(name, vector, *written[:1])
+        table.add(name, vector, next(iter(written), None))
     if not table.columns and matrices:
         shown = f"{source} with the tables {', '.join(matrices)}"
         want = f"one table to be chosen; the file holds {_contents(arrays)}"
