@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from typing import Any, Literal, get_args
 
@@ -15,8 +14,8 @@ from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import invalid, misfit, one_of, positive
 from robustpolish.implementation.realization import realized
 from robustpolish.implementation.sampled.lifting import named_like
+from robustpolish.linear.systems import of_roots
 from robustpolish.plants.blocks import matrices_of
-from robustpolish.plants.uncertain.cover import real_factors
 
 Method = Literal["tustin", "zoh", "foh", "matched", "impulse", "forward", "backward"]
 METHODS: tuple[str, ...] = get_args(Method)
@@ -133,14 +132,8 @@ def _matched(controller: control.StateSpace, period: float) -> tuple[Any, Any, A
         ]
         gain *= float(np.real(np.prod(slope[0]) / np.prod(slope[1])))
         # Polynomials in z - 1: in z those of slow roots would lose their digits.
-        factors = [real_factors(np.expm1(period * r)) for r in (poles, zeros)]
-        found = control.StateSpace([], [], [], [[gain]], period)
-        for den, num in itertools.zip_longest(*factors, fillvalue=np.ones(1)):
-            n = len(den) - 1
-            num = np.pad(num, (n + 1 - len(num), 0))
-            step = np.vstack([-den[1:], np.eye(n - 1, n)])
-            row = num[1:] - num[0] * den[1:]
-            found = control.StateSpace(np.eye(n) + step, np.eye(n, 1), row, num[0], period) * found
+        moved = [np.expm1(period * r) for r in (zeros, poles)]
+        found = of_roots(*moved, gain, period, about=1.0)
     if not all(np.isfinite(M).all() for M in matrices_of(found)):
         return matrices_of(found)
     return matrices_of(realized(found, "modal"))

@@ -24,6 +24,7 @@ from robustpolish.linear.stability import (
     poles_by_side,
     unreachable_poles,
 )
+from robustpolish.linear.systems import as_system
 from robustpolish.plots.charts import plot_bars
 
 Kind = Literal["controllability", "observability"]
@@ -473,10 +474,11 @@ def _feasible(test: PbhTest) -> Feasibility:
 def _test(kind: Kind, system, signals, states, dt, tolerance) -> PbhTest:
     inputs = kind == "controllability"
     other = "B" if inputs else "C"
-    if isinstance(system, control.StateSpace) or signals is None:
+    if signals is None or isinstance(system, control.LTI):
         if signals is not None:
             text = f"a matrix beside a system, which has its own {other}"
             raise invalid(other, described(text), "None", "Pass either a system or two matrices.")
+        system = as_system("system", system)
         given = realisation("system", system)
         A, signals, discrete = given.A, given.B if inputs else given.C, given.discrete
         names = list(system.state_labels)

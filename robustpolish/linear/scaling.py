@@ -36,6 +36,7 @@ from robustpolish.linear.arithmetic.realisation import (
     typical_rate,
 )
 from robustpolish.linear.stability import EPS
+from robustpolish.linear.systems import as_system
 from robustpolish.plots.charts import plot_bars
 from robustpolish.plots.frequency import plot_over_frequency
 
@@ -297,6 +298,7 @@ def prescale(system: control.StateSpace, band: Sequence[float] | None = None) ->
     >>> bool(scaled.accuracy_after.max() < 0.01 * scaled.accuracy_before.max())
     True
     """
+    system = as_system("system", system)
     model = realisation("system", system)
     refuse_extreme("system", model.matrices)
     frequency = _frequencies(model, band)
@@ -488,6 +490,7 @@ class Scaling(Displayed):
         InvalidInputError
             If the numbers of states, inputs or outputs differ from those of the scales.
         """
+        system = as_system("system", system)
         model = realisation("system", system)
         sizes = (self.state.size, self.inputs.size, self.outputs.size)
         found = (model.states, model.B.shape[1], model.C.shape[0])
@@ -557,6 +560,7 @@ class Scaling(Displayed):
         -------
         control.StateSpace
         """
+        controller = as_system("controller", controller)
         K = realisation("controller", controller)
         U = self.inputs[_chosen("inputs", inputs, self.inputs.size)]
         Y = self.outputs[_chosen("outputs", outputs, self.outputs.size)]

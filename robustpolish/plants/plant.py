@@ -28,11 +28,11 @@ from robustpolish.linear.delayed_systems import DelayLine
 from robustpolish.plants.blocks import (
     GivenController,
     SignalChoice,
+    as_response,
     as_state_space,
     chosen_signals,
     closed_loop,
     controller_system,
-    finite,
     named_system,
     sorted_signals,
     static_controller,
@@ -247,11 +247,7 @@ class GeneralizedPlant(WiredPlant, Displayed):
         whole: Any
         if isinstance(system, control.StateSpace):
             whole = state_space("system", system)
-        elif isinstance(system, control.FrequencyResponseData):
-            whole = finite("system", system)
-        else:
-            kinds = "a StateSpace, a TransferFunction or a FrequencyResponseData"
-            instance_of("system", system, control.TransferFunction, kinds, "Use control.ss(...).")
+        elif (whole := as_response("system", system)) is None:
             whole = as_state_space("system", system)
         whole, ny, nu = sorted_signals(whole, measurements, controls)
         self._set(whole, ny, nu, units=units, limits=limits, rate_limits=rate_limits)

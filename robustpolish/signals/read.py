@@ -22,7 +22,7 @@ from robustpolish.signals.quality import (
     numeric,
 )
 from robustpolish.signals.raw import RECORD, RawResponse, RawTable
-from robustpolish.signals.readers.arrays import read_npz, read_wav
+from robustpolish.signals.readers.arrays import read_npz, read_wav, table_of
 from robustpolish.signals.readers.csv import read_csv
 from robustpolish.signals.readers.instruments import read_tdms, read_uff
 from robustpolish.signals.readers.mat import read_hdf5, read_mat
@@ -34,11 +34,18 @@ from robustpolish.signals.time_axis import find_time, is_text, seconds, uniform_
 
 
 def read_object(source: Any) -> RawTable | None:
-    """Take a pandas DataFrame or Series or an xarray object apart; None for anything else."""
+    """Take a table in memory apart: see :func:`read_measurement`; None for anything else."""
     if isinstance(source, xr.DataArray):
         return _dataset(source.to_dataset(name=str(source.name or "signal")))
     if isinstance(source, xr.Dataset):
         return _dataset(source)
+    if isinstance(source, control.TimeResponseData):
+        return _time_response(source)
+    if isinstance(source, np.ndarray) and source.dtype.names:
+        source = {name: source[name] for name in source.dtype.names}
+    if isinstance(source, Mapping):
+        columns = {str(name): values for name, values in source.items()}
+        return table_of(columns, None, "a mapping of arrays")
     # xarray itself requires pandas, so that this import costs nothing more.
     import pandas as pd
 
@@ -77,6 +84,19 @@ def _dataset(source: xr.Dataset) -> RawTable:
         else:
             table.notes.append(f"left out: {name}, which is not over time alone")
     table.notes.extend(str(note) for note in source.attrs.get("notes", ()))
+    return table
+
+
+def _time_response(source: Any) -> RawTable:
+    table = RawTable()
+    table.add("time", np.asarray(source.time, dtype=float), "s")
+    sides = ((source.output_labels, source.y), (source.input_labels, source.u))
+    for labels, values in sides:
+        for name, row in zip(labels or (), [] if values is None else values, strict=False):
+            if np.ndim(row) > 1:
+                shown, remedy = "a response with several traces", "Simulate one input at a time."
+                raise misfit("measurement", shown, "one trace", remedy)
+            table.add(name, row)
     return table
 
 
@@ -145,7 +165,8 @@ def raw_table(source: Any, table: str | None = None, max_bytes: float | None = N
     found = read_object(source)
     if found is not None:
         return found
-    expected, remedy = "a path, or a pandas or xarray object", "Convert it to a pandas.DataFrame."
+    expected = "a path, a pandas or xarray object, a mapping of arrays or a TimeResponseData"
+    remedy = "Convert it to a pandas.DataFrame."
     path = Path(instance_of("measurement", source, (str, Path), expected, remedy))
     wanted, suffix = RECORD.limited(max_bytes), path.suffix.casefold()
     if file_size(path, wanted) == 0:
@@ -186,10 +207,11 @@ def read_measurement(
 
     Parameters
     ----------
-    source : path, pandas.DataFrame, pandas.Series, xarray.Dataset or xarray.DataArray
+    source : path, pandas or xarray object, mapping of names to arrays, or TimeResponseData
         A text table (``.csv``, ``.txt``, ``.tsv``, ``.dat``, ``.asc``, ``.lvm``) with a header of
         names and units, such as ``x [mm]``, ``x (mm)`` or ``x/mm``; a MATLAB file of any version,
-        HDF5, NPZ or WAV; TDMS and UFF 58 with the extra ``[io]``.
+        HDF5, NPZ or WAV; TDMS and UFF 58 with the extra ``[io]``. A mapping is read as an NPZ
+        file of these arrays, as is an array with named fields.
     columns : sequence of str, optional
         The channels to read; all by default. What a group holds is called ``group/name``, or
         ``name`` alone where that is clear.

@@ -12,13 +12,13 @@ import numpy as np
 from scipy.linalg import lapack
 
 from robustpolish.base.arrays import AnyMatrix, Matrix
-from robustpolish.base.checks import state_space
 from robustpolish.linear.arithmetic.powers_of_two import (
     LARGEST,
     FloatRangeError,
     entry_range_error,
     nearest_exponent,
 )
+from robustpolish.linear.systems import as_system
 
 _lapack: Any = lapack
 
@@ -62,8 +62,8 @@ class Realisation:
 
 
 def realisation(argument: str, system: Any) -> Realisation:
-    """Read a validated ``control.StateSpace``; an unspecified `dt` means continuous time."""
-    system = state_space(argument, system)
+    """Read a system of any kind; an unspecified `dt` means continuous time."""
+    system = as_system(argument, system)
     n, m, p = system.nstates, system.ninputs, system.noutputs
     discrete = bool(system.isdtime(strict=True))
     step = 1.0 if system.dt is None or system.dt is True or not discrete else float(system.dt)

@@ -26,6 +26,7 @@ from robustpolish.linear.norms.modal_form import ModalForm, modal_form
 from robustpolish.linear.norms.singular_values import singular_values
 from robustpolish.linear.scaling import parts
 from robustpolish.linear.stability import EPS, eigensystem, stability_of, stable_part
+from robustpolish.linear.systems import as_system
 from robustpolish.plots.frequency import plot_gains
 
 # The square of the H2 norm with bounds, in double precision or in ball arithmetic.
@@ -346,6 +347,7 @@ def h2_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> H2Norm:
     tolerance = positive("tolerance", tolerance)
     if tolerance < 1e-15:
         raise invalid("tolerance", tolerance, "at least 1e-15", "The default is 1e-9.")
+    system = as_system("system", system)
     model = realisation("system", system)
     found = [_part_norm(part, tolerance) for part in parts(model)]
     unsteady = [norm for norm in found if not norm.stable]
