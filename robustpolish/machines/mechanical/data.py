@@ -608,6 +608,24 @@ def context_of(model: MechanicalData, at: tuple[str, ...], step: float) -> Mappi
     return found
 
 
+_REMEDIES = {
+    "spring_stiffness": "Add rp.Spring({at}, k) first.",
+    "spin_frequency": "Build the model with spin_frequency=, in Hz.",
+}
+
+
+def refuse_idle(model: MechanicalData, effect: Effect) -> None:
+    """Refuse an effect that lacks in the model what it works through."""
+    needed, at = effect.definition.idle_without, effect.at
+    # elastic friction at the same place takes the clearance for its own
+    others = (e for e in model.effects if "clearance" in e.definition.context)
+    if not needed or any(set(e.at) == set(at) for e in others):
+        return
+    if not context_of(model, at, 0.0)[needed]:
+        what = f"{needed.replace('_', ' ')} there, without which it does nothing"
+        raise invalid((effect.kind, "at"), at, what, _REMEDIES[needed].format(at=at))
+
+
 def motion_at(
     model: MechanicalData, effect: Effect, time: Array, q: Array, v: Array, step: float = 0.0
 ) -> Motion:
