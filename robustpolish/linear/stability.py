@@ -328,7 +328,8 @@ def _exactly(model: Realisation) -> Stability:
     A = rational(model.A)
     sided = poles_by_side(A, model.discrete)
     worst = max(side for _, side in sided)
-    verdict, margin = _VERDICTS[worst], 0.0
+    verdict: Any = ("marginal", "unstable", "stable")[worst]
+    margin = 0.0
     if worst:
         pole, margin = _least_margin(A, model.discrete)
     else:
@@ -337,11 +338,6 @@ def _exactly(model: Realisation) -> Stability:
     text = _sentence(verdict, pole, model.discrete)
     text += ", decided in exact arithmetic" if worst < 0 else ""
     return Stability(verdict, pole, margin, True, text)
-
-
-_VERDICTS: dict[int, Literal["stable", "marginal", "unstable"]] = {
-    -1: "stable", 0: "marginal", 1: "unstable",
-}  # fmt: skip
 
 
 def _least_margin(A: fmpq_mat, discrete: bool) -> tuple[complex, float]:

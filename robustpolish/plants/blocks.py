@@ -247,27 +247,22 @@ def _checked(plant: PlantBlocks, controller: control.StateSpace | ArrayLike) -> 
 # A plant that is known by its frequency response only.
 
 
-def finite(argument: str, system: control.FrequencyResponseData) -> control.FrequencyResponseData:
-    """Return a response whose lines and values are all finite."""
-    if not (np.isfinite(system.omega).all() and np.isfinite(system.frdata).all()):
-        shown = described("a response with values that are not finite")
-        raise invalid(argument, shown, "finite values", "Leave out those lines.")
-    return system
-
-
 def as_response(argument: str, value: Any) -> control.FrequencyResponseData | None:
     """Return a measured response, also one of read_frequency_response; None if it is none."""
-    if isinstance(value, control.FrequencyResponseData):
-        return finite(argument, value)
-    if not isinstance(value, xr.DataArray):
+    if isinstance(value, xr.DataArray):
+        if set(value.dims) != {"frequency", "output", "input"}:
+            shown = described(f"an array over {', '.join(map(str, value.dims))}")
+            remedy = "Read it with read_frequency_response, and pass one measurement each."
+            raise invalid(argument, shown, "frequency, output and input", remedy)
+        ordered, hertz = value.transpose("output", "input", ...), value["frequency"].values
+        names = {f"{end}s": [str(n) for n in value[end].values] for end in ("output", "input")}
+        value = control.FrequencyResponseData(ordered.values, 2 * np.pi * hertz, **names)
+    if not isinstance(value, control.FrequencyResponseData):
         return None
-    if set(value.dims) != {"frequency", "output", "input"}:
-        shown = described(f"an array over {', '.join(map(str, value.dims))}")
-        remedy = "Read it with read_frequency_response, and pass one measurement each."
-        raise invalid(argument, shown, "frequency, output and input", remedy)
-    ordered, omega = value.transpose("output", "input", ...), 2 * np.pi * value["frequency"].values
-    names = {f"{end}s": [str(n) for n in value[end].values] for end in ("output", "input")}
-    return finite(argument, control.FrequencyResponseData(ordered.values, omega, **names))
+    if not (np.isfinite(value.omega).all() and np.isfinite(value.frdata).all()):
+        shown = described("a response with values that are not finite")
+        raise invalid(argument, shown, "finite values", "Leave out those lines.")
+    return value
 
 
 def interpolate_response(system: control.FrequencyResponseData, omega: Vector) -> AnyArray:

@@ -40,7 +40,7 @@ def read_object(source: Any) -> RawTable | None:
     if isinstance(source, xr.Dataset):
         return _dataset(source)
     if isinstance(source, control.TimeResponseData):
-        return _time_response(source)
+        source = source.to_pandas()
     if isinstance(source, np.ndarray) and source.dtype.names:
         source = {name: source[name] for name in source.dtype.names}
     if isinstance(source, Mapping):
@@ -84,19 +84,6 @@ def _dataset(source: xr.Dataset) -> RawTable:
         else:
             table.notes.append(f"left out: {name}, which is not over time alone")
     table.notes.extend(str(note) for note in source.attrs.get("notes", ()))
-    return table
-
-
-def _time_response(source: Any) -> RawTable:
-    table = RawTable()
-    table.add("time", np.asarray(source.time, dtype=float), "s")
-    sides = ((source.output_labels, source.y), (source.input_labels, source.u))
-    for labels, values in sides:
-        for name, row in zip(labels or (), [] if values is None else values, strict=False):
-            if np.ndim(row) > 1:
-                shown, remedy = "a response with several traces", "Simulate one input at a time."
-                raise misfit("measurement", shown, "one trace", remedy)
-            table.add(name, row)
     return table
 
 
