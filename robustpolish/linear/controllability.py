@@ -24,7 +24,6 @@ from robustpolish.linear.stability import (
     poles_by_side,
     unreachable_poles,
 )
-from robustpolish.linear.systems import as_system
 from robustpolish.plots.charts import plot_bars
 
 Kind = Literal["controllability", "observability"]
@@ -478,10 +477,9 @@ def _test(kind: Kind, system, signals, states, dt, tolerance) -> PbhTest:
         if signals is not None:
             text = f"a matrix beside a system, which has its own {other}"
             raise invalid(other, described(text), "None", "Pass either a system or two matrices.")
-        system = as_system("system", system)
         given = realisation("system", system)
         A, signals, discrete = given.A, given.B if inputs else given.C, given.discrete
-        names = list(system.state_labels)
+        names = list(given.source.state_labels)
     else:
         A = square("A", system)
         n, discrete = len(A), bool(dt)

@@ -20,7 +20,6 @@ from robustpolish.linear.arithmetic.rational import EXACT_STATES, rational
 from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
 from robustpolish.linear.scaling import equilibrating_scales, in_units, parts_with_states
 from robustpolish.linear.stability import EPS, eigensystem, eigenvalues, pair_text
-from robustpolish.linear.systems import as_system
 from robustpolish.plots.poles import plot_poles
 
 
@@ -167,9 +166,8 @@ def modes(system: control.StateSpace) -> Modes:
     state  natural [Hz]  damped [Hz]  damping  share  eigenvalue
     x         0.3183099     0.318294     0.01    0.5  -0.02 +/- 1.9999j
     """
-    system = as_system("system", system)
     model = realisation("system", system)
-    names = list(system.state_labels)
+    names = list(model.source.state_labels)
     found: list[Mode] = []
     for part, indices in parts_with_states(model):
         found += _part_modes(part, [names[i] for i in indices])

@@ -36,7 +36,6 @@ from robustpolish.linear.arithmetic.realisation import (
     typical_rate,
 )
 from robustpolish.linear.stability import EPS
-from robustpolish.linear.systems import as_system
 from robustpolish.plots.charts import plot_bars
 from robustpolish.plots.frequency import plot_over_frequency
 
@@ -298,7 +297,6 @@ def prescale(system: control.StateSpace, band: Sequence[float] | None = None) ->
     >>> bool(scaled.accuracy_after.max() < 0.01 * scaled.accuracy_before.max())
     True
     """
-    system = as_system("system", system)
     model = realisation("system", system)
     refuse_extreme("system", model.matrices)
     frequency = _frequencies(model, band)
@@ -328,7 +326,8 @@ def prescale(system: control.StateSpace, band: Sequence[float] | None = None) ->
         if best >= before - 1e-6:
             break
     A, B, C = model.A * scales / scales[:, None], model.B / scales[:, None], model.C * scales
-    found, left, right = named_like(system, A, B, C, model.D), np.diag(1 / scales), np.diag(scales)
+    found = named_like(model.source, A, B, C, model.D)
+    left, right = np.diag(1 / scales), np.diag(scales)
     return Prescaled(found, left, right, frequency, accuracy(one), accuracy(scales))
 
 
@@ -490,7 +489,6 @@ class Scaling(Displayed):
         InvalidInputError
             If the numbers of states, inputs or outputs differ from those of the scales.
         """
-        system = as_system("system", system)
         model = realisation("system", system)
         sizes = (self.state.size, self.inputs.size, self.outputs.size)
         found = (model.states, model.B.shape[1], model.C.shape[0])
@@ -499,7 +497,7 @@ class Scaling(Displayed):
             remedy = "Scale this system with scale_system."
             raise invalid("system", described(shown), want, remedy)
         scaled = in_units(model, self)
-        return named_like(system, scaled.A, scaled.B, scaled.C, scaled.D)
+        return named_like(model.source, scaled.A, scaled.B, scaled.C, scaled.D)
 
     def state_gain(self, gain: ArrayLike, inputs: Sequence[int] | None = None) -> Vector:
         """Map a state feedback u_s = F_s x_s to u = F x, F = U F_s T^-1 (thesis 10.60).
@@ -560,13 +558,12 @@ class Scaling(Displayed):
         -------
         control.StateSpace
         """
-        controller = as_system("controller", controller)
         K = realisation("controller", controller)
         U = self.inputs[_chosen("inputs", inputs, self.inputs.size)]
         Y = self.outputs[_chosen("outputs", outputs, self.outputs.size)]
         B = self.time * matrix("controller.B", K.B, (K.states, Y.size)) / Y
         C = U[:, None] * matrix("controller.C", K.C, (U.size, K.states))
-        return named_like(controller, self.time * K.A, B, C, U[:, None] * K.D / Y)
+        return named_like(K.source, self.time * K.A, B, C, U[:, None] * K.D / Y)
 
 
 def scale_system(

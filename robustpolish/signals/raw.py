@@ -71,8 +71,6 @@ class RawTable:
         InvalidInputError
             If they do not start a whole number of steps apart.
         """
-        if not starts:
-            return
         self.start = max(starts.values())
         for name, start in starts.items():
             late = (self.start - start) / step
@@ -81,10 +79,9 @@ class RawTable:
                 want = f"one start, or starts whole steps of {step:.6g} s apart within the record"
                 raise misfit("measurement", shown, want, "Resample, or pass table= or columns=.")
             self.columns[name] = self.columns[name][round(late) :]
-        if min(starts.values()) < self.start:
+        if spread := self.start - min(starts.values()):
             length = min(np.size(self.columns[name]) for name in starts)
             self.columns |= {name: self.columns[name][:length] for name in starts}
-            spread = self.start - min(starts.values())
             self.notes.append(f"channels start up to {spread:.6g} s apart: cut to what all cover")
 
     def resolve(self, argument: str, name: str) -> str:

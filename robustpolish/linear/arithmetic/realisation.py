@@ -39,6 +39,8 @@ class Realisation:
         Scaled frequency times `time` is rad/s; 1 in discrete time.
     gain : float
         Scaled gain times `gain` is the gain of the original system.
+    source : control.StateSpace or None
+        What :func:`realisation` read.
     """
 
     A: Matrix
@@ -49,6 +51,7 @@ class Realisation:
     step: float = 1.0
     time: float = 1.0
     gain: float = 1.0
+    source: Any = None
 
     @property
     def states(self) -> int:
@@ -71,7 +74,7 @@ def realisation(argument: str, system: Any) -> Realisation:
     A, B, C, D = (
         np.array(getattr(system, name), dtype=float).reshape(s) for name, s in shapes.items()
     )
-    return Realisation(A, B, C, D, discrete, step)
+    return Realisation(A, B, C, D, discrete, step, source=system)
 
 
 def named_like(

@@ -26,7 +26,6 @@ from robustpolish.linear.norms.modal_form import ModalForm, modal_form
 from robustpolish.linear.norms.singular_values import singular_values
 from robustpolish.linear.scaling import parts
 from robustpolish.linear.stability import EPS, eigensystem, stability_of, stable_part
-from robustpolish.linear.systems import as_system
 from robustpolish.plots.frequency import plot_gains
 
 # The square of the H2 norm with bounds, in double precision or in ball arithmetic.
@@ -347,7 +346,6 @@ def h2_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> H2Norm:
     tolerance = positive("tolerance", tolerance)
     if tolerance < 1e-15:
         raise invalid("tolerance", tolerance, "at least 1e-15", "The default is 1e-9.")
-    system = as_system("system", system)
     model = realisation("system", system)
     found = [_part_norm(part, tolerance) for part in parts(model)]
     unsteady = [norm for norm in found if not norm.stable]
@@ -358,7 +356,7 @@ def h2_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> H2Norm:
     value, lower, upper = (
         math.hypot(*(getattr(norm, name) for norm in found)) for name in ("value", "lower", "upper")
     )
-    return H2Norm(value, lower, upper, not unsteady, reason, system)
+    return H2Norm(value, lower, upper, not unsteady, reason, model.source)
 
 
 def _part_norm(model: Realisation, tolerance: float) -> H2Norm:

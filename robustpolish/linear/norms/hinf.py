@@ -44,7 +44,6 @@ from robustpolish.linear.stability import (
     stability_of,
     stable_part,
 )
-from robustpolish.linear.systems import as_system
 from robustpolish.plots.frequency import plot_gains
 
 # The peak of the gain with a bracket, proven in exact arithmetic or estimated in double.
@@ -554,12 +553,11 @@ def hinf_norm(
     tolerance = positive("tolerance", tolerance)
     if not 1e-12 <= tolerance <= 0.5:
         raise invalid("tolerance", tolerance, "1e-12 to 0.5", "The default is 1e-9.")
-    system = as_system("system", system)
     model = realisation("system", system)
     norm = _norm if model.states <= _ONE_THREAD_ANYWAY else single_threaded_blas(_norm)
     found = norm(model, tolerance, exact)
     # by its fields: `replace` would take a fiftieth of the time of a small system
-    return HinfNorm(**{**vars(found), "system": system})
+    return HinfNorm(**{**vars(found), "system": model.source})
 
 
 def _norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:

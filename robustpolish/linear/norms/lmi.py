@@ -26,7 +26,6 @@ from robustpolish.linear.arithmetic.rational import ExactModel, fraction, ration
 from robustpolish.linear.arithmetic.realisation import Realisation, power_of_two, realisation
 from robustpolish.linear.norms.hinf import largest_response
 from robustpolish.linear.scaling import equilibrating_scales, in_units, parts_with_indices
-from robustpolish.linear.systems import as_system
 
 Equation = Literal["10.15", "10.17", "10.44", "10.45"]
 _OF_SQUARES = ("10.17", "10.44")
@@ -314,7 +313,6 @@ def h2_norm_lmi(system: control.StateSpace) -> LmiCheck:
     >>> round(h2_norm_lmi(control.ss([[-2.0]], [[1.0]], [[1.0]], 0)).value, 4)
     0.5
     """
-    system = as_system("system", system)
     if realisation("system", system).D.any():
         raise invalid("system.D", system.D, "zero", "In continuous time the H2 norm is infinite.")
     return _checked(system, "10.45")
@@ -322,11 +320,11 @@ def h2_norm_lmi(system: control.StateSpace) -> LmiCheck:
 
 def _checked(system: control.StateSpace, equation: Equation) -> LmiCheck:
     """Solve each decoupled part and put the proofs together."""
-    system = as_system("system", system)
     model = realisation("system", system)
     if model.discrete:
         remedy = "Use hinf_norm or h2_norm, which take both."
-        raise misfit("system", f"a discrete system, dt = {system.dt}", "a continuous one", remedy)
+        shown = f"a discrete system, dt = {model.source.dt}"
+        raise misfit("system", shown, "a continuous one", remedy)
     K: Matrix | None = np.zeros((model.states, model.states))
     combined = math.hypot if equation == "10.45" else max
     found = parts_with_indices(model)
