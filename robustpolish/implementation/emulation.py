@@ -132,7 +132,7 @@ def _matched(controller: control.StateSpace, period: float) -> tuple[Any, Any, A
         ]
         gain *= float(np.real(np.prod(slope[0]) / np.prod(slope[1])))
         # Polynomials in z - 1: in z those of slow roots would lose their digits.
-        moved = [np.expm1(period * r) for r in (zeros, poles)]
+        moved = np.expm1(period * zeros), np.expm1(period * poles)
         found = of_roots(*moved, gain, period, about=1.0)
     if not all(np.isfinite(M).all() for M in matrices_of(found)):
         return matrices_of(found)

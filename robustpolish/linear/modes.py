@@ -144,8 +144,8 @@ def modes(system: control.StateSpace) -> Modes:
 
     Parameters
     ----------
-    system : control.StateSpace
-        Continuous or discrete.
+    system : control.StateSpace, or any other system
+        Continuous or discrete: a transfer function, a system of scipy.signal, a MechanicalModel.
 
     Returns
     -------
@@ -155,7 +155,7 @@ def modes(system: control.StateSpace) -> Modes:
     Raises
     ------
     InvalidInputError
-        If it is no ``StateSpace`` or has entries that are not finite.
+        If it is no system or has entries that are not finite.
 
     Examples
     --------

@@ -276,8 +276,8 @@ def stability(system: control.StateSpace) -> Stability:
 
     Parameters
     ----------
-    system : control.StateSpace
-        Continuous or discrete.
+    system : control.StateSpace, or any other system
+        Continuous or discrete: a transfer function, a system of scipy.signal, a MechanicalModel.
 
     Returns
     -------
@@ -287,7 +287,7 @@ def stability(system: control.StateSpace) -> Stability:
     Raises
     ------
     InvalidInputError
-        If it is no ``StateSpace`` or has entries that are not finite.
+        If it is no system or has entries that are not finite.
 
     Examples
     --------

@@ -49,7 +49,7 @@ class SystemResponse:
     system: control.StateSpace
     others: AnyVector = field(default_factory=lambda: np.zeros(0, complex))
 
-    @property
+    @cached_property
     def complete_to(self) -> float:
         """Frequency in rad/s up to which all crossings are found: without delays everywhere."""
         return math.inf

@@ -390,17 +390,17 @@ def controller_system(plant: PlantBlocks, controller: GivenController) -> contro
     InvalidInputError
         If it is of another kind, improper or of another shape than the plant needs.
     """
-    controller = getattr(controller, "controller", controller)  # of a design
-    if isinstance(controller, control.StateSpace):
-        return controller
-    if not is_system(controller):
-        return static_controller(plant, controller)
-    sizes = (getattr(controller, "noutputs", None), getattr(controller, "ninputs", None))
-    if isinstance(controller, control.TransferFunction) and sizes != (plant.nu, plant.ny):
+    K: Any = getattr(controller, "controller", controller)  # of a design
+    if isinstance(K, control.StateSpace):
+        return K
+    if not is_system(K):
+        return static_controller(plant, K)
+    sizes = (getattr(K, "noutputs", None), getattr(K, "ninputs", None))
+    if isinstance(K, control.TransferFunction) and sizes != (plant.nu, plant.ny):
         shown = f"a TransferFunction with {sizes[0]} outputs and {sizes[1]} inputs"
         want = f"one with {plant.nu} outputs and {plant.ny} inputs"
         remedy = "It leads from the measurements y to the controls u."
         raise invalid("controller", described(shown), want, remedy)
     # A transfer function without a sampling time takes that of the plant.
     names = (plant.measurement_names, plant.control_names)
-    return as_state_space("controller", controller, plant.dt, *names)
+    return as_state_space("controller", K, plant.dt, *names)

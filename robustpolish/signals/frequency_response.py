@@ -141,8 +141,7 @@ def _joined(pair: str, parts: dict[str, str], table: RawTable) -> tuple[np.ndarr
         size, unit = columns["magnitude"], units["magnitude"]
         if not unit:
             unit = "dB" if (size < 0).any() else ""  # no ratio is below 0
-            how = "in dB" if unit else "as a ratio"
-            table.notes.append(f"{parts['magnitude']} has no unit: read {how}")
+            table.notes.append(f"{parts['magnitude']} has no unit: read as {unit or 'a ratio'}")
         if decibels := re.match(r"^dB(?:\s+re)?\s*(?:1\s)?\s*(.*)$", unit):
             size, unit = 10 ** (size / 20), decibels[1].strip("() ")
         if not units["phase"]:

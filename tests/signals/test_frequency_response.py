@@ -73,7 +73,7 @@ def test_what_a_head_does_not_say_is_told():
     found = read_frequency_response(frame)
     np.testing.assert_allclose(found.values.ravel(), [1e3, -10j, -1e-2], atol=1e-12)
     assert found.attrs["notes"] == [
-        "Frequency has no unit: read in Hz", "Gain has no unit: read in dB",
+        "Frequency has no unit: read in Hz", "Gain has no unit: read as dB",
         "Phase has no unit: read in degrees",
     ]  # fmt: skip
     frame["Gain"] = [3.0, 2.0, 1.0]

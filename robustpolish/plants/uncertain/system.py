@@ -523,7 +523,7 @@ def as_uncertain(argument: str, value: Any) -> UncertainSystem:
         raise invalid(argument, value, _OPERANDS, "Matrices are real: use uncertain_complex.")
     if is_system(value):
         return UncertainSystem(as_lft(as_state_space(argument, value)))
-    plain = np.atleast_2d(value) if isinstance(value, list | tuple | np.ndarray) else value
+    plain: Any = np.atleast_2d(value) if isinstance(value, list | tuple | np.ndarray) else value
     return UncertainSystem(constant(matrix(argument, plain)))
 
 

@@ -32,6 +32,7 @@ def output_nulling_gain(p: PlantMatrices) -> Matrix | None:
         if kept.shape[1] == V.shape[1]:
             break
         V = kept
+    U = N = inner = entry = V
     for _ in range(2):
         out, free = _leaving(p, V)
         U, N = -np.linalg.pinv(free, rcond=_RANK) @ out, _null(free)
