@@ -103,7 +103,7 @@ from .linear.norms.h2 import (
 from .linear.norms.hinf import (
     hinf_norm as hinf_norm,
 )
-from .linear.norms.singular_values import (
+from .linear.norms.hinf import (
     singular_values as singular_values,
 )
 from .loading import (
@@ -161,13 +161,13 @@ from .robust.questions import (
     robust_performance as robust_performance,
 )
 from .robust.questions import (
+    robust_sector as robust_sector,
+)
+from .robust.questions import (
     robust_stability as robust_stability,
 )
 from .robust.questions import (
     worst_case_gain as worst_case_gain,
-)
-from .robust.sector import (
-    robust_sector as robust_sector,
 )
 from .robust.structured_singular_value import (
     structured_singular_value as structured_singular_value,

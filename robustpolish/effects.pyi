@@ -2,28 +2,28 @@ from .machines.effects.effect import (
     Effect as Effect,
 )
 from .machines.effects.effect import (
+    energy_per_cycle as energy_per_cycle,
+)
+from .machines.effects.effect import (
+    equivalent_damping as equivalent_damping,
+)
+from .machines.effects.effect import (
     kinds as kinds,
 )
 from .machines.effects.effect import (
     lookup as lookup,
 )
 from .machines.effects.effect import (
+    loss_damping as loss_damping,
+)
+from .machines.effects.effect import (
     register as register,
 )
 from .machines.effects.effect import (
-    unregister as unregister,
-)
-from .machines.effects.equivalent_damping import (
-    energy_per_cycle as energy_per_cycle,
-)
-from .machines.effects.equivalent_damping import (
-    equivalent_damping as equivalent_damping,
-)
-from .machines.effects.equivalent_damping import (
-    loss_damping as loss_damping,
-)
-from .machines.effects.equivalent_damping import (
     share_damping as share_damping,
+)
+from .machines.effects.effect import (
+    unregister as unregister,
 )
 from .machines.effects.evaluate import (
     call_law as call_law,

@@ -175,14 +175,14 @@ from .plants.uncertain.build import (
 from .plants.uncertain.cover import (
     Cover as Cover,
 )
-from .polishing.buildable import (
-    BuildableBrushDesign as BuildableBrushDesign,
-)
-from .polishing.buildable import (
-    HardwareLimit as HardwareLimit,
-)
 from .polishing.coupled_loops import (
     CoupledComparison as CoupledComparison,
+)
+from .polishing.design import (
+    BuildableBrushDesign as BuildableBrushDesign,
+)
+from .polishing.design import (
+    HardwareLimit as HardwareLimit,
 )
 from .polishing.force_control import (
     ForceComparison as ForceComparison,
@@ -206,10 +206,10 @@ from .robust.questions import (
     RobustStability as RobustStability,
 )
 from .robust.questions import (
-    WorstCaseGain as WorstCaseGain,
-)
-from .robust.sector import (
     SectorStability as SectorStability,
+)
+from .robust.questions import (
+    WorstCaseGain as WorstCaseGain,
 )
 from .robust.structured_singular_value import (
     StructuredSingularValue as StructuredSingularValue,

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.polishing import buildable as limits_of_hardware
-from robustpolish.polishing.buildable import BuildableBrushDesign
+from robustpolish.polishing import design as limits_of_hardware
+from robustpolish.polishing.design import BuildableBrushDesign
 
 from .times import Marks, Measure
 

@@ -9,6 +9,7 @@ import time
 import pytest
 
 import robustpolish as rp
+from tests.busy import output_of
 
 HEAVY = {"numpy", "scipy", "control", "cvxpy", "matplotlib", "xarray", "pandas", "numba"}
 
@@ -16,10 +17,7 @@ HEAVY = {"numpy", "scipy", "control", "cvxpy", "matplotlib", "xarray", "pandas",
 def loaded_by(program):
     """Return the top-level packages that a program has imported at its end."""
     end = "import sys; print(' '.join({name.partition('.')[0] for name in sys.modules}))"
-    done = subprocess.run(
-        [sys.executable, "-c", f"{program}\n{end}"], check=True, capture_output=True, text=True
-    )
-    return set(done.stdout.splitlines()[-1].split())
+    return set(output_of(f"{program}\n{end}").splitlines()[-1].split())
 
 
 def test_import_loads_nothing_heavy():

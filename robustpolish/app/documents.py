@@ -27,7 +27,7 @@ from robustpolish.identification.residuals import residual_analysis
 from robustpolish.identification.tell_apart import ToldApart
 from robustpolish.plots.time import plot_panels
 from robustpolish.polishing.air_bearing import FORCES
-from robustpolish.polishing.buildable import (
+from robustpolish.polishing.design import (
     ACTUATOR_LOSS,
     RATIO,
     STIFFNESS_ERROR,

@@ -16,8 +16,7 @@ from robustpolish.base.checks import known_keys, misfit
 from robustpolish.base.results import Card, Displayed, Table, quantities
 from robustpolish.errors import InfeasibleError, InvalidInputError, SolverError
 from robustpolish.implementation.sampled_design import SampledDesign
-from robustpolish.linear.norms.hinf import hinf_norm
-from robustpolish.linear.norms.singular_values import singular_values
+from robustpolish.linear.norms.hinf import hinf_norm, singular_values
 from robustpolish.loops.analysis import LoopAnalysis, model_analysis
 from robustpolish.loops.requirements import LoopRequirements
 from robustpolish.machines.mechanical.model import MechanicalModel

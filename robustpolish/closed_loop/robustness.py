@@ -17,7 +17,7 @@ from robustpolish.base.checks import described, invalid, misfit, whole_number
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.base.sampling import share_at_least
 from robustpolish.base.sweep import sweep
-from robustpolish.closed_loop.sampled_loops import PlantOf, SampledModel, Trial, column
+from robustpolish.closed_loop.sampled_loops import LoopTrial, PlantOf, SampledModel, column
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plots.charts import plot_distribution
 from robustpolish.synthesis.design import Design, checked_design
@@ -328,7 +328,7 @@ def check_robustness(
     model, uncertain, covariance = _source(learned, standard_errors)
     keys, values, nominal, left_out = draw(model, uncertain, covariance, samples, seed)
     machine = SampledModel(model, plant_of)
-    trial = Trial(design.plant, design.controller, design.norm, keys, machine)
+    trial = LoopTrial(design.plant, design.controller, design.norm, keys, machine)
     points = [{column(i): value for i, value in enumerate(row)} for row in values.tolist()]
     found = sweep(trial, points, executor=executor)
     for i in np.flatnonzero(found["failure"].values != "")[:1]:

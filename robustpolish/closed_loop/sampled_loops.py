@@ -139,7 +139,7 @@ class SampledModel:
 
 
 @dataclass(frozen=True)
-class Trial:
+class LoopTrial:
     """What all loops of a study share.
 
     Attributes
@@ -258,7 +258,7 @@ class SampledLoops(Displayed):
     nominal : mapping of str to float
         The figures of the loop with the nominal numbers.
     seed : int
-    trial : Trial
+    trial : LoopTrial
         What all loops share.
 
     Examples
@@ -284,7 +284,7 @@ class SampledLoops(Displayed):
     dataset: xr.Dataset
     nominal: Mapping[str, float]
     seed: int
-    trial: Trial
+    trial: LoopTrial
 
     @property
     def samples(self) -> int:
@@ -506,7 +506,7 @@ def sample_loops(
     for name, value, least in (("samples", samples, 1), ("seed", seed, 0)):
         whole_number(name, value, least, remedy="Write 200.")
     names, plant = tuple(sorted(distributions)), design.plant
-    trial = Trial(plant, design.controller, design.norm, names, machine, load, figures)
+    trial = LoopTrial(plant, design.controller, design.norm, names, machine, load, figures)
     usual = trial.load_with({})
     nominal = replace(trial, load=usual).figures_of({})
     if not np.isfinite(nominal["norm"]):

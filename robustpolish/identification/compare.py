@@ -21,19 +21,9 @@ from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import described, invalid, one_of, positive
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.errors import RobustPolishError
+from robustpolish.identification import free_runs
 from robustpolish.identification.diagnosis import Diagnosis
 from robustpolish.identification.fit.prepared import has_integrator, window_samples
-from robustpolish.identification.free_runs import (
-    ErrorsByOutput,
-    OutputError,
-    RecordError,
-    output_errors,
-    predict,
-    record_errors,
-    records_content,
-    records_table,
-    simulated_record,
-)
 from robustpolish.identification.frequency.comparison import (
     FrequencyComparison,
     compare_frequency_response,
@@ -50,7 +40,7 @@ from robustpolish.signals.quality import sampling_time
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparison(ErrorsByOutput, Displayed):
+class Comparison(free_runs.ErrorsByOutput, Displayed):
     """Comparison of a model with data.
 
     Attributes
@@ -97,14 +87,14 @@ class Comparison(ErrorsByOutput, Displayed):
     model: MechanicalModel
     data: xr.Dataset
     simulated: xr.Dataset
-    outputs: Mapping[str, OutputError]
+    outputs: Mapping[str, free_runs.OutputError]
     method: str
     span: float | None
     starts: np.ndarray
     reproducibility: Reproducibility
     band: xr.Dataset | None = None
     notes: tuple[str, ...] = field(default_factory=tuple)
-    records: Mapping[str, RecordError] = field(default_factory=dict)
+    records: Mapping[str, free_runs.RecordError] = field(default_factory=dict)
 
     @property
     def reproducible(self) -> bool:
@@ -142,7 +132,7 @@ class Comparison(ErrorsByOutput, Displayed):
             "method": self.method,
             "span": self.span,
             "reproducible": self.reproducible,
-            "records": records_content(self.records),
+            "records": free_runs.records_content(self.records),
             "notes": list(self.notes),
         }
 
@@ -183,7 +173,9 @@ class Comparison(ErrorsByOutput, Displayed):
         )
         columns = ("output", "fit [%]", "NRMSE", "RMS error", "95 % from", "to", "unit")
         title = f"Comparison ({how}), fit {self.fit_percent:.2f} %"
-        return Card(title, (Table("", columns, rows), *records_table(self.records)), self.notes)
+        return Card(
+            title, (Table("", columns, rows), *free_runs.records_table(self.records)), self.notes
+        )
 
 
 @overload
@@ -307,7 +299,7 @@ def compare(
         method, span = "prediction", positive("horizon", horizon, "s", zero=True)
     else:
         method, span = "free run", None
-    found = [simulated_record(run, part, method, span) for part in record.parts]
+    found = [free_runs.simulated_record(run, part, method, span) for part in record.parts]
     notes: list[str] = [*left_out, *(str(note) for note in record.data.attrs.get("notes", ()))]
     several = len(found) > 1
     for data_set, part in zip(record.sets, found, strict=True):
@@ -324,7 +316,9 @@ def compare(
         """Simulate a changed model in the same way, from the same starts."""
         run = free_run(changed, record)
         if horizon is not None:
-            return np.concatenate([predict(run, part.record, horizon)[0] for part in found])
+            return np.concatenate(
+                [free_runs.predict(run, part.record, horizon)[0] for part in found]
+            )
         pieces = (piece for part in found for piece in part.pieces)
         return np.concatenate([run.over(piece).outputs for piece in pieces])
 
@@ -344,9 +338,9 @@ def compare(
     worst = min(found, key=lambda part: part.found.reproducible)
     return Comparison(
         model, record.data, _dataset(model, simulated, record.data["time"]),
-        output_errors(model, found), method, span,
+        free_runs.output_errors(model, found), method, span,
         starts=np.concatenate([part.starts for part in found]), reproducibility=worst.found,
-        band=band, notes=tuple(dict.fromkeys(notes)), records=record_errors(model, found),
+        band=band, notes=tuple(dict.fromkeys(notes)), records=free_runs.record_errors(model, found),
     )  # fmt: skip
 
 
@@ -387,7 +381,7 @@ class StepRun(Displayed):
     >>> part = data.isel(time=slice(0, 500))
     >>> last = rp.identification.step_runs(rp.diagnose(model, part), part)[-1]
     >>> last.step, last.worst, last.stretch()
-    ('coulomb_friction', 'x', None)
+    ('coulomb_friction at x, ground', 'x', None)
     >>> last.plot().get_xlabel(), len(last.plot_panels().axes)
     ('time [ms]', 2)
     """
@@ -520,7 +514,7 @@ def step_runs(diagnosis: Diagnosis, data: Any) -> tuple[StepRun, ...]:
     >>> part = data.isel(time=slice(0, 500))
     >>> runs = rp.identification.step_runs(rp.diagnose(model, part), part)
     >>> [run.step for run in runs]
-    ['base', 'refit', 'coulomb_friction']
+    ['base', 'refit', 'coulomb_friction at x, ground']
     """
     record = measured(diagnosis.model, data).record
     data = record.data

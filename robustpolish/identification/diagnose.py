@@ -19,7 +19,7 @@ from robustpolish.identification.diagnosis import Diagnosis
 from robustpolish.identification.findings import Ledger
 from robustpolish.identification.fit.least_squares import evaluate_fit
 from robustpolish.identification.fit.prepared import ReducedRecord, prepare, reduced_data
-from robustpolish.identification.policy import POLICY
+from robustpolish.identification.policy import POLICY, STRONG
 from robustpolish.identification.record import Record, require_time_data
 from robustpolish.identification.refit import (
     collect_warnings,
@@ -28,7 +28,7 @@ from robustpolish.identification.refit import (
     with_selected_holds,
 )
 from robustpolish.identification.search.conclude import conclude
-from robustpolish.identification.search.score import STRONG, ScoredModel, nats
+from robustpolish.identification.search.score import ScoredModel, nats
 from robustpolish.identification.search.search import (
     MOST_EFFECTS,
     EffectSearch,

@@ -166,15 +166,15 @@ class Ledger(Displayed):
     --------
     >>> import robustpolish as rp
     >>> ledger = rp.results.Ledger(noise_floor={"x": 0.01}).add("base", {"x": 0.5})
-    >>> ledger = ledger.add("coulomb_friction", {"x": 0.02})
-    >>> ledger.falls("x")
-    [('base', 0.5, 0.5), ('coulomb_friction', -0.48, 0.02), ('noise floor', -0.01, 0.01)]
+    >>> ledger = ledger.add("coulomb_friction at x, ground", {"x": 0.02})
+    >>> ledger.falls("x")[1:]
+    [('coulomb_friction at x, ground', -0.48, 0.02), ('noise floor', -0.01, 0.01)]
     >>> ledger
     Error of a free run over the standard deviation of each output
-      step                 x
-      base               0.5
-      coulomb_friction  0.02
-      noise floor       0.01
+      step                              x
+      base                            0.5
+      coulomb_friction at x, ground  0.02
+      noise floor                    0.01
     >>> ledger.to_list()[0]
     {'step': 'base', 'nrmse': {'x': 0.5}}
     """

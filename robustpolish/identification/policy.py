@@ -9,6 +9,11 @@ from dataclasses import dataclass
 
 from robustpolish.identification.observer.kalman import FREE, Level
 
+STRONG = 5.0
+"""Nats of very strong evidence, 2 ln B = 10 (Kass and Raftery 1995, JASA 90, 773-795)."""
+NEGLIGIBLE = 2e-3
+"""Share of the motion below which an error does not count."""
+
 
 def _levels(*shares: float) -> tuple[Level, ...]:
     return tuple(Level(share) for share in shares)

@@ -11,19 +11,7 @@ import xarray as xr
 
 from robustpolish.base.arrays import Array
 from robustpolish.base.budget import parallel_map, progress_bar, single_threaded_blas
-from robustpolish.identification.fit.least_squares import (
-    EvaluatedFit,
-    Fit,
-    best_stage,
-    covariance_of,
-    evaluate_fit,
-    evaluate_unfitted,
-    free_run_rms,
-    homotopy,
-    log_odds,
-    residuals_of,
-    short_window_log_error,
-)
+from robustpolish.identification.fit import least_squares
 from robustpolish.identification.fit.parameters import chain_keys, inputs_of_chain
 from robustpolish.identification.fit.prepared import PreparedRecord, prepare, reduced_data
 from robustpolish.identification.fit.result import Refit, refit_of
@@ -120,7 +108,7 @@ def _hold_choices(model: MechanicalModel) -> dict[float, list[Effect]]:
 
 def with_reselected_holds(
     model: MechanicalModel, reference: MechanicalModel, prepared: PreparedRecord
-) -> tuple[MechanicalModel, Fit] | None:
+) -> tuple[MechanicalModel, least_squares.Fit] | None:
     """Return the reference with other holds, if runs beside the effects that were found ask for it.
 
     What is missing from a model may look like a hold that is none, or hide one, and a delay takes
@@ -150,7 +138,7 @@ def with_reselected_holds(
     spans = prepared.spans(prepared.trial)[-1:]
     held = {o: replace(reference, effects=(*bare, *choices[o])) for o in orders}
 
-    def fits_with(order: float) -> list[Fit]:
+    def fits_with(order: float) -> list[least_squares.Fit]:
         later = 0.5 * prepared.record.dt * ((order == 0.0) - (order_now == 0.0))
         # delays less what the hold has of them
         moved = (
@@ -159,7 +147,7 @@ def with_reselected_holds(
             for e in added
         )  # fmt: skip
         tried = replace(model, effects=(*fitted, *choices[order], *moved))
-        return homotopy(tried, prepared, prepared.trial, held[order], spans)
+        return least_squares.homotopy(tried, prepared, prepared.trial, held[order], spans)
 
     found = parallel_map(fits_with, orders)
     left = {order: fits[-1] for order, fits in zip(orders, found, strict=True) if fits}
@@ -167,7 +155,7 @@ def with_reselected_holds(
         return None
     now = left[order_now]
     best = min(left, key=lambda order: float(np.sum(np.log(left[order].rmse))))
-    likelier = log_odds(left[best], now) > _HOLD_ODDS
+    likelier = least_squares.log_odds(left[best], now) > _HOLD_ODDS
     if not (likelier and np.any(left[best].rmse <= now.rmse)):
         return None
     return held[best], left[best]
@@ -195,14 +183,16 @@ def with_resolved_delay(effect: Effect, model: MechanicalModel, prepared: Prepar
 
     def left(late: Effect) -> float:
         delayed = model.with_effect(late.definition, late.at, late.values)
-        return float(np.mean(np.log(free_run_rms(delayed, prepared, prepared.windows))))
+        return float(
+            np.mean(np.log(least_squares.free_run_rms(delayed, prepared, prepared.windows)))
+        )
 
     return min(tried, key=left)
 
 
 def fit_own_parameters(
     model: MechanicalModel, prepared: PreparedRecord
-) -> tuple[EvaluatedFit, MechanicalModel]:
+) -> tuple[least_squares.EvaluatedFit, MechanicalModel]:
     """Fit the numbers of a model as it is, effects of its own included.
 
     A fit that is led by the data finds numbers that are far off; one that runs freely from the
@@ -225,13 +215,13 @@ def fit_own_parameters(
     spans = prepared.spans(pieces)
     shortest = [span for span in (spans[0] // 4, spans[0] // 2) if span >= _SHORTEST]
     # springs that are far too stiff swing several times where the machine swings once
-    stages = homotopy(model, prepared, pieces, model, [*shortest, *spans])
-    stage = best_stage(stages, prepared)
+    stages = least_squares.homotopy(model, prepared, pieces, model, [*shortest, *spans])
+    stage = least_squares.best_stage(stages, prepared)
     short_window_model = stages[min(1, len(stages) - 1)].model
     begun = _begun_along_motion(model, stage.model, stage.error, prepared)
     if begun is not None:
-        stages = homotopy(begun, prepared, pieces, model, [*shortest, *spans])
-        found = [stage, best_stage(stages, prepared)] if stages else [stage]
+        stages = least_squares.homotopy(begun, prepared, pieces, model, [*shortest, *spans])
+        found = [stage, least_squares.best_stage(stages, prepared)] if stages else [stage]
         stage = min(found, key=lambda s: float(np.mean(np.log(s.error))))
     return _with_fixed_scale(stage, model, prepared), short_window_model
 
@@ -247,25 +237,25 @@ def _begun_along_motion(
     """
     if np.all(error * _BETTER <= prepared.scales.noise):
         return None
-    best, least, moved = None, short_window_log_error(fitted, prepared), model
+    best, least, moved = None, least_squares.short_window_log_error(fitted, prepared), model
     for _ in range(_REGRESSIONS if model.free else 0):
         moved = numbers_along_motion(moved, model, prepared)
-        now = short_window_log_error(moved, prepared)
+        now = least_squares.short_window_log_error(moved, prepared)
         if now < least:
             best, least = moved, now
     return best
 
 
 def _with_fixed_scale(
-    stage: EvaluatedFit, model: MechanicalModel, prepared: PreparedRecord
-) -> EvaluatedFit:
+    stage: least_squares.EvaluatedFit, model: MechanicalModel, prepared: PreparedRecord
+) -> least_squares.EvaluatedFit:
     """Return the stage with its common factors settled, if the error does not mind."""
     rested = scaled_to_priors(stage.model, model)
     if rested is stage.model or not stage.reproducible:
         return stage
     whole = prepared.spans(prepared.trial)[-1:]
-    fits = homotopy(rested, prepared, prepared.trial, model, whole)
-    stages = [evaluate_fit(fitted, prepared) for fitted in fits]
+    fits = least_squares.homotopy(rested, prepared, prepared.trial, model, whole)
+    stages = [least_squares.evaluate_fit(fitted, prepared) for fitted in fits]
     kept = [s for s in stages if np.mean(np.log(s.error / stage.error)) < _UNCHANGED]
     return kept[0] if kept else stage
 
@@ -400,8 +390,8 @@ def refit(
     with progress_bar("Refitting"):
         last = POLICY.follows(prepared.record.Y.size)
 
-        def fits_from(start: MechanicalModel) -> list[Fit]:
-            return homotopy(
+        def fits_from(start: MechanicalModel) -> list[least_squares.Fit]:
+            return least_squares.homotopy(
                 start, prepared, prepared.everything, model, spans, progress=progress, last=last
             )
 
@@ -416,7 +406,7 @@ def refit(
         best = _best_not_worse_than_start(fits[-2:][::-1], [model, started], prepared)
         share = (best.rmse / np.std(prepared.record.Y, axis=0)).tolist()
         nrmse = dict(zip(best.model.output_names, share, strict=True))
-        found = refit_of(best.model, best.free, covariance_of(best), nrmse)
+        found = refit_of(best.model, best.free, least_squares.covariance_of(best), nrmse)
         records = record_errors(found.model, free_runs(found.model, fewer.record))
     notes = (*fewer.notes, *collect_warnings(started, found.model, prepared))
     notes += _hold_notes(found.model, prepared)
@@ -436,8 +426,8 @@ def _hold_notes(fitted: MechanicalModel, prepared: PreparedRecord) -> tuple[str,
 
 
 def _best_not_worse_than_start(
-    fits: Sequence[Fit], starts: Sequence[MechanicalModel], prepared: PreparedRecord
-) -> Fit:
+    fits: Sequence[least_squares.Fit], starts: Sequence[MechanicalModel], prepared: PreparedRecord
+) -> least_squares.Fit:
     """Return the first fit that runs no worse than the starts do, or the best start as it is.
 
     A fit goes by starts of its own, by priors, and by the likelihood, which may give up a little of
@@ -453,7 +443,9 @@ def _best_not_worse_than_start(
     if not np.isfinite(min(of_starts)):
         raise ArithmeticError("no stage of the fit ended with finite errors")
     _, pieces = prepared.run_with_fitted_starts(best, prepared.everything)
-    return evaluate_unfitted(residuals_of(best, pieces, prepared, starts[0]))
+    return least_squares.evaluate_unfitted(
+        least_squares.residuals_of(best, pieces, prepared, starts[0])
+    )
 
 
 def _run_errors(models: Sequence[MechanicalModel], prepared: PreparedRecord) -> list[float]:
@@ -462,7 +454,7 @@ def _run_errors(models: Sequence[MechanicalModel], prepared: PreparedRecord) -> 
     runs = [free_run_error(model, prepared.record) for model in models]
     found = [error for error, _ in runs]
     if not all(predictable or not np.isfinite(error).all() for error, predictable in runs):
-        found = [free_run_rms(model, prepared, prepared.windows) for model in models]
+        found = [least_squares.free_run_rms(model, prepared, prepared.windows) for model in models]
     return [float(np.mean((error / size) ** 2)) for error in found]
 
 

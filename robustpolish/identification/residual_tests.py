@@ -411,7 +411,8 @@ def band_shares(residual: xr.Dataset, edges: ArrayLike) -> xr.DataArray:
 def line_shares(residual: xr.Dataset, frequencies: Sequence[float], dim: str) -> xr.DataArray:
     """Return the share of each output's squared error near some frequencies.
 
-    Near is within 5 % or two lines of the spectrum, whichever is more.
+    Near is within 5 % or two lines of the spectrum, whichever is more. Frequencies that are equal
+    as they are told, such as those of equal axes, are one.
 
     Parameters
     ----------
@@ -426,13 +427,13 @@ def line_shares(residual: xr.Dataset, frequencies: Sequence[float], dim: str) ->
     xarray.DataArray, shape (output, `dim`)
         The coordinate ``frequency`` is in Hz. Rows do not add up to 1.
     """
-    rows = []
+    frequencies, rows = [*{f"{f:.4g}": f for f in frequencies}.values()], []
     for name in residual.data_vars:
         frequency, power = error_spectrum(residual, name)
         width = 2.5 * (frequency[1] - frequency[0])
         near = [np.abs(frequency - f) <= max(0.05 * f, width) for f in frequencies]
         rows.append([float(power[mask].sum()) for mask in near])
-    coords = {"output": list(residual.data_vars), "frequency": (dim, list(frequencies))}
+    coords = {"output": list(residual.data_vars), "frequency": (dim, frequencies)}
     return xr.DataArray(np.array(rows).reshape(len(rows), -1), coords, ("output", dim))
 
 

@@ -1,10 +1,7 @@
 from .certify_sampled import (
     certify_sampled as certify_sampled,
 )
-from .discretize import (
-    plant_at_samples as plant_at_samples,
-)
-from .emulation import (
+from .realization import (
     emulated as emulated,
 )
 from .sampled.certificate import (
@@ -12,6 +9,9 @@ from .sampled.certificate import (
 )
 from .sampled_design import (
     SampledDesign as SampledDesign,
+)
+from .sampled_design import (
+    plant_at_samples as plant_at_samples,
 )
 
 __all__ = [

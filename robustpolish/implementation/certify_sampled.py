@@ -12,15 +12,8 @@ from numpy.typing import ArrayLike
 
 from robustpolish.base.checks import instance_of, invalid, misfit, one_of, positive
 from robustpolish.errors import InvalidInputError
-from robustpolish.implementation.emulation import emulated
-from robustpolish.implementation.sampled.certificate import (
-    AntiAliasing,
-    Norm,
-    SampledCertificate,
-    certificate_of,
-    filter_system,
-    with_filter,
-)
+from robustpolish.implementation.realization import emulated
+from robustpolish.implementation.sampled import certificate
 from robustpolish.implementation.sampled.lifting import (
     named_like,
     period_map,
@@ -40,10 +33,10 @@ def certify_sampled(
     controller: control.StateSpace | ArrayLike,
     period: float | None = None,
     delay: float = 0.0,
-    norm: Norm = "hinf",
+    norm: certificate.Norm = "hinf",
     *,
-    anti_aliasing: AntiAliasing = None,
-) -> SampledCertificate:
+    anti_aliasing: certificate.AntiAliasing = None,
+) -> certificate.SampledCertificate:
     r"""Certify a continuous plant with a controller that a computer runs at samples.
 
     The loop has a sampler, u[k] = K y[k], the time that this takes, and a zero-order hold. Its
@@ -105,15 +98,17 @@ def certify_sampled(
     checked_plant(plant)
     K = discrete_controller(plant, controller, period)
     delay = checked_delay(delay, float(K.dt))
-    filtering = filter_system(anti_aliasing, plant.ny)
-    return certificate_of(filtered_plant(plant, filtering, norm, "certify"), K, delay, norm)
+    filtering = certificate.filter_system(anti_aliasing, plant.ny)
+    return certificate.certificate_of(
+        filtered_plant(plant, filtering, norm, "certify"), K, delay, norm
+    )
 
 
 def filtered_plant(
-    plant: GeneralizedPlant, filtering: control.StateSpace | None, norm: Norm, verb: str
+    plant: GeneralizedPlant, filtering: control.StateSpace | None, norm: certificate.Norm, verb: str
 ) -> GeneralizedPlant:
     """Return the plant behind its filter, if it has the norm that is asked for."""
-    filtered = with_filter(plant, filtering)
+    filtered = certificate.with_filter(plant, filtering)
     if norm == "h2" and filtered.D11.any():
         remedy = f"Leave the direct path out of z, or {verb} norm='hinf'."
         raise misfit("plant", "D11 that is not zero", "D11 = 0 for 'h2'", remedy)

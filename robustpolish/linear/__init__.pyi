@@ -19,11 +19,11 @@ from .norms.h2 import H2Norm as H2Norm
 from .norms.h2 import h2_norm as h2_norm
 from .norms.hinf import HinfNorm as HinfNorm
 from .norms.hinf import hinf_norm as hinf_norm
+from .norms.hinf import singular_values as singular_values
 from .norms.lmi import LmiCheck as LmiCheck
 from .norms.lmi import h2_norm_lmi as h2_norm_lmi
 from .norms.lmi import hinf_norm_lmi as hinf_norm_lmi
 from .norms.lmi import lyapunov_lmi as lyapunov_lmi
-from .norms.singular_values import singular_values as singular_values
 from .response import Response as Response
 from .response import first_order_hold as first_order_hold
 from .response import linear_response as linear_response

@@ -22,7 +22,7 @@ from robustpolish.linear.delayed_systems import (
     pade_sections,
     resolvent_response,
 )
-from robustpolish.linear.norms.singular_values import around_resonances
+from robustpolish.linear.norms.hinf import around_resonances
 from robustpolish.plots.poles import plot_poles
 
 # The rightmost characteristic roots of a system with delays, each with its residual.

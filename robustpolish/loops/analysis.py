@@ -14,26 +14,9 @@ from matplotlib.axes import Axes
 from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import instance_of, misfit, one_of
 from robustpolish.base.results import Card, Table
-from robustpolish.loops.loop import (
-    PLACES,
-    Loop,
-    Place,
-    controller_of,
-    from_to,
-    loop_of,
-    measured_plant,
-)
+from robustpolish.loops import loop as loops
+from robustpolish.loops import performance
 from robustpolish.loops.margins import Where, margins_of, simultaneous_margins
-from robustpolish.loops.measured import MeasuredLoop
-from robustpolish.loops.performance import (
-    SHOWN,
-    bandwidths,
-    disturbance_effort,
-    given_effort,
-    noise_effort,
-    sample_rate,
-    sensitivities,
-)
 from robustpolish.loops.pictures import plot_steps
 from robustpolish.loops.report import LoopFigures, details, explain, lines_in_words, tables_of
 from robustpolish.loops.requirements import LoopRequirements
@@ -114,7 +97,7 @@ class LoopAnalysis(LoopFigures):
         *,
         kind: Kind = "bode",
         signal: str | None = None,
-        place: Place = "input",
+        place: loops.Place = "input",
         of: Literal["S", "T", "KS", "GS"] = "T",
         duration: float | None = None,
     ) -> Axes:
@@ -155,9 +138,13 @@ class LoopAnalysis(LoopFigures):
         return self._drawn(ax, kind, signal, place, self.loop.rates)
 
     def _plot_steps(
-        self, chosen: list[tuple[Place, int]], of: str, duration: float | None, ax: Axes | None
+        self,
+        chosen: list[tuple[loops.Place, int]],
+        of: str,
+        duration: float | None,
+        ax: Axes | None,
     ) -> Axes:
-        one_of("of", of, SHOWN)
+        one_of("of", of, performance.SHOWN)
         if not self.stable:
             shown = "the steps of an unstable loop"
             raise misfit("kind", shown, "a stable loop", "Draw kind='nyquist' to see why.")
@@ -165,7 +152,7 @@ class LoopAnalysis(LoopFigures):
         systems = {of: getattr(at, of)}
         if of in ("S", "T"):
             names = self.loop.names(chosen[0][0])
-            systems = {names[i]: from_to(getattr(at, of), [i], [i]) for _, i in chosen}
+            systems = {names[i]: loops.from_to(getattr(at, of), [i], [i]) for _, i in chosen}
         slowest = float(np.abs(np.real(self.loop.rates)).min(initial=math.inf))
         length = 4 / slowest if 0 < slowest < math.inf else 1.0
         return plot_steps(systems, length if duration is None else duration, ax)
@@ -259,7 +246,7 @@ class MeasuredLoopAnalysis(LoopFigures):
         *,
         kind: MeasuredKind = "bode",
         signal: str | None = None,
-        place: Place = "input",
+        place: loops.Place = "input",
     ) -> Axes:
         """Draw the loops at the measured lines, joined by straight strokes.
 
@@ -376,7 +363,7 @@ def loop_analysis(
     asked = LoopRequirements() if requirements is None else requirements
     remedy = "Pass rp.LoopRequirements(...)."
     instance_of("requirements", asked, LoopRequirements, "a LoopRequirements", remedy)
-    lines = measured_plant(plant)
+    lines = loops.measured_plant(plant)
     if lines is None:
         if unstable_poles != 0:
             shown, want = "a count for a model", "a count for a measured plant only"
@@ -385,7 +372,7 @@ def loop_analysis(
     if disturbance is not None:
         shown = "a disturbance of a measured plant"
         raise misfit("disturbance", shown, "a model to run", "Fit one, or leave it out.")
-    measured = MeasuredLoop.of(lines, controller_of(controller), unstable_poles)
+    measured = loops.MeasuredLoop.of(lines, loops.controller_of(controller), unstable_poles)
     return MeasuredLoopAnalysis(**_figures(measured, asked))
 
 
@@ -396,27 +383,29 @@ def model_analysis(
     disturbance: xr.Dataset | None = None,
 ) -> LoopAnalysis:
     """Return what :func:`loop_analysis` finds out of a model."""
-    loop = loop_of(plant, controller)
+    loop = loops.loop_of(plant, controller)
     found = LoopAnalysis(**_figures(loop, asked))
     if not found.stable:
         return found
     return replace(
         found,
-        noise=noise_effort(loop),
-        effort=disturbance_effort(loop),
-        given=() if disturbance is None else given_effort(loop, disturbance),
+        noise=performance.noise_effort(loop),
+        effort=performance.disturbance_effort(loop),
+        given=() if disturbance is None else performance.given_effort(loop, disturbance),
         sample_rate=None
         if loop.is_discrete
-        else sample_rate(loop, found.margins, found.delay_margin, found.bandwidths, asked),
+        else performance.sample_rate(
+            loop, found.margins, found.delay_margin, found.bandwidths, asked
+        ),
     )
 
 
-def _figures(loop: Loop | MeasuredLoop, asked: LoopRequirements) -> dict[str, Any]:
+def _figures(loop: loops.Loop | loops.MeasuredLoop, asked: LoopRequirements) -> dict[str, Any]:
     """Return the fields that a model and a measured plant have in common."""
     found: dict[str, Any] = {
         "loop": loop,
         "stability": loop.stability,
-        **{place: sensitivities(loop, place) for place in PLACES},
+        **{place: performance.sensitivities(loop, place) for place in loops.PLACES},
         **dict.fromkeys(("margins", "bandwidths", "noise", "effort", "given"), ()),
         "at_once": {},
         "sample_rate": None,
@@ -425,10 +414,10 @@ def _figures(loop: Loop | MeasuredLoop, asked: LoopRequirements) -> dict[str, An
     if not loop.stability:
         return found
     margins = tuple(
-        margins_of(loop, place, i) for place in PLACES for i in range(len(loop.names(place)))
+        margins_of(loop, place, i) for place in loops.PLACES for i in range(len(loop.names(place)))
     )
     return found | {
         "margins": margins,
         "at_once": {where: simultaneous_margins(loop, where) for where in get_args(Where)},
-        "bandwidths": bandwidths(loop, margins),
+        "bandwidths": performance.bandwidths(loop, margins),
     }

@@ -1,8 +1,9 @@
-"""Plant and controller as a loop that can be opened anywhere."""
+"""Plant and controller as a loop that can be opened anywhere; the plant may be measured."""
 
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,10 +12,10 @@ from typing import Any, Literal
 import control
 import numpy as np
 
-from robustpolish.base.arrays import AnyVector
-from robustpolish.base.checks import instance_of, invalid, misfit
+from robustpolish.base.arrays import AnyArray, AnyVector, Vector
+from robustpolish.base.checks import instance_of, invalid, misfit, whole_number
 from robustpolish.linear.delay_stability import delay_stability
-from robustpolish.linear.delayed_systems import DelayedSystem
+from robustpolish.linear.delayed_systems import DelayedSystem, resolvent_response
 from robustpolish.linear.norms.hinf import HinfNorm
 from robustpolish.linear.stability import Stability, stability
 from robustpolish.linear.systems import is_system
@@ -26,19 +27,12 @@ from robustpolish.loops.response import (
     Ports,
     SystemResponse,
     connected,
+    line_values,
 )
-from robustpolish.plants.blocks import (
-    GivenController,
-    as_response,
-    as_state_space,
-    controller_system,
-    matrices_of,
-    named_system,
-)
+from robustpolish.plants import blocks
 from robustpolish.plants.blocks import closed_loop as plant_loop
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.plants.wired import NOISE_PREFIX
-from robustpolish.plants.wiring import Wiring
+from robustpolish.plants.wired import NOISE_PREFIX, Wiring
 from robustpolish.synthesis.design import Design
 
 Place = Literal["input", "output"]
@@ -304,7 +298,7 @@ class Loop(BreakableLoop):
         rest = [self.plant.states.index(name) for name in names]
         one = np.eye(len(rest))
         matrices = (self.plant.A[np.ix_(rest, rest)], one, one, 0 * one)
-        return stability(named_system(matrices, self.dt, names, names, names))
+        return stability(blocks.named_system(matrices, self.dt, names, names, names))
 
     @cached_property
     def plant_matrices(self) -> Matrices:
@@ -315,7 +309,7 @@ class Loop(BreakableLoop):
     @cached_property
     def controller_matrices(self) -> Matrices:
         """A, B, C and D of K."""
-        return matrices_of(self.controller)
+        return blocks.matrices_of(self.controller)
 
     def _wired(
         self, ports: Ports, inputs: Sequence[str], outputs: Sequence[str]
@@ -326,7 +320,7 @@ class Loop(BreakableLoop):
             f"{'controller_' if name in own else ''}{name}" for name in self.controller.state_labels
         ]
         matrices = connected(self.plant_matrices, self.controller_matrices, ports)
-        return named_system(matrices, self.dt, inputs, outputs, [*own, *others])
+        return blocks.named_system(matrices, self.dt, inputs, outputs, [*own, *others])
 
     def _responding(self, ports: Ports, names: Sequence[str]) -> SystemResponse:
         """Return it over frequency, delays as they are."""
@@ -376,9 +370,9 @@ def from_to(
     system: control.StateSpace, inputs: Sequence[int], outputs: Sequence[int]
 ) -> control.StateSpace:
     """Return a system between some of its inputs and outputs."""
-    A, B, C, D = matrices_of(system)
+    A, B, C, D = blocks.matrices_of(system)
     into, out = list(inputs), list(outputs)
-    return named_system(
+    return blocks.named_system(
         (A, B[:, into], C[out], D[np.ix_(out, into)]),
         0 if system.dt is None else system.dt,
         [system.input_labels[i] for i in into],
@@ -407,7 +401,7 @@ def _reached(edges: Any, start: Any) -> Any:
 
 def loop_of(
     plant: Design | GeneralizedPlant | control.StateSpace | control.TransferFunction,
-    controller: Design | GivenController | None,
+    controller: Design | blocks.GivenController | None,
 ) -> Loop:
     """Return the loop of a design, or of a plant and a controller.
 
@@ -433,7 +427,7 @@ def loop_of(
         found = f"a gain of shape {shape} for {whole.ny} measurements"
         remedy = "For a state feedback pass plant.with_full_state()."
         raise misfit("controller", found, f"a gain of shape ({whole.nu}, {whole.ny})", remedy)
-    K = controller_system(whole, given)
+    K = blocks.controller_system(whole, given)
     if K.nstates and K.dt is not None and K.dt != whole.dt and not _same_step(K.dt, whole.dt):
         found = f"{_timing(K.dt)} for a plant in {_timing(whole.dt)}"
         remedy = "Discretise the plant or the controller first, such as with control.c2d."
@@ -455,7 +449,7 @@ def check_signals(plant: GeneralizedPlant, K: control.StateSpace) -> None:
         raise misfit("controller", f"{K.ninputs} inputs and {K.noutputs} outputs", want, remedy)
 
 
-def controller_of(controller: Design | GivenController | None) -> GivenController:
+def controller_of(controller: Design | blocks.GivenController | None) -> blocks.GivenController:
     """Return the controller that was given, out of its design if it is in one."""
     if isinstance(controller, Design):
         return controller.controller
@@ -468,14 +462,14 @@ def controller_of(controller: Design | GivenController | None) -> GivenControlle
 def measured_plant(plant: Any) -> GeneralizedPlant | None:
     """Return a plant that is known by its frequency response; None of others."""
     own = plant.system if isinstance(plant, GeneralizedPlant) else plant
-    return None if as_response("plant", own) is None else _as_plant(plant)
+    return None if blocks.as_response("plant", own) is None else _as_plant(plant)
 
 
 def _as_plant(plant: Any) -> GeneralizedPlant:
-    if (response := as_response("plant", plant)) is not None:
+    if (response := blocks.as_response("plant", plant)) is not None:
         plant = response
     elif is_system(plant):
-        plant = as_state_space("plant", plant, 0)
+        plant = blocks.as_state_space("plant", plant, 0)
     if isinstance(plant, control.StateSpace | control.FrequencyResponseData):
         plant = GeneralizedPlant(plant, plant.noutputs or 0, plant.ninputs or 0)
     expected = "a Design, a GeneralizedPlant, a system of any kind or a frequency response"
@@ -498,3 +492,135 @@ def _timing(dt: float | bool | None) -> str:
     if not dt:
         return "continuous time"
     return "discrete time" if dt is True else f"discrete time with a step of {dt:g} s"
+
+
+# The loop of a plant that is known at measured frequencies only.
+
+_AT_REST = 1e-9
+"""Poles of a controller this near to the boundary, over the first measured frequency, are on it."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredLoop(BreakableLoop):
+    """A plant known at some frequencies, and u = K y.
+
+    Attributes
+    ----------
+    plant : GeneralizedPlant
+        Its system is a frequency response.
+    controller : control.StateSpace
+    omega : ndarray
+        The lines in rad/s, rising, above 0 and below half the sample rate.
+    G, K : ndarray of complex, shapes (k, ny, nu) and (k, nu, ny)
+    unstable_poles : int
+        Of the plant, which its response does not tell.
+    """
+
+    plant: GeneralizedPlant
+    controller: control.StateSpace
+    omega: Vector
+    G: AnyArray
+    K: AnyArray
+    unstable_poles: int
+
+    @classmethod
+    def of(
+        cls, plant: GeneralizedPlant, controller: blocks.GivenController, unstable_poles: Any
+    ) -> MeasuredLoop:
+        """Put a measured plant and a controller together.
+
+        Raises
+        ------
+        InvalidInputError
+            If the controller does not fit, or there are fewer than two lines.
+        """
+        remedy = "Count the plant's poles in the right half plane; none is 0."
+        whole_number("unstable_poles", unstable_poles, 0, remedy=remedy)
+        system = blocks.controller_system(plant, controller)
+        check_signals(plant, system)
+        lines: Any = plant.system
+        order = np.argsort(lines.omega)
+        omega = np.asarray(lines.omega, dtype=float)[order]
+        dt = 0 if system.dt is None else system.dt
+        kept = (omega > 0) & (omega < (math.pi / float(dt) if dt else math.inf))
+        if kept.sum() < 2:
+            found = f"{int(kept.sum())} lines above 0 and below half the sample rate"
+            raise misfit("plant", found, "two or more", "Measure more of the response.")
+        omega = omega[kept]
+        G = np.moveaxis(np.asarray(lines.frdata), 2, 0)[order][kept]
+        G = G[:, -plant.ny :, G.shape[2] - plant.nu :]
+        points = np.exp(1j * omega * float(dt)) if dt else 1j * omega
+        K = resolvent_response(*blocks.matrices_of(system), points)
+        return cls(plant, system, omega, G, K, int(unstable_poles))
+
+    @property
+    def dt(self) -> float | bool:
+        """Sampling time of the controller in s; 0 for a continuous one."""
+        return 0 if self.controller.dt is None else self.controller.dt
+
+    @property
+    def is_discrete(self) -> bool:
+        """Whether the controller is discrete."""
+        return bool(self.dt)
+
+    def _wired(
+        self, ports: Ports, inputs: Sequence[str], outputs: Sequence[str]
+    ) -> control.FrequencyResponseData:
+        """Return the loop line by line, from where signals enter to where they leave."""
+        values = np.moveaxis(line_values(self.G, self.K, ports), 0, 2)
+        names = {"inputs": list(inputs), "outputs": list(outputs)}
+        return control.FrequencyResponseData(values, self.omega, **names)
+
+    def _responding(self, ports: Ports, names: Sequence[str]) -> LineResponse:
+        """Return it with what its lines tell."""
+        return LineResponse(self._wired(ports, names, names), self.unstable_poles)
+
+    @cached_property
+    def stability(self) -> Stability:
+        r"""What Nyquist's criterion says of the lines.
+
+        The phase of det(I - K G) is followed from line to line by the shorter way. Below the first
+        line it is closed as that of as many poles at rest as the slope of the first lines shows, or
+        the controller has; beyond the last by the shorter way, as where the loop is small.
+        """
+        poles: Any = np.linalg.eigvals(self.controller.A).astype(complex)
+        dt = self.dt
+        rates = np.abs(poles) - 1 if dt else poles.real
+        edge = _AT_REST * (1.0 if dt else float(self.omega[0]))
+        beyond = int((rates > edge).sum()) + self.unstable_poles
+        resting = int((np.abs(poles - (1 if dt else 0)) <= edge).sum())
+        one = np.eye(self.K.shape[1])
+        determinant = np.linalg.det(one - self.K @ self.G)
+        if (determinant == 0).any():
+            return Stability("marginal", None, 0.0, False, "a line lies on -1", discrete=bool(dt))
+        phases = np.unwrap(np.angle(determinant))
+        first = np.log(np.abs(determinant[:2]))
+        slope = (first[1] - first[0]) / math.log(self.omega[1] / self.omega[0])
+        resting = max(resting, round(-slope))
+        low = _nearest(2 * phases[0], -resting * math.pi)
+        high = _nearest(-2 * phases[-1], 0.0)
+        turns = round((2 * (phases[-1] - phases[0]) + low + high) / (2 * math.pi))
+        closed = beyond - turns
+        step = float(np.abs(np.diff(phases)).max())
+        rest = f", closed below the first line as for {resting} poles at rest" if resting else ""
+        reason = (
+            f"Nyquist's criterion on {len(self.omega)} lines{rest}: {turns} turns of "
+            f"det(I - K G) against the clock, {beyond} unstable poles of the open loop "
+            f"({self.unstable_poles} of the plant, as told), {closed} of the closed one"
+        )
+        if step > math.pi / 2:
+            reason += f"; the phase jumps by {math.degrees(step):.0f} deg between lines"
+        if closed < 0:
+            reason += ": that cannot be, so lines are missing or unstable_poles is wrong"
+        verdict = "stable" if closed == 0 else "unstable"
+        return Stability(verdict, None, math.nan, False, reason, discrete=bool(dt))
+
+    @property
+    def opposite_stability(self) -> Stability:
+        """The same with the opposite sign, u = -K y."""
+        return replace(self, controller=-self.controller, K=-self.K).stability
+
+
+def _nearest(angle: float, wanted: float) -> float:
+    """Return an angle, turns added, nearest to another."""
+    return angle + 2 * math.pi * round((wanted - angle) / (2 * math.pi))

@@ -19,8 +19,7 @@ from robustpolish.linear.delayed_systems import resolvent_response
 from robustpolish.linear.norms.hinf import cayley, hamiltonian
 from robustpolish.linear.stability import eigensystem
 from robustpolish.loops.disk_margins import DelayedIntervals, DiskMargin, decibel, disk_of
-from robustpolish.loops.loop import Loop, Place
-from robustpolish.loops.measured import MeasuredLoop
+from robustpolish.loops.loop import Loop, MeasuredLoop, Place
 from robustpolish.loops.pictures import plot_loops
 from robustpolish.loops.response import LineResponse, Ports, lag
 from robustpolish.robust.scalings import balanced

@@ -14,14 +14,13 @@ import xarray as xr
 
 from robustpolish.base.arrays import AnyVector, Array, Vector
 from robustpolish.implementation.certify_sampled import last_stable
-from robustpolish.implementation.emulation import integration_rule
+from robustpolish.implementation.realization import integration_rule
 from robustpolish.implementation.run import disturbance_columns
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import HinfNorm
 from robustpolish.linear.response import first_order_hold, linear_response
-from robustpolish.loops.loop import PLACES, Loop, Place, from_to, sample_step
+from robustpolish.loops.loop import PLACES, Loop, MeasuredLoop, Place, from_to, sample_step
 from robustpolish.loops.margins import LoopMargins
-from robustpolish.loops.measured import MeasuredLoop
 from robustpolish.loops.requirements import LoopRequirements
 from robustpolish.loops.response import LineResponse, Ports, connected, norm_of
 from robustpolish.plants.blocks import matrices_of

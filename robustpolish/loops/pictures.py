@@ -12,7 +12,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from robustpolish.base.arrays import AnyVector, Vector
-from robustpolish.linear.norms.singular_values import frequency_grid
+from robustpolish.linear.norms.hinf import frequency_grid
 from robustpolish.linear.response import linear_response
 from robustpolish.loops.loop import sample_step
 from robustpolish.loops.response import LineResponse, SystemResponse

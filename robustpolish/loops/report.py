@@ -14,21 +14,14 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from robustpolish.base.arrays import AnyVector
-from robustpolish.base.checks import invalid, one_of
+from robustpolish.base.checks import one_of
 from robustpolish.base.results import Displayed, Table, bears_prefix, prefix_power, prefixed
 from robustpolish.base.texts import paragraphs, tables, templates
 from robustpolish.linear.stability import Stability
+from robustpolish.loops import performance
 from robustpolish.loops.disk_margins import DiskMargin, decibel
 from robustpolish.loops.loop import PLACES, Loop, Place, sample_step
 from robustpolish.loops.margins import LoopMargins, MarginsAtOnce, Where
-from robustpolish.loops.performance import (
-    SHOWN,
-    Effort,
-    GivenEffort,
-    LoopBandwidth,
-    SampleRate,
-    Sensitivities,
-)
 from robustpolish.loops.pictures import plot_loops, plot_sigma
 from robustpolish.loops.requirements import LoopRequirements
 
@@ -44,15 +37,15 @@ class LoopFigures(Displayed):
 
     loop: Loop
     stability: Stability
-    input: Sensitivities
-    output: Sensitivities
+    input: performance.Sensitivities
+    output: performance.Sensitivities
     margins: tuple[LoopMargins, ...]
     at_once: Mapping[Where, MarginsAtOnce]
-    bandwidths: tuple[LoopBandwidth, ...]
-    noise: tuple[Effort, ...]
-    effort: tuple[Effort, ...]
-    given: tuple[GivenEffort, ...]
-    sample_rate: SampleRate | None
+    bandwidths: tuple[performance.LoopBandwidth, ...]
+    noise: tuple[performance.Effort, ...]
+    effort: tuple[performance.Effort, ...]
+    given: tuple[performance.GivenEffort, ...]
+    sample_rate: performance.SampleRate | None
     requirements: LoopRequirements
 
     @property
@@ -136,7 +129,7 @@ class LoopFigures(Displayed):
         chosen = self._chosen(place, signal)
         if kind == "sigma":
             at = getattr(self, chosen[0][0])
-            return plot_sigma({name: getattr(at, name) for name in SHOWN}, ax, rates)
+            return plot_sigma({name: getattr(at, name) for name in performance.SHOWN}, ax, rates)
         loops = {self.loop.names(where)[i]: self.loop.opened(where, [i]) for where, i in chosen}
         return plot_loops(loops, {m.name: m.disk.alpha for m in self.margins}, kind, ax, rates)
 
@@ -150,9 +143,7 @@ class LoopFigures(Displayed):
         }
         if signal is None:
             return [(place, i) for i in range(min(len(self.loop.names(place)), _MOST_SHOWN))]
-        if signal not in known:
-            listed = ", ".join(self.loop.signals)
-            raise invalid("signal", signal, f"one of {listed}", "Check its spelling.")
+        one_of("signal", signal, self.loop.signals, "Check its spelling.")
         return [known[signal]]
 
     def _least(self, of: Callable[[LoopMargins], float]) -> float:
@@ -232,12 +223,12 @@ def _table(caption: str, kind: str, rows: Sequence[Any]) -> Table:
 _COLUMNS = tables(__file__)["columns"]
 
 
-def _strongest(rows: Sequence[Effort]) -> tuple[str, list[Effort]]:
+def _strongest(rows: Sequence[performance.Effort]) -> tuple[str, list[performance.Effort]]:
     """Return the rows with an effect; of many the worst source of each control, which is told."""
     kept = [row for row in rows if row.peak_gain > 0]
     if len(kept) <= _MOST_ROWS:
         return "", kept
-    worst: dict[str, Effort] = {}
+    worst: dict[str, performance.Effort] = {}
     for row in kept:
         worst[row.control] = max(worst.get(row.control, row), row, key=lambda row: row.peak_gain)
     return ", the strongest source of each", list(worst.values())

@@ -2,28 +2,28 @@ from .effects.effect import (
     Effect as Effect,
 )
 from .effects.effect import (
+    energy_per_cycle as energy_per_cycle,
+)
+from .effects.effect import (
+    equivalent_damping as equivalent_damping,
+)
+from .effects.effect import (
     kinds as kinds,
 )
 from .effects.effect import (
     lookup as lookup,
 )
 from .effects.effect import (
+    loss_damping as loss_damping,
+)
+from .effects.effect import (
     register as register,
 )
 from .effects.effect import (
-    unregister as unregister,
-)
-from .effects.equivalent_damping import (
-    energy_per_cycle as energy_per_cycle,
-)
-from .effects.equivalent_damping import (
-    equivalent_damping as equivalent_damping,
-)
-from .effects.equivalent_damping import (
-    loss_damping as loss_damping,
-)
-from .effects.equivalent_damping import (
     share_damping as share_damping,
+)
+from .effects.effect import (
+    unregister as unregister,
 )
 from .effects.evaluate import (
     call_law as call_law,

@@ -376,7 +376,7 @@ def build_system(model: MechanicalData, step: float) -> NonlinearSystem:
     )
 
 
-def needed_substeps(model: MechanicalData, dt: float, amplitude: float) -> int:
+def needed_substeps(model: MechanicalData, dt: float, amplitude: float, edges: bool = True) -> int:
     """Return steps per sample that resolve the effects' own stiffness and damping.
 
     Parameters
@@ -386,6 +386,8 @@ def needed_substeps(model: MechanicalData, dt: float, amplitude: float) -> int:
         Sampling step in s.
     amplitude : float
         Displacement amplitude in m or rad.
+    edges : bool, optional
+        Whether some steps are taken for the edges of forces, whatever the sampling.
     """
     if not model.effects:
         return 1
@@ -402,7 +404,7 @@ def needed_substeps(model: MechanicalData, dt: float, amplitude: float) -> int:
         # laws see to it that no memory fades faster than a step; a few are enough for its rate
         fading = min(0.3 * rate, (_FADING if model.free else _MOST_SUBSTEPS) / dt)
         fastest = max(fastest, np.sqrt(abs(stiffness) * inverse), abs(damping) * inverse, fading)
-        least = max(least, 4 if effect.definition.sharp else 2)
+        least = max(least, 4 if effect.definition.sharp else 2) if edges else 1
     return int(np.clip(np.ceil(2.0 * dt * fastest), least, _MOST_SUBSTEPS))
 
 

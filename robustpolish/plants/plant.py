@@ -18,6 +18,7 @@ from robustpolish.base.checks import (
     instance_of,
     invalid,
     matrix,
+    one_of,
     positive,
     square,
     state_space,
@@ -25,20 +26,8 @@ from robustpolish.base.checks import (
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.base.saved import Fields, read_saved, write_saved
 from robustpolish.linear.delayed_systems import DelayLine
-from robustpolish.plants.blocks import (
-    GivenController,
-    SignalChoice,
-    as_response,
-    as_state_space,
-    chosen_signals,
-    closed_loop,
-    controller_system,
-    named_system,
-    sorted_signals,
-    static_controller,
-)
-from robustpolish.plants.wired import WiredPlant
-from robustpolish.plants.wiring import Wiring
+from robustpolish.plants import blocks
+from robustpolish.plants.wired import WiredPlant, Wiring
 
 # Plants and systems with names in files: as plain values, every entry of a matrix exact.
 
@@ -115,7 +104,7 @@ def system_from(fields: Fields) -> control.StateSpace:
     dt = True if fields.raw("dt") is True else fields.number("dt")
     if not 0 <= dt < math.inf:
         raise invalid(f"{fields.where}: dt", dt, "0, or a sampling time in s", "Correct it.")
-    return named_system(matrices, dt, inputs, outputs, states)
+    return blocks.named_system(matrices, dt, inputs, outputs, states)
 
 
 _SQUARED = 1e150
@@ -238,8 +227,8 @@ class GeneralizedPlant(WiredPlant, Displayed):
     def __init__(
         self,
         system: control.StateSpace | control.TransferFunction | control.FrequencyResponseData,
-        measurements: SignalChoice,
-        controls: SignalChoice,
+        measurements: blocks.SignalChoice,
+        controls: blocks.SignalChoice,
         units: Mapping[str, str] | None = None,
         limits: Mapping[str, float] | None = None,
         rate_limits: Mapping[str, float] | None = None,
@@ -247,9 +236,9 @@ class GeneralizedPlant(WiredPlant, Displayed):
         whole: Any
         if isinstance(system, control.StateSpace):
             whole = state_space("system", system)
-        elif (whole := as_response("system", system)) is None:
-            whole = as_state_space("system", system)
-        whole, ny, nu = sorted_signals(whole, measurements, controls)
+        elif (whole := blocks.as_response("system", system)) is None:
+            whole = blocks.as_state_space("system", system)
+        whole, ny, nu = blocks.sorted_signals(whole, measurements, controls)
         self._set(whole, ny, nu, units=units, limits=limits, rate_limits=rate_limits)
 
     def _set(
@@ -270,9 +259,7 @@ class GeneralizedPlant(WiredPlant, Displayed):
             raise invalid("units", unknown[0], want, "Check its spelling.")
         for argument in ("limits", "rate_limits"):
             for name, value in own[argument].items():
-                if name not in self.control_names:
-                    want = f"names of controls: {', '.join(self.control_names)}"
-                    raise invalid(argument, name, want, "Check its spelling.")
+                one_of(argument, name, self.control_names, "It has to be the name of a control.")
                 positive((argument, name), value)
 
     @classmethod
@@ -393,7 +380,7 @@ class GeneralizedPlant(WiredPlant, Displayed):
             if units:
                 inner = inner.replace(units=units)
         else:
-            G = as_state_space("system", system)
+            G = blocks.as_state_space("system", system)
             inner = cls(G, measurements=G.noutputs, controls=G.ninputs, units=units)
         nu, ny = inner.nu, inner.ny
         names = (inner.control_names, inner.measurement_names)
@@ -477,7 +464,7 @@ class GeneralizedPlant(WiredPlant, Displayed):
         outs = _names("performance", performance, nz, "z")
         outs += _names("measurements", measurements, ny, "y")
         B, C, x = np.hstack([B1, B2]), np.vstack([C1, C2]), _names("states", states, nx, "x")
-        system = named_system((A, B, C, D), dt, ins, outs, x)
+        system = blocks.named_system((A, B, C, D), dt, ins, outs, x)
         return cls._made(system, ny, nu, units=units)
 
     def replace(
@@ -589,7 +576,7 @@ class GeneralizedPlant(WiredPlant, Displayed):
         if states is None:
             return self.rewired(self.wiring.chosen(w, u, z, y))
         ins, outs = [*w, *(self.nw + i for i in u)], [*z, *(self.nz + i for i in y)]
-        part = chosen_signals(self._model(), outs, ins, list(states))
+        part = blocks.chosen_signals(self._model(), outs, ins, list(states))
         return self._made(part, len(y), len(u), **self.without_delays()._facts_in(part, len(u)))
 
     @property
@@ -597,9 +584,9 @@ class GeneralizedPlant(WiredPlant, Displayed):
         """The system from w to z with u = 0."""
         matrices = (self.A, self.B1, self.C1, self.D11)
         names = (self.disturbance_names, self.performance_names, self.states)
-        return named_system(matrices, self.dt, *names)
+        return blocks.named_system(matrices, self.dt, *names)
 
-    def closed_loop(self, controller: GivenController) -> control.StateSpace:
+    def closed_loop(self, controller: blocks.GivenController) -> control.StateSpace:
         """Connect u = K y and return the system from w to z.
 
         Parameters
@@ -620,7 +607,7 @@ class GeneralizedPlant(WiredPlant, Displayed):
             If shapes or sampling times differ, or if I - D22 Dk is singular, so
             that the loop has no solution.
         """
-        return closed_loop(self, controller_system(self, controller))
+        return blocks.closed_loop(self, blocks.controller_system(self, controller))
 
     def state_feedback_loop(self, gain: ArrayLike) -> control.StateSpace:
         """Connect u = F x, whatever is measured, and return the system from w to z.
@@ -664,7 +651,7 @@ class GeneralizedPlant(WiredPlant, Displayed):
         -------
         control.StateSpace
         """
-        return static_controller(self, gain)
+        return blocks.static_controller(self, gain)
 
     def save(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
         """Write the plant to one JSON file, whole or not at all.

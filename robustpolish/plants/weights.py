@@ -13,8 +13,7 @@ from robustpolish.base.checks import described, invalid, positive, whole_number
 from robustpolish.linear.delayed_systems import in_a_row
 from robustpolish.plants.blocks import as_state_space, named_system
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.plants.wired import bilinear, single_filter, state_names
-from robustpolish.plants.wiring import Wiring
+from robustpolish.plants.wired import Wiring, bilinear, single_filter, state_names
 
 # The plant of mixed sensitivity: performance, effort and robustness with a weight each.
 

@@ -1,17 +1,22 @@
-"""What engineers put between plant and controller: actuators, sensors, filters, delays, weights."""
+"""The plant as it is wired: what surgery on its signals does to matrices, delay lines included.
+
+Signals are w, u, z and y, as in `PlantBlocks`. The ends of delay lines are further signals: they
+stand last among w and last among z, so that closing the loop and closing the delays commute.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from typing import Any, Self
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, Self
 
 import control
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import described, instance_of, invalid, misfit, positive, whole_number
 from robustpolish.linear.delayed_systems import (
     DelayedSystem,
@@ -21,18 +26,212 @@ from robustpolish.linear.delayed_systems import (
     in_a_row,
     resolvent_response,
 )
-from robustpolish.plants.blocks import (
-    GivenController,
-    PlantBlocks,
-    as_state_space,
-    chosen_names,
-    closed_loop,
-    controller_system,
-    interpolate_response,
-    named_system,
-)
-from robustpolish.plants.wiring import Side, Wiring
+from robustpolish.plants import blocks
 from robustpolish.signals.frequency_response import labelled_response, ratio_unit
+
+Side = Literal["input", "output"]
+
+
+@dataclass(frozen=True, eq=False)
+class Wiring(blocks.PlantBlocks):
+    """A plant whose delays are lines between further signals, not approximated.
+
+    Attributes
+    ----------
+    system : control.StateSpace
+        From (w, ends of lines, u) to (z, beginnings of lines, y).
+    measurements, controls : int
+        Number of last outputs that are y and of last inputs that are u.
+    lines : tuple of DelayLine
+        None for a plant without delays.
+    units : mapping of str to str
+        Not used here: a plant holds them.
+    """
+
+    system: control.StateSpace
+    measurements: int
+    controls: int
+    lines: tuple[DelayLine, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def series(self, side: Side, at: int, filter: control.StateSpace, label: str) -> Wiring:
+        """Put a filter before inputs, as many as it has outputs, or behind outputs.
+
+        Parameters
+        ----------
+        side : {"input", "output"}
+        at : int
+            Where the first signal stands among all.
+        filter : control.StateSpace
+            With as many inputs as outputs.
+        label : str
+            What its states are called, with a number behind.
+
+        Returns
+        -------
+        Wiring
+        """
+        A, B, C, D = _seen_from(side, self.arrays())
+        a, b, c, d = _seen_from(side, blocks.matrices_of(filter))
+        n, k, own = len(A), len(a), slice(at, at + len(d))
+        whole = np.block([[A, B[:, own] @ c], [np.zeros((k, n)), a]])
+        C = np.hstack([C, D[:, own] @ c])
+        B = np.vstack([B, np.zeros((k, B.shape[1]))])
+        B[:n, own], B[n:, own], D[:, own] = B[:n, own] @ d, b, D[:, own] @ d
+        states = [*self.states, *_new_names(label, k, self.states)]
+        return self._with(_seen_from(side, (whole, B, C, D)), states=states)
+
+    def delayed(self, side: Side, at: int, line: DelayLine) -> Wiring:
+        """Lead an input or an output through a delay line.
+
+        Parameters
+        ----------
+        side : {"input", "output"}
+        at : int
+            Where the signal stands among all.
+        line : DelayLine
+
+        Returns
+        -------
+        Wiring
+        """
+        A, B, C, D = _seen_from(side, self.arrays())
+        w, z = (self.nw, self.nz) if side == "input" else (self.nz, self.nw)
+        # What acted was the input; it is the line's end now, and the input enters the line.
+        B, D = np.insert(B, w, B[:, at], axis=1), np.insert(D, w, D[:, at], axis=1)
+        at += at >= w
+        B[:, at], D[:, at] = 0.0, 0.0
+        C, D = np.insert(C, z, 0.0, axis=0), np.insert(D, z, 0.0, axis=0)
+        D[z, at] = 1.0
+        port = f"delay {len(self.lines) + 1}"
+        ins, outs = list(self.system.input_labels), list(self.system.output_labels)
+        ins.insert(self.nw, port)
+        outs.insert(self.nz, port)
+        wired = self._with(_seen_from(side, (A, B, C, D)), ins, outs)
+        return replace(wired, lines=(*self.lines, line))
+
+    def with_disturbances(self, onto_measurements: Matrix, names: Sequence[str]) -> Wiring:
+        """Append disturbances that act on the measurements.
+
+        Parameters
+        ----------
+        onto_measurements : ndarray, shape (ny, len(names))
+        names : sequence of str
+
+        Returns
+        -------
+        Wiring
+        """
+        A, B, C, D = self.arrays()
+        at = self.nw - len(self.lines)
+        new = np.vstack([np.zeros((self.nz, len(names))), onto_measurements])
+        B = np.hstack([B[:, :at], np.zeros((len(B), len(names))), B[:, at:]])
+        D = np.hstack([D[:, :at], new, D[:, at:]])
+        labels = self.system.input_labels
+        return self._with((A, B, C, D), [*labels[:at], *_free(names, labels), *labels[at:]])
+
+    def with_inputs_twice(self, names: Sequence[str]) -> Wiring:
+        """Prepend disturbances that act where the controls act."""
+        A, B, C, D = self.arrays()
+        B, D = np.hstack([B[:, self.nw :], B]), np.hstack([D[:, self.nw :], D])
+        return self._with((A, B, C, D), [*names, *self.system.input_labels])
+
+    def with_performance(
+        self, of_measurements: Matrix, of_controls: Matrix, names: Sequence[str]
+    ) -> Wiring:
+        """Append performance outputs made of measurements and controls.
+
+        Parameters
+        ----------
+        of_measurements : ndarray, shape (len(names), ny)
+        of_controls : ndarray, shape (len(names), nu)
+        names : sequence of str
+
+        Returns
+        -------
+        Wiring
+        """
+        A, B, C, D = self.arrays()
+        at = self.nz - len(self.lines)
+        rows = of_measurements @ C[self.nz :]
+        direct = of_measurements @ D[self.nz :]
+        direct[:, self.nw :] += of_controls
+        C, D = (np.insert(M, [at] * len(names), new, axis=0) for M, new in ((C, rows), (D, direct)))
+        labels = self.system.output_labels
+        outs = [*labels[:at], *_free(names, labels), *labels[at:]]
+        return self._with((A, B, C, D), None, outs)
+
+    def chosen(
+        self, w: Sequence[int], u: Sequence[int], z: Sequence[int], y: Sequence[int]
+    ) -> Wiring:
+        """Return the wiring of some signals, in the given order, with all delay lines."""
+        k = len(self.lines)
+        ins = [*w, *range(self.nw - k, self.nw), *(self.nw + i for i in u)]
+        outs = [*z, *range(self.nz - k, self.nz), *(self.nz + i for i in y)]
+        return Wiring(blocks.chosen_signals(self.system, outs, ins), len(y), len(u), self.lines)
+
+    def renamed(
+        self, w: Sequence[str], u: Sequence[str], z: Sequence[str], y: Sequence[str],
+        states: Sequence[str], lines: Mapping[str, str],
+    ) -> Wiring:  # fmt: skip
+        """Return the same wiring with other names of its signals, states and lines."""
+        ports = [f"delay {i + 1}" for i in range(len(self.lines))]
+        wired = self._with(self.arrays(), [*w, *ports, *u], [*z, *ports, *y], states)
+        named = [replace(line, name=lines.get(line.name, line.name)) for line in self.lines]
+        return replace(wired, lines=tuple(named))
+
+    def pade_model(self) -> control.StateSpace:
+        """Return the plant from (w, u) to (z, y) with Pade approximations for its delays."""
+        return self.with_ports_last().pade_model() if self.lines else self.system
+
+    def with_ports_last(self) -> DelayedSystem:
+        """Return the plant from (w, u) to (z, y) with its delays."""
+        k, w, z = len(self.lines), self.nw, self.nz
+        ins = [*range(w - k), *range(w, w + self.nu), *range(w - k, w)]
+        outs = [*range(z - k), *range(z, z + self.ny), *range(z - k, z)]
+        return DelayedSystem(blocks.chosen_signals(self.system, outs, ins), self.lines)
+
+    def arrays(self) -> Matrices:
+        """Copy A, B, C and D as floats of consistent shapes."""
+        return blocks.matrices_of(self.system)
+
+    def _with(
+        self,
+        matrices: Matrices,
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
+        states: Sequence[str] | None = None,
+    ) -> Wiring:
+        ins = self.system.input_labels if inputs is None else inputs
+        outs = self.system.output_labels if outputs is None else outputs
+        own = self.states if states is None else states
+        return replace(self, system=blocks.named_system(matrices, self.dt, ins, outs, own))
+
+
+Matrices = tuple[Matrix, Matrix, Matrix, Matrix]
+
+
+def _seen_from(side: Side, matrices: Matrices) -> Matrices:
+    """Return A, B, C and D, or those of the dual system, whose inputs are the outputs."""
+    A, B, C, D = matrices
+    if side == "input":
+        return matrices
+    A, B, C, D = map(np.ascontiguousarray, (A.T, C.T, B.T, D.T))
+    return A, B, C, D
+
+
+def _free(names: Sequence[str], taken: Sequence[str]) -> list[str]:
+    """Return names, those that are taken with a number behind."""
+    tries = ((name, *(f"{name}_{i}" for i in range(2, len(taken) + 2))) for name in names)
+    return [next(one for one in each if one not in taken) for each in tries]
+
+
+def _new_names(label: str, count: int, taken: Sequence[str]) -> list[str]:
+    """Return names that are not taken: label[0], label[1], ... or label_2[0], ..."""
+    stems = (label, *(f"{label}_{number}" for number in range(2, len(taken) + 2)))
+    tries = ([f"{stem}[{i}]" for i in range(count)] for stem in stems)
+    return next(names for names in tries if not set(names) & set(taken))
+
 
 # What stands between a controller and its machine: lags of actuators, sensors and filters.
 
@@ -73,7 +272,7 @@ def lag(
     A, B, C, D = in_a_row(_sections(order, damping))
     rate = 2 * math.pi * hertz
     if not dt:
-        return named_system((A * rate, B * rate, C, D), 0, ["u"], ["y"], state_names(len(A)))
+        return blocks.named_system((A * rate, B * rate, C, D), 0, ["u"], ["y"], state_names(len(A)))
     return bilinear(A, B, C, D, dt, rate)
 
 
@@ -100,7 +299,7 @@ def bilinear(
     one = np.eye(len(A))
     inner = np.linalg.inv(one - half * A)
     matrices = (inner @ (one + half * A), 2 * half * inner @ B, C @ inner, D + half * C @ inner @ B)
-    return named_system(matrices, dt, ["u"], ["y"], state_names(len(A)))
+    return blocks.named_system(matrices, dt, ["u"], ["y"], state_names(len(A)))
 
 
 def single_filter(argument: str, value: Any, dt: float | bool) -> control.StateSpace:
@@ -118,7 +317,7 @@ def single_filter(argument: str, value: Any, dt: float | bool) -> control.StateS
     -------
     control.StateSpace
     """
-    system = as_state_space(argument, value, dt)
+    system = blocks.as_state_space(argument, value, dt)
     if (system.ninputs, system.noutputs) != (1, 1):
         shown = described(f"{system.ninputs} inputs and {system.noutputs} outputs")
         raise invalid(argument, shown, "one of each", "Give each signal a filter of its own.")
@@ -152,7 +351,7 @@ Given = control.StateSpace | control.TransferFunction | float
 NOISE_PREFIX = "noise_"
 
 
-class WiredPlant(PlantBlocks):
+class WiredPlant(blocks.PlantBlocks):
     """The methods of `GeneralizedPlant` that change its signals one by one.
 
     Attributes
@@ -228,7 +427,7 @@ class WiredPlant(PlantBlocks):
         >>> plant.nx, plant.control_names, dict(plant.limits)
         (3, ('F',), {'F': 50.0})
         """
-        names = chosen_names("name", name, self.control_names, "controls")
+        names = blocks.chosen_names("name", name, self.control_names, "controls")
         facts = limit is not None or rate_limit is not None
         model = self._dynamics((bandwidth_hz, order, damping), dynamics, facts)
         wiring = self.wiring
@@ -293,7 +492,7 @@ class WiredPlant(PlantBlocks):
         >>> plant.disturbance_names, plant.D21
         (('noise_x',), array([[1.e-09]]))
         """
-        names = chosen_names("name", name, self.measurement_names, "measurements")
+        names = blocks.chosen_names("name", name, self.measurement_names, "measurements")
         model = self._dynamics((bandwidth_hz, order, damping), dynamics, noise is not None)
         shaped = None if noise is None else single_filter("noise", noise, self.dt)
         wiring = self.wiring
@@ -430,7 +629,7 @@ class WiredPlant(PlantBlocks):
             delays[one] = delays.get(one, 0.0) + seconds
         return self.rewired(wiring, delays=delays)
 
-    def delayed_loop(self, controller: GivenController) -> DelayedSystem:
+    def delayed_loop(self, controller: blocks.GivenController) -> DelayedSystem:
         """Connect u = K y and return the loop with its delays as they are.
 
         Parameters
@@ -459,7 +658,9 @@ class WiredPlant(PlantBlocks):
         [True, False]
         """
         whole = self.wiring
-        return DelayedSystem(closed_loop(whole, controller_system(whole, controller)), whole.lines)
+        return DelayedSystem(
+            blocks.closed_loop(whole, blocks.controller_system(whole, controller)), whole.lines
+        )
 
     def frequency_response(self, frequency: ArrayLike) -> xr.DataArray:
         """Return the response from (w, u) to (z, y), delays as they are.
@@ -493,7 +694,7 @@ class WiredPlant(PlantBlocks):
         hertz = frequencies("frequency", frequency)
         omega = 2 * np.pi * hertz
         if isinstance(self.system, control.FrequencyResponseData):
-            values = interpolate_response(self.system, omega)
+            values = blocks.interpolate_response(self.system, omega)
         elif self.is_discrete:
             step = 1.0 if self.dt is True else float(self.dt)
             values = resolvent_response(*self.wiring.arrays(), np.exp(1j * omega * step))
@@ -531,7 +732,7 @@ class WiredPlant(PlantBlocks):
             want = f"a whole number of samples of {step:g} s"
             raise invalid("seconds", seconds, want, "Round it, or delay the continuous plant.")
         A, B, C = np.eye(count, k=-1), np.eye(count)[:, :1], np.eye(count)[-1:]
-        return named_system((A, B, C, [[0.0]]), self.dt, ["u"], ["y"], state_names(count))
+        return blocks.named_system((A, B, C, [[0.0]]), self.dt, ["u"], ["y"], state_names(count))
 
 
 def _place(wiring: Wiring, name: str, order: Sequence[str]) -> tuple[Side, int]:

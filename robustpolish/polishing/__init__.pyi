@@ -5,16 +5,22 @@ from .air_bearing import (
     DampingCoefficients as DampingCoefficients,
 )
 from .air_bearing import (
+    PolishingHardware as PolishingHardware,
+)
+from .air_bearing import (
     air_bearing as air_bearing,
 )
 from .air_bearing import (
     air_bearing_model as air_bearing_model,
 )
-from .buildable import (
-    BuildableBrushDesign as BuildableBrushDesign,
+from .air_bearing import (
+    polishing_plant as polishing_plant,
 )
-from .buildable import (
-    HardwareLimit as HardwareLimit,
+from .brush import (
+    tool_position as tool_position,
+)
+from .brush import (
+    tool_velocity as tool_velocity,
 )
 from .coupled_loops import (
     CoupledComparison as CoupledComparison,
@@ -31,11 +37,11 @@ from .coupled_loops import (
 from .coupled_loops import (
     simulate_coupled as simulate_coupled,
 )
-from .dataset import (
-    tool_position as tool_position,
+from .design import (
+    BuildableBrushDesign as BuildableBrushDesign,
 )
-from .dataset import (
-    tool_velocity as tool_velocity,
+from .design import (
+    HardwareLimit as HardwareLimit,
 )
 from .design import (
     design_against_brush as design_against_brush,
@@ -67,11 +73,14 @@ from .force_control import (
 from .force_control import (
     passive_stiffness as passive_stiffness,
 )
-from .hardware import (
-    PolishingHardware as PolishingHardware,
+from .force_control import (
+    plot_polishing as plot_polishing,
 )
-from .hardware import (
-    polishing_plant as polishing_plant,
+from .force_control import (
+    removal_map as removal_map,
+)
+from .force_control import (
+    removal_of_force as removal_of_force,
 )
 from .ideal import (
     BrushDesign as BrushDesign,
@@ -84,15 +93,6 @@ from .parameters import (
 )
 from .parameters import (
     BrushParameters as BrushParameters,
-)
-from .removal import (
-    plot_polishing as plot_polishing,
-)
-from .removal import (
-    removal_map as removal_map,
-)
-from .removal import (
-    removal_of_force as removal_of_force,
 )
 from .simulate import (
     BrushFit as BrushFit,

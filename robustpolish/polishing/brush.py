@@ -1,33 +1,167 @@
-"""Physical simulator of the brush: integration with error control, refined until impulses agree."""
+"""Physical simulator of the brush, refined until impulses agree; datasets of both simulators."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import ceil, pi, sqrt
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike, NDArray
 
-from robustpolish.base.arrays import Array
-from robustpolish.base.checks import invalid
+from robustpolish.base.arrays import AnyArray, Array
 from robustpolish.errors import RobustPolishWarning, SolverError
 from robustpolish.polishing import contact
 from robustpolish.polishing.contact import euler_angles, tilt_angles
-from robustpolish.polishing.dataset import (
-    POINTS,
-    Variable,
-    angle_variables,
-    force_variables,
-    labelled,
-    parameter_attributes,
-    path_variables,
-    quantity,
-)
-from robustpolish.polishing.parameters import BrushParameters
+from robustpolish.polishing.parameters import NUMBERS, BrushParameters
 from robustpolish.polishing.surfaces.surface import Surface
+
+# Position of the tool's centre: circling feed (eqs. 9.2 and 9.3), or a given path.
+
+
+def tool_position(time: ArrayLike, parameters: BrushParameters) -> NDArray[np.float64]:
+    """Place of the tool's centre: on the path of the parameters, or circling (eq. 9.2).
+
+    Parameters
+    ----------
+    time : array_like
+        Times [s].
+    parameters : BrushParameters
+        The path, or radius and rate of the circling, feed, and brush radius.
+
+    Returns
+    -------
+    ndarray, shape (2, ...)
+        x and y in world axes [m].
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> from robustpolish.polishing import tool_position
+    >>> tool_position(0.0, rp.polishing.BrushParameters()).round(4).tolist()
+    [0.016, 0.0]
+    """
+    if parameters.path is not None:
+        return parameters.path.position(time)
+    moment = np.asarray(time, dtype=float)
+    turn, circle = parameters.rotation_rate * moment, parameters.rotation_radius
+    x = circle * np.cos(turn) + parameters.feed * moment + (parameters.radius + circle)
+    return np.stack([x, circle * np.sin(turn)])
+
+
+def tool_velocity(time: ArrayLike, parameters: BrushParameters) -> NDArray[np.float64]:
+    """Velocity of the tool's centre: on the path of the parameters, or circling (eq. 9.3).
+
+    Parameters
+    ----------
+    time : array_like
+        Times [s].
+    parameters : BrushParameters
+        The path, or radius and rate of the circling, and feed.
+
+    Returns
+    -------
+    ndarray, shape (2, ...)
+        Components along x and y in world axes [m/s].
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> from robustpolish.polishing import tool_velocity
+    >>> tool_velocity(0.0, rp.polishing.BrushParameters()).round(4).tolist()
+    [0.001, 0.0377]
+    """
+    if parameters.path is not None:
+        return parameters.path.velocity(time)
+    turn = parameters.rotation_rate * np.asarray(time, dtype=float)
+    speed = parameters.rotation_radius * parameters.rotation_rate
+    return np.stack([parameters.feed - speed * np.sin(turn), speed * np.cos(turn)])
+
+
+Variable = tuple[Any, AnyArray, dict[str, Any]]
+
+POINTS = ("C1", "C2", "C3", "C4")
+
+_FORCE_TEXT = {
+    "F_x": "force on the tool along -x",
+    "F_y": "force on the tool along -y",
+    "F_z": "force on the tool along +z, away from the surface",
+    "F_p": "polishing force of the robot on the bearing, along -z",
+}
+
+
+def variable(values: AnyArray, units: str, text: str, dims: Any = "time") -> Variable:
+    """Return one variable of a dataset: dimensions, values, attributes."""
+    return dims, values, {"units": units, "long_name": text}
+
+
+def force_variables(*forces: AnyArray) -> dict[str, Variable]:
+    """Return F_x, F_y, F_z and F_p [N], with the signs of (8.45)."""
+    named = zip(_FORCE_TEXT.items(), forces, strict=True)
+    return {name: variable(force, "N", text) for (name, text), force in named}
+
+
+def angle_variables(
+    angles: tuple[AnyArray, AnyArray, AnyArray, AnyArray],
+    names: tuple[str, str],
+    level: float | None,
+) -> dict[str, Variable]:
+    """Return theta, psi and their rates; `level` is psi of a level disc, where it has one."""
+    theta, psi, theta_rate, psi_rate = angles
+    variables = {
+        "theta": variable(theta, "rad", names[0]),
+        "psi": variable(psi, "rad", names[1]),
+        "theta_rate": variable(theta_rate, "rad/s", f"rate of {names[0]}"),
+        "psi_rate": variable(psi_rate, "rad/s", f"rate of {names[1]}"),
+    }
+    if level is not None:
+        variables["psi"][2]["level"] = level
+    return variables
+
+
+def path_variables(time: AnyArray, parameters: BrushParameters) -> dict[str, Variable]:
+    """Return the tool path (9.2) and the surface under it (9.1, 9.4, 9.5)."""
+    surface, (x, y) = parameters.surface, tool_position(time, parameters)
+    along, across = tool_velocity(time, parameters)
+    moving = np.hypot(along, across) > 0.0
+    angle = np.zeros_like(x)
+    angle[moving] = surface.elevation(x[moving], y[moving], (along[moving], across[moving]))
+    text = "elevation of the surface in the direction of the tool's movement"
+    return {
+        "tool_x": variable(x, "m", "place of the tool's centre along the feed"),
+        "tool_y": variable(y, "m", "place of the tool's centre across the feed"),
+        "surface_height": variable(surface.height(x, y), "m", "surface under the tool's centre"),
+        "elevation": variable(angle, "rad", text),
+    }
+
+
+def parameter_attributes(parameters: BrushParameters) -> dict[str, float | str]:
+    """Return every parameter as an attribute that any file format can keep."""
+    surface, path = parameters.surface, parameters.path
+    told: dict[str, float | str] = {name: getattr(parameters, name) for name in NUMBERS}
+    if isinstance(surface, Surface):
+        told |= {"surface_along": surface.along, "surface_across": surface.across}
+    else:
+        told["surface"] = repr(surface)
+    return told if path is None else {**told, "path": repr(path)}
+
+
+def parameters_from_attributes(attributes: Mapping[Any, Any]) -> BrushParameters:
+    """Undo `parameter_attributes`."""
+    surface = Surface(attributes["surface_along"], attributes["surface_across"])
+    return BrushParameters(**{name: attributes[name] for name in NUMBERS}, surface=surface)
+
+
+def labelled(
+    time: AnyArray, variables: Mapping[str, Variable], attributes: Mapping[str, Any]
+) -> xr.Dataset:
+    """Put variables along `time` and `point` together."""
+    coordinates = {"time": ("time", time, {"units": "s"}), "point": list(POINTS)}
+    return xr.Dataset(dict(variables), coordinates, dict(attributes))
+
 
 # Constants, initial state, integration, and refinement of steps and nodes.
 
@@ -64,12 +198,6 @@ class PhysicalRun:
     steps: int
     refused: int
     largest_step: float
-
-
-def check_passes(max_passes: Any) -> None:
-    """Refuse a number of passes that leaves nothing to compare."""
-    if not isinstance(max_passes, int) or max_passes < 2:
-        raise invalid("max_passes", max_passes, "an integer of at least 2", "Allow more passes.")
 
 
 def refined(
@@ -281,9 +409,9 @@ def attitude_variables(track: Array, three_angles: bool) -> dict[str, Variable]:
         rate = spin - psi_rate * np.cos(theta)
         return {
             **angle_variables(angles, ("nutation", "precession"), level=None),
-            "phi": quantity(phi, "rad", "rotation of the tool about its axis"),
-            "phi_rate": quantity(rate, "rad/s", "rate of phi"),
-            "omega_z": quantity(spin, "rad/s", "angular velocity about the axis of the disc"),
+            "phi": variable(phi, "rad", "rotation of the tool about its axis"),
+            "phi_rate": variable(rate, "rad/s", "rate of phi"),
+            "omega_z": variable(spin, "rad/s", "angular velocity about the axis of the disc"),
         }
     names = ("tilt about x", "tilt about y")
     return angle_variables(tilt_angles(axis, turning), names, level=0.0)
@@ -300,14 +428,14 @@ def physical_dataset(
     variables = {
         **attitude_variables(run.track, three_angles),
         **force_variables(-fx, -fy, fz, np.full_like(fz, parameters.polishing_force)),
-        "contact": quantity(normal > 0.0, "1", "whether the quarter of the rim touches", both),
-        "contact_force": quantity(normal, "N", "normal force on the quarter of the rim", both),
-        "contact_share": quantity(loads[:, 0], "1", "share of the rim that touches"),
-        "contact_energy": quantity(loads[:, contact.ENERGY], "J", "energy stored in the contact"),
-        "friction_power": quantity(friction, "W", "power that friction turns into heat"),
-        "damping_power": quantity(damping, "W", "power that contact damping turns into heat"),
-        "tool_z": quantity(run.track[:, contact.HEIGHT], "m", "height of the ball joint"),
-        "tool_z_rate": quantity(run.track[:, contact.CLIMB], "m/s", "rate of the height"),
+        "contact": variable(normal > 0.0, "1", "whether the quarter of the rim touches", both),
+        "contact_force": variable(normal, "N", "normal force on the quarter of the rim", both),
+        "contact_share": variable(loads[:, 0], "1", "share of the rim that touches"),
+        "contact_energy": variable(loads[:, contact.ENERGY], "J", "energy stored in the contact"),
+        "friction_power": variable(friction, "W", "power that friction turns into heat"),
+        "damping_power": variable(damping, "W", "power that contact damping turns into heat"),
+        "tool_z": variable(run.track[:, contact.HEIGHT], "m", "height of the ball joint"),
+        "tool_z_rate": variable(run.track[:, contact.CLIMB], "m/s", "rate of the height"),
         **path_variables(run.time, parameters),
     }
     attributes = {

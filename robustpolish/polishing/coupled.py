@@ -16,7 +16,7 @@ from robustpolish.base.checks import described, invalid
 from robustpolish.base.jit import njit
 from robustpolish.errors import SolverError
 from robustpolish.polishing import brush, contact
-from robustpolish.polishing.dataset import parameters_from_attributes, tool_velocity
+from robustpolish.polishing.brush import parameters_from_attributes, tool_velocity
 from robustpolish.polishing.parameters import BrushParameters
 
 # Linear machine from contact forces to the displacement of the joint.
@@ -244,22 +244,17 @@ def advance_coupled(
                 loads[i, 0] = touching / points
             if i == count:
                 break
-            middle = at + 0.5 * step
-            second = half @ x + gains[0] @ push[0]
-            _rates(
-                guide, i, middle, outputs, second, disc + 0.5 * step * k[0], laws, found,
-                room, k[1], push[1],
-            )  # fmt: skip
-            third = half @ x + gains[0] @ push[1]
-            _rates(
-                guide, i, middle, outputs, third, disc + 0.5 * step * k[1], laws, found,
-                room, k[2], push[2],
-            )  # fmt: skip
-            fourth = half @ second + gains[0] @ (2.0 * push[2] - push[0])
-            _rates(
-                guide, i, at + step, outputs, fourth, disc + step * k[2], laws, found,
-                room, k[3], push[3],
-            )  # fmt: skip
+            stage = second = half @ x + gains[0] @ push[0]
+            for s in range(1, 4):  # twice in the middle of the step, once at its end
+                ahead = step if s == 3 else 0.5 * step
+                _rates(
+                    guide, i, at + ahead, outputs, stage, disc + ahead * k[s - 1], laws, found,
+                    room, k[s], push[s],
+                )  # fmt: skip
+                if s == 1:
+                    stage = half @ x + gains[0] @ push[1]
+                elif s == 2:
+                    stage = half @ second + gains[0] @ (2.0 * push[2] - push[0])
             middle_pushes = 2.0 * (push[1] + push[2])
             x[:] = whole @ x + gains[1] @ push[0] + gains[2] @ middle_pushes + gains[3] @ push[3]
             disc += step / 6.0 * (k[0] + 2.0 * (k[1] + k[2]) + k[3])

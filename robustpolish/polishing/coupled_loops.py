@@ -14,7 +14,7 @@ from scipy.linalg import block_diag
 
 from robustpolish.base.arrays import Vector
 from robustpolish.base.budget import progress_bar
-from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
+from robustpolish.base.checks import described, instance_of, invalid, one_of, positive, whole_number
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.closed_loop.simulate import loop_with_units
 from robustpolish.errors import InvalidInputError
@@ -27,8 +27,8 @@ from robustpolish.plants.linearization import Linearization
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plots.time import plot_time_series
 from robustpolish.polishing import contact as disc
-from robustpolish.polishing.air_bearing import air_bearing_model
-from robustpolish.polishing.brush import check_passes, physical_dataset
+from robustpolish.polishing.air_bearing import PolishingHardware, air_bearing_model
+from robustpolish.polishing.brush import physical_dataset
 from robustpolish.polishing.coupled import (
     PLACE,
     REST_AXIS,
@@ -40,7 +40,6 @@ from robustpolish.polishing.coupled import (
     guided_brush,
     run_coupled,
 )
-from robustpolish.polishing.hardware import PolishingHardware
 from robustpolish.polishing.parameters import BrushParameters
 from robustpolish.polishing.quantities import or_default
 from robustpolish.synthesis.design import Design
@@ -228,7 +227,7 @@ def simulate_coupled(
     remedy = "Make it with simulate_brush(run=..., duration=...)."
     instance_of("brush", brush, xr.Dataset, "an xarray.Dataset", remedy)
     limit = positive("tolerance", tolerance)
-    check_passes(max_passes)
+    whole_number("max_passes", max_passes, 2, remedy="Allow more passes.")
     guided = guided_brush(brush)
     parameters = guided.parameters
     carried = carrier(design, parameters.polishing_force)

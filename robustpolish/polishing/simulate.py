@@ -11,19 +11,19 @@ from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
 from robustpolish.base.budget import progress_bar
-from robustpolish.base.checks import described, instance_of, invalid, matrix, one_of, positive
+from robustpolish.base.checks import (
+    described,
+    instance_of,
+    invalid,
+    matrix,
+    one_of,
+    positive,
+    whole_number,
+)
 from robustpolish.errors import SolverError
 from robustpolish.plots.charts import plot_over_plane
+from robustpolish.polishing import brush as physical
 from robustpolish.polishing import contact
-from robustpolish.polishing.brush import (
-    attitude_variables,
-    check_passes,
-    integrate,
-    motion_constants,
-    physical_dataset,
-    refined,
-)
-from robustpolish.polishing.dataset import parameter_attributes, path_variables, tool_position
 from robustpolish.polishing.parameters import BrushParameters
 from robustpolish.polishing.surfaces.mould import Mould
 from robustpolish.polishing.surfaces.surface import Floats, PolishedSurface
@@ -195,10 +195,10 @@ def check_ground(parameters: BrushParameters, duration: float) -> None:
         raise invalid("path", shown, f"at least the duration, {duration:g} s", remedy)
     if not isinstance(mould, Mould):
         return
-    rough = tool_position(np.linspace(0.0, duration, 2001), parameters)
+    rough = physical.tool_position(np.linspace(0.0, duration, 2001), parameters)
     length = float(np.sum(np.hypot(*np.diff(rough, axis=1))))
     count = max(32, int(np.ceil(1.5 * length * _PER_RADIUS / parameters.radius)))
-    places = tool_position(np.linspace(0.0, duration, count), parameters)
+    places = physical.tool_position(np.linspace(0.0, duration, count), parameters)
 
     def where(worst: Any) -> str:
         x, y = (round(1e3 * float(part), 2) + 0.0 for part in places[:, int(np.argmin(worst))])
@@ -371,7 +371,7 @@ def simulate_brush(
     else:
         one_of("disc", chosen["disc"], ("two-angle", "three-angle"))
         one_of("start", chosen["start"], ("pressed", "landing"))
-        check_passes(chosen["max_passes"])
+        whole_number("max_passes", chosen["max_passes"], 2, remedy="Allow more passes.")
     if parameters is None:
         parameters = BrushParameters.as_published() if listing else BrushParameters()
     remedy = "Build them with BrushParameters(...) or BrushParameters.for_run(...)."
@@ -396,10 +396,10 @@ def simulate_brush(
         force, passes = brush.polishing_force, chosen["max_passes"]
 
         def attempt(level: int) -> Any:
-            return integrate(brush, time, level, three_angles=three, landing=landing), None
+            return physical.integrate(brush, time, level, three_angles=three, landing=landing), None
 
-        found, _, check = refined(attempt, force, limit, passes, _RATTLES)
-        return physical_dataset(found, check, brush, three)
+        found, _, check = physical.refined(attempt, force, limit, passes, _RATTLES)
+        return physical.physical_dataset(found, check, brush, three)
 
 
 def simulate_disc(
@@ -469,7 +469,7 @@ def simulate_disc(
         raise invalid("time", shown, "at least two rising times in s", "Sort them.")
     moments = np.ascontiguousarray(matrix("moment", moment, (len(times), 3)))
     first = matrix("initial", np.atleast_2d(initial), (1, 4))[0]
-    state, motion = np.zeros(contact.STATES), motion_constants(brush, three)
+    state, motion = np.zeros(contact.STATES), physical.motion_constants(brush, three)
     axis, turning = contact.axis_and_turning(*first, euler=three)
     state[contact.AXES], state[contact.TURNINGS], state[contact.SPIN] = axis, turning, brush.spin
     # The axis has length 1; rates are measured by that of nutation, I p / I_0.
@@ -484,6 +484,6 @@ def simulate_disc(
             f"The disc turns too fast to be followed after {times[reached - 1]:.4g} s. Lower the "
             "moments, or check their unit, N m."
         )
-    variables = attitude_variables(track, three) | path_variables(times, brush)
-    about = {"simulator": "moments", "disc": disc, **parameter_attributes(brush)}
+    variables = physical.attitude_variables(track, three) | physical.path_variables(times, brush)
+    about = {"simulator": "moments", "disc": disc, **physical.parameter_attributes(brush)}
     return xr.Dataset(variables, {"time": ("time", times, {"units": "s"})}, about)

@@ -18,7 +18,7 @@ from scipy.ndimage import gaussian_filter1d
 from robustpolish.base.checks import described, invalid, misfit, positive
 from robustpolish.base.input_files import FileSpec
 from robustpolish.base.jit import njit
-from robustpolish.polishing.surfaces.importers import FILE, Unit, csv_rows, scale_of
+from robustpolish.polishing.surfaces.importers import FILE, Unit, checked_side, csv_rows, scale_of
 from robustpolish.polishing.surfaces.spline import cell, coefficients, slope_weights, weights
 from robustpolish.polishing.surfaces.surface import Floats, PolishedSurface
 
@@ -293,10 +293,7 @@ class ToolPath:
         'raster'
         """
         spacing = positive("step", step, "m")
-        for name, ends in (("x", x), ("y", y)):
-            if len(ends) != 2 or not np.all(np.isfinite(ends)) or not ends[1] > ends[0]:
-                expected = "where it begins and where it ends [m]"
-                raise invalid(name, ends, expected, "Give two numbers.")
+        x, y = checked_side("x", x), checked_side("y", y)
         count = int(np.ceil((y[1] - y[0]) / spacing * (1 - 1e-9))) + 1
         along = np.where(np.arange(count)[:, None] % 2 == 0, [x], [x[::-1]])  # to and fro
         corners = np.stack([along.ravel(), np.repeat(np.linspace(y[0], y[1], count), 2)], axis=1)

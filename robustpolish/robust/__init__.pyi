@@ -1,11 +1,11 @@
 from .questions import RobustPerformance as RobustPerformance
 from .questions import RobustStability as RobustStability
+from .questions import SectorStability as SectorStability
 from .questions import WorstCaseGain as WorstCaseGain
 from .questions import robust_performance as robust_performance
+from .questions import robust_sector as robust_sector
 from .questions import robust_stability as robust_stability
 from .questions import worst_case_gain as worst_case_gain
-from .sector import SectorStability as SectorStability
-from .sector import robust_sector as robust_sector
 from .structured_singular_value import StructuredSingularValue as StructuredSingularValue
 from .structured_singular_value import structured_singular_value as structured_singular_value
 

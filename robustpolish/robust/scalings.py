@@ -27,17 +27,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from robustpolish.base.arrays import AnyArray, AnyMatrix, Matrix, Vector
 from robustpolish.base.budget import check_deadline
-from robustpolish.linear.arithmetic.balls import (
-    Ball,
-    BallSystem,
-    adjoint,
-    complex_ball,
-    hamiltonian,
-    interval_without_eigenvalues,
-    is_definite,
-    precision,
-    riccati_terms,
-)
+from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.realisation import Realisation
 from robustpolish.robust.loop_model import DeltaStructure, LoopModel
 
@@ -543,9 +533,9 @@ _BITS = 160
 class BallScalings:
     """Scalings as balls: Dz, G, and beta^2 Dw with the blocks of fixed size as they are."""
 
-    Dz: Ball
-    G: Ball
-    E: Ball
+    Dz: balls.Ball
+    G: balls.Ball
+    E: balls.Ball
 
     @classmethod
     def of(cls, space: Space, x: Vector, level: float) -> BallScalings | None:
@@ -554,22 +544,27 @@ class BallScalings:
         Dz, still, scaled, G = (
             M if M.shape[0] != M.shape[1] else (M + np.conj(M.T)) / 2 for M in space.matrices(x)
         )
-        with precision(_BITS):
+        with balls.precision(_BITS):
             square = flint.acb(flint.arb(level) ** 2)
-            E = complex_ball(still) + complex_ball(scaled) * square
-            if not (is_definite(complex_ball(Dz)) and is_definite(complex_ball(still + scaled))):
+            E = balls.complex_ball(still) + balls.complex_ball(scaled) * square
+            if not (
+                balls.is_definite(balls.complex_ball(Dz))
+                and balls.is_definite(balls.complex_ball(still + scaled))
+            ):
                 return None
-        return cls(complex_ball(Dz), complex_ball(G), E)
+        return cls(balls.complex_ball(Dz), balls.complex_ball(G), E)
 
 
-def proves_inequality(M: Ball, weights: BallScalings) -> bool:
+def proves_inequality(M: balls.Ball, weights: BallScalings) -> bool:
     """Prove the inequality at a matrix."""
     turned = weights.G * M * flint.acb(0, 1)
-    return is_definite(weights.E - adjoint(M) * weights.Dz * M - turned - adjoint(turned))
+    return balls.is_definite(
+        weights.E - balls.adjoint(M) * weights.Dz * M - turned - balls.adjoint(turned)
+    )
 
 
 def proven_interval(
-    model: BallSystem, weights: BallScalings, omega: float
+    model: balls.BallSystem, weights: BallScalings, omega: float
 ) -> tuple[float, float] | None:
     """Prove the inequality around a frequency, as far as it holds.
 
@@ -586,19 +581,19 @@ def proven_interval(
     (low, high) or None
         It holds between, both included; None if it is not proven at `omega`.
     """
-    with precision(_BITS):
+    with balls.precision(_BITS):
         try:
             if not proves_inequality(model.response(omega), weights):
                 return None
             if not model.A.nrows():
                 return 0.0, math.inf
             A, B, C, D = map(flint.acb_mat, model)
-            seen = adjoint(C) * weights.Dz
+            seen = balls.adjoint(C) * weights.Dz
             turned = weights.G * D * flint.acb(0, 1)
-            R = adjoint(D) * weights.Dz * D + turned + adjoint(turned) - weights.E
-            S = adjoint(C) * (weights.Dz * D - adjoint(weights.G) * flint.acb(0, 1))
-            H = hamiltonian(*riccati_terms(A, B, seen * C, S, R))
-            return interval_without_eigenvalues(H, omega)
+            R = balls.adjoint(D) * weights.Dz * D + turned + balls.adjoint(turned) - weights.E
+            S = balls.adjoint(C) * (weights.Dz * D - balls.adjoint(weights.G) * flint.acb(0, 1))
+            H = balls.hamiltonian(*balls.riccati_terms(A, B, seen * C, S, R))
+            return balls.interval_without_eigenvalues(H, omega)
         except (ZeroDivisionError, ValueError, np.linalg.LinAlgError):
             return None
 
@@ -681,7 +676,7 @@ def cover(
     -------
     Coverage
     """
-    level, exact = level * (1 + slack), BallSystem(*loop.balls)
+    level, exact = level * (1 + slack), balls.BallSystem(*loop.balls)
     peaks: list[tuple[float, float, ScaledBound]] = []
     last: list[Vector] = []
 

@@ -18,17 +18,10 @@ from robustpolish.base.texts import tables
 from robustpolish.linear.arithmetic.balls import complex_ball, precision
 from robustpolish.plants.blocks import as_state_space, matrices_of
 from robustpolish.plants.uncertain.system import UncertainSystem
-from robustpolish.robust import questions
+from robustpolish.robust import questions, scalings
 from robustpolish.robust.bounds import EVERYWHERE, GAP, bounds
 from robustpolish.robust.loop_model import DeltaStructure, LoopModel, check_shape, read_structure
 from robustpolish.robust.questions import AnalysedLoop, MuOverFrequency
-from robustpolish.robust.scalings import (
-    BallScalings,
-    Inequality,
-    Space,
-    best_scalings,
-    proves_inequality,
-)
 from robustpolish.robust.witness import worst_delta
 
 # The result, and the structured singular value of a matrix.
@@ -113,19 +106,21 @@ def matrix_value(M: AnyMatrix, structure: DeltaStructure) -> StructuredSingularV
     -------
     StructuredSingularValue
     """
-    space = Space(structure)
+    space = scalings.Space(structure)
     size = float(np.linalg.norm(M, 2))
     if size == 0:
         return StructuredSingularValue(0.0, 0.0, None, True, "zero")
     unit = float(np.exp2(np.round(np.log2(size))))
-    inequality = Inequality(space, (M / unit)[None])
-    level = best_scalings(inequality)
+    inequality = scalings.Inequality(space, (M / unit)[None])
+    level = scalings.best_scalings(inequality)
     witness = worst_delta(inequality, level, _STARTS)
     upper, proven = level.level or 1e-12, False
     for slack in (1e-10, 1e-8, 1e-6, 1e-4):  # until ball arithmetic agrees
-        weights = BallScalings.of(space, level.x, upper * (1 + slack))
+        weights = scalings.BallScalings.of(space, level.x, upper * (1 + slack))
         with precision(_BITS):
-            proven = weights is not None and proves_inequality(complex_ball(M / unit), weights)
+            proven = weights is not None and scalings.proves_inequality(
+                complex_ball(M / unit), weights
+            )
         if proven:
             upper *= 1 + slack
             break

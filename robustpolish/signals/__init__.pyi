@@ -1,14 +1,14 @@
-from .filtering import (
+from .forces import (
     decimate as decimate,
 )
-from .filtering import (
+from .forces import (
     lowpass as lowpass,
-)
-from .filtering import (
-    split_blocks as split_blocks,
 )
 from .forces import (
     measured_forces as measured_forces,
+)
+from .forces import (
+    split_blocks as split_blocks,
 )
 from .frequency_response import (
     estimate_frequency_response as estimate_frequency_response,
@@ -25,17 +25,17 @@ from .frequency_response import (
 from .frequency_response import (
     read_frequency_response as read_frequency_response,
 )
-from .headers import (
-    same_kind as same_kind,
-)
-from .headers import (
-    to_si as to_si,
-)
 from .quality import (
     check_sampling as check_sampling,
 )
 from .quality import (
     sampling_time as sampling_time,
+)
+from .raw import (
+    same_kind as same_kind,
+)
+from .raw import (
+    to_si as to_si,
 )
 from .read import (
     read_measurement as read_measurement,

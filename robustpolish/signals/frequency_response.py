@@ -17,9 +17,16 @@ from robustpolish.base.checks import invalid, misfit, one_of, positive
 from robustpolish.base.input_files import FileSpec, file_size
 from robustpolish.base.texts import tables
 from robustpolish.errors import InvalidInputError
-from robustpolish.signals.headers import is_count, is_time, split_header, to_si
 from robustpolish.signals.quality import numeric, sampling_time
-from robustpolish.signals.raw import RECORD, RawResponse, RawTable
+from robustpolish.signals.raw import (
+    RECORD,
+    RawResponse,
+    RawTable,
+    is_count,
+    is_time,
+    split_header,
+    to_si,
+)
 from robustpolish.signals.read import TEXT, UNIVERSAL, read_frd, read_object
 from robustpolish.signals.readers.csv import csv_headers, read_csv
 from robustpolish.signals.readers.instruments import read_uff_responses, uff_holds_responses_only

@@ -16,9 +16,8 @@ from scipy.interpolate import PchipInterpolator, make_interp_spline
 
 from robustpolish.base.arrays import Vector
 from robustpolish.base.checks import invalid, misfit
-from robustpolish.signals.headers import rank_as_time, to_si
 from robustpolish.signals.quality import LONGEST_GAP, check_finite, numeric
-from robustpolish.signals.raw import RawTable
+from robustpolish.signals.raw import RawTable, rank_as_time, to_si
 
 # A uniform time axis: irregular clocks resampled with a note, long gaps refused.
 

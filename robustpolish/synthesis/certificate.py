@@ -25,23 +25,13 @@ from robustpolish.linear.arithmetic.balls import BallSystem
 from robustpolish.linear.arithmetic.powers_of_two import refuse_extreme
 from robustpolish.linear.delay_stability import DelayStability, delay_stability
 from robustpolish.linear.norms.h2 import h2_norm
-from robustpolish.linear.norms.hinf import HinfNorm, hinf_norm
-from robustpolish.linear.norms.singular_values import singular_values
+from robustpolish.linear.norms.hinf import HinfNorm, hinf_norm, singular_values
 from robustpolish.linear.stability import stability
 from robustpolish.plants.blocks import GivenController, controller_system, named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plots.poles import plot_poles
 from robustpolish.synthesis.problem.pole_regions import PoleRegion, boundaries
-from robustpolish.synthesis.proofs.bounded_real import (
-    BITS,
-    TIGHT,
-    NormProof,
-    enclose_loop,
-    estimate_norm,
-    prove_computed_norm,
-    rounding_level,
-    tightest_proof,
-)
+from robustpolish.synthesis.proofs import bounded_real
 
 # The norm that a loop achieves, computed, confirmed on a frequency grid, and rounded.
 
@@ -124,7 +114,7 @@ def _norm(system: control.StateSpace, precise: bool) -> HinfNorm:
     """Return the norm; a proof in balls follows, so that none is needed for large loops."""
     if system.nstates > _LARGE and not system.dt:
         A, B, C, D = (np.asarray(M) for M in (system.A, system.B, system.C, system.D))
-        value, where, settled = estimate_norm(A, B, C, D)
+        value, where, settled = bounded_real.estimate_norm(A, B, C, D)
         upper = value * (1 + 1e-6) if settled else np.inf
         return HinfNorm(value, where, value, upper, True, "estimated in doubles")
     return hinf_norm(system, exact=precise)
@@ -369,7 +359,7 @@ class Certificate(Displayed):
     poles: NDArray[np.complex128]
     damping: NDArray[np.float64]
     frequencies_hz: NDArray[np.float64]
-    proof: NormProof | None = field(repr=False)
+    proof: bounded_real.NormProof | None = field(repr=False)
     discrete: bool = False
     exact_delays: ExactDelays | None = None
 
@@ -501,7 +491,7 @@ def certify(
     refuse_extreme("plant", {name: getattr(rounded, name) for name in "ABCD"})
     reasons: list[str] = []
     try:
-        loop = enclose_loop(plant, K)
+        loop = bounded_real.enclose_loop(plant, K)
     except ZeroDivisionError:
         raise invalid(
             "controller",
@@ -514,13 +504,13 @@ def certify(
     poles, damping, hertz = _poles(system, plant.dt)
     step = (1.0 if plant.dt is True else float(plant.dt)) if plant.is_discrete else None
     through = [float(np.linalg.norm(M)) for M in (plant.D12, K.D, plant.C2)]
-    level = rounding_level(loop, float(np.prod(through)))
+    level = bounded_real.rounding_level(loop, float(np.prod(through)))
     achieved, peak, bound, proven = np.inf, None, np.inf, None
     size = np.abs(poles) if plant.is_discrete else poles.real
     # Whether all poles, as doubles see them, are stable.
     stable = bool((size < (1 if plant.is_discrete else 0)).all())
     if norm == "hinf" and stable:
-        proven = prove_computed_norm(loop, BallSystem.of(rounded), level, step)
+        proven = bounded_real.prove_computed_norm(loop, BallSystem.of(rounded), level, step)
     if proven is None:
         # Doubles and a first proof leave doubt: everything is computed once more, with care.
         stable = bool(stability(system))
@@ -534,8 +524,10 @@ def certify(
             if not np.isfinite(achieved):
                 reasons.append(f"the H2 norm is not finite: {found.reason}")
         if np.isfinite(achieved):
-            proven = tightest_proof(
-                lambda bits: loop if bits == BITS else enclose_loop(plant, K, bits),
+            proven = bounded_real.tightest_proof(
+                lambda bits: (
+                    loop if bits == bounded_real.BITS else bounded_real.enclose_loop(plant, K, bits)
+                ),
                 norm,
                 achieved,
                 peak,
@@ -552,7 +544,7 @@ def certify(
             if np.isfinite(bound) and achieved <= level:
                 # All that double precision can say of such a norm is that it is below a bound.
                 achieved = bound
-            if bound > (1 + TIGHT) * max(achieved, claimed or 0.0):
+            if bound > (1 + bounded_real.TIGHT) * max(achieved, claimed or 0.0):
                 reasons.append(f"only the bound {bound:.6g} could be proven, not {achieved:.6g}")
     if claimed is not None and np.isfinite(achieved) and achieved > claimed * (1 + tolerance):
         reasons.append(f"the claimed bound {claimed:.6g} is false: the loop has {achieved:.6g}")

@@ -13,24 +13,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from robustpolish.base import saved
 from robustpolish.base.budget import Budget
 from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
 from robustpolish.base.results import Card, Displayed, Table, quantities
-from robustpolish.base.saved import (
-    NORM_TOLERANCE,
-    Fields,
-    confirm_norm,
-    plain,
-    read_saved,
-    write_saved,
-)
 from robustpolish.errors import SolverError
 from robustpolish.implementation.certify_sampled import checked_plant, longest_period
-from robustpolish.implementation.discretize import discretized
-from robustpolish.implementation.emulation import METHODS
+from robustpolish.implementation.realization import METHODS
 from robustpolish.implementation.sampled.certificate import AntiAliasing, filter_system, with_filter
-from robustpolish.implementation.sampled_design import SampledDesign
-from robustpolish.linear.norms.singular_values import singular_values
+from robustpolish.implementation.sampled_design import SampledDesign, discretized
+from robustpolish.linear.norms.hinf import singular_values
 from robustpolish.linear.stability import stability
 from robustpolish.plants.blocks import GivenController, controller_system
 from robustpolish.plants.plant import (
@@ -91,13 +83,13 @@ _LEFT_OUT = object()
 def _encode(value: Any) -> Any:
     kind = value.dtype.kind if isinstance(value, np.ndarray | np.generic) else ""
     if isinstance(value, complex) or kind == "c":
-        return {"complex": plain([value.real, value.imag])}
+        return {"complex": saved.plain([value.real, value.imag])}
     if value is None or isinstance(value, str | bool | int | float | np.generic):
-        return plain(value)
+        return saved.plain(value)
     if isinstance(value, np.ndarray):
-        return {"array": plain(value)} if kind in "biuf" else _LEFT_OUT
+        return {"array": saved.plain(value)} if kind in "biuf" else _LEFT_OUT
     if isinstance(value, control.StateSpace):
-        return {"system": plain(system_content(value))}
+        return {"system": saved.plain(system_content(value))}
     if isinstance(value, PassiveElement):
         return {"element": [value.kind, list(value.between), value.coefficient, value.unit]}
     if isinstance(value, TunedBlocks):
@@ -110,18 +102,18 @@ def _encode(value: Any) -> Any:
     return {"table": _writable_details(value)} if isinstance(value, Mapping) else _LEFT_OUT
 
 
-def _decode_table(table: Fields) -> Mapping[str, Any]:
+def _decode_table(table: saved.Fields) -> Mapping[str, Any]:
     return MappingProxyType({key: _decode(table, key, table.raw(key)) for key in table})
 
 
-def _decode(table: Fields, key: str, value: Any) -> Any:
+def _decode(table: saved.Fields, key: str, value: Any) -> Any:
     if isinstance(value, list):
         return tuple(_decode(table, key, item) for item in value)
     if value in ("inf", "-inf", "nan"):
         return float(value)
     if not isinstance(value, dict):
         return value
-    own = Fields(value, f"{table.where}: {key}")
+    own = saved.Fields(value, f"{table.where}: {key}")
     body: Any
     kind, body = next(iter(value.items()), ("nothing", None))
     if kind == "system":
@@ -252,7 +244,7 @@ class Design(Displayed):
         >>> again.certificate.valid, float(again.gain[0, 0])
         (True, -3.0)
         """
-        write_saved(path, "design", design_content(self), force)
+        saved.write_saved(path, "design", design_content(self), force)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, max_bytes: float | None = None) -> Design:
@@ -287,7 +279,7 @@ class Design(Displayed):
         ...
         robustpolish.errors.InvalidInputError: path: got missing.json (No such file or directory)...
         """
-        return design_from(read_saved(path, "design", max_bytes))
+        return design_from(saved.read_saved(path, "design", max_bytes))
 
     def reduce(self, order: int | None = None, tolerance: float | None = None) -> Design:
         """Shorten the controller, and certify its loop anew.
@@ -546,7 +538,7 @@ class Design(Displayed):
         return Card(f"Design ({how}): {self.status}", tuple(tables), tuple(notes))
 
 
-def design_from(fields: Fields) -> Design:
+def design_from(fields: saved.Fields) -> Design:
     """Return the design in a file that has been opened, with a new certificate.
 
     Raises
@@ -561,10 +553,10 @@ def design_from(fields: Fields) -> Design:
     norm = fields.text("norm", ("hinf", "h2"))
     claimed = None if fields.raw("claimed") is None else fields.number("claimed")
     certificate = certify(plant, controller, "h2" if norm == "h2" else "hinf", claimed)
-    told = confirm_norm(fields, certificate, _REMEDY)
+    told = saved.confirm_norm(fields, certificate, _REMEDY)
     known = "lower_bound" in fields and fields.raw("lower_bound") is not None
     bound = fields.number("lower_bound") if known else None
-    if bound is not None and bound > told * (1 + NORM_TOLERANCE):
+    if bound is not None and bound > told * (1 + saved.NORM_TOLERANCE):
         shown = described(f"{bound:.6g} for a loop that has {told:.6g}")
         raise invalid(f"{fields.where}: lower_bound", shown, "at most the norm", _REMEDY)
     details = _decode_table(fields.table("details"))

@@ -23,14 +23,7 @@ from robustpolish.errors import SolverError
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.certificate import (
-    ANY_NORM,
-    Certificate,
-    Norm,
-    certify,
-    norm_in_words,
-    unreachable_norm_error,
-)
+from robustpolish.synthesis import certificate as certificates
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.engine import (
     AS_GOOD_AS_ZERO,
@@ -153,7 +146,7 @@ class ChosenController(NamedTuple):
     """
 
     controller: control.StateSpace
-    certificate: Certificate | None
+    certificate: certificates.Certificate | None
     claim: float
     findings: Engine
     status: preflight.Status
@@ -231,7 +224,7 @@ class PartSearch:
         wanted = settings.wanted.in_unit(self.unit)
         if bound is not None and bound.value > wanted.below and bound.proven:
             least = part.norm(bound.value, norm)
-            raise unreachable_norm_error(settings.wanted, least, norm, bound.how)
+            raise certificates.unreachable_norm_error(settings.wanted, least, norm, bound.how)
         regular, tolerance = self.diagnosis.regular_feedthrough, settings.tolerance
         problem = Task(plant, norm, regular, tolerance, bound, wanted, part.scaled)
         searches: list[Engine] = []
@@ -384,12 +377,12 @@ class PartSearch:
 
     def _certified(
         self, candidate: Candidate, reasons: list[str]
-    ) -> tuple[control.StateSpace, Certificate] | None:
+    ) -> tuple[control.StateSpace, certificates.Certificate] | None:
         K = self.part.controller(candidate.controller)
         if K is None:
             reasons.append("the loop with D22 is not well posed")
             return None
-        proof = certify(self.part.original, K, self.problem.norm)
+        proof = certificates.certify(self.part.original, K, self.problem.norm)
         if proof.valid and not proof.bound > (1 + 2e-3) * proof.achieved:
             # The promise of the method, or what its loop has, if that is more.
             promised = self.part.norm(candidate.promise, self.problem.norm)
@@ -508,7 +501,7 @@ class JoinedController:
     budget: Budget
     chosen: Sequence[ChosenController | None]
     controller: control.StateSpace
-    certificate: Certificate
+    certificate: certificates.Certificate
     bound: float
 
     @property
@@ -612,7 +605,11 @@ def design_by_parts(
             raise no_finite_h2_norm()
     norm, full_state, wanted = settings.norm, settings.full_state, settings.wanted
     # Norms of parts add up for the H2 norm, so that only a single one can be told.
-    own = replace(settings, wanted=ANY_NORM) if norm == "h2" and len(parts) > 1 else settings
+    own = (
+        replace(settings, wanted=certificates.ANY_NORM)
+        if norm == "h2" and len(parts) > 1
+        else settings
+    )
     searched = solve_each_once(
         problems,
         budget,
@@ -639,7 +636,7 @@ def design_by_parts(
             # Norms that the loops of the parts keep.
             kept = (c.certificate.claimed or 0.0 if c.certificate else c.claim for c in done)
             promised = combined_norm([*kept, *idle], norm)
-            certificate = certify(plant, controller, norm, promised)
+            certificate = certificates.certify(plant, controller, norm, promised)
             reasons += certificate.reasons
             for c in done[:1]:
                 reasons += c.findings.objections(controller, certificate, promised)
@@ -654,13 +651,13 @@ def design_by_parts(
     if certificate.bound <= wanted.below:
         return whole
     if bound > wanted.below and whole.known:
-        raise unreachable_norm_error(wanted, bound, norm, whole.how)
+        raise certificates.unreachable_norm_error(wanted, bound, norm, whole.how)
     kind, remedy = "controller", "allow more work with effort"
     if full_state:
         kind, remedy = "gain", "leave out what else is asked for (gain_bound, pole_region)"
     raise SolverError(
         f"No {kind} with {wanted.in_words()} was found; the best one that is certified has the "
-        f"{norm_in_words(norm)} norm {certificate.achieved:.6g}, and "
+        f"{certificates.norm_in_words(norm)} norm {certificate.achieved:.6g}, and "
         f"{whole.lower_bound_note or 'no lower bound is known'}. Ask for a larger gamma, or "
         f"{remedy}."
     )
@@ -701,7 +698,7 @@ def time_limit_note(budget: Budget) -> str:
     )
 
 
-def combined_norm(norms: Iterable[float], norm: Norm) -> float:
+def combined_norm(norms: Iterable[float], norm: certificates.Norm) -> float:
     """Return the norm of a whole from those of its decoupled parts."""
     return float(max(norms, default=0.0) if norm == "hinf" else np.linalg.norm([*norms]))
 

@@ -27,6 +27,7 @@ from robustpolish.app.cli.options import (
 from robustpolish.app.cli.warm_up import CALLS
 from robustpolish.errors import InfeasibleError, InvalidInputError
 from tests.app.command_line import run
+from tests.busy import output_of
 
 
 def test_help_and_bad_input(tmp_path):
@@ -50,6 +51,14 @@ def test_a_command_without_a_model_says_where_its_machine_comes_from():
         assert "Did you mean" not in message
 
 
+@pytest.mark.filterwarnings("default::robustpolish.RobustPolishWarning")
+def test_a_warning_is_a_note_that_is_told_once(tmp_path):
+    file = str(tmp_path / "rubs.toml")
+    run("model", "air-bearing", "--add", "coulomb_friction y ground force=0.3", "--out", file)
+    (line,) = run("norms", "--model", file).stderr.splitlines()
+    assert line.startswith("Note: coulomb_friction at y, ground jumps at rest")
+
+
 def test_help_imports_no_subcommand():
     """Help stays quick because nothing else is imported for it."""
     program = (
@@ -58,10 +67,7 @@ def test_help_imports_no_subcommand():
         "names = {name for name in sys.modules if name.startswith('robustpolish.app.cli.')}\n"
         "assert names == {'robustpolish.app.cli.main'}, names\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program], check=False, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
+    output_of(program)
 
 
 def test_json_is_strict_and_replaced_only_by_force(tmp_path, capsys):

@@ -3,7 +3,6 @@
 import io
 import math
 import os
-import subprocess
 import sys
 import threading
 import time
@@ -26,6 +25,7 @@ from robustpolish.base.budget import (
     paused_clock,
     single_threaded_blas,
 )
+from tests.busy import output_of
 
 
 def test_work_ends_a_search_whatever_the_time():
@@ -79,18 +79,10 @@ print(hashlib.sha256(b"".join(np.ascontiguousarray(M).tobytes() for M in found))
 """
 
 
-def bits(threads):
-    environment = os.environ | {"OPENBLAS_NUM_THREADS": threads, "OMP_NUM_THREADS": threads}
-    done = subprocess.run(
-        [sys.executable, "-c", DESIGN], env=environment, capture_output=True, text=True, check=True
-    )
-    return done.stdout
-
-
 def test_a_design_has_the_same_bits_on_one_and_two_threads():
-    one = bits("1")
+    one = output_of(DESIGN)
     assert len(one.strip()) == 64
-    assert bits("2") == one
+    assert output_of(DESIGN, threads=2) == one
 
 
 def threads():

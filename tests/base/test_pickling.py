@@ -4,7 +4,6 @@ import copy
 import doctest
 import inspect
 import pickle
-import subprocess
 import sys
 from dataclasses import is_dataclass
 from types import MappingProxyType
@@ -16,6 +15,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
+from tests.busy import output_of
 
 CLASSES = [
     found
@@ -92,10 +92,7 @@ def test_a_design_goes_to_another_process(tmp_path):
     path = tmp_path / "design.pkl"
     path.write_bytes(pickle.dumps(design))
     program = f"import pickle; print(pickle.load(open({str(path)!r}, 'rb')))"
-    done = subprocess.run(
-        [sys.executable, "-c", program], check=True, capture_output=True, text=True
-    )
-    assert done.stdout.strip() == str(design).strip()
+    assert output_of(program).strip() == str(design).strip()
     assert repr(pickled(design)) == repr(design)
 
 

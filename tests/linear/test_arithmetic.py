@@ -6,18 +6,25 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
+from robustpolish.linear import is_positive_definite
 from robustpolish.linear.arithmetic import powers_of_two as exponents
 from robustpolish.linear.arithmetic.balls import (
+    UndecidedError,
     ball,
+    complex_ball,
+    has_eigenvalue_below,
     identity,
+    is_definite,
+    is_surely_not_semidefinite,
+    is_surely_stable,
     magnitude,
+    midpoint,
     precision,
+    stabilising_solution,
+    zeros,
 )
 from robustpolish.linear.arithmetic.powers_of_two import FloatRangeError, bracket, scaled
-from robustpolish.linear.arithmetic.realisation import (
-    Realisation,
-    rescaled,
-)
+from robustpolish.linear.arithmetic.realisation import Realisation, rescaled
 
 # Matrices that carry proven bounds on their rounding errors.
 
@@ -88,3 +95,108 @@ def test_what_would_lose_bits_is_refused():
     one = np.ones((2, 2))
     with pytest.raises(InvalidInputError, match="double precision can hold"):
         rescaled(Realisation(A, one, one, 0 * one, False))
+
+
+# Proofs: definite matrices, systems in balls, Riccati equations, linear matrix inequalities.
+
+
+# Balls, and systems of them.
+
+
+def test_definiteness_is_proven_far_beyond_doubles():
+    """The least eigenvalue of the Hilbert matrix of order 12 is between 1e-16 and 2e-16."""
+    with precision(300):
+        n, small = 12, flint.arb(10) ** -16
+        hilbert = flint.arb_mat([[1 / flint.arb(i + j + 1) for j in range(n)] for i in range(n)])
+        assert is_definite(hilbert - identity(n) * small)
+        assert not is_definite(hilbert - identity(n) * (2 * small))
+
+
+def test_an_enclosure_that_holds_an_indefinite_matrix_is_not_proven():
+    wide = flint.arb(1, 2)  # between -1 and 3
+    assert not is_definite(flint.arb_mat([[wide]]))
+    assert not is_definite(ball([[1.0, 2.0], [2.0, 1.0]]))
+    assert is_definite(zeros(0, 0))
+
+
+def test_hermitian_matrices():
+    with precision(100):
+        assert is_definite(complex_ball(np.array([[2, 1j], [-1j, 1]])))
+        assert not is_definite(complex_ball(np.array([[1, 2j], [-2j, 1]])))
+
+
+# Definite matrices, decided by rational numbers.
+
+
+def test_the_last_bit_decides():
+    assert is_positive_definite([[1, 1], [1, 1 + 2.0**-52]])
+    assert not is_positive_definite([[1, 1], [1, 1]])
+    assert not is_positive_definite([[1, 1], [1, 1 - 2.0**-53]])
+
+
+def test_random_matrices():
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        Q = rng.standard_normal((6, 6))
+        shift = rng.uniform(-1, 1)
+        M = Q @ Q.T + shift * np.eye(6)
+        M = (M + M.T) / 2
+        assert is_positive_definite(M) == (np.linalg.eigvalsh(M).min() > 0)
+
+
+def test_any_scale():
+    assert is_positive_definite(np.diag([1e-300, 1e300]))
+    assert not is_positive_definite(np.diag([1.0, -1e-300]))
+    assert is_positive_definite(np.zeros((0, 0)))
+
+
+def test_bad_input_is_refused():
+    with pytest.raises(InvalidInputError, match=r"M: .*symmetric"):
+        is_positive_definite([[1, 2], [2.0000001, 5]])
+
+
+# Riccati equations in long arithmetic.
+
+
+def solved(A, R, Q, bits=512):
+    with precision(bits):
+        X = stabilising_solution(ball(A), ball(R), ball(Q))
+        return None if X is None else midpoint(X)
+
+
+def test_eigenvalues_on_the_axis_leave_no_solution():
+    assert solved(np.array([[-1.0]]), np.array([[2.0]]), np.array([[1.0]])) is None
+
+
+def test_a_mode_that_nothing_moves_is_not_called_solved():
+    with pytest.raises(UndecidedError), precision(256):
+        stabilising_solution(ball([[1.0]]), ball([[0.0]]), ball([[1.0]]))
+
+
+def test_signs_of_eigenvalues():
+    with precision(300):
+        M = ball(np.diag([3.0, 1.0, -1e-40]))
+        assert has_eigenvalue_below(M, 0)
+        assert has_eigenvalue_below(M, flint.arb("2"))
+        assert not has_eigenvalue_below(M, flint.arb("-1e-39"))
+        # Beside 3, that is rounding for a solution, and -1e-10 is not.
+        assert not is_surely_not_semidefinite(M)
+        assert is_surely_not_semidefinite(ball(np.diag([3.0, -1e-10])))
+
+
+@pytest.mark.parametrize("states", range(1, 8))
+def test_stability_is_that_of_the_eigenvalues(states):
+    rng = np.random.default_rng(states)
+    for _ in range(20):
+        A = rng.standard_normal((states, states)) - rng.uniform(0, 3) * np.eye(states)
+        with precision(300):
+            assert is_surely_stable(ball(A)) == (np.linalg.eigvals(A).real.max() < 0)
+
+
+def test_eigenvalues_are_on_the_axis_only_where_that_is_proven():
+    """A simple pair is proven by a change of sign; of two equal ones there is none."""
+    one, none = ball(np.eye(1)), ball(np.zeros((1, 1)))
+    with precision(768):
+        assert stabilising_solution(none, one, one) is None
+        with pytest.raises(UndecidedError):
+            stabilising_solution(ball(np.zeros((2, 2))), ball(np.eye(2)), ball(np.eye(2)))

@@ -8,37 +8,9 @@ from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
 from tests.fuzz.plant_calls import Given
 from tests.fuzz.sixty_digits import checked
-from tests.reference.examples import FAMILIES
+from tests.reference.examples import hard_system
 
 SLOW, FULL = 70, 560
-
-
-def system(seed):
-    """Return a system of one of the families, in odd units, sometimes sampled, hidden, with D."""
-    rng = np.random.default_rng(seed)
-    A = FAMILIES[seed % len(FAMILIES)](rng)
-    n, m, p = len(A), rng.integers(1, 4), rng.integers(1, 4)
-    B, C = rng.standard_normal((n, m)), rng.standard_normal((p, n))
-    style = rng.integers(5)
-    if style == 0:
-        B[rng.integers(n)] = 0
-    elif style == 1:
-        C[:, rng.integers(n)] *= 1e-12
-    elif style == 2:
-        B, C = B * (rng.random(B.shape) < 0.4), C * (rng.random(C.shape) < 0.4)
-    D = rng.standard_normal((p, m)) * rng.choice([0, 0, 1e-3, 1, 10])
-    dt = 0
-    if rng.random() < 0.3:
-        dt = rng.choice([1e-6, 1.0])
-        radius = max(abs(np.linalg.eigvals(A)).max(), 1e-300)
-        step = 0.5 / radius
-        A = np.linalg.solve(np.eye(n) - A * step, np.eye(n) + A * step)
-    else:
-        time = 10.0 ** rng.uniform(-9, 9)
-        A, B = A * time, B * time
-    units = 10.0 ** rng.uniform(-4, 4, n)
-    A, B, C = A * units / units[:, None], B / units[:, None], C * units
-    return control.StateSpace(A, B, C, D, dt, remove_useless_states=False)
 
 
 def marked(seed):
@@ -47,7 +19,7 @@ def marked(seed):
 
 @pytest.mark.parametrize("seed", [marked(seed) for seed in range(FULL)])
 def test_norms_of_hard_systems(seed):
-    given = Given(None, system(seed), None)
+    given = Given(None, hard_system(seed, wide=True), None)
     hinf, h2 = hinf_norm(given.system), h2_norm(given.system)
     checked("hinf_norm", hinf, given)
     checked("h2_norm", h2, given)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
+from robustpolish.loops.loop import MeasuredLoop
 from robustpolish.loops.margins import margins_of, simultaneous_margins
-from robustpolish.loops.measured import MeasuredLoop
 from tests.loops.loops_for_tests import SATELLITE, TEXTBOOK, s
 
 LINES = np.logspace(-2, 3, 400)
@@ -144,7 +144,7 @@ def test_one_signal_is_drawn_and_an_unstable_loop_too():
         ({"kind": "step"}, "need|model"),
         ({"kind": "root locus"}, "kind"),
         ({"place": "middle"}, "place"),
-        ({"signal": "w"}, "one of u"),
+        ({"signal": "w"}, "one of 'u"),
     ],
 )
 def test_what_cannot_be_drawn_is_told(wrong, said, satellite_lines):

@@ -198,7 +198,7 @@ def test_the_file_holds_what_is_coupled():
 @pytest.mark.parametrize(
     ("between", "value", "message"),
     [(("x", "ground"), 0.1, "the ground does not move"), (("x",), 0.1, "two coordinates"),
-     (("x", "x"), 0.1, "two ends"), (("x", "y"), 0.1, "one of x, theta"),
+     (("x", "x"), 0.1, "two ends"), (("x", "y"), 0.1, "one of 'x', 'theta'"),
      (("x", "theta"), "a", "a finite number"), (("x", "theta"), -0.68, "less than 0.67082"),
      (("x", "theta"), 0.68, "less than 0.67082.*positive kinetic energy")],
 )  # fmt: skip
@@ -292,8 +292,8 @@ DOFS = [rp.Dof("q1", 1.0), rp.Dof("q2", 1.0), rp.Dof("theta", 1.0, rotational=Tr
     ("of", "weights", "quantity", "message"),
     [(("q1", "q2"), (1.0,), "displacement", "one number for each"),
      (("q1", "q1"), (1.0, 1.0), "displacement", "one number for each"),
-     (("q1", "q"), (1.0, 1.0), "displacement", "one of q1, q2, theta"),
-     (("q1", "ground"), (1.0, 1.0), "displacement", "one of q1, q2, theta"),
+     (("q1", "q"), (1.0, 1.0), "displacement", "one of 'q1', 'q2', 'theta'"),
+     (("q1", "ground"), (1.0, 1.0), "displacement", "one of 'q1', 'q2', 'theta'"),
      (("q1", "q2"), (0.0, 0.0), "displacement", "not 0"),
      (("q1", "q2"), (1.0, "a"), "displacement", "a finite number"),
      (("q1", "q2"), (1.0, 1.0), "force", "sum of a force"),

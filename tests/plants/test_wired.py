@@ -207,7 +207,7 @@ def test_a_name_of_two_signals_is_refused_where_it_does_not_say_which():
 
 
 def test_limits_of_unknown_controls_are_refused():
-    with pytest.raises(rp.InvalidInputError, match="limits: got 'G', expected names of controls"):
+    with pytest.raises(rp.InvalidInputError, match="limits: got 'G', expected one of 'F'"):
         rp.GeneralizedPlant(plant().system, 2, 1, limits={"G": 1.0})
     with pytest.raises(rp.InvalidInputError, match=r"rate_limits\.F: got -1"):
         rp.GeneralizedPlant(plant().system, 2, ["F"], rate_limits={"F": -1.0})

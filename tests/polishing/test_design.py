@@ -8,7 +8,7 @@ import pytest
 import robustpolish as rp
 from robustpolish.loops.disk_margins import disk_of
 from robustpolish.loops.loop import loop_of
-from robustpolish.polishing.buildable import relaxed_hardware
+from robustpolish.polishing.design import relaxed_hardware
 from tests import made_up
 
 # The main job: machine, disturbance, design, certificate, comparison.

@@ -8,8 +8,7 @@ from scipy.integrate import cumulative_simpson, cumulative_trapezoid
 
 from robustpolish.errors import InvalidInputError, RobustPolishWarning, SolverError
 from robustpolish.polishing import contact
-from robustpolish.polishing.brush import integrate
-from robustpolish.polishing.dataset import tool_velocity
+from robustpolish.polishing.brush import integrate, tool_velocity
 from robustpolish.polishing.parameters import BrushParameters
 from robustpolish.polishing.simulate import simulate_brush
 from robustpolish.polishing.surfaces.surface import Surface

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.polishing.dataset import tool_position, tool_velocity
+from robustpolish.polishing.brush import tool_position, tool_velocity
 from robustpolish.polishing.parameters import BrushParameters
 from robustpolish.polishing.tool_path import evaluate_path
 from tests.polishing import moulds

@@ -115,10 +115,13 @@ def robot() -> rp.MechanicalModel:
     )  # fmt: skip
 
 
-def hard_system(seed: int) -> control.StateSpace:
-    """A system of the families on which the norms are judged: barely damped, defective, ..."""
+def hard_system(seed: int, wide: bool = False) -> control.StateSpace:
+    """A system of the families on which the norms are judged: barely damped, defective, ...
+
+    The frozen answers know six families; the `wide` range has all, sparse ones and fast sampling.
+    """
     rng = np.random.default_rng(seed)
-    A = FAMILIES[seed % 6](rng)
+    A = FAMILIES[seed % (len(FAMILIES) if wide else 6)](rng)
     n, m, p = len(A), rng.integers(1, 4), rng.integers(1, 4)
     B, C = rng.standard_normal((n, m)), rng.standard_normal((p, n))
     style = rng.integers(5)
@@ -126,10 +129,13 @@ def hard_system(seed: int) -> control.StateSpace:
         B[rng.integers(n)] = 0
     elif style == 1:
         C[:, rng.integers(n)] *= 1e-12
+    elif style == 2 and wide:
+        B, C = B * (rng.random(B.shape) < 0.4), C * (rng.random(C.shape) < 0.4)
     D = rng.standard_normal((p, m)) * rng.choice([0, 0, 1e-3, 1, 10])
     dt = 0
     if rng.random() < 0.3:
-        dt, step = 1.0, 0.5 / max(abs(np.linalg.eigvals(A)).max(), 1e-300)
+        dt = rng.choice([1e-6, 1.0]) if wide else 1.0
+        step = 0.5 / max(abs(np.linalg.eigvals(A)).max(), 1e-300)
         A = np.linalg.solve(np.eye(n) - A * step, np.eye(n) + A * step)
     else:
         time = 10.0 ** rng.uniform(-9, 9)

@@ -4,6 +4,16 @@ import pytest
 from scipy.linalg import block_diag
 
 import robustpolish as rp
+from robustpolish.linear.arithmetic.balls import BallSystem, complex_ball, precision
+from robustpolish.linear.arithmetic.realisation import Realisation
+from robustpolish.robust.loop_model import read_structure
+from robustpolish.robust.scalings import (
+    BallScalings,
+    Inequality,
+    Space,
+    proven_interval,
+    proves_inequality,
+)
 from tests.robust.loops import covers, in_other_units, random_loop, singular
 
 
@@ -108,6 +118,20 @@ def test_a_loop_that_stops_being_well_posed():
         rp.feedback(control.ss([], [], [], [[-1.0]]) * (1 + 0 * d), 1)
 
 
+@pytest.mark.parametrize(
+    ("pole", "gain", "knee"),
+    [(79.0473563236662, 1.5421218761345594, 187.58000190104764), (10.0, 1.0, 100.0)],
+)
+def test_a_witness_faster_than_all_poles_is_at_infinity(pole, gain, knee):
+    """There 1 + gain r (1 + 5 e) = 0: with r = 1 + m/2 and e = -m it is a quadratic in m."""
+    r = rp.uncertain.real("r", 1, percent=50)
+    weight = 0.5 * rp.uncertain.dynamics("e") * control.tf([1, knee / 10], [0.1, knee])
+    plant = control.ss([[-pole]], [[1]], [[-0.3 * pole]], [[1.0]])
+    margin = rp.robust_stability((plant * r * (1 + weight) * gain).feedback())
+    assert margin.upper == pytest.approx(max(np.roots([2.5, 4.5, -1 - 1 / gain]).real), rel=1e-6)
+    assert margin.critical_frequency == np.inf
+
+
 def test_a_number_that_only_adds_damping_both_ways():
     # (s + 1)(s + 2) + k^2: stable for all k, which is shown up to a thousand times what k may be
     k = rp.uncertain.real("k", 1, percent=50)
@@ -149,3 +173,50 @@ def test_narrow_resonances_are_reached(damping):
 def test_no_uncertain_system():
     with pytest.raises(rp.InvalidInputError, match="UncertainSystem"):
         rp.robust_stability(control.ss([[-1.0]], [[1.0]], [[1.0]], 0))
+
+
+#
+
+
+LAG = BallSystem.of(
+    Realisation(np.array([[-1.0]]), np.array([[1.0]]), np.array([[2.0]]), np.zeros((1, 1)), False)
+)
+SPACE = Space(read_structure(["complex"]), (False,))
+
+
+def weights(level):
+    return BallScalings.of(SPACE, np.array([0.5]), level)
+
+
+@pytest.mark.parametrize("level", [1.0, 1.9])
+def test_interval_ends_where_the_gain_is_the_level(level):
+    low, high = proven_interval(LAG, weights(level), 10.0)
+    edge = np.sqrt(4 / level**2 - 1)
+    assert edge <= low == pytest.approx(edge, rel=1e-9)
+    assert high == np.inf
+    assert proven_interval(LAG, weights(level), 0.9 * edge) is None
+
+
+def test_level_above_the_peak_covers_everything():
+    assert proven_interval(LAG, weights(2.001), 1.0) == (0.0, np.inf)
+
+
+def test_negative_scalings_prove_nothing():
+    assert BallScalings.of(SPACE, np.array([-0.5]), 3.0) is None
+
+
+def test_matrix():
+    with precision(160):
+        assert proves_inequality(complex_ball(np.array([[0.99j]])), weights(1.0))
+        assert not proves_inequality(complex_ball(np.array([[1.01]])), weights(1.0))
+
+
+def test_real_block_with_g():
+    space = Space(read_structure(["real"]), (False,))
+    M = np.array([[3j]])
+    x = np.array([0.5, 2.0])
+    for sign in (1.0, -1.0):
+        trial = x * [1, sign]
+        proven = Inequality(space, M[None]).least_square(trial) < 1
+        with precision(160):
+            assert proves_inequality(complex_ball(M), BallScalings.of(space, trial, 1.0)) == proven

@@ -8,7 +8,7 @@ import xarray as xr
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
 from robustpolish.machines.simulation import simulate_model
-from robustpolish.signals.filtering import decimate, lowpass, split_blocks
+from robustpolish.signals.forces import decimate, lowpass, split_blocks
 
 DATA = xr.Dataset({"x": ("time", np.arange(100.0))}, {"time": np.arange(100) * 0.01})
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.signals.headers import (
+from robustpolish.signals.raw import (
     is_count,
     is_time,
     line_of_units,

@@ -17,6 +17,7 @@ import numpy as np
 import xarray as xr
 
 import robustpolish as rp
+from tests.synthesis.small_plants import double_integrator
 
 
 class CallPath:
@@ -57,26 +58,14 @@ def path_of(call: Callable[[], object]) -> CallPath:
     return path
 
 
-def _double_integrator() -> rp.GeneralizedPlant:
-    return rp.GeneralizedPlant.from_matrices(
-        [[0, 1], [0, 0]],
-        [[0, 0], [1, 0]],
-        [[0], [1]],
-        [[1, 0], [0, 0]],
-        [[1, 0]],
-        D12=[[0], [1]],
-        D21=[[0, 1]],
-    )
-
-
 def output_feedback() -> object:
     """Return an H-infinity controller of a double integrator."""
-    return rp.output_feedback(_double_integrator())
+    return rp.output_feedback(double_integrator())
 
 
 def state_feedback() -> object:
     """Return a state feedback of the same plant."""
-    return rp.state_feedback(_double_integrator())
+    return rp.state_feedback(double_integrator())
 
 
 def refit() -> object:

@@ -2,20 +2,12 @@
 
 import numpy as np
 
-from robustpolish.plants.plant import GeneralizedPlant
+from tests.synthesis.small_plants import priced
 
 
 def unstable_lag(price=1.0, noise=1.0, a=1.0):
     """X' = a x + w1 + u, z = (x, price u), y = x + noise w2."""
-    return GeneralizedPlant.from_matrices(
-        [[a]],
-        [[1.0, 0.0]],
-        [[1.0]],
-        [[1.0], [0.0]],
-        [[1.0]],
-        D12=[[0.0], [price]],
-        D21=[[0.0, noise]],
-    )
+    return priced([[a]], *[[[1.0]]] * 4, price, noise)
 
 
 # With a = price = noise = 1 both Riccati equations have the same solution x.

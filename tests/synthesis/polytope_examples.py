@@ -2,11 +2,11 @@
 
 import numpy as np
 
-import robustpolish as rp
 from robustpolish.base.budget import Budget
 from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.balls import BallSystem
 from robustpolish.synthesis.lmi.program import ProgramSolver
+from tests.synthesis.small_plants import priced
 
 
 def solver():
@@ -26,24 +26,12 @@ def sampled(gain):
 
 def held_mass(stiffness, mass=1.0, price=0.3):
     """A mass on a spring with a force as disturbance and one as control, which has a price."""
-    return rp.GeneralizedPlant.from_matrices(
-        [[0, 1], [-stiffness / mass, -0.1 / mass]],
-        [[0], [1 / mass]],
-        [[0], [1 / mass]],
-        [[1, 0], [0, 0]],
-        [[1, 0]],
-        D12=[[0], [price]],
-    )
+    A, push = [[0, 1], [-stiffness / mass, -0.1 / mass]], [[0], [1 / mass]]
+    return priced(A, push, push, [[1, 0]], [[1, 0]], price)
 
 
 def two_masses(stiffness):
     """Two masses joined by a spring; the first is pushed by u, the second by w, and seen."""
-    k = stiffness
-    return rp.GeneralizedPlant.from_matrices(
-        [[0, 0, 1, 0], [0, 0, 0, 1], [-k, k, -0.01, 0], [k, -k, 0, -0.01]],
-        [[0], [0], [0], [1]],
-        [[0], [0], [1], [0]],
-        [[0, 1, 0, 0], [0, 0, 0, 0]],
-        [[0, 1, 0, 0]],
-        D12=[[0], [1]],
-    )
+    k, seen = stiffness, np.eye(4)[[1]]
+    A = [[0, 0, 1, 0], [0, 0, 0, 1], [-k, k, -0.01, 0], [k, -k, 0, -0.01]]
+    return priced(A, np.eye(4)[:, [3]], np.eye(4)[:, [2]], seen, seen)

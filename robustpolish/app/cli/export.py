@@ -12,9 +12,8 @@ from robustpolish.app.cli.options import choice, option, repeatable, result_opti
 from robustpolish.base.atomic_writes import check_new_file
 from robustpolish.base.budget import progress_bar
 from robustpolish.base.checks import invalid
-from robustpolish.implementation.emulation import METHODS
 from robustpolish.implementation.export.files import target
-from robustpolish.implementation.realization import FORMS
+from robustpolish.implementation.realization import FORMS, METHODS
 from robustpolish.synthesis.design import Design
 
 _KINDS = click.Choice(("c", "mat", "json", "fmu"))

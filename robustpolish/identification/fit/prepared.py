@@ -33,7 +33,7 @@ from robustpolish.identification.observer.starts import (
     state_sizes,
     visible_sizes,
 )
-from robustpolish.identification.policy import Policy
+from robustpolish.identification.policy import NEGLIGIBLE, STRONG, Policy
 from robustpolish.identification.record import (
     Record,
     Repeats,
@@ -51,7 +51,8 @@ from robustpolish.identification.record import (
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import ACCELERATION, FORCE
-from robustpolish.signals.filtering import FLAT, decimate
+from robustpolish.machines.simulation import needed_substeps
+from robustpolish.signals.forces import FLAT, decimate
 
 # Cross-validation split: held-out records, or held-out blocks of each.
 
@@ -517,17 +518,17 @@ class PreparedRecord:
         return with_initial_memory(model, found)
 
     def with_propagated_memory(
-        self, model: MechanicalModel, pieces: Sequence[StartedPiece]
+        self, run: RecordRun, pieces: Sequence[StartedPiece]
     ) -> list[StartedPiece]:
         """Return the pieces with the memory of effects as the run before each leaves it.
 
         Where the pieces follow each other, an effect remembers what happened before.
         """
-        started = with_initial_memory(model, pieces)
+        started = with_initial_memory(run.model, pieces)
         if not started[0].start.internal.size:
             return started
         known = pieces[0].start.internal.size
-        seen = self.runner(model).run(model).over_all(started, keep=True).internal
+        seen = run.over_all(started, keep=True).internal
         ends = np.cumsum([p.record.samples for p in started]) - 1
         for i in range(1, len(started)):
             here, end = started[i], seen[ends[i - 1]]
@@ -558,9 +559,45 @@ class PreparedRecord:
         part, quiet = most_active_part(self.record, most), _MOVING * self.scales.noise
         return part.part(0, quiet_after(part.Y, quiet, _LEAST_MOVING))
 
-    def runner(self, model: MechanicalModel) -> Runner:
-        """Return what runs a model freely, and those that are tried in its place."""
-        return Runner(model, self.record.dt, self.peak, spend=self.work.spend)
+    def runner(self, model: MechanicalModel, like: Runner | None = None) -> Runner:
+        """Return what runs a model freely, and those that are tried in its place.
+
+        Parameters
+        ----------
+        model : MechanicalModel
+        like : Runner, optional
+            Whose steps it takes; by default so few as the noise hides.
+        """
+        steps = self._hidden_steps(model) if like is None else like.substeps
+        return Runner(model, self.record.dt, self.peak, substeps=steps, spend=self.work.spend)
+
+    def _hidden_steps(self, model: MechanicalModel) -> int:
+        """Return steps per sample so few that twice as many change no decision.
+
+        Twice as many change each error by d, which is worth (d / sigma)^2 / 2 nats; sigma^2 is
+        that of the noise, and of the share of the motion that does not count.
+        """
+        few, most = (
+            needed_substeps(model, self.record.dt, self.peak, edges) for edges in (False, True)
+        )
+        if few == most:
+            return most
+        started = with_initial_memory(model, self.trial)
+
+        def outputs(steps: int) -> Array:
+            fixed = Runner(model, self.record.dt, self.peak, substeps=steps, spend=self.work.spend)
+            return fixed.run(model).over_all(started).outputs
+
+        sigma = np.hypot(self.scales.noise, NEGLIGIBLE * np.std(self.record.Y, axis=0))
+        before = outputs(few)
+        while few < most:
+            after = outputs(min(2 * few, most))
+            with np.errstate(over="ignore", invalid="ignore"):
+                change = float(np.sum(((after - before) / sigma) ** 2)) / 2
+            if change < STRONG:
+                return few
+            few, before = min(2 * few, most), after
+        return most
 
     def motion(self, model: MechanicalModel, record: Record) -> SmoothedMotion:
         """Return the smoothed motion along the record or a part of it."""

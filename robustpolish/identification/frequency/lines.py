@@ -22,7 +22,7 @@ from robustpolish.machines.mechanical.linear import (
 )
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.signals.frequency_response import ratio_unit, read_frequency_response
-from robustpolish.signals.headers import same_kind
+from robustpolish.signals.raw import same_kind
 
 # Measured frequency responses that suit a model, with what is known of their noise.
 

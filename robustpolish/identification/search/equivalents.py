@@ -1,4 +1,4 @@
-"""Other kinds of effect that make nearly the force of one that was found.
+"""Other effects that make nearly the force of one that was found.
 
 Where a kind was found that is not quite the right one, the right one makes nearly the same force
 along the same motion. From there a fit has a short way, with all other numbers as they are; begun
@@ -18,7 +18,11 @@ from scipy.optimize import least_squares
 from robustpolish.base.arrays import Array
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.record import most_active_part
-from robustpolish.identification.search.screening import candidate_columns, mutually_exclusive
+from robustpolish.identification.search.screening import (
+    candidate_columns,
+    mutually_exclusive,
+    places,
+)
 from robustpolish.machines.effects.effect import Effect, kinds
 from robustpolish.machines.effects.evaluate import MOST_SUBSTEPS, force_with
 from robustpolish.machines.effects.kind import EffectKind, Motion, Shape
@@ -50,9 +54,10 @@ class ForceEquivalent(NamedTuple):
 def find_force_equivalents(
     model: MechanicalModel, at: int, prepared: PreparedRecord
 ) -> list[ForceEquivalent]:
-    """Return other kinds in place of an effect, as near to its force as they get.
+    """Return what makes nearly the force of an effect: other kinds there, its kind elsewhere.
 
-    In place of a learned curve every kind that acts between two coordinates is tried.
+    In place of a learned curve every kind that acts between two coordinates is tried. Elsewhere is
+    where one of its coordinates moves against another one.
 
     Parameters
     ----------
@@ -75,21 +80,39 @@ def find_force_equivalents(
         motion = prepared.motion(bare, record)
     # a law that is stiffer than any step can follow is told that step, or its force overflows
     step = prepared.record.dt / MOST_SUBSTEPS
-    here = motion_at(model, effect, record.time, motion.q, motion.v, step)
+
+    def moving(there: tuple[str, ...]) -> Motion:
+        like = replace(effect, at=there)
+        return motion_at(model, like, record.time, motion.q, motion.v, step)
+
+    here = moving(effect.at)
     wanted = force_with(effect.definition, effect.values, here)
     if not (wanted.any() and np.isfinite(wanted).all()):
         return []
+    tried = [(kind, given, effect.at, 1.0) for kind, given in _alternative_kinds(effect, here)]
+    tried += [(effect.definition, {}, *place) for place in _other_places(model, effect)]
     found = []
-    for kind, given in _alternative_kinds(effect, here):
-        shapes = candidate_columns(bare, kind, effect.at, motion, record)
-        begun = _initial_values(
-            kind, [entry.shape for entry in shapes], effect.at, given, here, wanted
-        )
-        fits = [_fit_force(kind, values, here, wanted) for values in begun[:_STARTS]]
+    for kind, given, there, sign in tried:
+        seen, force = here if there == effect.at else moving(there), sign * wanted
+        shapes = candidate_columns(bare, kind, there, motion, record)
+        begun = _initial_values(kind, [entry.shape for entry in shapes], there, given, seen, force)
+        fits = [_fit_force(kind, values, seen, force) for values in begun[:_STARTS]]
         if fits:
             left, values = min(fits, key=lambda pair: pair[0])
-            found.append(ForceEquivalent(Effect.of(kind, effect.at, values), left))
+            found.append(ForceEquivalent(Effect.of(kind, there, values), left))
     return sorted(found, key=lambda mimic: mimic.left)
+
+
+def _other_places(
+    model: MechanicalModel, effect: Effect
+) -> Iterator[tuple[tuple[str, ...], float]]:
+    """Yield places that share a coordinate that moves, and the sign of a force there."""
+    for there in places(model, effect.definition) if effect.definition.domain == "pair" else ():
+        if set(there) == set(effect.at):
+            continue
+        for (i, one), (j, other) in itertools.product(enumerate(effect.at), enumerate(there)):
+            if one == other != "ground":
+                yield there, 1.0 if i == j else -1.0
 
 
 def _alternative_kinds(

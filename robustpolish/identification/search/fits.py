@@ -15,8 +15,9 @@ from robustpolish.identification.fit.least_squares import (
 )
 from robustpolish.identification.fit.parameters import makes_no_force, scaled_effect
 from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.policy import STRONG
 from robustpolish.identification.refit import with_resolved_delay
-from robustpolish.identification.search.score import STRONG, Place, ScoredModel, nats
+from robustpolish.identification.search.score import Place, ScoredModel, nats
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.mechanical.model import MechanicalModel
 
@@ -56,15 +57,17 @@ class Fits:
     def with_effects(self, start: ScoredModel, *effects: Effect) -> ScoredModel | None:
         """Return a model with more effects, fitted; None if no fit ended well.
 
-        Where the fit without them had to move the model's own numbers by what would surprise their
-        owner, it begins from the numbers as they were known, too.
+        Where the fit without them, or with them, had to move the model's own numbers by what would
+        surprise their owner, it begins from the numbers as they were known, too.
         """
         key = start.places | {(e.kind, e.at) for e in effects}
         if not self.settled(key, start):
             self.begun[key] = start.places
             found = [self._grown(start.model, effects)]
+            first = self.scored(found[0])
             unsure = start.surprise > STRONG or any(e.definition.swinging for e in effects)
-            if unsure and (found[0] is None or not self.at_noise_floor(found[0])):
+            sound = first is not None and self.at_noise_floor(first.fitted)
+            if (unsure and not sound) or (first is not None and first.surprise > STRONG):
                 known = replace(self.reference, effects=start.model.effects)
                 found.append(self._grown(known, effects))
             self.done[key] = self._best(found, self.done.get(key))

@@ -19,7 +19,7 @@ prior is Cauchy's.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -41,6 +41,7 @@ from robustpolish.identification.fit.parameters import (
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.fit.result import stderr_from_covariance
 from robustpolish.identification.observer.runs import StartedPiece
+from robustpolish.identification.policy import NEGLIGIBLE, STRONG
 from robustpolish.identification.record import Record, input_period, poles_of
 from robustpolish.identification.refit import held_inputs
 from robustpolish.machines.effects.effect import Effect
@@ -185,14 +186,10 @@ def _has_mode_at(model: MechanicalModel, frequency: float, record: Record) -> bo
     return bool(np.any(apart < np.maximum(width, _FREQUENCY_SHIFT * frequency)))
 
 
-NEGLIGIBLE = 2e-3
-"""Share of the motion below which an error does not count."""
 WRITTEN_WRONG, WIDE = 1e-3, 20.0
 """Share of masses and gains that are wrong altogether, and how many times wider these scatter."""
 UNJOINED = float(np.log(20))
 """Nats that an effect costs between two coordinates that neither a spring nor a damper joins."""
-STRONG = 5.0
-"""Nats of very strong evidence, 2 ln B = 10 (Kass and Raftery 1995, JASA 90, 773-795)."""
 
 Place = tuple[str, tuple[str, ...]]
 
@@ -327,8 +324,13 @@ class ScoredModel:
     @cached_property
     def surprise(self) -> float:
         """Nats that the deviations of the model's own numbers cost."""
-        guessed = np.array([z for k, z in self.deviations.items() if is_guessed(k)])
-        z = np.array([z for k, z in self.deviations.items() if not is_guessed(k)])
+        return self.surprise_of(self.deviations)
+
+    def surprise_of(self, keys: Iterable[str]) -> float:
+        """Return the nats that the deviations of some of the model's own numbers cost."""
+        known = {k: z for k in keys if (z := self.deviations.get(k)) is not None}
+        guessed = np.array([z for k, z in known.items() if is_guessed(k)])
+        z = np.array([z for k, z in known.items() if not is_guessed(k)])
         right, wrong = np.log(1 - WRITTEN_WRONG), np.log(WRITTEN_WRONG / WIDE)
         weighed = np.logaddexp(right - z**2 / 2, wrong - (z / WIDE) ** 2 / 2)
         return float(np.sum(np.logaddexp(right, wrong) - weighed) + np.sum(np.log1p(guessed**2)))

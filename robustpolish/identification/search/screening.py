@@ -641,8 +641,9 @@ def _gains(f: FilteredRecord, entries: Sequence[CandidateColumns]) -> list[_Alon
         for i in here:
             own = slice(end, end + entries[i].numbers)
             end = own.stop
-            gram = X[own] @ X[own].T
-            left = gram - hidden[:, own].T @ f.factor @ hidden[:, own]
+            with np.errstate(over="ignore", invalid="ignore"):  # of a run that diverges
+                gram = X[own] @ X[own].T
+                left = gram - hidden[:, own].T @ f.factor @ hidden[:, own]
             c = _sizes_alone(entries[i], gram, left, target[own], f.model)
             found[i] = nothing
             if c is not None:

@@ -13,13 +13,13 @@ from robustpolish.identification.fit.least_squares import covariance_of
 from robustpolish.identification.fit.parameters import chain_keys
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.fit.result import stderr_from_covariance
+from robustpolish.identification.observer.runs import Chains
+from robustpolish.identification.policy import NEGLIGIBLE, STRONG
 from robustpolish.identification.record import output_sizes
 from robustpolish.identification.refit import fit_own_parameters
 from robustpolish.identification.search.equivalents import find_force_equivalents
 from robustpolish.identification.search.fits import Fits
 from robustpolish.identification.search.score import (
-    NEGLIGIBLE,
-    STRONG,
     Place,
     ScoredModel,
     nats,
@@ -52,8 +52,8 @@ PROMISING = 0.75
 """Share of the nats gained so far that is to be expected of a set that is fitted too."""
 REACHED = 0.5
 """Share of the nats expected of a set that its fit has to gain, or larger sets are tried too."""
-ELSEWHERE, CONSTANTS = 2, 4
-"""Other places of an effect that are fitted, and other constants in place of one."""
+ELSEWHERE, CONSTANTS, ALTERNATIVES = 2, 4, 3
+"""Other places of an effect that are fitted, other constants in place of one, and other kinds."""
 NEAR = 0.5
 """Share of the force of an effect that another kind may leave to be fitted in its place."""
 
@@ -151,7 +151,7 @@ class EffectSearch:
     def accept(self, chosen: ScoredModel) -> None:
         """Go on with a model."""
         new = [e for e in chosen.added if (e.kind, e.at) not in self.best.places]
-        name = " and ".join(e.kind for e in new) or "fewer effects"
+        name = " and ".join(map(str, new)) or "fewer effects"
         size = output_sizes(self.prepared.record.Y)
         errors = [(m.fitted.error / size).tolist() for m in (self.best, chosen)]
         fell = ", ".join(
@@ -254,9 +254,7 @@ def _proposals(run: EffectSearch, step: int) -> Iterator[tuple[EffectSet, int, b
     if not run.best.added:  # a fit of free runs bends the model's numbers to what is missing
         models = sorted([run.best.model, run.led], key=lambda m: null_score(m, prepared))
     run.screening = screening = screen(models[0], prepared)
-    spans = prepared.spans(prepared.trial, prepared.policy.growth)
-    span = (spans[1:-1] or spans[-1:])[-1]
-    problems = [problem_of_free_runs(run.best.fitted.fit, prepared, screening.finalists, span)]
+    problems = [problem_of_free_runs(run.best.fitted.fit, prepared, screening.finalists)]
     problems += [problem_along_motion(seen, screening.finalists) for seen in screening.runs]
     most = min(TOGETHER, run.most - step + 1)
     sources = [[s for s in p.best_sets(most) if s.nats > STRONG] for p in problems if p is not None]
@@ -327,9 +325,9 @@ def _determined_part(
 
 
 def _simpler(run: EffectSearch, scored: ScoredModel, culprit: Effect) -> Effect | None:
-    """Return the nearest kind of fewer numbers that makes nearly the force of an effect, if any."""
+    """Return the kind of fewer numbers that comes nearest to the force of an effect, if any."""
     numbers = sum(p.fitted for p in culprit.definition.parameters)
-    for other in _alternatives(run, scored, culprit):
+    for other in _alternatives(run, scored, culprit, near=1.0):
         key = (scored.places - {(culprit.kind, culprit.at)}) | {(other.kind, other.at)}
         if (
             key not in run.fits.done
@@ -340,27 +338,40 @@ def _simpler(run: EffectSearch, scored: ScoredModel, culprit: Effect) -> Effect 
 
 
 def _best_alternative(run: EffectSearch, chosen: ScoredModel) -> ScoredModel:
-    """Return a model, or the one with another kind or place for one of its new effects."""
-    found = [chosen]
-    for effect in [e for e in chosen.added if (e.kind, e.at) not in run.best.places]:
-        others = _elsewhere(run, chosen, effect)
-        if not run.at_noise_floor(chosen):
-            others += _alternatives(run, chosen, effect)
-        for other in others:
-            scored = _replaced(run, chosen, effect, other)
-            if scored is not None:
-                found.append(scored)
-    best = simplest_of_best(found, run.best)
-    gone, new = chosen.places - best.places, best.places - chosen.places
-    if best.numbers > chosen.numbers and len(gone) == len(new) == 1:
-        # the kind of fewer numbers may have ended in a wrong minimum
-        simpler = next(e for e in chosen.added if (e.kind, e.at) in gone)
-        instead_of = next(e for e in best.added if (e.kind, e.at) in new)
-        run.say(f"refit with {simpler} in place of {instead_of}")
-        again = run.fits.replaced(best, instead_of, simpler, anew=True)
-        if again is not None and not run.note(again, (simpler,)):
-            best = simplest_of_best([best, again], run.best)
-    return best
+    """Return a model, or the best with other kinds or places for its new effects."""
+    while True:
+        found = [chosen]
+        for effect in [e for e in chosen.added if (e.kind, e.at) not in run.best.places]:
+            for other in _instead(run, chosen, effect):
+                scored = _replaced(run, chosen, effect, other)
+                if scored is not None:
+                    found.append(scored)
+        best = simplest_of_best(found, run.best)
+        gone, new = chosen.places - best.places, best.places - chosen.places
+        if best.numbers > chosen.numbers and len(gone) == len(new) == 1:
+            # the kind of fewer numbers may have ended in a wrong minimum
+            simpler = next(e for e in chosen.added if (e.kind, e.at) in gone)
+            instead_of = next(e for e in best.added if (e.kind, e.at) in new)
+            run.say(f"refit with {simpler} in place of {instead_of}")
+            again = run.fits.replaced(best, instead_of, simpler, anew=True)
+            if again is not None and not run.note(again, (simpler,)):
+                best = simplest_of_best([best, again], run.best)
+        if best.places == chosen.places:
+            return best
+        chosen = best
+
+
+def _instead(run: EffectSearch, chosen: ScoredModel, effect: Effect) -> list[Effect]:
+    """Return what may stand in place of one of the new effects of a model.
+
+    At the noise it is only what is simpler, or expected to gain very strong evidence all the same:
+    the noise is known to a share only.
+    """
+    elsewhere = _elsewhere(run, chosen, effect)
+    if not run.at_noise_floor(chosen):
+        return elsewhere + _alternatives(run, chosen, effect)[:ALTERNATIVES]
+    simpler = _simpler(run, chosen, effect)
+    return elsewhere + ([] if simpler is None else [simpler]) + _beside(run, chosen, effect)
 
 
 def _elsewhere(run: EffectSearch, chosen: ScoredModel, effect: Effect) -> list[Effect]:
@@ -395,6 +406,22 @@ def _elsewhere(run: EffectSearch, chosen: ScoredModel, effect: Effect) -> list[E
     return found[:ELSEWHERE]
 
 
+def _beside(run: EffectSearch, chosen: ScoredModel, effect: Effect) -> list[Effect]:
+    """Return effects of the same chain that would gain very strong evidence beside a model."""
+    if run.screening is None:
+        return []
+    chains, own = Chains(chosen.model), {(e.kind, e.at) for e in chosen.added}
+    entries = [
+        c
+        for c in run.screening.finalists
+        if (c.kind.kind, c.at) not in own
+        and chains.effect(Effect.of(c.kind, c.at)) in (-1, chains.effect(effect))
+    ]
+    problem = problem_of_free_runs(chosen.fitted.fit, run.prepared, entries)
+    found = [] if problem is None else [s for s in problem.best_sets(1) if s.nats > STRONG]
+    return [s.effects[0] for s in found][:ELSEWHERE]
+
+
 def _replaced(
     run: EffectSearch, scored: ScoredModel, effect: Effect, other: Effect
 ) -> ScoredModel | None:
@@ -409,16 +436,21 @@ def _replaced(
     return None if found is None or found.refusal[0] else found
 
 
-def _alternatives(run: EffectSearch, scored: ScoredModel, effect: Effect) -> list[Effect]:
-    """Return other kinds that make nearly the force of an effect, or it at other places."""
+def _alternatives(
+    run: EffectSearch, scored: ScoredModel, effect: Effect, near: float = NEAR
+) -> list[Effect]:
+    """Return other kinds that make nearly the force of an effect, or it at other places.
+
+    They leave at most the share `near` of its force.
+    """
     kind, at = effect.definition, scored.model.effects.index(effect)
     if kind.swinging:
         free = (p for p in places(run.reference, kind) if p != effect.at)
-        return [Effect.of(kind, p, effect.values) for p in free][:3]
+        return [Effect.of(kind, p, effect.values) for p in free]
     if kind.domain in ("input", "output") or not kind.family or kind.family == CONSTANT:
         return []
-    near = find_force_equivalents(scored.model, at, run.prepared)
-    return [m.effect for m in near if m.left < NEAR][:3]
+    found = find_force_equivalents(scored.model, at, run.prepared)
+    return [m.effect for m in found if m.left < near]
 
 
 def _exchange(run: EffectSearch) -> bool:
@@ -427,7 +459,7 @@ def _exchange(run: EffectSearch) -> bool:
         return False
     before = run.best
     for effect in before.added:
-        for other in _alternatives(run, before, effect):
+        for other in _alternatives(run, before, effect)[:ALTERNATIVES]:
             scored = _replaced(run, before, effect, other)
             if scored is not None and run.gain(scored) > STRONG:
                 run.accept(scored)
@@ -451,10 +483,11 @@ def _explain_surprise(run: EffectSearch) -> None:
 
     All masses and springs do not err by one factor by chance.
     """
-    if run.best.surprise < STRONG:
-        return
     tried = []
     for chain in connected(run.reference):
+        own = (key for keys in chain_keys(run.reference, chain) for key in keys)
+        if run.best.surprise_of(own) < STRONG:
+            continue
         factor = _common_factor(run, chain)
         tried += [
             Effect("input_gain", (i.name,), {"gain": 1 / factor})

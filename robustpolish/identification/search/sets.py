@@ -251,9 +251,11 @@ class SetProblem:
 
 
 def problem_of_free_runs(
-    stage: Fit, prepared: PreparedRecord, entries: Sequence[screening.CandidateColumns], span: int
+    stage: Fit, prepared: PreparedRecord, entries: Sequence[screening.CandidateColumns]
 ) -> SetProblem | None:
     """Return the problem about the model's own free runs over windows, None if these diverge."""
+    spans = prepared.spans(prepared.trial, prepared.policy.growth)
+    span = (spans[1:-1] or spans[-1:])[-1]
     windows = windows_from_stage(stage.model, prepared, prepared.trial, span, stage)
     settled = fit(residuals_of(stage.model, windows, prepared, stage.model), 3)
     if not (entries and np.isfinite(settled.cost)):
@@ -275,8 +277,8 @@ def problem_of_free_runs(
         unit = np.zeros(entry.numbers)
         unit[j] = _TINY * target / size
         extended = settled.model.with_effect(entry.kind, entry.at, entry.shape.values(unit))
-        run = prepared.runner(extended).run(extended)
-        pieces = prepared.with_propagated_memory(extended, settled.pieces)
+        run = prepared.runner(extended, residuals.runner).run(extended)
+        pieces = prepared.with_propagated_memory(run, settled.pieces)
         change = (run.all_errors(pieces) - settled.errors) / settled.sigma / unit[j]
         known = np.nan_to_num(change.ravel(), nan=0.0, posinf=0.0, neginf=0.0)
         return known if np.max(np.abs(known)) < _DIVERGED else np.zeros(known.size)

@@ -11,8 +11,8 @@ from scipy.signal import coherence, welch
 from robustpolish.base.arrays import Array
 from robustpolish.identification.fit.least_squares import Fit
 from robustpolish.identification.fit.prepared import PreparedRecord
+from robustpolish.identification.policy import NEGLIGIBLE, STRONG
 from robustpolish.identification.residual_tests import force_maps, residual_noise_floor
-from robustpolish.identification.search.score import NEGLIGIBLE, STRONG
 from robustpolish.identification.search.search import EffectSearch
 from robustpolish.machines.mechanical.model import MechanicalModel
 
@@ -77,13 +77,14 @@ class Residual:
 
     @property
     def times(self) -> float:
-        """Largest error over the floor."""
-        return float(np.max(self.error / self.floor))
+        """Largest error over its floor, of those that are large enough to count; 0 without any."""
+        counts = self.error >= NEGLIGIBLE * self.size
+        return float(np.max(np.where(counts, self.error / self.floor, 0.0)))
 
     @property
     def structure(self) -> tuple[str, ...]:
         """Why it is no noise; empty if nothing speaks against that."""
-        if np.all(self.error < NEGLIGIBLE * self.size):
+        if self.times == 0:
             return ()
         loud = (f"What is left is {self.times:.3g} times the noise.",)
         return (*self.foretold, *(loud if self.times > NEAR_NOISE else ()))
@@ -107,14 +108,14 @@ def residual_of(final: FinalFit, prepared: PreparedRecord) -> Residual:
     above = np.maximum(1 - (prepared.scales.noise / np.maximum(final.error, 1e-300)) ** 2, 0.0)
     for i, name in enumerate(model.output_names):
         share = above[i] * coherent_share(errors[:, i], record.signals(model), record.dt)
-        if share > DRIVEN:
+        if share > DRIVEN and relative[i] >= NEGLIGIBLE:
             largest = max(largest, float(np.sqrt(share) * relative[i]))
             said.append(
                 f"{100 * share:.0f} % of the power that is left of {name} follows linearly from "
                 "the inputs: a motion that they drive is missing."
             )
     # a force that is as small as the noise of the sensors makes it says nothing
-    if np.any(final.error > NEAR_NOISE * prepared.scales.noise):
+    if np.any((final.error > NEAR_NOISE * prepared.scales.noise) & (relative >= NEGLIGIBLE)):
         maps = force_maps(model, prepared.motion(model, record))
         if maps and maps[0].follows > DRIVEN:
             largest = max(largest, float(np.sqrt(maps[0].follows) * np.max(relative)))

@@ -16,18 +16,12 @@ from robustpolish.base.arrays import AnyMatrix, Matrix
 from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import invalid, misfit, positive, state_space, whole_number
 from robustpolish.base.results import Card, Displayed, quantities
+from robustpolish.implementation.sampled import lifting
 from robustpolish.implementation.sampled.induced_norm import (
     GainTest,
     bracket,
     check_gain,
     peak_frequency,
-)
-from robustpolish.implementation.sampled.lifting import (
-    ScaledMap,
-    beyond_a_period,
-    period_map,
-    scaled,
-    without_loop_delay,
 )
 from robustpolish.implementation.sampled.proof import average_power, prove_above, prove_below
 from robustpolish.plants.blocks import as_state_space, matrices_of
@@ -243,13 +237,13 @@ def certificate_of(
     """Certify a loop whose arguments have been checked; see `certify_sampled`."""
     period = float(controller.dt)
     given = plant
-    plant, own = without_loop_delay(plant)
-    found = period_map(plant, controller, period, delay + own)
-    loop = scaled(found)
+    plant, own = lifting.without_loop_delay(plant)
+    found = lifting.period_map(plant, controller, period, delay + own)
+    loop = lifting.scaled(found)
     with np.errstate(over="ignore", invalid="ignore"):
         transition = loop.transition()
     if not np.isfinite(transition).all():
-        raise beyond_a_period(period)
+        raise lifting.beyond_a_period(period)
     poles: Any = np.linalg.eigvals(transition).astype(complex)
     poles = poles[np.argsort(-np.abs(poles), kind="stable")]
     notes = [*_delay_notes(given, plant, own), *_noise_notes(plant, found.noisy)]
@@ -290,7 +284,7 @@ def certificate_of(
     )
 
 
-def _first_guess(loop: ScaledMap) -> float:
+def _first_guess(loop: lifting.ScaledMap) -> float:
     """Return a gain of the right order, from the energies of a single period."""
     guess = max(
         float(np.linalg.norm(p.C) * np.linalg.norm(p.B)) * p.length + float(np.linalg.norm(p.D))
@@ -299,7 +293,7 @@ def _first_guess(loop: ScaledMap) -> float:
     return guess if guess > 0 and np.isfinite(guess) else 1.0
 
 
-def _proven_gain(loop: ScaledMap, failed: GainTest) -> float:
+def _proven_gain(loop: lifting.ScaledMap, failed: GainTest) -> float:
     """Return the largest gain near that of a failed test which is proven to be reached."""
     for part in _BELOW:
         test = failed if part == 0 else check_gain(loop, failed.gamma * (1 - part))
@@ -357,8 +351,8 @@ def sinusoid_gains(
         which count too.
     """
     period = float(controller.dt)
-    plant, own = without_loop_delay(plant)
-    loop = scaled(period_map(plant, controller, period, delay + own))
+    plant, own = lifting.without_loop_delay(plant)
+    loop = lifting.scaled(lifting.period_map(plant, controller, period, delay + own))
     poles = np.abs(np.angle(np.linalg.eigvals(loop.transition()))) / (2 * np.pi * period)
     grid = 0.5 / period * np.logspace(-_DECADES, 0, _POINTS)
     hertz = np.unique(np.concatenate([grid, poles[poles > grid[0]]]))
@@ -366,7 +360,7 @@ def sinusoid_gains(
     return xr.DataArray([_gain(loop, 2 * np.pi * f) for f in hertz], coords, "frequency")
 
 
-def _gain(loop: ScaledMap, omega: float) -> float:
+def _gain(loop: lifting.ScaledMap, omega: float) -> float:
     n, m = loop.phases[0].B.shape
     through: AnyMatrix = np.eye(n + m, dtype=complex)
     energy: AnyMatrix = np.zeros((n + m, n + m), dtype=complex)

@@ -16,7 +16,7 @@ from robustpolish.base.checks import misfit
 from robustpolish.errors import InvalidInputError
 from robustpolish.plants.blocks import matrices_of, named_system
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.plants.wiring import Wiring
+from robustpolish.plants.wired import Wiring
 
 # Delays of the plant that every signal round a sampled loop meets, taken as they are.
 

@@ -22,8 +22,8 @@ from robustpolish.linear.arithmetic.balls import precision
 from robustpolish.linear.arithmetic.powers_of_two import bracket
 from robustpolish.linear.arithmetic.rational import EXACT_STATES, ExactModel, identity
 from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
+from robustpolish.linear.norms.hinf import singular_values
 from robustpolish.linear.norms.modal_form import ModalForm, modal_form
-from robustpolish.linear.norms.singular_values import singular_values
 from robustpolish.linear.scaling import parts
 from robustpolish.linear.stability import EPS, eigensystem, stability_of, stable_part
 from robustpolish.plots.frequency import plot_gains

@@ -1,9 +1,9 @@
-"""The H-infinity norm with its peak frequency and a bracket around the true value."""
+"""Singular values over frequency, and the H-infinity norm with its peak and proven bounds."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import isqrt
@@ -12,29 +12,22 @@ from typing import Any
 import control
 import numpy as np
 import scipy.linalg as sla
+import xarray as xr
 from flint import arb, fmpq, fmpq_mat, fmpq_poly, fmpz_poly
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
 from robustpolish.base.arrays import Array, Vector
 from robustpolish.base.budget import check_deadline, single_threaded_blas
-from robustpolish.base.checks import invalid, positive, source_of
+from robustpolish.base.checks import described, invalid, positive, source_of
 from robustpolish.base.results import Card, Displayed, quantities
-from robustpolish.linear.arithmetic import balls
+from robustpolish.linear.arithmetic import balls, rational
 from robustpolish.linear.arithmetic.balls import block
 from robustpolish.linear.arithmetic.powers_of_two import bracket
-from robustpolish.linear.arithmetic.rational import (
-    ExactModel,
-    fraction,
-    identity,
-    to_float,
-    transfer,
-)
 from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
 from robustpolish.linear.delayed_systems import resolvent_response
 from robustpolish.linear.norms.modal_form import Peak, modal_form
-from robustpolish.linear.norms.singular_values import singular_values
 from robustpolish.linear.scaling import parts
 from robustpolish.linear.stability import (
     EPS,
@@ -46,13 +39,139 @@ from robustpolish.linear.stability import (
 )
 from robustpolish.plots.frequency import plot_gains
 
+# Frequencies that show what a system does: an even background, and points at every resonance.
+
+_BACKGROUND = 400
+# Rates this far below the fastest are poles at 0 that rounding moved (a double one by the root
+# of the precision).
+_AT_REST = 1e-8
+
+
+def frequency_grid(poles: Any, highest: float = math.inf) -> Vector:
+    """Return frequencies from a tenth of the slowest pole to ten times the fastest.
+
+    Parameters
+    ----------
+    poles : ndarray of complex
+        Poles, and zeros if these count too, in rad/s; infinities and what is at 0 are ignored.
+    highest : float, optional
+        No frequency lies above it, such as pi over the sampling time.
+
+    Returns
+    -------
+    ndarray of float
+        Rising, in rad/s, above 0; dense around each resonance however narrow it is.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from robustpolish.linear.norms.hinf import frequency_grid
+    >>> grid = frequency_grid(np.array([-1e-9 + 3j, -1e-9 - 3j]))
+    >>> int(np.sum(abs(grid - 3) < 1e-8)) > 10
+    True
+    """
+    rates = np.abs(poles)
+    rates = rates[(rates > 0) & np.isfinite(rates)]
+    rates = rates[rates > _AT_REST * rates.max(initial=0.0)]
+    low, high = (rates.min(), rates.max()) if rates.size else (1.0, 1.0)
+    background = np.geomspace(low / 10, min(high * 10, highest), _BACKGROUND)
+    points = np.unique(np.concatenate([background, *around_resonances(poles)]))
+    return points[(points > 0) & (points <= highest)]
+
+
+def around_resonances(poles: Any) -> Iterator[Vector]:
+    """Yield frequencies in rad/s around each complex pole, dense however narrow its resonance."""
+    for pole in poles[(np.abs(poles.imag) > 0) & np.isfinite(poles)]:
+        away = np.geomspace(max(abs(pole.real / pole.imag), 1e-12) / 10, 0.3, 40)
+        yield abs(pole.imag) * np.concatenate([1 - away[::-1], [1.0], 1 + away])
+
+
+def singular_values(
+    system: control.StateSpace, frequencies_hz: ArrayLike | None = None
+) -> xr.DataArray:
+    """Compute the singular values of a system's frequency response.
+
+    Parameters
+    ----------
+    system : control.StateSpace
+        Continuous or discrete; an unspecified sampling time means continuous.
+    frequencies_hz : array_like, optional
+        Frequencies in Hz, not negative (cycles per sample if ``dt`` is True). By default from a
+        tenth of the slowest pole to ten times the fastest, dense around every resonance however
+        narrow it is.
+
+    Returns
+    -------
+    xarray.DataArray
+        Over ``frequency`` in Hz and ``singular_value`` (0 is the largest), in output units per
+        input unit. Infinite at a pole on the boundary of stability, and where it is beyond doubles.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is no ``StateSpace``, has entries that are not finite, or a frequency is negative.
+
+    See Also
+    --------
+    hinf_norm : the largest of all, proven.
+
+    Examples
+    --------
+    >>> import control
+    >>> import robustpolish as rp
+    >>> lag = control.ss([[-2.0]], [[2.0]], [[1.0]], 0)
+    >>> gains = rp.singular_values(lag, [0.0, 1 / 3.141592653589793])
+    >>> [round(float(gain), 6) for gain in gains.isel(singular_value=0)]
+    [1.0, 0.707107]
+    """
+    model = realisation("system", system)
+    scaled = rescaled(model) if model.states else model
+    if frequencies_hz is None:
+        hertz = _grid(scaled)
+    else:
+        hertz = np.atleast_1d(np.asarray(frequencies_hz, dtype=float))
+        if hertz.ndim != 1 or not (hertz >= 0).all():
+            shown = described(repr(frequencies_hz))
+            raise invalid("frequencies_hz", shown, "a list of numbers from 0 on", "Give Hz.")
+    angles = 2 * math.pi * hertz * (scaled.step if scaled.discrete else 1 / scaled.time)
+    values = scaled.gain * np.array([_at(scaled, angle) for angle in angles])
+    coords = {"frequency": ("frequency", hertz, {"units": "Hz"})}
+    dims = ("frequency", "singular_value")
+    return xr.DataArray(values.reshape(hertz.size, -1), coords, dims, "gain")
+
+
+def _grid(model: Realisation) -> Vector:
+    """Return frequencies in Hz: an even background, and points around each resonance."""
+    poles: Any = np.linalg.eigvals(model.A) if model.states else np.zeros(0, complex)
+    highest = math.inf
+    if model.discrete:
+        with np.errstate(divide="ignore"):
+            poles = np.log(poles.astype(complex)) / model.step
+        highest = math.pi / model.step
+    return frequency_grid(poles, highest) * model.time / (2 * math.pi)
+
+
+def _at(model: Realisation, angle: float) -> Vector:
+    """Return the singular values at one frequency, scaled, in rad (per sample)."""
+    point = np.exp(1j * angle) if model.discrete else 1j * angle
+    if 0 in model.D.shape:
+        return np.zeros(0)
+    response = model.D
+    if math.isfinite(angle):
+        points = np.array([point])
+        response = resolvent_response(model.A, model.B, model.C, model.D, points)[0]
+    if not np.isfinite(response).all():  # a pole, or one that it all but hits
+        return np.full(min(model.D.shape), np.inf)
+    return np.asarray(np.linalg.svd(response, compute_uv=False), dtype=float)
+
+
 # The peak of the gain with a bracket, proven in exact arithmetic or estimated in double.
 
 
 # The frequencies at which a singular value equals a given gain, in exact arithmetic.
 
 
-def gain_crossings(model: ExactModel, square: fmpq) -> list[fmpq]:
+def gain_crossings(model: rational.ExactModel, square: fmpq) -> list[fmpq]:
     """Return the frequencies x >= 0 at which a singular value of G is the root of `square`.
 
     The Hamiltonian matrix (continuous time) or the symplectic pencil (discrete
@@ -73,7 +192,7 @@ def gain_crossings(model: ExactModel, square: fmpq) -> list[fmpq]:
         Ascending, each to about 128 bits.
     """
     A, B, C, D = model.A, model.B, model.C, model.D
-    n, price = model.states, D.transpose() * D - identity(D.ncols()) * square
+    n, price = model.states, D.transpose() * D - rational.identity(D.ncols()) * square
     if model.discrete:
         nodes = range(n + 1)
         values = [_pencil_determinant(model, price, k) for k in nodes]
@@ -96,14 +215,14 @@ def _square_root(value: fmpq) -> fmpq:
     return fmpq(isqrt((int(value.p) << shift) // int(value.q)), 1 << (shift // 2))
 
 
-def _pencil_determinant(model: ExactModel, price: fmpq_mat, s: int) -> fmpq:
+def _pencil_determinant(model: rational.ExactModel, price: fmpq_mat, s: int) -> fmpq:
     """Return the determinant of the symplectic pencil at s = (z - 1)/(z + 1).
 
     The unknowns are state, co-state and input; the rows of the states are multiplied by 1 - s.
     """
     check_deadline()
     A, B, C, D = model.A, model.B, model.C, model.D
-    n, one, Ct = model.states, identity(model.states), model.C.transpose()
+    n, one, Ct = model.states, rational.identity(model.states), model.C.transpose()
     At, none = A.transpose(), fmpq_mat(n, n)
     up, down = 1 - s, 1 + s
     rows = [
@@ -249,7 +368,7 @@ def certified_peak(
     model: Realisation,
     tolerance: float,
     exact: bool,
-    exact_model: ExactModel | None = None,
+    exact_model: rational.ExactModel | None = None,
     spectrum: Eigensystem | None = None,
 ) -> Peak:
     """Find and bracket the peak of a stable, rescaled system.
@@ -273,11 +392,11 @@ def certified_peak(
         if not exact or found.upper <= (1 + max(tolerance, 1e-6)) * found.lower:
             return found
         if model.states > EXACT_AT_MOST:  # in ball arithmetic, where doubles leave it uncertain
-            at = fraction(found.frequency) if math.isfinite(found.frequency) else None
-            gain = _gain(ExactModel.of(model), at)
+            at = rational.fraction(found.frequency) if math.isfinite(found.frequency) else None
+            gain = _gain(rational.ExactModel.of(model), at)
             upper = found.upper if found.upper > gain else math.inf
             return found._replace(gain=gain, lower=gain * (1 - 1e-14), upper=upper)
-    return _proven(exact_model or ExactModel.of(model), frequency * search.time, tolerance)
+    return _proven(exact_model or rational.ExactModel.of(model), frequency * search.time, tolerance)
 
 
 def _modal(model: Realisation, spectrum: Eigensystem, tolerance: float, exact: bool) -> Peak | None:
@@ -302,13 +421,13 @@ def _modal(model: Realisation, spectrum: Eigensystem, tolerance: float, exact: b
     return found and found._replace(proof=f"every frequency covered, {errors}")
 
 
-def _proven(model: ExactModel, start: float, tolerance: float) -> Peak:
+def _proven(model: rational.ExactModel, start: float, tolerance: float) -> Peak:
     """Raise the gain by exact crossings until the upper bound has none."""
 
     def highest(places: Iterable[fmpq | None]) -> tuple[float, fmpq | None]:
         return max(((_gain(model, x), x) for x in places), key=lambda pair: pair[0])
 
-    gain, at = highest([fraction(start) if math.isfinite(start) else None])
+    gain, at = highest([rational.fraction(start) if math.isfinite(start) else None])
     if gain == 0 and model.is_zero():
         return Peak(0.0, 0.0, 0.0, 0.0, "the transfer function is zero")
     trial: list[fmpq | None] = [fmpq(0), None]
@@ -323,7 +442,7 @@ def _proven(model: ExactModel, start: float, tolerance: float) -> Peak:
         elif touching:  # the gain only touches the last bound, at a crossing
             gain, at = highest(touching)
         bound = gain * (1 + tolerance)
-        found = gain_crossings(model, fraction(bound) ** 2)
+        found = gain_crossings(model, rational.fraction(bound) ** 2)
         if not found:
             for a, b in pairwise(touching):
                 # A search from far away ends when its bracket is narrow, not at the top.
@@ -358,23 +477,23 @@ def _between(low: fmpq, high: fmpq) -> list[fmpq]:
     bottom, octaves = float(arb(low)), math.log2(float(arb(high)) / float(arb(low)))
     count = min(math.ceil(octaves), _MOST_BETWEEN)
     steps = octaves * np.arange(1, count + 1) / (count + 1)
-    return middle + [fraction(bottom * 2.0**step) for step in steps]
+    return middle + [rational.fraction(bottom * 2.0**step) for step in steps]
 
 
-def _climbed(model: ExactModel, low: fmpq, high: fmpq) -> fmpq:
+def _climbed(model: rational.ExactModel, low: fmpq, high: fmpq) -> fmpq:
     """Climb between two crossings, for gains take far less time than determinants."""
     ends = [math.log(max(float(arb(end)), 1e-300)) for end in (low, high)]
     found: Any = minimize_scalar(
-        lambda x: -_gain(model, fraction(math.exp(x))),
+        lambda x: -_gain(model, rational.fraction(math.exp(x))),
         bounds=ends,
         method="bounded",
         options={"xatol": 1e-7 * (ends[1] - ends[0]), "maxiter": _MOST_CLIMBING},
     )
-    return fraction(math.exp(found.x))
+    return rational.fraction(math.exp(found.x))
 
 
-def _gain(model: ExactModel, x: fmpq | None) -> float:
-    G, scale = transfer(model, x)
+def _gain(model: rational.ExactModel, x: fmpq | None) -> float:
+    G, scale = rational.transfer(model, x)
     return float(np.linalg.norm(G, 2)) * scale
 
 
@@ -592,7 +711,7 @@ def _part_norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:
     seen = stable_part(model, verdict)
     if seen is None:
         return HinfNorm(math.inf, math.nan, math.inf, math.inf, False, verdict.reason)
-    A, B, C, D = map(to_float, (seen.A, seen.B, seen.C, seen.D))
+    A, B, C, D = map(rational.to_float, (seen.A, seen.B, seen.C, seen.D))
     found = certified_peak(Realisation(A, B, C, D, model.discrete), tolerance, True, seen)
     reason = f"{verdict.reason}, but hidden from the inputs or outputs: not internally stable"
     return replace(_in_units(model, found), stable=False, reason=reason)

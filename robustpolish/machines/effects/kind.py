@@ -652,7 +652,5 @@ class EffectKind:
             If the kind has none of that name.
         """
         known = {p.name: p for p in self.parameters}
-        if name not in known:
-            remedy = "Check the parameter's name."
-            raise invalid((self.kind, "parameters"), name, f"one of {', '.join(known)}", remedy)
-        return known[name]
+        where = (self.kind, "parameters")
+        return known[one_of(where, name, known, "Check the parameter's name.")]

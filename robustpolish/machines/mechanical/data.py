@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.base.arrays import Array, Matrix
-from robustpolish.base.checks import described, invalid
+from robustpolish.base.checks import invalid, one_of
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import GROUND, Motion
 from robustpolish.machines.mechanical.parts import (
@@ -409,9 +409,7 @@ def with_parameter_values(model: Model, changes: Mapping[str, float]) -> Model:
     # fits ask thousands of times a second: what stays is neither made nor checked again
     new: dict[tuple[str, int], dict[str, float]] = {}
     for key, value in changes.items():
-        if key not in known:
-            remedy = described("Choose one of " + ", ".join(known) + ".")
-            raise invalid("values", key, "a key of model.parameters", remedy)
+        one_of("values", key, known, "It has to be a key of model.parameters.")
         present, field_name, i, name = known[key]
         if type(value) is not float or value != present:
             new.setdefault((field_name, i), {})[name] = value

@@ -39,13 +39,7 @@ from robustpolish.machines.mechanical.parts import (
 )
 from robustpolish.plants.linearization import difference
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.plants.uncertain.lft import (
-    Lft,
-    RealElement,
-    UncertainBlock,
-    real_element,
-    reduce_copies,
-)
+from robustpolish.plants.uncertain import lft
 from robustpolish.plants.uncertain.system import UncertainSystem, close_block
 from robustpolish.signals.frequency_response import labelled_response, ratio_unit
 
@@ -153,8 +147,7 @@ def _rest(
     q = np.zeros(len(names))
     if operating_point is not None:
         for name, value in operating_point.items():
-            if name not in names:
-                raise invalid("operating_point", name, f"one of {', '.join(names)}", "Correct it.")
+            one_of("operating_point", name, names, "Correct it.")
             q[names.index(name)] = number(f"operating_point[{name!r}]", value)
         return q
     m, free = model.matrices, model.matrices.free
@@ -376,8 +369,7 @@ def linearize(
     wanted = names if controls is None else tuple(controls)
     known = [*names, *m.signals]
     for name in wanted:
-        if name not in known:
-            raise invalid("controls", name, f"names among {', '.join(known)}", "Correct it.")
+        one_of("controls", name, known, "Correct it.")
     chosen = [name for name in wanted if name not in names]  # inputs that become controls
     pushes = [name for name in wanted if name in names]
     A, B, C, D, own = linear_with_effects(model, operating_point)
@@ -487,11 +479,11 @@ def uncertain_model(model: MechanicalData, ranges: Mapping[str, Any]) -> Uncerta
     # A number made of others is put in the place of a stand-in of slope 1.
     names = [_STAND_IN + e.name if e.name in numbers else e.name for e in elements]
     blocks = [
-        UncertainBlock(replace(element, name=name), count)
+        lft.UncertainBlock(replace(element, name=name), count)
         for element, name, count in zip(elements, names, copies.tolist(), strict=True)
         if count
     ]
-    whole = Lft(
+    whole = lft.Lft(
         np.block([[A, B[:, :deltas]], [C[:deltas], D[:deltas, :deltas] + np.diag(skew)]]),
         np.vstack([B[:, deltas:], D[:deltas, deltas:]]),
         np.hstack([C[deltas:], D[deltas:, :deltas]]),
@@ -507,7 +499,7 @@ def uncertain_model(model: MechanicalData, ranges: Mapping[str, Any]) -> Uncerta
         if _STAND_IN + key in names:  # otherwise it does nothing
             change = (value - value.matrices.J).matrices
             whole = close_block(whole, names.index(_STAND_IN + key), change)
-    return UncertainSystem(reduce_copies(whole))
+    return UncertainSystem(lft.reduce_copies(whole))
 
 
 def _uncertain_value(model: MechanicalData, key: str) -> float:
@@ -526,12 +518,12 @@ def _uncertain_value(model: MechanicalData, key: str) -> float:
     return known[key]
 
 
-def _element(key: str, nominal: float, given: Any) -> RealElement:
+def _element(key: str, nominal: float, given: Any) -> lft.RealElement:
     """Return the element of a number: a share of it, or its smallest and largest value."""
     if isinstance(given, UncertainSystem):
-        return RealElement(key, nominal, nominal - 1, nominal + 1)  # of slope 1
+        return lft.RealElement(key, nominal, nominal - 1, nominal + 1)  # of slope 1
     if isinstance(given, tuple | list | np.ndarray):
-        return real_element(key, nominal, low_high=tuple(given))  # type: ignore
+        return lft.real_element(key, nominal, low_high=tuple(given))  # type: ignore
     if not isinstance(given, int | float | np.number) or isinstance(given, bool):
         expected = "a share such as 0.1, (low, high), or an uncertain number"
         raise invalid(("ranges", key), given, expected, "Write 0.1 for 10 %.")
@@ -540,10 +532,10 @@ def _element(key: str, nominal: float, given: Any) -> RealElement:
         raise invalid(("ranges", key), shown, "(low, high)", "Give both ends in its own unit.")
     if key.startswith("dof.") and given >= 1:
         raise invalid(("ranges", key), given, "a share below 1", "A mass stays positive.")
-    return real_element(key, nominal, percent=100 * float(given))
+    return lft.real_element(key, nominal, percent=100 * float(given))
 
 
-def _derivative(model: MechanicalData, element: RealElement) -> tuple[Matrix, Matrix]:
+def _derivative(model: MechanicalData, element: lft.RealElement) -> tuple[Matrix, Matrix]:
     """Return the derivative of forces and outputs by a number, as a product of few columns.
 
     The rows of the right factor are over displacements, velocities, accelerations and inputs.

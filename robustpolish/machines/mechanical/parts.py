@@ -417,9 +417,7 @@ def _ends(
     if first == second:
         raise invalid(argument, described(f"{first!r} twice"), "two ends", "Name the other end.")
     for name in (first, second):
-        if name not in dofs and name != GROUND:
-            known = ", ".join([*dofs, GROUND])
-            raise invalid(argument, name, f"one of {known}", "Check the spelling or add the dof.")
+        one_of(argument, name, (*dofs, GROUND), "Check the spelling or add the dof.")
     turning = {dofs[name].rotational for name in (first, second) if name != GROUND}
     if alike and len(turning) > 1:
         shown = described(f"{first!r} and {second!r}, one in m and one in rad")
@@ -544,9 +542,7 @@ def _weights(argument: Key, item: Output, dofs: Mapping[str, Dof]) -> tuple[floa
         shown, want = f"{weights} for {item.of}", "one number for each coordinate, each named once"
         raise misfit(where, shown, want, "Write measures = { q1 = 0.8, q2 = -0.3 }.")
     for name in item.of:
-        if name not in dofs:
-            remedy = "Check the spelling or add the dof."
-            raise invalid(argument, name, f"one of {', '.join(dofs)}", remedy)
+        one_of(argument, name, dofs, "Check the spelling or add the dof.")
     found = tuple(number(where, weight) for weight in weights)
     if not any(found):
         raise invalid(where, weights, "one that is not 0", "Correct them.")

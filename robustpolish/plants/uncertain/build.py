@@ -12,23 +12,9 @@ from numpy.typing import ArrayLike
 from scipy.special import chdtri
 
 from robustpolish.base.arrays import Matrix
-from robustpolish.base.checks import described, invalid, is_whole, matrix, misfit, positive
+from robustpolish.base.checks import described, invalid, is_whole, matrix, misfit, one_of, positive
 from robustpolish.base.results import Card, Displayed, Table
-from robustpolish.plants.uncertain.lft import (
-    ComplexElement,
-    Directions,
-    DynamicElement,
-    Element,
-    Lft,
-    RealElement,
-    UncertainBlock,
-    checked_name,
-    numbers_at,
-    point_of,
-    real_element,
-    real_number,
-    reduce_copies,
-)
+from robustpolish.plants.uncertain import lft as algebra
 from robustpolish.plants.uncertain.system import UncertainSystem, as_uncertain
 
 # Interconnections of operands of any kind.
@@ -232,7 +218,9 @@ def uncertain_system(
     for argument, given, count in (("inputs", inputs, nu), ("outputs", outputs, ny)):
         if given is not None and len(given) != count:
             raise invalid(argument, given, f"{count} names", "Name each signal.")
-    return UncertainSystem(reduce_copies(system).names(tuple(inputs or ()), tuple(outputs or ())))
+    return UncertainSystem(
+        algebra.reduce_copies(system).names(tuple(inputs or ()), tuple(outputs or ()))
+    )
 
 
 def _column(B: Any) -> Any:
@@ -304,10 +292,12 @@ class Ellipsoid(Displayed, Mapping[str, UncertainSystem]):
     confidence: float | None = None
 
     @property
-    def elements(self) -> tuple[RealElement, ...]:
+    def elements(self) -> tuple[algebra.RealElement, ...]:
         """Its directions as uncertain numbers between -1 and 1."""
         own = self._directions
-        return tuple(RealElement(name, 0.0, -1.0, 1.0, self.name, own) for name in own.names)
+        return tuple(
+            algebra.RealElement(name, 0.0, -1.0, 1.0, self.name, own) for name in own.names
+        )
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
@@ -330,7 +320,7 @@ class Ellipsoid(Displayed, Mapping[str, UncertainSystem]):
         -------
         dict of str to float
         """
-        return numbers_at(self._directions, values)
+        return algebra.numbers_at(self._directions, values)
 
     def directions(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return the point of some physical numbers, by directions.
@@ -351,10 +341,8 @@ class Ellipsoid(Displayed, Mapping[str, UncertainSystem]):
             If a name is unknown, or the numbers are off in a way that the ellipsoid excludes.
         """
         for name in values:
-            if name not in self.centre:
-                expected = f"names among {', '.join(self.centre)}"
-                raise invalid("values", name, expected, "Check its spelling.")
-        return point_of(self._directions, values)
+            one_of("values", name, self.centre, "Check its spelling.")
+        return algebra.point_of(self._directions, values)
 
     def size(self, values: Mapping[str, float]) -> float:
         """Return how far out a point of physical numbers is: 1 on the ellipsoid's surface.
@@ -371,10 +359,10 @@ class Ellipsoid(Displayed, Mapping[str, UncertainSystem]):
         return float(np.linalg.norm(list(self.directions(values).values())))
 
     @property
-    def _directions(self) -> Directions:
+    def _directions(self) -> algebra.Directions:
         names = tuple(f"{self.name}[{i}]" for i in range(self.L.shape[1]))
         slopes = tuple(tuple(row) for row in self.L.tolist())
-        return Directions(names, tuple(self.centre), tuple(self.centre.values()), slopes)
+        return algebra.Directions(names, tuple(self.centre), tuple(self.centre.values()), slopes)
 
     def __getitem__(self, name: str) -> UncertainSystem:
         row = self.L[list(self.centre).index(name)] if name in self.centre else None
@@ -382,9 +370,9 @@ class Ellipsoid(Displayed, Mapping[str, UncertainSystem]):
             raise KeyError(name)
         used, elements = np.flatnonzero(row), self.elements
         F, G = np.zeros((used.size, used.size)), np.ones((used.size, 1))
-        blocks = tuple(UncertainBlock(elements[i], 1) for i in used)
+        blocks = tuple(algebra.UncertainBlock(elements[i], 1) for i in used)
         centre = np.full((1, 1), self.centre[name])
-        return UncertainSystem(Lft(F, G, row[None, used], centre, (), blocks))
+        return UncertainSystem(algebra.Lft(F, G, row[None, used], centre, (), blocks))
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.centre)
@@ -461,11 +449,13 @@ def uncertain_ellipsoid(
     if not isinstance(centre, Mapping) or not centre:
         remedy = 'Write {"k": 10.0, "c": 1.0}.'
         raise invalid("centre", centre, "a mapping of names to numbers", remedy)
-    values = {checked_name(key): real_number(key, value) for key, value in centre.items()}
+    values = {
+        algebra.checked_name(key): algebra.real_number(key, value) for key, value in centre.items()
+    }
     if (shape is None) == (covariance is None):
         shown = described("both" if shape is not None else "neither of them")
         raise invalid("shape", shown, "shape or covariance", "Say how far the numbers may be off.")
-    checked_name(name)
+    algebra.checked_name(name)
     n = len(values)
     if covariance is None:
         assert shape is not None  # one of both is
@@ -545,7 +535,9 @@ def uncertain_real(
     >>> (k * k).at({"k": 14}), (1 / k).nominal, k.elements["k"].low
     (196.0, 0.1, 6.0)
     """
-    element = real_element(name, nominal, percent=percent, plus_minus=plus_minus, low_high=range)
+    element = algebra.real_element(
+        name, nominal, percent=percent, plus_minus=plus_minus, low_high=range
+    )
     return _number(element, element.skew, element.slope, element.nominal)
 
 
@@ -582,7 +574,9 @@ def uncertain_complex(name: str, nominal: float = 0.0, *, radius: float = 1.0) -
     if isinstance(nominal, bool | str) or not np.isrealobj(nominal) or not np.isfinite(nominal):
         want, remedy = "a finite real number", "Put the centre on the real axis."
         raise invalid("nominal", nominal, want, remedy)
-    element = ComplexElement(checked_name(name), float(nominal), positive("radius", radius))
+    element = algebra.ComplexElement(
+        algebra.checked_name(name), float(nominal), positive("radius", radius)
+    )
     return _number(element, 0.0, element.radius, element.nominal)
 
 
@@ -630,10 +624,10 @@ def uncertain_dynamics(
     if len(sizes) != 2 or not all(is_whole(size) and size > 0 for size in sizes):
         raise invalid("shape", shape, "numbers of outputs and inputs", "Write (2, 1).")
     p, q = int(sizes[0]), int(sizes[1])
-    element = DynamicElement(checked_name(name), (p, q))
+    element = algebra.DynamicElement(algebra.checked_name(name), (p, q))
     weight = as_uncertain("bound", bound)
     one = (np.zeros((q, p)), np.eye(q), np.eye(p), np.zeros((p, q)))
-    delta = Lft(*one, (), (UncertainBlock(element, 1),), weight.dt or 0)
+    delta = algebra.Lft(*one, (), (algebra.UncertainBlock(element, 1),), weight.dt or 0)
     if weight.shape not in ((1, 1), (p, p)):
         shown = described(f"{weight.shape[0]} x {weight.shape[1]}")
         expected = "1 x 1" if p == 1 else f"1 x 1 or {p} x {p}"
@@ -643,6 +637,6 @@ def uncertain_dynamics(
     return weight * UncertainSystem(delta)
 
 
-def _number(element: Element, own: float, out: float, nominal: float) -> UncertainSystem:
+def _number(element: algebra.Element, own: float, out: float, nominal: float) -> UncertainSystem:
     F, G, H, J = (np.full((1, 1), value) for value in (own, 1.0, out, nominal))
-    return UncertainSystem(Lft(F, G, H, J, (), (UncertainBlock(element, 1),)))
+    return UncertainSystem(algebra.Lft(F, G, H, J, (), (algebra.UncertainBlock(element, 1),)))

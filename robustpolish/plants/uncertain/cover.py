@@ -17,7 +17,7 @@ from robustpolish.base.arrays import AnyArray, AnyVector, Matrix, Vector
 from robustpolish.base.checks import described, invalid, one_of, whole_number
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear.arithmetic.powers_of_two import refuse_extreme
-from robustpolish.linear.norms.singular_values import frequency_grid
+from robustpolish.linear.norms.hinf import frequency_grid
 from robustpolish.linear.systems import of_roots
 from robustpolish.plants.blocks import as_response, as_state_space
 from robustpolish.plants.uncertain.build import uncertain_dynamics

@@ -18,6 +18,8 @@ from robustpolish.base.checks import (
     is_whole,
     matrix,
     misfit,
+    one_of,
+    whole_number,
 )
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.linear.systems import is_system
@@ -316,8 +318,7 @@ class UncertainSystem(Displayed):
         list of control.StateSpace, ndarray or float
             Each within the bounds.
         """
-        if not is_whole(n) or n < 1:
-            raise invalid("n", n, "a whole number above 0", "Pass how many to draw.")
+        whole_number("n", n, 1, remedy="Pass how many to draw.")
         random = np.random.default_rng(seed)
         return [self.at(random_values(self.matrices, random)) for _ in range(n)]
 
@@ -366,8 +367,7 @@ class UncertainSystem(Displayed):
         InvalidInputError
             If the sizes do not fit, or the loop is not well posed.
         """
-        if sign not in (-1, 1):
-            raise invalid("sign", sign, "-1 or 1", "Choose one of these.")
+        one_of("sign", sign, (-1, 1))
         ny, nu = self.shape
         back = as_uncertain("other", other).matrices
         if back.shape == (1, 1) != (nu, ny) and nu == ny > 0:

@@ -47,13 +47,7 @@ def sampled(
 ) -> tuple[Floats, Floats, Floats, float]:
     """Return places along x and y, heights, and how far a spline through them is off [m]."""
     formula = _read(text, parameters)
-    sides = []
-    for name, ends in (("x", x), ("y", y)):
-        if len(ends) != 2 or not np.all(np.isfinite(ends)):
-            expected = "where it begins and where it ends [m]"
-            raise invalid(name, ends, expected, "Give two numbers.")
-        positive(f"{name}[1] - {name}[0]", ends[1] - ends[0], "m")
-        sides.append((float(ends[0]), float(ends[1])))
+    sides = checked_side("x", x), checked_side("y", y)
     longest = max(high - low for low, high in sides)
     count = _CELLS[0]
     while True:
@@ -80,6 +74,14 @@ def sampled(
                 "Smooth its edges and waves, or take a smaller area.",
             )  # fmt: skip
         count *= 2
+
+
+def checked_side(name: str, ends: tuple[float, float]) -> tuple[float, float]:
+    """Return where a side begins and where it ends [m]."""
+    if len(ends) != 2 or not np.all(np.isfinite(ends)) or not ends[1] > ends[0]:
+        expected = "where it begins and, behind that, where it ends [m]"
+        raise invalid(name, ends, expected, "Give two numbers.")
+    return float(ends[0]), float(ends[1])
 
 
 def _read(text: str, parameters: Mapping[str, float]) -> PostfixProgram:

@@ -16,7 +16,7 @@ from scipy.integrate import cumulative_trapezoid, solve_ivp
 
 from robustpolish.base.arrays import Matrix, Vector
 from robustpolish.base.budget import progress_bar
-from robustpolish.base.checks import described, invalid, one_of, positive
+from robustpolish.base.checks import described, invalid, one_of, positive, whole_number
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.plots.charts import plot_bars
 from robustpolish.plots.time import plot_time_series
@@ -216,56 +216,6 @@ class _Law:
 
 
 @dataclass(frozen=True)
-class LinearSpring(_Law):
-    """A spring that pushes only: force k_p times depth, nothing lost.
-
-    Parameters
-    ----------
-    stiffness : float
-        k_p in N/m.
-
-    Examples
-    --------
-    >>> from robustpolish.polishing import LinearSpring
-    >>> LinearSpring(1e4).force(0.001, 0.0), LinearSpring(1e4).restitution(3.0)
-    (10.0, 1.0)
-    """
-
-    stiffness: float
-
-    def force(self, depth: float, rate: float) -> float:
-        """Return the push; the rate does not matter.
-
-        Parameters
-        ----------
-        depth : float
-            Below the surface [m].
-        rate : float
-            Of the depth [m/s].
-
-        Returns
-        -------
-        float
-            In N.
-        """
-        return max(0.0, self.stiffness * depth)
-
-    def restitution(self, speed: float) -> float:
-        """Speed after over speed before a blow: 1.
-
-        Parameters
-        ----------
-        speed : float
-            Of the blow [m/s].
-
-        Returns
-        -------
-        float
-        """
-        return 1.0
-
-
-@dataclass(frozen=True)
 class HuntCrossley(_Law):
     """A spring whose damping grows with depth: k_p depth (1 + chi rate), never below zero.
 
@@ -354,6 +304,30 @@ class HuntCrossley(_Law):
         float
         """
         return _left_over(self.damping * positive("speed", speed, "m/s", zero=True))
+
+
+@dataclass(frozen=True)
+class LinearSpring(HuntCrossley):
+    """A spring that pushes only: force k_p times depth, nothing lost.
+
+    Parameters
+    ----------
+    stiffness : float
+        k_p in N/m.
+
+    Attributes
+    ----------
+    damping : float
+        0: a law of Hunt and Crossley that loses nothing.
+
+    Examples
+    --------
+    >>> from robustpolish.polishing import LinearSpring
+    >>> LinearSpring(1e4).force(0.001, 0.0), LinearSpring(1e4).restitution(3.0)
+    (10.0, 1.0)
+    """
+
+    damping: float = field(default=0.0, init=False, repr=False)
 
 
 @dataclass(frozen=True)
@@ -518,8 +492,7 @@ def land(
     """
     mass, speed = positive("mass", mass, "kg"), positive("speed", speed, "m/s")
     press, duration = positive("press", press, "N"), positive("duration", duration, "s")
-    if not isinstance(samples, int) or samples < 2:
-        raise invalid("samples", samples, "an integer of at least 2", "Ask for more.")
+    whole_number("samples", samples, 2, remedy="Ask for more.")
     time = np.linspace(0.0, duration, samples)
     followed: Any = _events if isinstance(law, EventImpulse) else _integrated
     impulse = followed(law, mass, speed, press, time)

@@ -15,7 +15,7 @@ from robustpolish.base.arrays import AnyArray, Array
 from robustpolish.base.checks import described, invalid, matrix, one_of, positive
 from robustpolish.base.jit import njit
 from robustpolish.errors import SolverError
-from robustpolish.polishing import dataset
+from robustpolish.polishing import brush as dataset
 from robustpolish.polishing.contact import NODES, STAGES, inside_step, stage_state, step_error
 from robustpolish.polishing.parameters import BrushParameters
 
@@ -488,7 +488,7 @@ def run_listing(
     variables = {
         **dataset.angle_variables((theta, psi, theta_rate, psi_rate), names, level=UPRIGHT),
         **dataset.force_variables(*impacts.T, pressing),
-        "contact": dataset.quantity(touching, "1", "whether the point touches", ("time", "point")),
+        "contact": dataset.variable(touching, "1", "whether the point touches", ("time", "point")),
         **dataset.path_variables(time, parameters),
     }
     attributes = {
@@ -603,8 +603,8 @@ def listing_response(
     outputs = ("time", "output")
     return xr.Dataset(
         {
-            "response": dataset.quantity(response, "unit of C x", "outputs", outputs),
-            "largest": dataset.quantity(largest, "unit of C x", "largest magnitude", "output"),
+            "response": dataset.variable(response, "unit of C x", "outputs", outputs),
+            "largest": dataset.variable(largest, "unit of C x", "largest magnitude", "output"),
         },
         {"time": ("time", samples, {"units": "s"})},
         {"tolerance": relative, "workaround": brush.attrs["workaround"]},

@@ -13,8 +13,7 @@ import scipy.io.wavfile
 
 from robustpolish.base.checks import invalid, misfit
 from robustpolish.base.input_files import FileSpec, members, open_checked
-from robustpolish.signals.headers import split_header
-from robustpolish.signals.raw import RECORD, RawTable, library_errors
+from robustpolish.signals.raw import RECORD, RawTable, library_errors, split_header
 
 # Arrays by name, as binary files hold them, sorted into a table.
 

@@ -15,8 +15,7 @@ import numpy as np
 
 from robustpolish.base.checks import invalid, misfit
 from robustpolish.base.input_files import FileSpec, content, open_checked
-from robustpolish.signals.headers import line_of_units, split_header
-from robustpolish.signals.raw import RECORD, RawTable
+from robustpolish.signals.raw import RECORD, RawTable, line_of_units, split_header
 from robustpolish.signals.time_axis import is_clock_text
 
 # Where the table of a text file begins, how its cells are separated, and what its columns are.

@@ -13,8 +13,7 @@ import numpy as np
 from robustpolish.base.checks import invalid, misfit
 from robustpolish.base.input_files import FileSpec, open_checked
 from robustpolish.errors import MissingDependencyError
-from robustpolish.signals.headers import TIME_UNIT
-from robustpolish.signals.raw import RECORD, RawResponse, RawTable, library_errors
+from robustpolish.signals.raw import RECORD, TIME_UNIT, RawResponse, RawTable, library_errors
 from robustpolish.signals.readers.arrays import one_rate
 from robustpolish.signals.time_axis import find_time
 

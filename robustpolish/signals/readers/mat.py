@@ -18,8 +18,7 @@ import scipy.io
 import scipy.sparse
 
 from robustpolish.base.input_files import FileSpec, content, open_checked
-from robustpolish.signals.headers import split_header
-from robustpolish.signals.raw import RECORD, RawTable, library_errors
+from robustpolish.signals.raw import RECORD, RawTable, library_errors, split_header
 from robustpolish.signals.readers.arrays import RATES, STEPS, one_rate, table_of
 
 # HDF5 files, MATLAB 7.3 included.

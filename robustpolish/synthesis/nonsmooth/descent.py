@@ -568,8 +568,6 @@ def minimax(
     budget: Budget,
     iterations: int = 200,
     target: float = -np.inf,
-    tolerance: float = 1e-8,
-    width: float = 0.05,
     bounds: Bounds | None = None,
     weight: float = 10.0,
 ) -> BfgsResult:
@@ -586,10 +584,6 @@ def minimax(
         Largest number of quadratic programmes.
     target : float
         Stop when the objective (a logarithm) is below it and nothing is violated.
-    tolerance : float
-        Stop when the model promises less than this.
-    width : float
-        Pieces within this share of the largest enter the model.
     bounds : pair of ndarray, optional
         Lower and upper bounds of theta.
     weight : float
@@ -602,9 +596,10 @@ def minimax(
     """
 
     def evaluated(point: AnyVector, known: Sequence[float] = ()) -> Model | None:
-        # Looking for all peaks takes twice as long as for the highest.
+        # Looking for all peaks takes twice as long as for the highest. Pieces within a twentieth of
+        # the largest enter the model.
         budget.spend(2 * problem.work)
-        return problem.model(point, width, known)
+        return problem.model(point, 0.05, known)
 
     x = np.array(start, dtype=float)
     model = evaluated(x)
@@ -627,7 +622,7 @@ def minimax(
         # An interior-point method factorises matrices of this size some ten times.
         budget.spend(step_cost(len(x) // 2))
         step = _quadratic_step(model, x, H, radius, weight, bounds, budget.seconds_left)
-        if step is None or step.promise < tolerance:
+        if step is None or step.promise < 1e-8:  # the model promises nothing more
             if model.violation > 1e-6 and weight < 1e6 and step is not None:
                 weight *= 10
                 continue

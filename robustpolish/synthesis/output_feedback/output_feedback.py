@@ -19,16 +19,10 @@ from robustpolish.base.budget import (
 from robustpolish.base.checks import described, invalid, positive
 from robustpolish.errors import SolverError
 from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.synthesis import driver
 from robustpolish.synthesis.backends.slycot_backend import synthesise
 from robustpolish.synthesis.certificate import Gamma, Norm, NormTarget, norm_in_words
 from robustpolish.synthesis.design import Design
-from robustpolish.synthesis.driver import (
-    JoinedController,
-    check_arguments,
-    combined_norm,
-    design_by_parts,
-    time_limit_note,
-)
 from robustpolish.synthesis.engine import (
     AS_GOOD_AS_ZERO,
     COSTLY_STATES,
@@ -41,19 +35,7 @@ from robustpolish.synthesis.engine import (
     Settings,
     Task,
 )
-from robustpolish.synthesis.lmi.output_feedback import (
-    LmiVariables,
-    ProjectedSolution,
-    balanced_states,
-    coupling,
-    explicit_controller,
-    impose_h2,
-    loop_terms,
-    rebalanced,
-    reconstruct,
-    solve_projected,
-    well_conditioned_controllers,
-)
+from robustpolish.synthesis.lmi import output_feedback as lmi
 from robustpolish.synthesis.lmi.program import ProgramSolver, SemidefiniteProgram
 from robustpolish.synthesis.problem.matrices import (
     Controller,
@@ -439,7 +421,7 @@ class LmiHinf(_LmiEngine):
         solution = rung.solution
         if solution.X is None or solution.Y is None or self.budget.over:
             return
-        P = balanced_states(rung.plant, solution.X, solution.Y, rung.gamma, least)
+        P = lmi.balanced_states(rung.plant, solution.X, solution.Y, rung.gamma, least)
         if P is None:
             return
         # Numbers of order one suit the solver: the norm is divided by the goal, half of it at w and
@@ -474,18 +456,18 @@ class LmiHinf(_LmiEngine):
     def _solved(
         self,
         plant: PlantMatrices,
-        near: ProjectedSolution | None,
+        near: lmi.ProjectedSolution | None,
         gamma: float,
         goal: float,
         rung: _RegularisedSolution,
-    ) -> tuple[PlantMatrices, ProjectedSolution] | None:
+    ) -> tuple[PlantMatrices, lmi.ProjectedSolution] | None:
         """Solve at a gamma, in units of `goal`, beside a known solution, if there is one.
 
         Returns the plant and the solution in better states; None unless the controller keeps gamma.
         """
-        point = solve_projected(plant, gamma, self.solver, near)
-        after = None if point is None else rebalanced(plant, point.R, point.S)
-        K = None if after is None else explicit_controller(after[0], gamma, after[1])
+        point = lmi.solve_projected(plant, gamma, self.solver, near)
+        after = None if point is None else lmi.rebalanced(plant, point.R, point.S)
+        K = None if after is None else lmi.explicit_controller(after[0], gamma, after[1])
         claim = gamma * goal
         note = {"epsilon": rung.epsilon, "gamma": claim, "achieved": np.nan, "gain": np.nan}
         if rung.shift:
@@ -502,7 +484,7 @@ class LmiHinf(_LmiEngine):
         if not candidate.keeps_claim:
             return None
         sizes = np.diag(after[1])
-        return after[0], ProjectedSolution(sizes, sizes, gamma)
+        return after[0], lmi.ProjectedSolution(sizes, sizes, gamma)
 
 
 def _feasible(plant: PlantMatrices, gamma: float, budget: Budget) -> Iterator[_RegularisedSolution]:
@@ -556,9 +538,9 @@ class LmiH2(_LmiEngine):
         optimum, frame = np.inf, self.problem.plant
         for _ in range(_ROUNDS):
             program = SemidefiniteProgram()
-            v = LmiVariables.of(program, frame, "h2")
-            energy = impose_h2(program, loop_terms(frame, v), v)
-            coupling(program, v)
+            v = lmi.LmiVariables.of(program, frame, "h2")
+            energy = lmi.impose_h2(program, lmi.loop_terms(frame, v), v)
+            lmi.coupling(program, v)
             program.minimise(energy)
             solution = self.solver.solve(program)
             square = float(solution.value(energy).item())
@@ -566,10 +548,10 @@ class LmiH2(_LmiEngine):
                 break
             values = v.at(solution)
             self.history.append({"claim": np.sqrt(square)})
-            self._keep(reconstruct(frame, values), np.sqrt(square) * (1 + 1e-4))
+            self._keep(lmi.reconstruct(frame, values), np.sqrt(square) * (1 + 1e-4))
             settled = square > optimum * (1 - _AGREEMENT)
             optimum = min(optimum, square)
-            after = rebalanced(frame, values.X, values.Y)
+            after = lmi.rebalanced(frame, values.X, values.Y)
             if after is None:
                 break
             frame = after[0]
@@ -582,9 +564,9 @@ class LmiH2(_LmiEngine):
 
             def impose(program: SemidefiniteProgram, each: Any, bound: float = bound) -> None:
                 (v,) = each
-                program.nonnegative(bound**2 - impose_h2(program, loop_terms(frame, v), v))
+                program.nonnegative(bound**2 - lmi.impose_h2(program, lmi.loop_terms(frame, v), v))
 
-            for (K,) in well_conditioned_controllers([frame], "h2", impose, self.solver):
+            for (K,) in lmi.well_conditioned_controllers([frame], "h2", impose, self.solver):
                 self._keep(K, bound)
 
     def _keep(self, K: Controller | None, bound: float) -> None:
@@ -782,7 +764,7 @@ def output_feedback(
     (1, True)
     """
     seconds = (60.0 if order is None else TIME_LIMIT) if time_limit is None else time_limit
-    check_arguments(plant, norm, method, ENGINES["hinf"], backend, tolerance, seconds)
+    driver.check_arguments(plant, norm, method, ENGINES["hinf"], backend, tolerance, seconds)
     positive("effort", effort)
     if norm == "h2" and plant.is_discrete and method in ("lmi", "slycot"):
         shown = described(f"{method!r} for the H2 norm of a discrete-time plant")
@@ -816,7 +798,7 @@ def output_feedback(
     # Delays are approximated in the parts; the whole is certified with them as they are.
     parts = decoupled_parts(plant) if split else (whole_plant(plant.without_delays()),)
     with progress_bar("Designing an output feedback"), enforce_deadline(budget):
-        found = design_by_parts(plant, parts, settings, diagnosis, budget)
+        found = driver.design_by_parts(plant, parts, settings, diagnosis, budget)
     # Up to so many states of a plant its zeros on the axis are looked for, to explain a result.
     if plant.nx <= 30 and not (diagnosis.regular_feedthrough and found.status == "optimal"):
         diagnosis = diagnosis.with_zeros(plant)
@@ -825,14 +807,14 @@ def output_feedback(
         "diagnosis": diagnosis,
         "parts": tuple(part.states for part in parts),
         "part_norms": tuple(c.achieved if c else None for c in found.chosen),
-        "claim": combined_norm((c.claim for c in found.done), norm),
+        "claim": driver.combined_norm((c.claim for c in found.done), norm),
         "work": budget.spent,
         "estimated_infimum": None if found.known or not found.bound else found.bound,
     }
     return found.design(_message(found, diagnosis), bound, details)
 
 
-def _message(found: JoinedController, diagnosis: SolvabilityCheck) -> str:
+def _message(found: driver.JoinedController, diagnosis: SolvabilityCheck) -> str:
     achieved, bound, floor = found.certificate.achieved, found.bound, found.lower_bound_note
     wanted, status = found.settings.wanted, found.status
     if bound > 0 and status == "suboptimal" and found.known:
@@ -849,5 +831,5 @@ def _message(found: JoinedController, diagnosis: SolvabilityCheck) -> str:
     if wanted.is_requested:
         text += f" It was asked for {wanted.in_words()}."
     remarks = [remark for c in found.done for remark in c.findings.remarks]
-    text += time_limit_note(found.budget)
+    text += driver.time_limit_note(found.budget)
     return " ".join([text, *diagnosis.findings, *dict.fromkeys(remarks)])

@@ -33,25 +33,7 @@ from robustpolish.synthesis.certificate import Certificate, Norm, certify
 from robustpolish.synthesis.lmi.program import Affine, ProgramSolver, symmetric_block
 from robustpolish.synthesis.problem.matrices import PlantMatrices, state_gain_norm
 from robustpolish.synthesis.problem.preflight import check_solvability
-from robustpolish.synthesis.scheduled.polytope import (
-    ACCURACY,
-    WORK,
-    LyapunovFamily,
-    Polytope,
-    PolytopeProgram,
-    PolytopeSpecification,
-    ProgramResult,
-    lyapunov_analysis,
-    polytope,
-    prove,
-    scaled_vertices,
-    shrunk_matrices,
-    state_loop,
-    uncertain_loop,
-    vertex_names,
-    with_gain,
-    with_slack,
-)
+from robustpolish.synthesis.scheduled import polytope as polytopes
 from robustpolish.synthesis.state_feedback.lmi import Coordinates, gain_inequality
 
 # `RobustStateFeedback`: one gain for all plants of a polytope, and what is proven of it.
@@ -138,7 +120,7 @@ class RobustStateFeedback(Displayed):
 
     @property
     def _names(self) -> tuple[str, ...]:
-        return tuple(name or str(i) for i, name in enumerate(vertex_names(self.points)))
+        return tuple(name or str(i) for i, name in enumerate(polytopes.vertex_names(self.points)))
 
     def _card(self) -> Card:
         name = "H-infinity" if self.norm == "hinf" else "H2"
@@ -206,7 +188,7 @@ class GainSearch:
     """
 
     plants: tuple[PlantMatrices, ...]
-    specification: PolytopeSpecification
+    specification: polytopes.PolytopeSpecification
     solver: ProgramSolver
     scheduled: bool = False
 
@@ -242,11 +224,11 @@ class GainSearch:
 
     def loops(self, found: VertexGains) -> list[BallSystem]:
         """Return the loops at the vertices, without rounding."""
-        return [state_loop(p, F) for p, F in zip(self.plants, found.gains, strict=True)]
+        return [polytopes.state_loop(p, F) for p, F in zip(self.plants, found.gains, strict=True)]
 
     def bound(self, found: VertexGains) -> float | None:
         """Return the bound that is proven for gains; None if none is."""
-        return prove(self.loops(found), self.specification, self.solver, found.claimed)
+        return polytopes.prove(self.loops(found), self.specification, self.solver, found.claimed)
 
     def feasible_share(self) -> float:
         """Return for which part of a polytope, shrunk towards its middle, there is a proven gain.
@@ -256,7 +238,7 @@ class GainSearch:
         low, high = 0.0, 1.0
         for _ in range(_SHRINKINGS):
             share = (low + high) / 2
-            part = replace(self, plants=shrunk_matrices(self.plants, share))
+            part = replace(self, plants=polytopes.shrunk_matrices(self.plants, share))
             found = next(part.candidates(), None)
             good = found is not None and part.bound(found) is not None
             low, high = (share, high) if good else (low, share)
@@ -265,7 +247,7 @@ class GainSearch:
     def _best_tilt(self) -> tuple[VertexGains | None, float]:
         """Return the best first answer, and the weight of the slack on the derivative for it."""
         start = Coordinates.plain(self.plants[0], 1.0)
-        family = LyapunovFamily.common(len(self.plants))
+        family = polytopes.LyapunovFamily.common(len(self.plants))
         common = replace(self, specification=replace(self.specification, family=family))
         plain = common._program(start, 0.0)
         plain = plain and common._interior(plain, start, 0.0)
@@ -296,7 +278,7 @@ class GainSearch:
             return None  # a program that is not solved takes longer to make than a limit allows
         specification, plants = self.specification, [c.apply(p) for p in self.plants]
         n, nu, count = plants[0].nx, plants[0].nu, len(plants) if self.scheduled else 1
-        program = PolytopeProgram(specification, n)
+        program = polytopes.PolytopeProgram(specification, n)
         free = not (specification.tied or specification.discrete)
         weights = (tilt, 1.0) if free else specification.tied_weights
         V = program.matrices[0] if specification.tied else program.matrix(n, n)
@@ -305,7 +287,7 @@ class GainSearch:
         for i, p in enumerate(plants):
             L = gains[i % count]
             AV, CV = p.A @ V + p.B2 @ L, p.C1 @ V + p.D12 @ L
-            S = with_gain(V, AV, Affine.of(specification.seen(CV)), *weights)
+            S = polytopes.with_gain(V, AV, Affine.of(specification.seen(CV)), *weights)
             program.impose(i, S, CV, V, (p.B1, p.D11), square)
         if limit is None:
             program.minimise(square)
@@ -368,23 +350,25 @@ class GainSearch:
         gain: Matrix = c.V @ F @ np.linalg.inv(c.T)
         return VertexGains((gain,) * len(plants), level, c)
 
-    def _slack(self, plants: list[PlantMatrices], F: Matrix, room: float) -> ProgramResult | None:
+    def _slack(
+        self, plants: list[PlantMatrices], F: Matrix, room: float
+    ) -> polytopes.ProgramResult | None:
         """Return a slack well inside the inequalities for a gain, and the least gamma^2."""
         loops = [(p.A + p.B2 @ F, p.B1, p.C1 + p.D12 @ F, p.D11) for p in plants]
         same = all(np.array_equal(loop[2], loops[0][2]) for loop in loops)
-        least = lyapunov_analysis(loops, self.specification, self.solver, same)
+        least = polytopes.lyapunov_analysis(loops, self.specification, self.solver, same)
         if least is None or not least.square > 0:
             return None
         limit = least.square * (1 + room) ** 2
-        inside = lyapunov_analysis(loops, self.specification, self.solver, same, limit)
+        inside = polytopes.lyapunov_analysis(loops, self.specification, self.solver, same, limit)
         return inside and inside._replace(square=least.square)
 
     def _gain(
-        self, plants: list[PlantMatrices], held: ProgramResult, limit: float | None = None
+        self, plants: list[PlantMatrices], held: polytopes.ProgramResult, limit: float | None = None
     ) -> Matrix | None:
         """Return the gain of the smallest bound with the slack held; with a limit, the smallest."""
         specification, n, nu = self.specification, plants[0].nx, plants[0].nu
-        program = PolytopeProgram(specification, n)
+        program = polytopes.PolytopeProgram(specification, n)
         F = program.matrix(nu, n)
         square = program.scalar() if limit is None else Affine.of(limit)
         assert held.X is not None
@@ -392,7 +376,9 @@ class GainSearch:
             A, C = p.A + p.B2 @ F, p.C1 + p.D12 @ F
             seen = Affine.of(specification.seen(C))
             V = specification.at(i, held.P) if held.V is None else held.V
-            program.impose(i, with_slack(held.X, A, seen), C @ V, V, (p.B1, p.D11), square)
+            program.impose(
+                i, polytopes.with_slack(held.X, A, seen), C @ V, V, (p.B1, p.D11), square
+            )
         if limit is None:
             program.minimise(square)
         else:
@@ -403,7 +389,7 @@ class GainSearch:
         return None if solution.x is None else solution.value(F)
 
 
-def refuse_uncontrollable_vertices(whole: Polytope) -> None:
+def refuse_uncontrollable_vertices(whole: polytopes.Polytope) -> None:
     """Refuse a polytope with a vertex that no controller stabilises.
 
     Raises
@@ -506,7 +492,7 @@ def robust_state_feedback(
     one_of("norm", norm, ("hinf", "h2"))
     one_of("lyapunov", lyapunov, ("vertices", "common"))
     positive("time_limit", time_limit)
-    whole = polytope(plant, controls, None, control_weight).with_full_state()
+    whole = polytopes.polytope(plant, controls, None, control_weight).with_full_state()
     for name, vertex in zip(whole.names, whole.plants, strict=True):
         if norm == "h2" and not vertex.is_discrete and vertex.D11.any():
             raise invalid(
@@ -516,13 +502,17 @@ def robust_state_feedback(
                 'Use norm="hinf", or filter z.',
             )
     refuse_uncontrollable_vertices(whole)
-    budget = Budget(WORK, time_limit)
-    programs = ProgramSolver(backend, solver, budget, ACCURACY)
-    make = LyapunovFamily.common if lyapunov == "common" else LyapunovFamily.per_vertex
+    budget = Budget(polytopes.WORK, time_limit)
+    programs = ProgramSolver(backend, solver, budget, polytopes.ACCURACY)
+    make = (
+        polytopes.LyapunovFamily.common
+        if lyapunov == "common"
+        else polytopes.LyapunovFamily.per_vertex
+    )
     with progress_bar("Designing for all vertices"), enforce_deadline(budget):
-        scaled, vertices = scaled_vertices(whole)
+        scaled, vertices = polytopes.scaled_vertices(whole)
         family = make(len(vertices))
-        specification = PolytopeSpecification(family, norm, vertices[0].discrete)
+        specification = polytopes.PolytopeSpecification(family, norm, vertices[0].discrete)
         search = GainSearch(vertices, specification, programs)
         for found in search.candidates():
             proven = search.bound(found)
@@ -537,7 +527,7 @@ def robust_state_feedback(
 
 
 def _verified_design(
-    whole: Polytope, norm: Norm, lyapunov: Lyapunov, F: Matrix, bound: float, late: bool
+    whole: polytopes.Polytope, norm: Norm, lyapunov: Lyapunov, F: Matrix, bound: float, late: bool
 ) -> RobustStateFeedback | None:
     """Return the design of a gain with all that is proven of it; None if that is too little."""
     certificates = tuple(certify(p, F, norm) for p in whole.plants)
@@ -546,7 +536,7 @@ def _verified_design(
     worst: WorstCaseGain | None = None
     loop = None
     if whole.system is not None:
-        loop = uncertain_loop(whole.system, whole.plants[0].nz, F)
+        loop = polytopes.uncertain_loop(whole.system, whole.plants[0].nz, F)
         try:
             worst = worst_case_gain(loop) if norm == "hinf" else None
         except DeadlineError:
@@ -579,7 +569,9 @@ def _verified_design(
     )
 
 
-def _message(whole: Polytope, status: Status, varying: bool, worst: WorstCaseGain | None) -> str:
+def _message(
+    whole: polytopes.Polytope, status: Status, varying: bool, worst: WorstCaseGain | None
+) -> str:
     if whole.is_convex_hull:
         text = "The bound is proven for every mixture of the vertices"
         text += ", also if they change with time." if varying else ", unless they change with time."

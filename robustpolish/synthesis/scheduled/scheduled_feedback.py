@@ -18,7 +18,7 @@ from robustpolish.base.budget import Budget, progress_bar, single_threaded_blas
 from robustpolish.base.checks import described, instance_of, invalid, known_keys, positive
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.errors import SolverError
-from robustpolish.linear.norms.singular_values import singular_values
+from robustpolish.linear.norms.hinf import singular_values
 from robustpolish.linear.response import uniform_step, varying_response
 from robustpolish.plants.blocks import SignalChoice, matrices_of, named_system
 from robustpolish.plants.plant import GeneralizedPlant
@@ -32,18 +32,7 @@ from robustpolish.synthesis.lmi.output_feedback import (
 from robustpolish.synthesis.lmi.program import Affine, ProgramSolver, SemidefiniteProgram
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
 from robustpolish.synthesis.problem.preflight import ScaledPlant, with_measurement_noise
-from robustpolish.synthesis.scheduled.polytope import (
-    ACCURACY,
-    WORK,
-    LyapunovFamily,
-    Polytope,
-    PolytopeSpecification,
-    output_loop,
-    polytope,
-    prove,
-    require_equal,
-    scaled_vertices,
-)
+from robustpolish.synthesis.scheduled import polytope as polytopes
 from robustpolish.synthesis.scheduled.robust_state_feedback import (
     BACK_OFFS,
     GainSearch,
@@ -99,7 +88,7 @@ class ScheduledDesign(Displayed):
     rates: Mapping[str, float]
     status: Literal["proven", "time_limit"]
     message: str
-    vertices: Polytope
+    vertices: polytopes.Polytope
 
     @property
     def plants(self) -> tuple[GeneralizedPlant, ...]:
@@ -367,7 +356,9 @@ def scheduled_feedback(
     remedy = "Make it with uncertain_real and uncertain_system."
     instance_of("plant", plant, UncertainSystem, "an UncertainSystem", remedy)
     positive("time_limit", time_limit)
-    whole = _checked(polytope(plant, controls, measurements, control_weight), measurements)
+    whole = _checked(
+        polytopes.polytope(plant, controls, measurements, control_weight), measurements
+    )
     if measurements is not None:
         whole = replace(
             whole, plants=tuple(with_measurement_noise(p, measurement_noise) for p in whole.plants)
@@ -377,24 +368,28 @@ def scheduled_feedback(
         raise invalid("measurement_noise", measurement_noise, "none for state feedback", remedy)
     limits = _rates(whole, rates)
     refuse_uncontrollable_vertices(whole)
-    budget = Budget(WORK, time_limit)
-    programs = ProgramSolver(backend, solver, budget, ACCURACY)
+    budget = Budget(polytopes.WORK, time_limit)
+    programs = ProgramSolver(backend, solver, budget, polytopes.ACCURACY)
     with progress_bar("Designing for all corners"):
-        scaled, vertices = scaled_vertices(whole)
+        scaled, vertices = polytopes.scaled_vertices(whole)
         moving = [whole.speed(name) * rate * scaled.time for name, rate in limits.items()]
-        family = LyapunovFamily.affine(whole.positions, moving)
-        specification = PolytopeSpecification(family, "hinf", vertices[0].discrete)
+        family = polytopes.LyapunovFamily.affine(whole.positions, moving)
+        specification = polytopes.PolytopeSpecification(family, "hinf", vertices[0].discrete)
         search = GainSearch(vertices, specification, programs, scheduled=True)
         # State feedback is proven for its own candidates, output feedback for controllers.
         if measurements is None:
             ways = ((search.loops(one), one.gains, one.claimed) for one in search.candidates())
         else:
             ways = (
-                ([output_loop(p, K) for p, K in zip(vertices, made, strict=True)], made, claimed)
+                (
+                    [polytopes.output_loop(p, K) for p, K in zip(vertices, made, strict=True)],
+                    made,
+                    claimed,
+                )
                 for made, claimed in scheduled_controllers(vertices, programs)
             )
         proven = (
-            (controllers, prove(loops, specification, programs, claimed))
+            (controllers, polytopes.prove(loops, specification, programs, claimed))
             for loops, controllers, claimed in ways
         )
         found, bound = next((pair for pair in proven if pair[1] is not None), (None, None))
@@ -437,7 +432,7 @@ def _named(scaled: ScaledPlant, K: Any) -> control.StateSpace:
     return named_system(scaled.controller(K), plant.dt, *names)
 
 
-def _checked(whole: Polytope, measurements: SignalChoice | None) -> Polytope:
+def _checked(whole: polytopes.Polytope, measurements: SignalChoice | None) -> polytopes.Polytope:
     """Return a polytope whose mixtures the controllers follow, or say what to do."""
     if not whole.is_convex_hull:
         raise invalid(
@@ -450,7 +445,7 @@ def _checked(whole: Polytope, measurements: SignalChoice | None) -> Polytope:
         remedy = "Make each with uncertain_real: each is measured on its own."
         raise invalid("plant", described("an ellipsoid"), "numbers of their own", remedy)
     if measurements is None:
-        return require_equal(whole.with_full_state(), ("B2", "D12"))
+        return polytopes.require_equal(whole.with_full_state(), ("B2", "D12"))
     plant = whole.plants[0]
     if plant.is_discrete:
         remedy = "Design in continuous time, or with state feedback."
@@ -458,10 +453,10 @@ def _checked(whole: Polytope, measurements: SignalChoice | None) -> Polytope:
     if any(p.D22.any() for p in whole.plants):
         remedy = "Put a lag before the controls or behind the measurements."
         raise invalid("plant", described("a D22 that is not zero"), "none from u to y", remedy)
-    return require_equal(whole, ("B2", "C2", "D12", "D21"))
+    return polytopes.require_equal(whole, ("B2", "C2", "D12", "D21"))
 
 
-def _rates(whole: Polytope, given: Mapping[str, float] | None) -> dict[str, float]:
+def _rates(whole: polytopes.Polytope, given: Mapping[str, float] | None) -> dict[str, float]:
     names = [element.name for element in whole.numbers]
     given = {} if given is None else given
     instance_of("rates", given, Mapping, "a mapping of names to rates", 'Write {"k": 0.5}.')

@@ -32,40 +32,15 @@ from robustpolish.synthesis.driver import (
 from robustpolish.synthesis.engine import Candidate, Engine, Settings, Task
 from robustpolish.synthesis.nonsmooth.descent import MaskedGain, Problem, Requirement, minimax
 from robustpolish.synthesis.nonsmooth.measures import GainMeasure, norm_measure
-from robustpolish.synthesis.problem.matrices import (
-    Controller,
-    PlantMatrices,
-    compressed_outputs,
-    in_states,
-    is_regular,
-    minimum_effort_problem,
-    stabilises,
-    state_gain_norm,
-    with_noise,
-    with_small_penalty,
-)
+from robustpolish.synthesis.problem import matrices, preflight
 from robustpolish.synthesis.problem.pole_regions import (
     Disk,
     PoleRegion,
     checked_regions,
     violated_regions,
 )
-from robustpolish.synthesis.problem.preflight import (
-    SolvabilityCheck,
-    SolverPlant,
-    Status,
-    decoupled_parts,
-    whole_plant,
-    with_control_penalty,
-)
 from robustpolish.synthesis.riccati.gamma import LowerBound, solve_lyapunov
-from robustpolish.synthesis.state_feedback.lmi import (
-    EASED_TOLERANCE,
-    SOLVER_TOLERANCE,
-    Coordinates,
-    LmiStateEngine,
-    StatePrograms,
-)
+from robustpolish.synthesis.state_feedback import lmi
 from robustpolish.synthesis.state_feedback.output_nulling import output_nulling_gain
 from robustpolish.synthesis.state_feedback.riccati import (
     RiccatiStateEngine,
@@ -79,7 +54,7 @@ from robustpolish.synthesis.state_feedback.riccati import (
 # takes 13 000 of them, everything else on it less than 1 000, and one program for 40 states 15 000.
 _WORK = 1e5
 # What is fixed has been refused, and no engine of a static gain asks for ranks of D12 and D21.
-_SOLVABLE = SolvabilityCheck((), 0, 0, True, True)
+_SOLVABLE = preflight.SolvabilityCheck((), 0, 0, True, True)
 
 
 @single_threaded_blas
@@ -204,10 +179,10 @@ def state_feedback(
         raise invalid("pole_region", shown, "method='lmi' and no gain_bound", remedy)
     budget = Budget.with_certificate_reserve(_WORK, time_limit)
     wanted = NormTarget.checked(gamma)
-    whole = with_control_penalty(plant, control_weight).with_full_state()
+    whole = preflight.with_control_penalty(plant, control_weight).with_full_state()
     _refuse_infeasible(whole, norm)
     together = not split or (wanted.is_requested and norm == "h2")
-    pieces = (whole_plant(whole),) if together else decoupled_parts(whole)
+    pieces = (preflight.whole_plant(whole),) if together else preflight.decoupled_parts(whole)
     settings = Settings(
         norm,
         method,
@@ -355,7 +330,7 @@ class StateSearch(Engine):
         self.tolerance = settings.relaxations[0] * settings.tolerance
         self.method, kind = settings.method, RiccatiStateEngine
         if settings.method == "lmi":
-            self.backend, kind = settings.backend, LmiStateEngine
+            self.backend, kind = settings.backend, lmi.LmiStateEngine
         regions = tuple(region.in_unit_of_time(self.scaled.time) for region in settings.regions)
         self.engine: StateEngine = kind(
             self.norm, self.tolerance, regions, settings.backend, settings.solver
@@ -368,7 +343,7 @@ class StateSearch(Engine):
         """Minimise the norm; the only candidate is a static controller."""
         found, unit = self.smallest_norm(), self.scaled.norm(1.0, self.norm)
         nu, nx = found.F.shape
-        K = Controller(np.zeros((0, 0)), np.zeros((0, nx)), np.zeros((nu, 0)), found.F)
+        K = matrices.Controller(np.zeros((0, 0)), np.zeros((0, nx)), np.zeros((nu, 0)), found.F)
         self.candidates = [Candidate(K, found.achieved, found.claimed, self.method)]
         self.history = [
             entry | {key: entry[key] * unit for key in _NORMS if key in entry}
@@ -400,7 +375,7 @@ class StateSearch(Engine):
         found = None
         if math.isfinite(self.bound_on_gain):
             found = self._bounded()
-        elif is_regular(p) or bounded:  # an optimum without a price on u
+        elif matrices.is_regular(p) or bounded:  # an optimum without a price on u
             found = self.engine.search(p, self.budget)
         if found is None and not self.engine.regions and math.isinf(self.bound_on_gain):
             found = self._nulling()
@@ -439,13 +414,13 @@ class StateSearch(Engine):
 
     def _norm(self, F: Matrix | None) -> float:
         """Return the norm that a gain achieves."""
-        return state_gain_norm(self.plant, F, self.norm)
+        return matrices.state_gain_norm(self.plant, F, self.norm)
 
     def _stabilised(self) -> StateGain:
         """Stabilise a part whose norm no control changes, with little effort."""
         F = np.zeros((self.plant.nu, self.plant.nx))
-        if self.engine.regions or not stabilises(self.plant, F):
-            effort = minimum_effort_problem(self.plant, 1.0)
+        if self.engine.regions or not matrices.stabilises(self.plant, F):
+            effort = matrices.minimum_effort_problem(self.plant, 1.0)
             found = replace(self.engine, norm="h2").search(effort, self.budget)
             if found is None:
                 raise self._no_gain_error()
@@ -475,7 +450,7 @@ class StateSearch(Engine):
 
         The answer is a local optimum, or the optimum without the bound if that is within it.
         """
-        if is_regular(self.plant):
+        if matrices.is_regular(self.plant):
             free = self.engine.search(self.plant, self.budget)
             if free is not None and self._size(free.F) <= self.bound_on_gain:
                 return free
@@ -517,7 +492,7 @@ class StateSearch(Engine):
         for price in _STARTING_PRICES:
             if self.budget.over:
                 break
-            answer = quick.search(with_small_penalty(self.plant, price), self.budget)
+            answer = quick.search(matrices.with_small_penalty(self.plant, price), self.budget)
             if answer is not None:
                 F, size = self._inside(answer.F), self._size(answer.F)
                 found.append((self._norm(F), F))
@@ -528,19 +503,19 @@ class StateSearch(Engine):
 
     def _by_inequalities(self, start: Matrix, history: History) -> Matrix:
         """Solve the bounded inequalities about the Lyapunov matrix of the last gain, repeatedly."""
-        p = compressed_outputs(self.plant)
-        programs = StatePrograms(p, self.engine, self.budget, history)
+        p = matrices.compressed_outputs(self.plant)
+        programs = lmi.StatePrograms(p, self.engine, self.budget, history)
         held = (self.left / self.bound_on_gain, self.right)
 
-        def solved(c: Coordinates, step: str, **demand: Any) -> Any:
+        def solved(c: lmi.Coordinates, step: str, **demand: Any) -> Any:
             plain = c.without_congruence()
-            attempts = [(c, SOLVER_TOLERANCE), (plain, EASED_TOLERANCE)]
+            attempts = [(c, lmi.SOLVER_TOLERANCE), (plain, lmi.EASED_TOLERANCE)]
             return programs.first(attempts, step, noise=_NOISE, **demand)
 
         def improved(F: Matrix, value: float) -> Matrix | None:
             if not value > 0:
                 return None
-            coordinates = Coordinates.plain(p, value)
+            coordinates = lmi.Coordinates.plain(p, value)
             for _ in range(2):
                 found = solved(coordinates, "Lyapunov matrix of a gain", fixed=F)
                 if found is None:
@@ -557,7 +532,7 @@ class StateSearch(Engine):
 
         def improved(F: Matrix, _: float) -> Matrix:
             T, V = _coordinates(p, F) if balanced else (np.eye(p.nx), np.eye(p.nu))
-            q, back = in_states(p, T), np.linalg.inv(T)
+            q, back = matrices.in_states(p, T), np.linalg.inv(T)
             loop = q.replace(B2=q.B2 @ V, D12=q.D12 @ V)
             held = GainMeasure(self.left @ V, back @ self.right)
             gains, theta = _free_gain(np.linalg.solve(V, F @ T))
@@ -620,7 +595,7 @@ class StateSearch(Engine):
 
         def rung(price: float) -> StateGain | None:
             """Design with a price; the norm is the one without."""
-            found = engine.search(with_small_penalty(self.plant, price), self.budget)
+            found = engine.search(matrices.with_small_penalty(self.plant, price), self.budget)
             if found is None:
                 return None
             achieved, size = self._norm(found.F), self._size(found.F)
@@ -665,7 +640,7 @@ class StateSearch(Engine):
         status = "suboptimal" if over else self._limit(rungs, smallest)
         return replace(smallest, status=status, history=tuple(history))
 
-    def _limit(self, rungs: list[StateGain], now: StateGain) -> Status:
+    def _limit(self, rungs: list[StateGain], now: StateGain) -> preflight.Status:
         """Say whether the last tenfold fall of the norm took a larger gain."""
         before = [g for g in rungs if g.achieved >= 10 * now.achieved]
         grown = not before or self._size(now.F) > _GAIN_CONVERGED * self._size(before[-1].F)
@@ -684,7 +659,7 @@ class StateSearch(Engine):
         if idle is not None and self._norm(idle) <= target:
             kept.append(self._keeping(idle, target, "no control"))
         else:
-            if self.norm == "hinf" and is_regular(p) and not regions:
+            if self.norm == "hinf" and matrices.is_regular(p) and not regions:
                 central = central_state_gain(p, target)
                 if central is not None:
                     kept.append(self._keeping(central, target, "central gain"))
@@ -717,9 +692,9 @@ def _free_gain(F: Matrix) -> tuple[MaskedGain, Any]:
     return gains, gains.coordinates(F)
 
 
-def _coordinates(p: PlantMatrices, F: Matrix) -> tuple[Matrix, Matrix]:
+def _coordinates(p: matrices.PlantMatrices, F: Matrix) -> tuple[Matrix, Matrix]:
     """Return states of equal variance under white noise, and controls of order one."""
-    noisy = with_noise(p, _NOISE)
+    noisy = matrices.with_noise(p, _NOISE)
     W, closed = noisy.B1 @ noisy.B1.T, p.A + p.B2 @ F
     X = linalg.solve_discrete_lyapunov(closed, W) if p.discrete else solve_lyapunov(closed.T, W)
     if X is None:
@@ -730,7 +705,7 @@ def _coordinates(p: PlantMatrices, F: Matrix) -> tuple[Matrix, Matrix]:
     return T, np.diag(np.maximum(size, 1e-3 * largest))
 
 
-def is_idle(p: PlantMatrices) -> bool:
+def is_idle(p: matrices.PlantMatrices) -> bool:
     """Return whether nothing is to be minimised: no disturbance, or no performance output."""
     return not p.B1.any() or not (p.C1.any() or p.D12.any() or p.D11.any())
 
@@ -743,16 +718,16 @@ def reference_norm(parts: Iterable[GeneralizedPlant], norm: Norm) -> float:
     known: dict[tuple[bytes, ...], float] = {}
     norms = []
     for part in parts:
-        key = PlantMatrices.of(part).fingerprint
+        key = matrices.PlantMatrices.of(part).fingerprint
         if key not in known and part.nu and part.nx:
-            prepared = SolverPlant.of(part, mapped=False, full_state=True)
+            prepared = preflight.SolverPlant.of(part, mapped=False, full_state=True)
             p, value = prepared.matrices, 0.0
-            if not (is_idle(p) or is_regular(p)):
-                value = state_gain_norm(p, np.zeros((p.nu, p.nx)), norm)
+            if not (is_idle(p) or matrices.is_regular(p)):
+                value = matrices.state_gain_norm(p, np.zeros((p.nu, p.nx)), norm)
                 if not math.isfinite(value):
                     # Weight of the states against the controls where only stability is asked for.
-                    least = central_state_gain(minimum_effort_problem(p, 1e-3), math.inf)
-                    value = state_gain_norm(p, least, norm)
+                    least = central_state_gain(matrices.minimum_effort_problem(p, 1e-3), math.inf)
+                    value = matrices.state_gain_norm(p, least, norm)
             known[key] = prepared.norm(value, norm) if math.isfinite(value) else 0.0
         norms.append(known.get(key, 0.0))
     return max(norms, default=0.0) if norm == "hinf" else math.hypot(*norms)

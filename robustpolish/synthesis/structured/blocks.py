@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.arrays import AnyVector as Vector
-from robustpolish.base.checks import described, invalid, is_whole, misfit, one_of
+from robustpolish.base.checks import described, invalid, misfit, one_of, whole_number
 from robustpolish.synthesis.structured.block_parts import (
     Given,
     Names,
@@ -143,8 +143,7 @@ def fixed_order(
     >>> rp.tunable.fixed_order("x", "F", order=2, feedthrough=False)
     block: F = (C (s I - A)^-1 B) x
     """
-    if not is_whole(order) or order < 1:
-        raise invalid("order", order, "a whole number of at least 1", "Use static_gain for none.")
+    whole_number("order", order, 1, remedy="Use static_gain for none.")
     if not isinstance(feedthrough, bool):
         raise invalid("feedthrough", feedthrough, "True or False", "False is strictly proper.")
     stage = FreeEntries(

@@ -13,7 +13,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.base.budget import Budget, enforce_deadline, progress_bar, single_threaded_blas
-from robustpolish.base.checks import described, instance_of, invalid, is_whole, one_of, positive
+from robustpolish.base.checks import (
+    described,
+    instance_of,
+    invalid,
+    one_of,
+    positive,
+    whole_number,
+)
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
@@ -32,6 +39,7 @@ from robustpolish.synthesis.problem.preflight import (
     with_control_penalty,
     with_measurement_noise,
 )
+from robustpolish.synthesis.structured import structures
 from robustpolish.synthesis.structured.block_parts import TunableBlock, TunedBlocks
 from robustpolish.synthesis.structured.block_structure import (
     BlockStructure,
@@ -46,13 +54,6 @@ from robustpolish.synthesis.structured.search import (
     design_part,
 )
 from robustpolish.synthesis.structured.starts import padded
-from robustpolish.synthesis.structured.structures import (
-    GROUND,
-    Mechanics,
-    ObserverStructure,
-    PassiveStructure,
-    StaticStructure,
-)
 
 # The driver of all designs of prescribed structure: search part by part, join, certify.
 
@@ -201,9 +202,7 @@ def _verdict(designs: Sequence[PartDesign], achieved: float, late: bool) -> tupl
 
 def checked_order(order: Any) -> int:
     """Return a number of states, which has to be a whole one."""
-    if not is_whole(order) or order < 0:
-        raise invalid("order", order, "a whole number of at least 0", "0 is static feedback.")
-    return int(order)
+    return whole_number("order", order, 0, remedy="0 is static feedback.")
 
 
 def refuse_with_order(method: str, gamma: Any) -> None:
@@ -271,7 +270,7 @@ def design_fixed_order(
         if order and len(decoupled) > 1:
             # The limit counts the states of all parts.
             decoupled = (whole_plant(whole.without_delays()),)
-        structure = StaticStructure(norm, order, initial=start)
+        structure = structures.StaticStructure(norm, order, initial=start)
         options = replace(options, target=enough)
         try:
             found = design_structured(plant, whole, decoupled, structure, options)
@@ -393,7 +392,7 @@ def observer_feedback(
     """
     options = StructuredOptions.checked(norm, time_limit, seed, target)
     whole = with_measurement_noise(with_control_penalty(plant, control_weight), measurement_noise)
-    structure = ObserverStructure(norm, checked_bound(gain_bound))
+    structure = structures.ObserverStructure(norm, checked_bound(gain_bound))
     return design_structured(plant, whole, decoupled_parts(whole), structure, options)
 
 
@@ -481,7 +480,7 @@ def passive_feedback(
             "Springs and dampers act without a sampler: pass the continuous model.",
         )
     whole = with_control_penalty(plant, control_weight).with_full_state()
-    mechanics = Mechanics.of(plant)
+    mechanics = structures.Mechanics.of(plant)
     wanted = [("spring", _place("springs", p, mechanics)) for p in springs]
     wanted += [("damper", _place("dampers", p, mechanics)) for p in dampers]
     if not wanted or len(set(wanted)) != len(wanted):
@@ -492,19 +491,19 @@ def passive_feedback(
         else _limit("damping_bound", damping_bound, place)
         for kind, place in wanted
     ]
-    structure = PassiveStructure(norm, mechanics, wanted, np.array(limits))
+    structure = structures.PassiveStructure(norm, mechanics, wanted, np.array(limits))
     parts = decoupled_parts(whole, structure.joined)
     return design_structured(whole, whole, parts, structure, options)
 
 
-def _place(argument: str, place: Place, mechanics: Mechanics) -> Place:
+def _place(argument: str, place: Place, mechanics: structures.Mechanics) -> Place:
     known = [n for n in mechanics.plant.states if n in mechanics.force]
     pair: list[str] = [place] if isinstance(place, str) else list(place)
-    if len(set(pair)) != 2 or len(pair) != 2 or not {*pair} <= {*known, GROUND}:
+    if len(set(pair)) != 2 or len(pair) != 2 or not {*pair} <= {*known, structures.GROUND}:
         raise invalid(
             argument,
             place,
-            f"two different places out of {', '.join(known) or 'none'} and {GROUND}",
+            f"two different places out of {', '.join(known) or 'none'} and {structures.GROUND}",
             "A place is a displacement state with a force on it: choose actuation='force'.",
         )
     return (pair[0], pair[1])
@@ -614,7 +613,7 @@ def static_output_feedback(
 
     joined = order > 0 and (mask is not None or start is not None)
     parts = (whole_plant(whole),) if joined else decoupled_parts(whole, mask)
-    asked = StaticStructure(norm, order, mask, checked_bound(gain_bound), start)
+    asked = structures.StaticStructure(norm, order, mask, checked_bound(gain_bound), start)
     return design_structured(plant, whole, parts, asked, options)
 
 

@@ -27,20 +27,12 @@ from robustpolish.synthesis.nonsmooth.measures import (
     StabilityMeasure,
     norm_measure,
 )
+from robustpolish.synthesis.problem import preflight
 from robustpolish.synthesis.problem.matrices import (
     PlantMatrices,
     augmented,
     controller_from_matrix,
     controller_loop,
-)
-from robustpolish.synthesis.problem.preflight import (
-    PlantPart,
-    ScaledPlant,
-    joined_controller,
-    named_controller,
-    refuse_fixed_modes,
-    scale_plant,
-    with_dummy_signals,
 )
 
 TIME_LIMIT = 300.0
@@ -315,7 +307,7 @@ class PartProblem:
         What tells the problem from another one of its structure on the same matrices.
     """
 
-    scaled: ScaledPlant
+    scaled: preflight.ScaledPlant
     norm: Norm
     order: int
     parametrisation: descent.Parametrisation
@@ -401,7 +393,7 @@ class PartProblem:
         # Entries that only rounding left in place of a zero are zeros.
         K = np.where(np.abs(K) < 1e-13 * np.abs(K).max(initial=0.0), 0.0, K)
         own = self.scaled.controller(controller_from_matrix(K, self.order))
-        return named_controller(self.scaled.original, *own)
+        return preflight.named_controller(self.scaled.original, *own)
 
 
 @dataclass(frozen=True, eq=False)
@@ -455,7 +447,7 @@ class ControllerStructure(ABC):
     method: ClassVar[str] = "descent"
 
     @abstractmethod
-    def problem(self, part: PlantPart) -> PartProblem | None:
+    def problem(self, part: preflight.PlantPart) -> PartProblem | None:
         """State the problem of one part; None if the structure leaves nothing to choose in it.
 
         Raises
@@ -464,14 +456,16 @@ class ControllerStructure(ABC):
             If no controller of the structure does.
         """
 
-    def join(self, plant: GeneralizedPlant, parts: Sequence[PlantPart], designs: Designs) -> Joined:
+    def join(
+        self, plant: GeneralizedPlant, parts: Sequence[preflight.PlantPart], designs: Designs
+    ) -> Joined:
         """Return the controller of the whole plant, and what the method wants to tell of it."""
-        return joined_controller(plant, parts, [d and d.controller for d in designs]), {}
+        return preflight.joined_controller(plant, parts, [d and d.controller for d in designs]), {}
 
 
 def scaled_part(
     plant: GeneralizedPlant, what: str, mask: NDArray[np.bool_] | None = None
-) -> tuple[ScaledPlant, PlantMatrices]:
+) -> tuple[preflight.ScaledPlant, PlantMatrices]:
     """Scale a part, unless an unstable mode of it is fixed for all gains with the mask.
 
     Raises
@@ -479,10 +473,10 @@ def scaled_part(
     InfeasibleError
         If one is; it is named.
     """
-    scaled = scale_plant(plant)
+    scaled = preflight.scale_plant(plant)
     inner = PlantMatrices.of(scaled.plant)
     free = np.ones((plant.nu, plant.ny), bool) if mask is None else mask
-    refuse_fixed_modes(inner, free, plant.states, scaled.time, what)
+    preflight.refuse_fixed_modes(inner, free, plant.states, scaled.time, what)
     return scaled, inner
 
 
@@ -529,7 +523,7 @@ def design_part(part: PartProblem, budget: Budget, seed: int, target: float) -> 
                 raise SolverError(_failure(part, search, budget))
             design, last = _tidied(part, search, budget), search.point
         # When time is over nothing is tried again, and the whole is certified in any case.
-        plant = with_dummy_signals(part.scaled.original)
+        plant = preflight.with_dummy_signals(part.scaled.original)
         if budget.over or certify(plant, design.controller, part.norm).valid:
             break
     assert design is not None

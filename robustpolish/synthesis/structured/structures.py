@@ -18,13 +18,7 @@ from robustpolish.base.checks import described, invalid
 from robustpolish.errors import InfeasibleError
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import Norm
-from robustpolish.synthesis.nonsmooth.descent import (
-    AffineGain,
-    MaskedGain,
-    ObserverGain,
-    PositiveElements,
-    Requirement,
-)
+from robustpolish.synthesis.nonsmooth import descent
 from robustpolish.synthesis.nonsmooth.measures import FrobeniusMeasure, RegionMeasure, norm_measure
 from robustpolish.synthesis.problem.matrices import (
     PlantMatrices,
@@ -139,7 +133,7 @@ class PassiveStructure(ControllerStructure):
             scaled=scaled,
             norm=self.norm,
             order=0,
-            parametrisation=PositiveElements(size[:, None, None] * local * y / u),
+            parametrisation=descent.PositiveElements(size[:, None, None] * local * y / u),
             starts=(
                 partial(starts.known, [*levels, top, bottom]),
                 lambda _, rng: (rng.uniform(-10.0, 10.0, len(size)) for _ in count()),
@@ -217,7 +211,7 @@ class StaticStructure(ControllerStructure):
         # Whatever the pattern of a dynamic controller, it moves no mode that no gain moves.
         scaled, inner = scaled_part(plant, what, None if order else mask)
         loop = augmented(inner, order)
-        free = MaskedGain(mask) if self.norm == "hinf" else free_gain(mask, loop)
+        free = descent.MaskedGain(mask) if self.norm == "hinf" else free_gain(mask, loop)
         to_free = free.coordinates
         rest = to_free(zero_controller(mask.shape, order, loop.discrete))
         known = (
@@ -256,7 +250,9 @@ def zero_controller(shape: tuple[int, int], order: int, discrete: bool) -> Matri
     return rest
 
 
-def free_gain(mask: NDArray[np.bool_], loop: PlantMatrices) -> AffineGain | MaskedGain:
+def free_gain(
+    mask: NDArray[np.bool_], loop: PlantMatrices
+) -> descent.AffineGain | descent.MaskedGain:
     """Free the marked entries, as far as the feedthrough of a continuous loop stays zero.
 
     Raises
@@ -264,7 +260,7 @@ def free_gain(mask: NDArray[np.bool_], loop: PlantMatrices) -> AffineGain | Mask
     InfeasibleError
         If no gain of the pattern cancels D11.
     """
-    free = MaskedGain(mask)
+    free = descent.MaskedGain(mask)
     if loop.discrete or not loop.D11.size:
         return free
     if not (loop.D11.any() or (loop.D12.any() and loop.D21.any())):
@@ -313,7 +309,7 @@ class ObserverStructure(ControllerStructure):
                 "disturbance straight to z. Filter the disturbance or the output, or use 'hinf'."
             )
         scaled, inner = scaled_part(plant, what)
-        form = ObserverGain(inner.A, inner.B2, inner.C2, inner.D22)
+        form = descent.ObserverGain(inner.A, inner.B2, inner.C2, inner.D22)
         return PartProblem(
             scaled=scaled,
             norm=self.norm,
@@ -335,7 +331,7 @@ class ObserverStructure(ControllerStructure):
             if found is None:
                 continue
             scaled, P = found.part.scaled, found.part.scaled.plant
-            own_F, own_L = ObserverGain(P.A, P.B2, P.C2, P.D22).split(found.point)
+            own_F, own_L = descent.ObserverGain(P.A, P.B2, P.C2, P.D22).split(found.point)
             own_L = scaled.state[:, None] * own_L / scaled.measurement / scaled.time
             F[np.ix_(part.controls, part.states)] = scaled.state_gain(own_F)
             L[np.ix_(part.states, part.measurements)] = own_L
@@ -397,19 +393,19 @@ class MixedStructure(ControllerStructure):
         goal_loop = augmented(goal_matrices, order)
         h2_loop = goal_loop if norm == "h2" else None
         regions = tuple(region.in_unit_of_time(scaled.time) for region in self.regions)
-        demands: list[Requirement] = []
+        demands: list[descent.Requirement] = []
         specifications = [Specification(goal, norm, None)]
         if self.side is not None and self.side_bound is not None:
             other: Norm = "h2" if norm == "hinf" else "hinf"
             side = _shared_channel(scaled.plant, self.side)
             side_loop = augmented(PlantMatrices.of(side), order)
             bound = scaled.scaled_norm(self.side_bound, other)
-            demands.append(Requirement(norm_measure(side_loop, other), bound))
+            demands.append(descent.Requirement(norm_measure(side_loop, other), bound))
             specifications.append(Specification(side, other, bound))
             h2_loop = side_loop if other == "h2" else h2_loop
-        demands.extend(Requirement(_region(loop, region), None) for region in regions)
+        demands.extend(descent.Requirement(_region(loop, region), None) for region in regions)
         mask = np.ones((order + plant.nu, order + plant.ny), bool)
-        free = MaskedGain(mask) if h2_loop is None else free_gain(mask, h2_loop)
+        free = descent.MaskedGain(mask) if h2_loop is None else free_gain(mask, h2_loop)
         to_free = free.coordinates
         rest = zero_controller(mask.shape, order, loop.discrete)
         known = partial(starts.known, [to_free(rest)])

@@ -13,13 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from robustpolish.base.budget import (
-    Budget,
-    DeadlineError,
-    enforce_deadline,
-    progress_bar,
-    single_threaded_blas,
-)
+from robustpolish.base import budget as budgets
 from robustpolish.base.checks import described, instance_of, invalid, misfit, positive
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.errors import InfeasibleError, SolverError
@@ -188,7 +182,7 @@ def _design(
     samples: UncertainSamples,
     chosen: RobustCandidate,
     history: Sequence[Mapping[str, Any]],
-    budget: Budget,
+    budget: budgets.Budget,
 ) -> RobustDesign:
     """Say what a proof means; without one there is no controller."""
     system, gamma, performance = chosen.system, chosen.gamma, chosen.performance
@@ -234,7 +228,7 @@ def _reason(chosen: RobustCandidate, late: bool) -> str:
 SignalChoice = int | str | Sequence[str]
 
 
-@single_threaded_blas
+@budgets.single_threaded_blas
 def robust_output_feedback(
     plant: UncertainSystem,
     measurements: SignalChoice,
@@ -336,7 +330,7 @@ def robust_output_feedback(
     """
     system, ny, nu = _sorted(plant, measurements, controls)
     gamma, effort = positive("gamma", gamma), positive("effort", effort)
-    budget = Budget(effort * WORK, positive("time_limit", time_limit, "s"))
+    budget = budgets.Budget(effort * WORK, positive("time_limit", time_limit, "s"))
     most = None if order is None else checked_order(order)
     mask = None if structure is None else checked_structure(structure, most or 0, nu, ny)
     if mask is not None and not mask.any():
@@ -351,9 +345,9 @@ def robust_output_feedback(
     if unmoved:
         return none(str(infeasible_modes_error(unmoved)))
     samples = UncertainSamples(system, ny, nu)
-    with progress_bar("Designing a robust controller"):
+    with budgets.progress_bar("Designing a robust controller"):
         try:
-            with enforce_deadline(budget, grace=0.0):
+            with budgets.enforce_deadline(budget, grace=0.0):
                 if mask is None:
                     chosen, history = _without_structure(problem, samples, most, gamma, budget)
                 else:
@@ -365,7 +359,7 @@ def robust_output_feedback(
             what = "stable on all machines of the set" if mask is not None else "well-posed"
             reason = f"No controller was found whose loop is {what}. Ask for less, or free more."
             return none(reason)
-        with enforce_deadline(budget):
+        with budgets.enforce_deadline(budget):
             return _design(samples, chosen, history, budget)
 
 
@@ -374,7 +368,7 @@ def _without_structure(
     samples: UncertainSamples,
     order: int | None,
     gamma: float,
-    budget: Budget,
+    budget: budgets.Budget,
 ) -> tuple[RobustCandidate | None, list[dict[str, Any]]]:
     """Search in two ways and keep the best that is proven, of those there was time for."""
     scenarios = ScenarioSearch(samples, gamma, budget.share(SCENARIO_SHARE))
@@ -383,7 +377,7 @@ def _without_structure(
         for candidate in _candidates(problem, scenarios, scalings):
             if candidate.performance:  # it counts if there was time for its proof
                 offered.append(candidate)
-    except DeadlineError:
+    except budgets.DeadlineError:
         if not offered:
             raise
     best = max(offered, key=lambda one: one.rank, default=None)

@@ -20,13 +20,7 @@ from robustpolish.implementation.reduction import Reducer
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.lft import RealElement
 from robustpolish.plants.uncertain.system import UncertainSystem
-from robustpolish.robust.questions import (
-    RobustPerformance,
-    WorstCaseGain,
-    robust_performance,
-    system_at_witness,
-    worst_case_gain,
-)
+from robustpolish.robust import questions
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.preflight import ScaledPlant, scale_plant, whole_plant
 from robustpolish.synthesis.structured.search import (
@@ -86,7 +80,7 @@ class UncertainSamples:
         step = self.system.dt
         own = 0.0 if not step else 1.0 if step is True else float(step)
         try:
-            found = system_at_witness(self.system, values, omega, own)
+            found = questions.system_at_witness(self.system, values, omega, own)
         except InvalidInputError:
             return None
         return self._plant(found.nominal if isinstance(found, UncertainSystem) else found)
@@ -200,13 +194,13 @@ class RobustCandidate:
     system: UncertainSystem
     gamma: float
     method: Literal["scalings", "scenarios"] = "scenarios"
-    worst: WorstCaseGain | None = None
+    worst: questions.WorstCaseGain | None = None
     lower_bound: float = 0.0
 
     @cached_property
-    def performance(self) -> RobustPerformance:
+    def performance(self) -> questions.RobustPerformance:
         """For which share of the uncertainty the gain is proven."""
-        return robust_performance(self.system.lft(self.controller), self.gamma)
+        return questions.robust_performance(self.system.lft(self.controller), self.gamma)
 
     @property
     def upper(self) -> float:
@@ -406,7 +400,7 @@ class ScenarioSearch:
         system = self.samples.system
         for _ in range(_PROOFS):
             controller = found.controller
-            worst = worst_case_gain(system.lft(controller))
+            worst = questions.worst_case_gain(system.lft(controller))
             self.budget.spend(100 * step_cost(len(controller.A) + self.samples.nominal.nx))
             self._record_step("proof", found, worst.upper)
             if worst.proven and (best is None or worst.upper < best.upper):
@@ -485,7 +479,7 @@ class ScenarioSearch:
         worse = unstable or norm > found.level * (1 + _WORSE)
         return worse and self._add(self._corners[worst][0])
 
-    def _add_witness(self, worst: WorstCaseGain, found: ScenarioResult) -> bool:
+    def _add_witness(self, worst: questions.WorstCaseGain, found: ScenarioResult) -> bool:
         """Add the machine at a witness: of unstable ones the farthest one that is unstable, too."""
         if not worst.witness or len(self._known) >= _MACHINES:
             return False

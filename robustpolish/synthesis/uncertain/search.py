@@ -30,16 +30,7 @@ from robustpolish.synthesis.output_feedback.output_feedback import (
     RegularisedRiccati,
     output_feedback,
 )
-from robustpolish.synthesis.problem.matrices import (
-    Controller,
-    PlantMatrices,
-    StaticLoop,
-    SystemMatrices,
-    augmented,
-    close_static_loop,
-    controller_from_matrix,
-    in_series,
-)
+from robustpolish.synthesis.problem import matrices
 from robustpolish.synthesis.riccati.gamma import estimated_lower_bound, has_full_rank
 from robustpolish.synthesis.uncertain.scaled_gain import (
     LoopResponses,
@@ -62,7 +53,7 @@ _TOLERANCE = 1e-3
 _SETTINGS = Settings("hinf", "riccati", "scipy", None, _TOLERANCE)
 
 
-def k_step(plant: PlantMatrices, unit: float, budget: Budget) -> Controller:
+def k_step(plant: matrices.PlantMatrices, unit: float, budget: Budget) -> matrices.Controller:
     """Return a controller of full order whose norm is near the infimum.
 
     Full order matters: a shorter controller may reach the same norm, but is worse where the scaled
@@ -93,7 +84,7 @@ def k_step(plant: PlantMatrices, unit: float, budget: Budget) -> Controller:
     return min(found, key=lambda candidate: candidate.achieved).controller
 
 
-def _even(plant: PlantMatrices, unit: float) -> PlantMatrices:
+def _even(plant: matrices.PlantMatrices, unit: float) -> matrices.PlantMatrices:
     """Balance the states by powers of two, and give z the expected norm as its unit.
 
     In the units of the search for one norm, the feedthrough of weights with a slow pole is next to
@@ -133,15 +124,17 @@ class Filter:
         return _logs(np.array([np.log(self.gain), *rates]), omega)
 
     @property
-    def matrices(self) -> SystemMatrices:
+    def matrices(self) -> matrices.SystemMatrices:
         """The sections in series."""
         none = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0))
-        K = SystemMatrices(*none, np.eye(1) * self.gain)
+        K = matrices.SystemMatrices(*none, np.eye(1) * self.gain)
         for zero, pole in zip(self.zeros, self.poles, strict=True):
             # (s/z + 1)/(s/p + 1) = p/z + (1 - p/z) p / (s + p)
             one, ratio, root = np.eye(1), pole / zero, np.sqrt(pole)
-            section = SystemMatrices(-pole * one, root * one, (1 - ratio) * root * one, ratio * one)
-            K = in_series(K, section)
+            section = matrices.SystemMatrices(
+                -pole * one, root * one, (1 - ratio) * root * one, ratio * one
+            )
+            K = matrices.in_series(K, section)
         return K
 
     @classmethod
@@ -233,11 +226,11 @@ ONE = Filter(1.0, np.zeros(0), np.zeros(0))
 
 def repeated_filters(
     filters: Sequence[Filter], times: Sequence[int], others: int
-) -> SystemMatrices:
+) -> matrices.SystemMatrices:
     """Return filters side by side, each so many times, and other signals as they are."""
     times = [*times, others]
     parts = [f.matrices for f, n in zip([*filters, ONE], times, strict=True) for _ in range(n)]
-    return SystemMatrices(*(block_diag(*each) for each in zip(*parts, strict=True)))  # pyright: ignore[reportArgumentType]
+    return matrices.SystemMatrices(*(block_diag(*each) for each in zip(*parts, strict=True)))  # pyright: ignore[reportArgumentType]
 
 
 # The D step: scalings of low order, and the plant with these scalings.
@@ -251,13 +244,13 @@ _NEAR = 0.01
 _LOW = 0.5
 
 
-def scaled_plant(problem: RobustProblem, filters: Sequence[Filter]) -> PlantMatrices:
+def scaled_plant(problem: RobustProblem, filters: Sequence[Filter]) -> matrices.PlantMatrices:
     """Return the plant with D on the signals z and its inverse on the signals w."""
     plant, blocks = problem.matrices, problem.as_complex.blocks
     into = repeated_filters([f.inverse for f in filters], [b.rows for b in blocks], plant.nu)
     out = repeated_filters(filters, [b.columns for b in blocks], plant.ny)
-    whole = in_series(in_series(into, plant.system), out)
-    return PlantMatrices.of_system(whole, plant.nw, plant.nz)
+    whole = matrices.in_series(matrices.in_series(into, plant.system), out)
+    return matrices.PlantMatrices.of_system(whole, plant.nw, plant.nz)
 
 
 def scalings_of(problem: RobustProblem, found: MuBounds, M: AnyArray) -> list[Filter]:
@@ -308,7 +301,7 @@ MuDescentPoint = tuple[Vector, Array, float]
 
 
 def largest_level(
-    loop: StaticLoop | None, scalings: Scalings, omega: Vector, weights: Array
+    loop: matrices.StaticLoop | None, scalings: Scalings, omega: Vector, weights: Array
 ) -> float:
     """Return the largest beta that scalings prove of a loop at frequencies; infinite of none."""
     if loop is None:
@@ -333,16 +326,16 @@ class MuDescent:
         Least damping of the poles, softly.
     """
 
-    plant: PlantMatrices
+    plant: matrices.PlantMatrices
     gain: Parametrisation
     scalings: Scalings
     omega: Vector
     damping: float = _LEAST
 
-    def loop(self, theta: Vector) -> StaticLoop | None:
+    def loop(self, theta: Vector) -> matrices.StaticLoop | None:
         """Return the loop; None if it is not well posed, or not stable."""
         K: Matrix = self.gain.gain(theta)
-        loop = close_static_loop(self.plant, K) if np.isfinite(K).all() else None
+        loop = matrices.close_static_loop(self.plant, K) if np.isfinite(K).all() else None
         return loop if loop is not None and loop.stable else None
 
     def lower(
@@ -396,7 +389,7 @@ class MuDescent:
         on_theta = self.gain.back(theta, responses.back(on_M) + on_K)
         return float(value) + fence, np.concatenate([on_theta, on_weights.ravel()])
 
-    def _stability_penalty(self, loop: StaticLoop) -> tuple[float, Matrix]:
+    def _stability_penalty(self, loop: matrices.StaticLoop) -> tuple[float, Matrix]:
         """Return a penalty on poles that all but touch the axis, and its derivatives over K.
 
         Modes that hardly anything moves or sees would drift across unseen, and end the descent.
@@ -485,7 +478,7 @@ class AnalysedController:
         Their scalings.
     """
 
-    controller: Controller
+    controller: matrices.Controller
     level: float
     omega: Vector
     weights: Array
@@ -545,13 +538,13 @@ class ScalingSearch:
         return found
 
     def _record_step(
-        self, what: str, K: Controller, scalings: int = 0, level: float = np.nan
+        self, what: str, K: matrices.Controller, scalings: int = 0, level: float = np.nan
     ) -> None:
         entry = {"step": what, "states": len(K.A), "mu": level}
         self.history.append({**entry, "scaling_states": scalings, "work": self.budget.spent})
 
     def _levels(
-        self, K: Controller, structure: DeltaStructure | None = None
+        self, K: matrices.Controller, structure: DeltaStructure | None = None
     ) -> tuple[MuBounds, AnyArray]:
         """Return bounds of mu, the best ones of a structure, or quick ones; and the responses."""
         loop = self.problem.loop(K)
@@ -564,10 +557,10 @@ class ScalingSearch:
         asked = self.problem.structure if structure is None else structure
         return MuBounds.over(asked, omega, M, best=not quick), M
 
-    def _level(self, K: Controller, omega: Vector, weights: Array) -> float:
+    def _level(self, K: matrices.Controller, omega: Vector, weights: Array) -> float:
         return largest_level(self.problem.loop(K), self.scalings, omega, weights)
 
-    def _started(self, full: Controller) -> AnalysedController | None:
+    def _started(self, full: matrices.Controller) -> AnalysedController | None:
         """Shorten a controller; None if no shorter one is stable."""
         if self.problem.loop(full) is None:
             return None
@@ -582,7 +575,7 @@ class ScalingSearch:
             ]
             if not tried and self.order is not None and self.best is None:
                 design = design_one(self.problem.scaled, order, self.budget)
-                found = design and Controller(*matrices_of(design.controller))
+                found = design and matrices.Controller(*matrices_of(design.controller))
                 tried = [] if found is None else [(np.inf, 0, found)]
             if not tried:
                 continue
@@ -593,7 +586,7 @@ class ScalingSearch:
                 return AnalysedController(K, own.peak, own.omega, weights)
         return None
 
-    def _reduced(self, K: Controller, order: int) -> Iterator[Controller]:
+    def _reduced(self, K: matrices.Controller, order: int) -> Iterator[matrices.Controller]:
         """Yield stabilising controllers of an order that stand for a longer one."""
         if len(K.A) <= order:
             yield K
@@ -602,7 +595,7 @@ class ScalingSearch:
         states = [f"xk{i}" for i in range(len(K.A))]
         named = named_system(tuple(K), 0, plant.measurement_names, plant.control_names, states)
         for candidate in Reducer(plant, named).of_order(order):
-            found = Controller(*matrices_of(candidate.controller))
+            found = matrices.Controller(*matrices_of(candidate.controller))
             if self.problem.loop(found) is not None:
                 yield found
 
@@ -612,8 +605,8 @@ class ScalingSearch:
         """Lower the level at the set, and add frequencies where it has risen in between."""
         for _ in range(sets):
             form, theta = ModalGain.of(found.controller)
-            plant = augmented(self.problem.matrices, form.order)
-            start = close_static_loop(plant, form.gain(theta))
+            plant = matrices.augmented(self.problem.matrices, form.order)
+            start = matrices.close_static_loop(plant, form.gain(theta))
             assert start is not None
             poles = start.poles[start.poles.imag > 0]
             own = float((-poles.real / np.abs(poles)).min(initial=1.0))
@@ -624,7 +617,7 @@ class ScalingSearch:
             loop = descent.loop(theta)
             if loop is None:
                 return found
-            K = controller_from_matrix(form.gain(theta), form.order)
+            K = matrices.controller_from_matrix(form.gain(theta), form.order)
             found = replace(found, controller=K, weights=weights, level=level)
             high = level * (1 + _HOLE)
             more = unproven_frequencies(loop, self.scalings, found.omega, found.weights, high)

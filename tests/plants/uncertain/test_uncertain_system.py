@@ -137,7 +137,7 @@ def test_interconnection_is_the_same_system():
         (lambda: K + "a", "operand"),
         (lambda: K * None, "operand"),
         (lambda: K + 1j, "uncertain_complex"),
-        (lambda: K.sample(0), "above 0"),
+        (lambda: K.sample(0), "at least 1"),
         (lambda: 1 / (K - 10), "invertible"),
         (lambda: K.feedback(-0.1), "well posed"),
         (lambda: K.feedback([[1, 2]]), "1 x 1"),

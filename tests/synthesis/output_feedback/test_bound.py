@@ -3,14 +3,20 @@
 import itertools
 import time
 
+import control
 import numpy as np
 import pytest
 from hard_plants import flexible_structure, random_plant
+from output_tasks import LAG_H2, LAG_HINF, unstable_lag
 from published_plants import compleib, mit_lecture, quadruple_tank, scherer_1997
 from scipy import linalg
 
 import robustpolish as rp
+from robustpolish.base.budget import Budget
+from robustpolish.errors import InfeasibleError, InvalidInputError
 from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
+from robustpolish.synthesis.problem.preflight import SolverPlant
+from robustpolish.synthesis.riccati.gamma import lower_bound
 
 TOLERANCE = 4e-3
 
@@ -149,3 +155,152 @@ def test_a_safety_net_that_was_reached_is_said(monkeypatch):
     assert design.certificate.valid
     assert design.status == "time_limit"
     assert "The safety net of 60 s stopped the search" in design.message
+
+
+# No controller, however it was found, has a norm below the bound that a design states.
+
+
+def weighted_servo(seed):
+    """A small plant, oscillating, unstable or integrating, perhaps delayed, with weights."""
+    draw = np.random.default_rng(seed)
+    rate = 10 ** draw.uniform(0, 2)
+    kinds = (
+        ([rate**2], [1.0, rate / 3, -(rate**2)]),
+        ([rate**3], [1.0, 0.02 * rate, rate**2, 0.0]),
+        ([-(rate**3)], np.poly([rate, -rate, -0.7 * rate])),
+    )
+    system = control.ss(control.tf(*kinds[seed % 3]))
+    plant = rp.GeneralizedPlant(
+        control.ss(system, inputs="u", outputs="y"), measurements="y", controls="u"
+    )
+    if draw.random() < 0.6:
+        plant = plant.with_delay("u", 10 ** draw.uniform(-3, -1) / rate, order=2)
+    performance = rp.weight(10 ** draw.uniform(1, 4), rate * 10 ** draw.uniform(-1.5, 0.5), 0.5)
+    effort = rp.weight(10 ** draw.uniform(-3, -1), rate * 10 ** draw.uniform(0.5, 2), 100.0)
+    robustness = rp.weight(0.9, rate * 10 ** draw.uniform(0.5, 2), 100.0, order=1 + seed % 2)
+    some = {"performance": performance, "effort": effort, "robustness": robustness}
+    kept = [name for name in some if draw.random() < 0.6] or ["effort"]
+    return rp.mixed_sensitivity(plant, **{name: some[name] for name in kept}).without_delays()
+
+
+def in_other_units(plant, seed):
+    """Return the plant in another unit of time and of every state, which no norm sees."""
+    draw = np.random.default_rng(seed)
+    unit, rate = 10 ** draw.uniform(-1.5, 1.5, plant.nx), 10 ** draw.uniform(-3, 3)
+    return plant.replace(
+        A=rate * plant.A * unit / unit[:, None],
+        B1=rate * plant.B1 / unit[:, None],
+        B2=rate * plant.B2 / unit[:, None],
+        C1=plant.C1 * unit,
+        C2=plant.C2 * unit,
+    )
+
+
+@pytest.mark.parametrize(
+    "seed",
+    [
+        seed if seed in (2, 5, 6, 8) else pytest.param(seed, marks=pytest.mark.long)
+        for seed in range(10)
+    ],
+)
+def test_no_certified_norm_lies_below_a_bound_of_the_plant_in_any_units(seed):
+    plant = weighted_servo(seed)
+    design = rp.output_feedback(plant)
+    assert design.certificate.valid
+    for k in range(4):
+        part = SolverPlant.of(in_other_units(plant, k), mapped=True)
+        found = lower_bound(part.matrices, 1e-4, Budget())
+        if found is not None and found.proven:
+            assert part.norm(found.value) <= design.certificate.achieved * (1 + 1e-5)
+
+
+def test_an_estimate_of_the_infimum_is_no_bound(monkeypatch):
+    """Where rounding decides every equation, nothing is stated and no status rests on it."""
+    plant = weighted_servo(0)
+    found = lower_bound(SolverPlant.of(plant, mapped=True).matrices, 1e-4, Budget())
+    assert found is not None
+    monkeypatch.setattr(
+        "robustpolish.synthesis.driver.lower_bound",
+        lambda *_: found._replace(proven=False, how="estimated"),
+    )
+    design = rp.output_feedback(plant)
+    assert design.lower_bound is None
+    assert design.status != "optimal"
+    assert "no controller comes below" not in design.message
+
+
+# Any norm below gamma, or the smallest within a range, kept by a proven bound or refused.
+
+
+OPTIMUM = 9.508
+
+
+def largest(design):
+    K = design.controller
+    return max(np.abs(M).max(initial=0.0) for M in (K.A, K.B, K.C, K.D))
+
+
+@pytest.mark.parametrize("method", ["auto", "riccati", "lmi"])
+@pytest.mark.parametrize("factor", [1.05, 1.5, 20.0])
+def test_a_number_is_kept_and_the_rest_buys_a_smaller_gain(method, factor):
+    design = rp.output_feedback(scherer_1997(), method=method, gamma=factor * OPTIMUM)
+    assert design.certificate.valid
+    assert design.certificate.bound <= factor * OPTIMUM
+    assert f"a norm below gamma = {factor * OPTIMUM:.6g}" in design.message
+    assert design.status == "suboptimal"
+    assert design.lower_bound == pytest.approx(OPTIMUM, rel=1e-3)
+    if method != "lmi":  # which has no central controller
+        assert largest(design) <= largest(rp.output_feedback(scherer_1997(), method=method))
+
+
+def test_what_no_controller_reaches_is_refused_with_the_lower_bound():
+    with pytest.raises(InfeasibleError, match=r"below gamma = 9\..*at least 9\.50.*Riccati"):
+        rp.output_feedback(scherer_1997(), gamma=9.0)
+    with pytest.raises(InfeasibleError, match=r"within gamma = 1 to 9\."):
+        rp.output_feedback(scherer_1997(), gamma=(1.0, 9.0))
+
+
+def test_a_range_is_searched_down_to_its_low_end_only():
+    inside = rp.output_feedback(scherer_1997(), gamma=(5.0, 12.0))
+    assert inside.status == "optimal"
+    assert inside.certificate.achieved <= OPTIMUM * 1.004
+    above = rp.output_feedback(scherer_1997(), gamma=(11.0, 12.0))
+    assert above.certificate.bound <= 11.0
+    assert "within gamma = 11 to 12" in above.message
+    assert above.details["gamma"] == (11.0, 12.0)
+
+
+def test_at_the_optimum_a_number_is_optimal():
+    design = rp.output_feedback(unstable_lag(), gamma=1.003 * LAG_HINF)
+    assert design.status == "optimal"
+    assert design.certificate.bound <= 1.003 * LAG_HINF
+
+
+def test_the_h2_norm_too():
+    design = rp.output_feedback(unstable_lag(), "h2", gamma=1.5 * LAG_H2)
+    assert design.certificate.bound <= 1.5 * LAG_H2
+    with pytest.raises(InfeasibleError, match=r"The H2 norm of every .* at least 4\."):
+        rp.output_feedback(unstable_lag(), "h2", gamma=0.9 * LAG_H2)
+
+
+def test_parts_that_share_no_signal_each_keep_it():
+    one, other = unstable_lag(), unstable_lag(a=0.5)
+    block = [
+        np.block([[M, np.zeros((M.shape[0], N.shape[1]))], [np.zeros((N.shape[0], M.shape[1])), N]])
+        for M, N in (
+            (getattr(one, name), getattr(other, name))
+            for name in ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21")
+        )
+    ]
+    both = rp.GeneralizedPlant.from_matrices(*block)
+    design = rp.output_feedback(both, gamma=4.0)
+    assert len(design.details["parts"]) == 2
+    assert design.certificate.bound <= 4.0
+
+
+@pytest.mark.parametrize("gamma", [0, -1, "2", np.nan, (3, 1), (1, 2, 3), True])
+def test_bad_values(gamma):
+    with pytest.raises(InvalidInputError, match=r"gamma: got .*low, high"):
+        rp.output_feedback(unstable_lag(), gamma=gamma)
+    with pytest.raises(InvalidInputError, match=r"gamma: got .*low, high"):
+        rp.state_feedback(unstable_lag(), gamma=gamma)

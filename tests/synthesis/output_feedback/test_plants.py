@@ -22,6 +22,7 @@ from scipy import linalg
 
 import robustpolish as rp
 from robustpolish.synthesis.output_feedback.output_feedback import output_feedback
+from tests.synthesis.small_plants import priced
 
 PUBLISHED = [
     (scherer_1997, 9.508),
@@ -136,16 +137,8 @@ def test_discrete_time_has_the_same_hinf_optimum(make):
 
 
 def test_discrete_plants_with_a_pole_at_minus_one():
-    plant = rp.GeneralizedPlant.from_matrices(
-        [[-1.0, 0.2], [0.0, 1.1]],
-        [[1.0, 0.0], [0.5, 0.0]],
-        [[1.0], [1.0]],
-        [[1.0, 1.0], [0.0, 0.0]],
-        [[1.0, -1.0]],
-        D12=[[0.0], [1.0]],
-        D21=[[0.0, 1.0]],
-        dt=True,
-    )
+    A, into = [[-1.0, 0.2], [0.0, 1.1]], ([[1.0], [0.5]], [[1.0], [1.0]])
+    plant = priced(A, *into, [[1.0, 1.0]], [[1.0, -1.0]], noise=1.0, dt=True)
     assert judge(output_feedback(plant), plant) > 0
 
 

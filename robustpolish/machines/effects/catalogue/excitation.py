@@ -5,17 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from robustpolish.base.arrays import Array
+from robustpolish.machines.effects import kind
 from robustpolish.machines.effects.catalogue import declared
 from robustpolish.machines.effects.evaluate import force_with
-from robustpolish.machines.effects.kind import (
-    LINE,
-    EffectKind,
-    Motion,
-    Scan,
-    Shape,
-    Steepness,
-    Values,
-)
 
 # A force that never changes.
 
@@ -24,17 +16,11 @@ def _constant_force_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     f[0] = p[0]
 
 
-_CONSTANT_FORCE = declared("constant_force", law=_constant_force_law)
-
-
 # A force at one frequency that nobody measured.
 
 
 def _harmonic_force_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     f[0] = p[0] * np.cos(2.0 * np.pi * p[1] * t + p[2])
-
-
-_HARMONIC_FORCE = declared("harmonic_force", law=_harmonic_force_law)
 
 
 # A mass beside the axis of rotation, at the known spin frequency.
@@ -46,17 +32,11 @@ def _unbalance_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     f[1] = p[2] * size * np.sin(p[3] * t + p[1])
 
 
-_UNBALANCE = declared("unbalance", law=_unbalance_law)
-
-
 # A spring whose stiffness turns with the spindle.
 
 
 def _parametric_stiffness_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     f[0] = -p[0] * np.cos(p[2] * t + p[1]) * q[0]
-
-
-_PARAMETRIC_STIFFNESS = declared("parametric_stiffness", law=_parametric_stiffness_law)
 
 
 # Two axes of a spinning body that turn each other.
@@ -67,9 +47,6 @@ def _gyroscopic_coupling_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-d
     f[1] = p[0] * v[0]
 
 
-_GYROSCOPIC_COUPLING = declared("gyroscopic_coupling", law=_gyroscopic_coupling_law)
-
-
 # Springs across two axes, as of seals, fluid films or tilted supports.
 
 
@@ -78,29 +55,21 @@ def _cross_stiffness_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     f[1] = -p[1] * q[0]
 
 
-def _cross_stiffness_shapes(motion: Motion) -> list[Shape]:
+def _cross_stiffness_shapes(motion: kind.Motion) -> list[kind.Shape]:
     x, y, none = -motion.q[0], -motion.q[1], np.zeros_like(motion.q[0])
 
-    def values(c: Array, mixed: float) -> Values:
+    def values(c: Array, mixed: float) -> kind.Values:
         return {"stiffness_xy": float(c[0]), "stiffness_yx": float(mixed)}
 
     return [
-        Shape(np.array([[y, -x]]), lambda c: values(c, -c[0]), (0,)),
-        Shape(np.array([[y, x]]), lambda c: values(c, c[0]), (0,)),
-        Shape(np.array([[y, none], [none, x]]), lambda c: values(c, c[1]), (0, 0)),
+        kind.Shape(np.array([[y, -x]]), lambda c: values(c, -c[0]), (0,)),
+        kind.Shape(np.array([[y, x]]), lambda c: values(c, c[0]), (0,)),
+        kind.Shape(np.array([[y, none], [none, x]]), lambda c: values(c, c[1]), (0, 0)),
     ]
 
 
-def _cross_stiffness_gains(values: Values, q: float, v: float) -> Steepness:
+def _cross_stiffness_gains(values: kind.Values, q: float, v: float) -> kind.Steepness:
     return max(abs(values["stiffness_xy"]), abs(values["stiffness_yx"])), 0.0, 0.0
-
-
-_CROSS_STIFFNESS = declared(
-    "cross_stiffness",
-    law=_cross_stiffness_law,
-    shapes=_cross_stiffness_shapes,
-    gains=_cross_stiffness_gains,
-)
 
 
 # A mass on a spring that the model does not have: a missing mode.
@@ -110,7 +79,7 @@ _RESONATOR_DAMPING = 0.04
 """Damping ratio that is tried first."""
 
 
-def _resonator_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+def _attached_resonator_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     # z: displacement and velocity of the mass, relative to where it is attached
     pull = p[1] * (z[0] - q[0]) + p[2] * (z[1] - v[0])
     f[0] = pull
@@ -118,7 +87,7 @@ def _resonator_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     dz[1] = -pull / max(p[0], 1e-300)
 
 
-def _resonator_shapes(motion: Motion) -> list[Shape]:
+def _attached_resonator_shapes(motion: kind.Motion) -> list[kind.Shape]:
     """Try frequencies from where displacements begin to where velocities end, and the lines.
 
     A mass pulls by its acceleration: what is slow for the displacement may be quick for it.
@@ -132,7 +101,9 @@ def _resonator_shapes(motion: Motion) -> list[Shape]:
     if high <= low:
         return []
     count = int(np.clip(np.log(high / low) / 0.06, 4, 60))
-    lines = [f for f in Scan("frequency", LINE, (0, 1)).values(motion) if first < f < 0.15 / dt]
+    lines = [
+        f for f in kind.Scan("frequency", kind.LINE, (0, 1)).values(motion) if first < f < 0.15 / dt
+    ]
     return [
         _resonator_at(motion, frequency) for frequency in (*np.geomspace(low, high, count), *lines)
     ]
@@ -145,41 +116,31 @@ def _frequency_below(signal: Array, share: float, dt: float) -> float:
     return float(bins[np.searchsorted(power, share * power[-1])]) if power[-1] > 0 else 0.0
 
 
-def _resonator_at(motion: Motion, frequency: float) -> Shape:
+def _resonator_at(motion: kind.Motion, frequency: float) -> kind.Shape:
     """Return the pull of a mass, and its derivative, which moves frequency and damping."""
-    column = force_with(_ATTACHED_RESONATOR, _resonator_values(1.0, frequency), motion)
+    column = force_with(_ATTACHED_RESONATOR, _attached_resonator_swinging(1.0, frequency), motion)
     turned = np.gradient(column[0], motion.time[1] - motion.time[0])[None] / (2 * np.pi * frequency)
-    return Shape(
+    return kind.Shape(
         np.stack([column, turned]),
-        lambda c: _resonator_values(float(c[0]), frequency),
+        lambda c: _attached_resonator_swinging(float(c[0]), frequency),
         (1, 0),
         lambda c: bool(abs(c[1]) <= abs(c[0])),
     )
 
 
-def _resonator_values(mass: float, frequency: float) -> Values:
+def _attached_resonator_swinging(mass: float, frequency: float) -> kind.Values:
     omega = 2 * np.pi * frequency
     damping = 2 * _RESONATOR_DAMPING * omega * mass
     return {"mass": mass, "stiffness": mass * omega**2, "damping": damping}
 
 
-def _resonator_gains(values: Values, q: float, v: float) -> Steepness:
+def _attached_resonator_gains(values: kind.Values, q: float, v: float) -> kind.Steepness:
     mass = max(values["mass"], 1e-300)
     return 0.0, 0.0, float(np.sqrt(abs(values["stiffness"]) / mass) + abs(values["damping"]) / mass)
 
 
-def _resonator_state_sizes(values: Values, q: float, v: float) -> tuple[float, ...]:
+def _attached_resonator_state_sizes(values: kind.Values, q: float, v: float) -> tuple[float, ...]:
     return (q, v)
 
 
-_ATTACHED_RESONATOR = declared(
-    "attached_resonator",
-    law=_resonator_law,
-    shapes=_resonator_shapes,
-    gains=_resonator_gains,
-    state_sizes=_resonator_state_sizes,
-    swinging=_resonator_values,
-)
-
-
-KINDS = tuple(kind for kind in globals().copy().values() if isinstance(kind, EffectKind))
+*_, _ATTACHED_RESONATOR = KINDS = declared(globals())

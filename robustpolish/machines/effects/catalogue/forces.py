@@ -5,24 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from robustpolish.machines.effects.catalogue import declared
-from robustpolish.machines.effects.kind import EffectKind, Steepness, Values
+from robustpolish.machines.effects.kind import Steepness, Values
 
 # Dry friction: laws of the sliding velocity alone, and laws that remember where they slid.
 
 # Dry friction of constant size against the sliding velocity.
 
 
-def _coulomb_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+def _coulomb_friction_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     width = max(p[2], abs(p[0]) * p[3])
     direction = np.tanh(v[0] / width) if width > 0.0 else np.sign(v[0])
     f[0] = -p[0] * direction - p[1] * direction * direction
 
 
-def _coulomb_gains(values: Values, q: float, v: float) -> Steepness:
+def _coulomb_friction_gains(values: Values, q: float, v: float) -> Steepness:
     return 0.0, values["force"] / values["width"] if values["width"] > 0 else 0.0, 0.0
-
-
-_COULOMB_FRICTION = declared("coulomb_friction", law=_coulomb_law, gains=_coulomb_gains)
 
 
 # Dry friction that is larger at low speed.
@@ -32,7 +29,7 @@ _COULOMB_FRICTION = declared("coulomb_friction", law=_coulomb_law, gains=_coulom
 _NOTHING_LEFT = 700.0
 
 
-def _stribeck_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+def _stribeck_friction_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     fast = (v[0] / p[2]) ** 2
     more = np.exp(-fast) if fast < _NOTHING_LEFT else 0.0
     size = p[0] + (p[1] - p[0]) * more
@@ -41,7 +38,7 @@ def _stribeck_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     f[0] = -size * direction
 
 
-def _implausible(values: Values) -> str | None:
+def _stribeck_friction_implausible(values: Values) -> str | None:
     """Say why static and sliding friction cannot be those of a machine, or return None."""
     if values["static_force"] < (1 - 1e-9) * values["force"]:
         return "the static friction is below the sliding friction"
@@ -50,42 +47,39 @@ def _implausible(values: Values) -> str | None:
     return None
 
 
-def _near_velocity(values: Values) -> tuple[float, float]:
+def _stribeck_friction_velocity_fit_bounds(values: Values) -> tuple[float, float]:
     # A corner much sharper than the data shows is none.
     velocity = values["velocity"]
     return (0.2 * velocity, 6 * velocity) if velocity > 0 else (0.0, np.inf)
 
 
-def _stribeck_gains(values: Values, q: float, v: float) -> Steepness:
+def _stribeck_friction_gains(values: Values, q: float, v: float) -> Steepness:
     more = abs(values["static_force"] - values["force"])
     width = values["width"]
     slope = max(values["static_force"], values["force"]) / width if width > 0 else 0.0
     return 0.0, max(slope, more / max(values["velocity"], 1e-300)), 0.0
 
 
-_STRIBECK_FRICTION = declared(
-    "stribeck_friction",
-    law=_stribeck_law,
-    gains=_stribeck_gains,
-    implausible=_implausible,
-    fit_bounds={"velocity": _near_velocity},
-)
-
-
-def _sliding_gains(values: Values, q: float, v: float) -> Steepness:
+def _elastic_coulomb_friction_gains(values: Values, q: float, v: float) -> Steepness:
     """Return the steepness of a force that builds up over a way, and slides: see `EffectKind`."""
     rate = abs(values["stiffness"]) * v / max(values["force"], 1e-300)
     return abs(values["stiffness"]), 0.0, rate
 
 
-def _sliding_state_sizes(values: Values, q: float, v: float) -> tuple[float, ...]:
+def _dahl_friction_state_sizes(values: Values, q: float, v: float) -> tuple[float, ...]:
     return (values["force"],)
+
+
+_dahl_friction_gains = _elastic_coulomb_friction_gains
+_lugre_friction_state_sizes = _bouc_wen_hysteresis_state_sizes = _dahl_friction_state_sizes
+_lugre_friction_implausible = _stribeck_friction_implausible
+_lugre_friction_velocity_fit_bounds = _stribeck_friction_velocity_fit_bounds
 
 
 # Dry friction behind a spring: stick, slip and memory (Jenkins element).
 
 
-def _elastic_coulomb_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+def _elastic_coulomb_friction_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     # z is the elongation between the slider and the end, p: slip force, stiffness, whether it acts
     # behind the clearance, the clearance and the length of a step.
     # It follows the motion until the slider slips. A step may overshoot the elongation of slip:
@@ -107,22 +101,14 @@ def _elastic_coulomb_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
         dz[0] = v[0]
 
 
-def _elastic_coulomb_state_sizes(values: Values, q: float, v: float) -> tuple[float, ...]:
+def _elastic_coulomb_friction_state_sizes(values: Values, q: float, v: float) -> tuple[float, ...]:
     return (max(values["force"] / max(values["stiffness"], 1e-300), 1e-6 * q),)
-
-
-_ELASTIC_COULOMB_FRICTION = declared(
-    "elastic_coulomb_friction",
-    law=_elastic_coulomb_law,
-    gains=_sliding_gains,
-    state_sizes=_elastic_coulomb_state_sizes,
-)
 
 
 # Dry friction that builds up over a short way, and remembers it.
 
 
-def _dahl_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+def _dahl_friction_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     # z is the friction force, p: sliding force, stiffness at reversals, whether it acts behind the
     # clearance, that clearance, step. On its way through a clearance z grows from -reach to reach,
     # and no force acts. A step may overshoot the sliding force past it: the force is cut off, and
@@ -141,15 +127,10 @@ def _dahl_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
             f[0] = -min(max(force, -size), size)
 
 
-_DAHL_FRICTION = declared(
-    "dahl_friction", law=_dahl_law, gains=_sliding_gains, state_sizes=_sliding_state_sizes
-)
-
-
 # Dry friction with bristles: presliding, Stribeck effect and memory.
 
 
-def _lugre_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+def _lugre_friction_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     # z is the force in the bristles
     # p: sliding and static force, velocity, stiffness, damping, step
     size = max(p[0] + (p[1] - p[0]) * np.exp(-((v[0] / p[2]) ** 2)), 1e-300)
@@ -158,19 +139,9 @@ def _lugre_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     f[0] = -z[0] - p[4] / max(p[3], 1e-300) * dz[0]
 
 
-def _lugre_gains(values: Values, q: float, v: float) -> Steepness:
-    stiffness, _, rate = _sliding_gains(values, q, v)
+def _lugre_friction_gains(values: Values, q: float, v: float) -> Steepness:
+    stiffness, _, rate = _elastic_coulomb_friction_gains(values, q, v)
     return stiffness, abs(values["damping"]), rate
-
-
-_LUGRE_FRICTION = declared(
-    "lugre_friction",
-    law=_lugre_law,
-    gains=_lugre_gains,
-    state_sizes=_sliding_state_sizes,
-    implausible=_implausible,
-    fit_bounds={"velocity": _near_velocity},
-)
 
 
 # Damping and hysteresis: forces that take energy out of the motion without dry friction.
@@ -180,9 +151,6 @@ _LUGRE_FRICTION = declared(
 
 def _quadratic_damping_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     f[0] = -p[0] * abs(v[0]) * v[0]
-
-
-_QUADRATIC_DAMPING = declared("quadratic_damping", law=_quadratic_damping_law)
 
 
 # Damping inside a material: the loss of a cycle grows with its amplitude squared, not its rate.
@@ -197,9 +165,6 @@ def _structural_damping_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-de
     f[0] = -p[0] * abs(q[0]) * np.sign(v[0])
 
 
-_STRUCTURAL_DAMPING = declared("structural_damping", law=_structural_damping_law)
-
-
 # Damping that grows with the square of the displacement.
 
 
@@ -207,42 +172,28 @@ def _displacement_dependent_damping_law(t, q, v, z, p, f, dz):  # type: ignore[n
     f[0] = -p[0] * q[0] * q[0] * v[0]
 
 
-_DISPLACEMENT_DEPENDENT_DAMPING = declared(
-    "displacement_dependent_damping", law=_displacement_dependent_damping_law
-)
-
-
 # A spring and a damper in a row beside what the model has: a force that relaxes.
 
 
-def _maxwell_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+def _maxwell_element_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     # z is the force, which begins relaxed; p: stiffness, relaxation time, spring beside it, step
     f[0] = -z[0]
     dz[0] = p[0] * v[0] - z[0] / max(p[1], p[3], 1e-300)
 
 
-def _maxwell_near(values: Values) -> tuple[float, float]:
+def _maxwell_element_time_fit_bounds(values: Values) -> tuple[float, float]:
     # one that relaxes at once is a damper, one that never does a spring: a fit moves the relaxation
     # time by a factor of 100 at most
     return values["time"] / 100.0, values["time"] * 100.0
 
 
-def _maxwell_gains(values: Values, q: float, v: float) -> Steepness:
+def _maxwell_element_gains(values: Values, q: float, v: float) -> Steepness:
     return abs(values["stiffness"]), 0.0, 1 / max(values["time"], 1e-300)
 
 
-def _maxwell_state_sizes(values: Values, q: float, v: float) -> tuple[float, ...]:
+def _maxwell_element_state_sizes(values: Values, q: float, v: float) -> tuple[float, ...]:
     # at most its spring alone, or its damper alone
     return (values["stiffness"] * max(min(q, values["time"] * v), 1e-6 * q),)
-
-
-_MAXWELL_ELEMENT = declared(
-    "maxwell_element",
-    law=_maxwell_law,
-    gains=_maxwell_gains,
-    state_sizes=_maxwell_state_sizes,
-    fit_bounds={"time": _maxwell_near},
-)
 
 
 # Smooth hysteresis.
@@ -252,7 +203,7 @@ _MAXWELL_ELEMENT = declared(
 # the loops stiffen. In the usual notation the coefficients are ``k beta / F^n``, ``k gamma / F^n``.
 
 
-def _bouc_wen_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+def _bouc_wen_hysteresis_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     # z is the hysteretic force, p: reference force, stiffness, exponent, beta, gamma, step
     level = max(abs(z[0]) / max(p[0], 1e-300), 1e-12)
     bends = level ** p[2]
@@ -262,13 +213,13 @@ def _bouc_wen_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     f[0] = -z[0]
 
 
-def _bouc_wen_gains(values: Values, q: float, v: float) -> Steepness:
+def _bouc_wen_hysteresis_gains(values: Values, q: float, v: float) -> Steepness:
     steepest = values["exponent"] * (abs(values["beta"]) + abs(values["gamma"]))
     rate = steepest * abs(values["stiffness"]) * v / max(values["force"], 1e-300)
     return abs(values["stiffness"]), 0.0, rate
 
 
-def _bouc_wen_implausible(values: Values) -> str | None:
+def _bouc_wen_hysteresis_implausible(values: Values) -> str | None:
     if values["exponent"] > 12:
         return "its exponent is that of an elastic Coulomb element"
     if values["beta"] <= 0:
@@ -276,24 +227,12 @@ def _bouc_wen_implausible(values: Values) -> str | None:
     return None
 
 
-def _bouc_wen_bend(values: Values) -> float:
+def _bouc_wen_hysteresis_beta_fit_size(values: Values) -> float:
     """Return the size that beta and gamma share: one of them may be near 0."""
     return max(abs(values["beta"]), abs(values["gamma"])) or 1.0
 
 
-def _bouc_wen_state_sizes(values: Values, q: float, v: float) -> tuple[float, ...]:
-    return (values["force"],)
-
-
-_BOUC_WEN_HYSTERESIS = declared(
-    "bouc_wen_hysteresis",
-    law=_bouc_wen_law,
-    gains=_bouc_wen_gains,
-    implausible=_bouc_wen_implausible,
-    state_sizes=_bouc_wen_state_sizes,
-    fit_size={"beta": _bouc_wen_bend, "gamma": _bouc_wen_bend},
-)
-
+_bouc_wen_hysteresis_gamma_fit_size = _bouc_wen_hysteresis_beta_fit_size
 
 # Nonlinear springs, clearances and stops: forces of the displacement alone.
 
@@ -304,17 +243,11 @@ def _cubic_stiffness_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     f[0] = -p[0] * q[0] * q[0] * q[0]
 
 
-_CUBIC_STIFFNESS = declared("cubic_stiffness", law=_cubic_stiffness_law)
-
-
 # A spring that is stiffer on one side than on the other.
 
 
 def _quadratic_stiffness_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     f[0] = -p[0] * q[0] * q[0]
-
-
-_QUADRATIC_STIFFNESS = declared("quadratic_stiffness", law=_quadratic_stiffness_law)
 
 
 # A clearance in an existing spring.
@@ -324,9 +257,6 @@ def _backlash_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     # gives back what the linear spring, p[1], takes inside the clearance; elastic friction at the
     # same place sees the clearance through its context
     f[0] = p[1] * min(max(q[0], -p[0]), p[0])
-
-
-_BACKLASH = declared("backlash", law=_backlash_law)
 
 
 # A stiff stop on one side, after a gap.
@@ -341,13 +271,8 @@ def _contact_stop_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
         f[0] = 0.0
 
 
-def _contact_stop_on_its_side(values: Values) -> tuple[float, float]:
+def _contact_stop_gap_fit_bounds(values: Values) -> tuple[float, float]:
     return (0.0, np.inf) if values["gap"] >= 0 else (-np.inf, 0.0)
-
-
-_CONTACT_STOP = declared(
-    "contact_stop", law=_contact_stop_law, fit_bounds={"gap": _contact_stop_on_its_side}
-)
 
 
 # The restoring moment of weight on a lever.
@@ -361,9 +286,4 @@ def _pendulum_gravity_gains(values: Values, q: float, v: float) -> Steepness:
     return abs(values["moment"]), 0.0, 0.0
 
 
-_PENDULUM_GRAVITY = declared(
-    "pendulum_gravity", law=_pendulum_gravity_law, gains=_pendulum_gravity_gains
-)
-
-
-KINDS = tuple(kind for kind in globals().copy().values() if isinstance(kind, EffectKind))
+KINDS = declared(globals())

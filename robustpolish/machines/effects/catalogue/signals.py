@@ -6,52 +6,36 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from robustpolish.base.arrays import Array
+from robustpolish.machines.effects import kind
 from robustpolish.machines.effects.catalogue import declared
 from robustpolish.machines.effects.evaluate import first_order_lag
-from robustpolish.machines.effects.kind import (
-    EffectKind,
-    Motion,
-    Shape,
-    Timing,
-    Values,
-    signal_candidate,
-    unchanged_signal,
-)
 
 # A measured input that acts later than it says.
 
 
-def _input_delay_shapes(motion: Motion) -> list[Shape]:
+def _input_delay_shapes(motion: kind.Motion) -> list[kind.Shape]:
     signal, shapes = motion.q[0], []
     for samples in (1, 2, 4, 8):
         delay = samples * (motion.time[1] - motion.time[0])
         late = np.concatenate([signal[:1].repeat(samples), signal[:-samples]])
-        shapes.append(signal_candidate(late - signal, "delay", delay, (0.0, 3.0)))
+        shapes.append(kind.signal_candidate(late - signal, "delay", delay, (0.0, 3.0)))
     return shapes
 
 
-def _input_delay_on_signal(u: Array, time: Array, values: Values) -> Array:
+def _input_delay_on_signal(u: Array, time: Array, values: kind.Values) -> Array:
     if not values["delay"]:
         return u
     return CubicSpline(time, u)(np.maximum(time - values["delay"], time[0]))
 
 
-def _input_delay_timing(values: Values) -> Timing:
-    return Timing(delay=values["delay"])
-
-
-_INPUT_DELAY = declared(
-    "input_delay",
-    on_signal=_input_delay_on_signal,
-    timing=_input_delay_timing,
-    shapes=_input_delay_shapes,
-)
+def _input_delay_timing(values: kind.Values) -> kind.Timing:
+    return kind.Timing(delay=values["delay"])
 
 
 # An actuator that follows its input with a first-order lag.
 
 
-def _input_lag_shapes(motion: Motion) -> list[Shape]:
+def _input_lag_shapes(motion: kind.Motion) -> list[kind.Shape]:
     """Try six time constants, from a sample to the time in which the input itself changes."""
     step = float(motion.time[1] - motion.time[0])
     speed = motion.speed
@@ -60,32 +44,24 @@ def _input_lag_shapes(motion: Motion) -> list[Shape]:
     for lag in np.geomspace(step, longest, 6).tolist():
         column = _input_lag_on_signal(motion.q[0], motion.time, {"lag": lag}) - motion.q[0]
         # within these times of the constant that was tried, the force is nearly linear in it
-        shapes.append(signal_candidate(column, "lag", lag, (0.5, 2.0)))
+        shapes.append(kind.signal_candidate(column, "lag", lag, (0.5, 2.0)))
     return shapes
 
 
-def _input_lag_on_signal(u: Array, time: Array, values: Values) -> Array:
+def _input_lag_on_signal(u: Array, time: Array, values: kind.Values) -> Array:
     step = float(time[-1] - time[0]) / (time.size - 1)
     return first_order_lag(u, np.concatenate([u[1:], u[-1:]]), step, values["lag"])
 
 
-def _input_lag_timing(values: Values) -> Timing:
-    return Timing(lag=values["lag"])
-
-
-_INPUT_LAG = declared(
-    "input_lag", on_signal=_input_lag_on_signal, timing=_input_lag_timing, shapes=_input_lag_shapes
-)
+def _input_lag_timing(values: kind.Values) -> kind.Timing:
+    return kind.Timing(lag=values["lag"])
 
 
 # A measured input that acts with another size than it says.
 
 
-def _gain_on_signal(u: Array, time: Array, values: Values) -> Array:
+def _input_gain_on_signal(u: Array, time: Array, values: kind.Values) -> Array:
     return u * values["gain"]
-
-
-_INPUT_GAIN = declared("input_gain", on_signal=_gain_on_signal)
 
 
 # What an input does between its samples; no effect of the machine but of the record.
@@ -95,7 +71,7 @@ _INPUT_GAIN = declared("input_gain", on_signal=_gain_on_signal)
 # filtered one; short filters match the frequency responses.
 
 
-def _input_hold_on_signal(u: Array, time: Array, values: Values) -> Array:
+def _input_hold_on_signal(u: Array, time: Array, values: kind.Values) -> Array:
     """Return the record whose linear interpolation acts like `u` with another hold."""
     order = values["order"]
     if order == 1.0:
@@ -109,90 +85,68 @@ def _input_hold_on_signal(u: Array, time: Array, values: Values) -> Array:
     return now - second / 12 + fourth / 90
 
 
-def _input_hold_timing(values: Values) -> Timing:
-    return Timing(values["order"])
-
-
-_INPUT_HOLD = declared("input_hold", on_signal=_input_hold_on_signal, timing=_input_hold_timing)
+def _input_hold_timing(values: kind.Values) -> kind.Timing:
+    return kind.Timing(values["order"])
 
 
 # An actuator that cannot do more than its limit.
 
 
-def _input_saturation_shapes(motion: Motion) -> list[Shape]:
+def _input_saturation_shapes(motion: kind.Motion) -> list[kind.Shape]:
     """Try limits as shares of the largest force that is asked for."""
     signal = motion.q[0]
     peak = float(np.max(np.abs(signal)))
     # the signal may be cut half as deep again, in what was cut off
     return [
-        signal_candidate(
+        kind.signal_candidate(
             np.clip(signal, -limit, limit) - signal, "limit", limit - peak, (0.0, 1.5), peak
         )
         for limit in (share * peak for share in (0.92, 0.8, 0.65, 0.5, 0.35) if peak)
     ]
 
 
-def _input_saturation_on_signal(u: Array, time: Array, values: Values) -> Array:
+def _input_saturation_on_signal(u: Array, time: Array, values: kind.Values) -> Array:
     return np.clip(u, -values["limit"], values["limit"])
-
-
-_INPUT_SATURATION = declared(
-    "input_saturation",
-    on_signal=_input_saturation_on_signal,
-    linear_signal=unchanged_signal,
-    shapes=_input_saturation_shapes,
-)
 
 
 # An actuator that does nothing about small commands.
 
 
-def _input_dead_zone_shapes(motion: Motion) -> list[Shape]:
+def _input_dead_zone_shapes(motion: kind.Motion) -> list[kind.Shape]:
     """Try half widths as shares of the largest force that is asked for."""
     signal = motion.q[0]
     peak = float(np.max(np.abs(signal)))
     # up to twice the half width that was tried, the force is nearly linear in it
     return [
-        signal_candidate(-np.clip(signal, -width, width), "width", width, (0.0, 2.0))
+        kind.signal_candidate(-np.clip(signal, -width, width), "width", width, (0.0, 2.0))
         for width in (share * peak for share in (0.02, 0.06, 0.15, 0.3) if peak)
     ]
 
 
-def _input_dead_zone_on_signal(u: Array, time: Array, values: Values) -> Array:
+def _input_dead_zone_on_signal(u: Array, time: Array, values: kind.Values) -> Array:
     return np.asarray(u - np.clip(u, -values["width"], values["width"]))
-
-
-_INPUT_DEAD_ZONE = declared(
-    "input_dead_zone",
-    on_signal=_input_dead_zone_on_signal,
-    linear_signal=unchanged_signal,
-    shapes=_input_dead_zone_shapes,
-)
 
 
 # A sensor that does not show zero at zero.
 
 
-def _sensor_offset_on_signal(u: Array, time: Array, values: Values) -> Array:
+def _sensor_offset_on_signal(u: Array, time: Array, values: kind.Values) -> Array:
     return u + values["offset"]
-
-
-_SENSOR_OFFSET = declared(
-    "sensor_offset", on_signal=_sensor_offset_on_signal, linear_signal=unchanged_signal
-)
 
 
 # A sensor that shows another size than there is.
 
 
-def _sensor_gain_shapes(motion: Motion) -> list[Shape]:
-    def values(c: Array) -> Values:
+_sensor_gain_on_signal = _input_gain_on_signal
+
+
+def _sensor_gain_shapes(motion: kind.Motion) -> list[kind.Shape]:
+    def values(c: Array) -> kind.Values:
         return {"gain": 1.0 / (1.0 - float(np.clip(c[0], -0.9, 0.9)))}
 
-    return [Shape(motion.q[None], values, (0,))]
+    return [kind.Shape(motion.q[None], values, (0,))]
 
 
-_SENSOR_GAIN = declared("sensor_gain", on_signal=_gain_on_signal, shapes=_sensor_gain_shapes)
-
-
-KINDS = tuple(kind for kind in globals().copy().values() if isinstance(kind, EffectKind))
+_input_saturation_linear_signal = _input_dead_zone_linear_signal = kind.unchanged_signal
+_sensor_offset_linear_signal = kind.unchanged_signal
+KINDS = declared(globals())
