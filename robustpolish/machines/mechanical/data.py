@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.base.arrays import Array, Matrix
-from robustpolish.base.checks import one_of
+from robustpolish.base.checks import invalid, one_of
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import GROUND, Motion
 from robustpolish.machines.mechanical.parts import (
@@ -604,6 +604,24 @@ def context_of(model: MechanicalData, at: tuple[str, ...], step: float) -> Mappi
             for name, parameter in effect.definition.gives:
                 found[name] = found.get(name, 0.0) + effect.values[parameter]
     return found
+
+
+_REMEDIES = {
+    "spring_stiffness": "Add rp.Spring({at}, k) first.",
+    "spin_frequency": "Build the model with spin_frequency=, in Hz.",
+}
+
+
+def refuse_idle(model: MechanicalData, effect: Effect) -> None:
+    """Refuse an effect that lacks in the model what it works through."""
+    needed, at = effect.definition.idle_without, effect.at
+    # elastic friction at the same place takes the clearance for its own
+    others = (e for e in model.effects if "clearance" in e.definition.context)
+    if not needed or any(set(e.at) == set(at) for e in others):
+        return
+    if not context_of(model, at, 0.0)[needed]:
+        what = f"{needed.replace('_', ' ')} there, without which it does nothing"
+        raise invalid((effect.kind, "at"), at, what, _REMEDIES[needed].format(at=at))
 
 
 def motion_at(

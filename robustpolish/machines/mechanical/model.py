@@ -15,7 +15,12 @@ from numpy.typing import ArrayLike
 from robustpolish.base.results import Card, Displayed
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import GROUND, EffectKind
-from robustpolish.machines.mechanical.data import MechanicalData, values, with_parameter_values
+from robustpolish.machines.mechanical.data import (
+    MechanicalData,
+    refuse_idle,
+    values,
+    with_parameter_values,
+)
 from robustpolish.machines.mechanical.linear import (
     frequency_response,
     linearize,
@@ -272,6 +277,12 @@ class MechanicalModel(MechanicalData, Displayed):
         -------
         MechanicalModel
 
+        Raises
+        ------
+        InvalidInputError
+            If kind, place or a parameter is unknown, or the effect does nothing in this model: a
+            backlash without a spring, an unbalance without a spin frequency.
+
         Examples
         --------
         >>> import robustpolish as rp
@@ -289,6 +300,7 @@ class MechanicalModel(MechanicalData, Displayed):
         for name, unit in effect.definition.channels:
             if name not in model.dof_names:
                 model = model.with_channel(name, unit)
+        refuse_idle(model, effect)
         return replace(model, effects=(*self.effects, effect))
 
     def with_channel(self, name: str, unit: str) -> MechanicalModel:
