@@ -187,7 +187,7 @@ def test_a_ratio_is_not_uncertain():
 
 def measured():
     """A record of the axis by an integrator that is not the package's."""
-    data = torque(3000, 1000.0)
+    data = torque(1500, 1000.0)
     time = data["time"].values
 
     def rhs(t, s):
@@ -232,10 +232,9 @@ def test_of_tied_masses_the_sum_is_fitted():
 @pytest.mark.shared
 def test_a_belt_axis_is_read_from_its_raw_columns(shared):
     """Torque in N m, encoder in rad and scale in um, as the model referred by hand reads them."""
-    folder = shared / "data/belt_axis"
     model = measuring(belt()).with_parameters({"damper[1].damping": 50 * R**2})
     model = replace(model, dampers=(*model.dampers, rp.Damper(("carriage", "ground"), 15.0)))
     friction = ("coulomb_friction", ("carriage", "ground"), {"force": 25.0, "width": 2e-4})
-    for name in ("fric_a", "fric_small"):
-        found = rp.compare(model.with_effect(*friction), folder / f"{name}.csv")
-        assert found.nrmse < 0.02 < 0.2 < rp.compare(model, folder / f"{name}.csv").nrmse
+    path = shared / "data/belt_axis/fric_small.csv"
+    assert rp.compare(model.with_effect(*friction), path).nrmse < 0.02
+    assert rp.compare(model, path).nrmse > 0.2
