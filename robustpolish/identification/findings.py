@@ -123,7 +123,6 @@ def learned_laws_of(
     -------
     tuple of LearnedLaw
     """
-    turning = {dof.name for dof in model.dofs if dof.rotational}
     found = []
     for i, effect in enumerate(model.effects):
         if not effect.definition.over:
@@ -136,7 +135,7 @@ def learned_laws_of(
             if set(wanted) <= set(keys):
                 here = [keys.index(key) for key in wanted]
                 known = covariance.values[np.ix_(here, here)]
-        found.append(LearnedLaw(effect, known, effect.at[0] in turning))
+        found.append(LearnedLaw(effect, known, model.is_rotational(effect.at)))
     return tuple(found)
 
 

@@ -111,9 +111,10 @@ def _other_places(
     for there in places(model, effect.definition) if effect.definition.domain == "pair" else ():
         if set(there) == set(effect.at):
             continue
-        for (i, one), (j, other) in itertools.product(enumerate(effect.at), enumerate(there)):
+        for one, other in itertools.product(effect.at, there):
             if one == other != "ground":
-                yield there, 1.0 if i == j else -1.0
+                at, k = model.frame, model.frame.coordinates.index(model.frame.multiples[one][0])
+                yield there, at.row(effect.at)[k] / at.row(there)[k]
 
 
 def _alternative_kinds(

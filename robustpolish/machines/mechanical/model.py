@@ -39,7 +39,7 @@ class MechanicalModel(MechanicalData, Displayed):
 
     The equations of motion are ``M q'' + C q' + K q = forces - effects``; a spring,
     a damper or an effect between a pair ``(a, b)`` pulls coordinate a back with the
-    force it makes of ``q_a - q_b``.
+    force it makes of ``q_a - q_b``, or of ``q_a - r q_b`` where the two have a ratio r.
 
     Parameters
     ----------
@@ -61,6 +61,8 @@ class MechanicalModel(MechanicalData, Displayed):
     design : mapping, optional
         What is asked of a controller, as the section [design] of a file has it; it is kept, and
         read by :func:`robustpolish.read_design_task`.
+    ratios : sequence of Ratio, optional
+        Pulleys, screws, gears and levers between two coordinates.
 
     Raises
     ------
@@ -349,8 +351,8 @@ class MechanicalModel(MechanicalData, Displayed):
     def parameters(self) -> dict[str, float]:
         """Every number of the model by its key, such as ``"spring[0].stiffness"``.
 
-        Keys are ``dof.NAME.mass`` (or ``.inertia``), ``coupled_inertia[i].value``,
-        ``spring[i].stiffness``,
+        Keys are ``dof.NAME.mass`` (or ``.inertia``), ``ratio[i].value``,
+        ``coupled_inertia[i].value``, ``spring[i].stiffness``,
         ``damper[i].damping``, ``input.NAME.gain`` and ``effect[i].PARAMETER``.
         """
         return values(self)
