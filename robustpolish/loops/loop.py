@@ -220,8 +220,8 @@ class BreakableLoop:
 class Loop(BreakableLoop):
     """A plant from u to y and a controller u = K y, with what lies outside the loop left out.
 
-    Delays that a plant keeps beside its state-space system are in :meth:`response`,
-    :meth:`peak` and :attr:`stability` as they are. The systems :meth:`opened` and :attr:`closed`
+    Delays that a plant keeps beside its state-space system are in ``response``,
+    ``peak`` and ``stability`` as they are. The systems ``opened`` and ``closed``
     have Padé approximations of them, as the plant's ``system`` has.
 
     Attributes

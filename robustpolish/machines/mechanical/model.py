@@ -175,8 +175,8 @@ class MechanicalModel(MechanicalData, Displayed):
         ranges : mapping of str to float, (float, float) or UncertainSystem
             By the keys of `parameters`: how far a number may be off as a share of it (0.1 is 10 %
             up or down), its smallest and largest value, or an uncertain number, whose nominal
-            value it then takes: of :func:`uncertain_ellipsoid`, or any formula of such. Masses,
-            inertias, springs, dampers and gains of forces.
+            value it then takes: of :func:`robustpolish.uncertain.ellipsoid`, or any formula of
+            such. Masses, inertias, springs, dampers and gains of forces.
 
         Returns
         -------

@@ -151,10 +151,10 @@ _OPERANDS = "an uncertain object, a system of python-control, a matrix or a numb
 class UncertainSystem(Displayed):
     """A number, matrix or linear system with numbers and dynamics that are known within bounds.
 
-    It is made by :func:`uncertain_real` and its neighbours, by arithmetic with them, and by
-    :func:`uncertain_system`. Sums, products, quotients, whole powers and slices are those of
-    python-control's systems, with which they may be mixed, and keep what is uncertain. The same
-    name is the same thing wherever it occurs.
+    It is made by :func:`robustpolish.uncertain.real` and its neighbours, by arithmetic with them,
+    and by :func:`robustpolish.uncertain.system`. Sums, products, quotients, whole powers and
+    slices are those of python-control's systems, with which they may be mixed, and keep what is
+    uncertain. The same name is the same thing wherever it occurs.
 
     Parameters
     ----------
