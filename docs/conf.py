@@ -44,6 +44,8 @@ default_role = "code"
 
 # Every link inside the documentation has to lead somewhere.
 nitpicky = True
+# A field that several results have means that of the class whose docstring names it.
+suppress_warnings = ["ref.python"]
 
 # --- reference ---------------------------------------------------------------------------------
 autosummary_generate = True

@@ -140,6 +140,9 @@ from .machines.mechanical.parts import (
     Output as Output,
 )
 from .machines.mechanical.parts import (
+    Ratio as Ratio,
+)
+from .machines.mechanical.parts import (
     Spring as Spring,
 )
 from .plants.linearization import (
@@ -260,6 +263,7 @@ __all__ = [
     "LoopRequirements",
     "MechanicalModel",
     "Output",
+    "Ratio",
     "RobustPolishError",
     "RobustPolishWarning",
     "Sector",

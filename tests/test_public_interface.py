@@ -196,6 +196,7 @@ def test_every_result_draws_itself(name):
         rp.Spring(("x", "ground"), 3000.0),
         rp.Damper(("x", "y"), 3.0),
         rp.CoupledInertia(("x", "y"), 0.1),
+        rp.Ratio(("x", "phi"), 0.02),
         rp.Input("F", ("x", "ground")),
         rp.Output("x", ("x", "ground")),
         rp.simulation.DelayLine("x", 1e-3),

@@ -76,7 +76,21 @@ arrays = {
 }
 print(json.dumps({key: np.asarray(value).tobytes().hex() for key, value in arrays.items()}))
 """
-SCRIPTS = {"plants": PLANTS, "diagnoses": DIAGNOSES, "demo": DEMO}
+STATE_FEEDBACK = """
+import json
+import numpy as np
+import robustpolish as rp
+
+rng = np.random.default_rng(4)
+A, B1, B2 = rng.normal(size=(4, 4)), rng.normal(size=(4, 2)), rng.normal(size=(4, 2))
+small = rp.GeneralizedPlant.from_matrices(A, B1, B2, rng.normal(size=(2, 4)), np.eye(4))
+bearing = rp.air_bearing(actuation="force")
+calls = ((bearing, {"control_weight": 1e-7}), (bearing, {}), (small, {"gain_bound": 6.0}))
+designs = [rp.state_feedback(plant, **options) for plant, options in calls]
+answers = [[d.certificate.achieved.hex(), d.gain.tobytes().hex()] for d in designs]
+print(json.dumps(dict(enumerate(answers))))
+"""
+SCRIPTS = {"state feedback": STATE_FEEDBACK, "plants": PLANTS, "diagnoses": DIAGNOSES, "demo": DEMO}
 
 
 def answers(name, shared, threads=1):

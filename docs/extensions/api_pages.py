@@ -1,7 +1,8 @@
 """The API reference, one page per namespace, written from what each namespace exports.
 
 A name of the top level is listed as ``robustpolish.name``, the way it is meant to be used; the
-others as ``robustpolish.namespace.name``. Nothing public can be forgotten.
+others as ``robustpolish.namespace.name``, of the first namespace that exports them. Nothing public
+can be forgotten.
 """
 
 from __future__ import annotations
@@ -60,21 +61,15 @@ def kind_of(value: Any) -> str:
     return KINDS[0] if inspect.isroutine(value) else KINDS[3]
 
 
-def room_page(title: str, intro: str, names: dict[str, Any], prefix: str) -> str:
-    """Return one page: a table per kind of name."""
+def room_page(title: str, intro: str, names: dict[str, str], values: dict[str, Any]) -> str:
+    """Return one page: a table per kind of name, each with the place where it is described."""
     lines = [title, "=" * len(title), "", intro, ""]
-    top = set(robustpolish.__all__)
     for kind in KINDS:
-        chosen = [name for name, value in names.items() if kind_of(value) == kind]
+        chosen = [name for name, value in values.items() if kind_of(value) == kind]
         if not chosen:
             continue
         lines += [kind, "-" * len(kind), "", ".. autosummary::", "   :toctree: reference", ""]
-        lines += [
-            f"   robustpolish.{name}"
-            if name in top and getattr(robustpolish, name) is names[name]
-            else f"   {prefix}.{name}"
-            for name in chosen
-        ]
+        lines += [f"   {names[name]}" for name in chosen]
         lines.append("")
     return "\n".join(lines)
 
@@ -87,12 +82,19 @@ def pages() -> dict[str, str]:
         if not inspect.ismodule(getattr(robustpolish, name))
     }
     intro = "Plants, analysis, synthesis, robustness, identification: what `rp.` shows first."
-    found = {"top.rst": room_page("Names at the top", intro, top, "robustpolish")}
+    described: dict[tuple[str, int], str] = {}
+
+    def places(prefix: str, values: dict[str, Any]) -> dict[str, str]:
+        """Return where each name is described: where its object was first listed by this name."""
+        return {n: described.setdefault((n, id(v)), f"{prefix}.{n}") for n, v in values.items()}
+
+    found = {"top.rst": room_page("Names at the top", intro, places("robustpolish", top), top)}
     for namespace, title in NAMESPACES.items():
         module = import_module(f"robustpolish.{namespace}")
-        names = {name: getattr(module, name) for name in public_names(module)}
+        values = {name: getattr(module, name) for name in public_names(module)}
         intro = (inspect.getdoc(module) or "").splitlines()[0]
-        found[f"{namespace}.rst"] = room_page(title, intro, names, module.__name__)
+        names = places(module.__name__, values)
+        found[f"{namespace}.rst"] = room_page(title, intro, names, values)
     return found
 
 

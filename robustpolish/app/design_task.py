@@ -291,8 +291,8 @@ class DesignTask(Displayed):
         In s, by name of a control or measurement.
     weights : mapping, optional
         ``performance``, ``effort`` and ``robustness`` for mixed sensitivity, each for all channels
-        or by name; or ``channels``, by name of a disturbance or performance output. See
-        :func:`robustpolish.app.design_task.asked_weight` for the forms of a weight.
+        or by name; or ``channels``, by name of a disturbance or performance output. A weight is a
+        number, or a table of :func:`robustpolish.weight` or of ``numerator`` and ``denominator``.
     sample_rate_hz : float, optional
         Sample the controller so often, and certify that loop too.
     computation_delay : float, optional

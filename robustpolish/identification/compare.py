@@ -381,7 +381,7 @@ class StepRun(Displayed):
     >>> part = data.isel(time=slice(0, 500))
     >>> last = rp.identification.step_runs(rp.diagnose(model, part), part)[-1]
     >>> last.step, last.worst, last.stretch()
-    ('coulomb_friction', 'x', None)
+    ('coulomb_friction at x, ground', 'x', None)
     >>> last.plot().get_xlabel(), len(last.plot_panels().axes)
     ('time [ms]', 2)
     """
@@ -514,7 +514,7 @@ def step_runs(diagnosis: Diagnosis, data: Any) -> tuple[StepRun, ...]:
     >>> part = data.isel(time=slice(0, 500))
     >>> runs = rp.identification.step_runs(rp.diagnose(model, part), part)
     >>> [run.step for run in runs]
-    ['base', 'refit', 'coulomb_friction']
+    ['base', 'refit', 'coulomb_friction at x, ground']
     """
     record = measured(diagnosis.model, data).record
     data = record.data

@@ -32,6 +32,7 @@ from robustpolish.machines.effects.effect import Effect, lookup
 from robustpolish.machines.effects.learned_law import LearnedLaw
 from robustpolish.machines.effects.user_defined import own_kind, own_table
 from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import UNITS
 from robustpolish.plots.time import plot_time_series
 
 # JSON files of findings: the model as TOML inside, numbers and missing force beside it.
@@ -524,14 +525,13 @@ class Diagnosis(Fitted, Displayed):
         matplotlib.axes.Axes
         """
         time = self.time if self.time.size else np.arange(float(self.missing_force.shape[1]))
-        turning = {dof.name for dof in self.model.dofs if dof.rotational}
         signals = {
             " - ".join(site): xr.DataArray(
                 force,
                 {"time": time},
                 "time",
                 "missing force",
-                {"units": "N m" if site[0] in turning else "N"},
+                {"units": UNITS[self.model.is_rotational(site)]["force"]},
             )
             for site, force in zip(self.sites, self.missing_force, strict=True)
         }

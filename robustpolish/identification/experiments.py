@@ -324,11 +324,10 @@ def _decays(model: MechanicalModel, record: Record, places: Sequence[str]) -> li
     for name in names:
         i, unit = list(model.free).index(name), "rad" if model.dof(name).rotational else "m"
         for times in _TIMES if shapes[i, i] > 0 else ():
-            pulled = times * size * shapes[:, i] / shapes[i, i]
-            start = np.concatenate([pulled, np.zeros(len(free))])
-            amplitude = times * size
+            amplitude = times * size * model.frame.travel((name,))
+            start = np.concatenate([amplitude * shapes[:, i] / shapes[i, i], np.zeros(len(free))])
             found.append(
-                Experiment("decay", name, times, amplitude, unit, (), still, start, amplitude)
+                Experiment("decay", name, times, amplitude, unit, (), still, start, times * size)
             )
     return found
 

@@ -123,7 +123,6 @@ def learned_laws_of(
     -------
     tuple of LearnedLaw
     """
-    turning = {dof.name for dof in model.dofs if dof.rotational}
     found = []
     for i, effect in enumerate(model.effects):
         if not effect.definition.over:
@@ -136,7 +135,7 @@ def learned_laws_of(
             if set(wanted) <= set(keys):
                 here = [keys.index(key) for key in wanted]
                 known = covariance.values[np.ix_(here, here)]
-        found.append(LearnedLaw(effect, known, effect.at[0] in turning))
+        found.append(LearnedLaw(effect, known, model.is_rotational(effect.at)))
     return tuple(found)
 
 
@@ -166,15 +165,15 @@ class Ledger(Displayed):
     --------
     >>> import robustpolish as rp
     >>> ledger = rp.results.Ledger(noise_floor={"x": 0.01}).add("base", {"x": 0.5})
-    >>> ledger = ledger.add("coulomb_friction", {"x": 0.02})
-    >>> ledger.falls("x")
-    [('base', 0.5, 0.5), ('coulomb_friction', -0.48, 0.02), ('noise floor', -0.01, 0.01)]
+    >>> ledger = ledger.add("coulomb_friction at x, ground", {"x": 0.02})
+    >>> ledger.falls("x")[1:]
+    [('coulomb_friction at x, ground', -0.48, 0.02), ('noise floor', -0.01, 0.01)]
     >>> ledger
     Error of a free run over the standard deviation of each output
-      step                 x
-      base               0.5
-      coulomb_friction  0.02
-      noise floor       0.01
+      step                              x
+      base                            0.5
+      coulomb_friction at x, ground  0.02
+      noise floor                    0.01
     >>> ledger.to_list()[0]
     {'step': 'base', 'nrmse': {'x': 0.5}}
     """

@@ -13,6 +13,7 @@ from itertools import accumulate, combinations, pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import control
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -63,7 +64,14 @@ def named_records(data: Any) -> dict[str, Any]:
     """
     if isinstance(data, xr.Dataset):
         return split_joined(data)
-    if isinstance(data, Mapping):
+    columns = (
+        isinstance(data, Mapping)
+        and data
+        and all(
+            isinstance(values, list | tuple | np.ndarray | int | float) for values in data.values()
+        )
+    )
+    if isinstance(data, Mapping) and not columns:
         found = {str(name): record for name, record in data.items()}
     elif isinstance(data, list | tuple):
         numbered = [f"record {i + 1}" for i in range(len(data))]
@@ -81,7 +89,8 @@ def named_records(data: Any) -> dict[str, Any]:
         if holds_frequency_response(record):
             remedy = "Pass frequency responses alone, all pairs in one array."
             raise misfit("data", f"frequency responses as {name!r}", "records over time", remedy)
-        if not isinstance(record, xr.Dataset | pd.DataFrame | str | Path):
+        tables = xr.Dataset | pd.DataFrame | str | Path | Mapping | control.TimeResponseData
+        if not isinstance(record, tables):
             shown = described(f"{type(record).__name__} as {name!r}")
             raise invalid("data", shown, "datasets, tables or paths", "Read it first.")
     return found

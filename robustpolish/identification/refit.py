@@ -409,7 +409,20 @@ def refit(
         found = refit_of(best.model, best.free, least_squares.covariance_of(best), nrmse)
         records = record_errors(found.model, free_runs(found.model, fewer.record))
     notes = (*fewer.notes, *collect_warnings(started, found.model, prepared))
+    notes += _hold_notes(found.model, prepared)
     return replace(found, model=fewer.restored(found.model), notes=notes, records=records)
+
+
+def _hold_notes(fitted: MechanicalModel, prepared: PreparedRecord) -> tuple[str, ...]:
+    """Say so if the inputs of a linear model look otherwise between samples than it has them."""
+    holds, others = split_holds(fitted.effects)
+    found = holds if others else split_holds(with_selected_holds(fitted, prepared).effects)[0]
+    now, best = (each[0].values["order"] if each else _LINEAR for each in (holds, found))
+    names = ", ".join(item.name for item in fitted.inputs if item.imposes is None)
+    how = {0.0: "held", _LINEAR: "straight"}
+    shape = f"{how.get(best, 'smooth')} between samples, not {how.get(now, 'smooth')}"
+    remedy = f"the effect input_hold with order {best:g} says so, and changes parameters and errors"
+    return (f"{names}: looks {shape}: {remedy}",) * (best != now)
 
 
 def _best_not_worse_than_start(

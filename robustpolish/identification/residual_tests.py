@@ -411,7 +411,8 @@ def band_shares(residual: xr.Dataset, edges: ArrayLike) -> xr.DataArray:
 def line_shares(residual: xr.Dataset, frequencies: Sequence[float], dim: str) -> xr.DataArray:
     """Return the share of each output's squared error near some frequencies.
 
-    Near is within 5 % or two lines of the spectrum, whichever is more.
+    Near is within 5 % or two lines of the spectrum, whichever is more. Frequencies that are equal
+    as they are told, such as those of equal axes, are one.
 
     Parameters
     ----------
@@ -426,13 +427,13 @@ def line_shares(residual: xr.Dataset, frequencies: Sequence[float], dim: str) ->
     xarray.DataArray, shape (output, `dim`)
         The coordinate ``frequency`` is in Hz. Rows do not add up to 1.
     """
-    rows = []
+    frequencies, rows = [*{f"{f:.4g}": f for f in frequencies}.values()], []
     for name in residual.data_vars:
         frequency, power = error_spectrum(residual, name)
         width = 2.5 * (frequency[1] - frequency[0])
         near = [np.abs(frequency - f) <= max(0.05 * f, width) for f in frequencies]
         rows.append([float(power[mask].sum()) for mask in near])
-    coords = {"output": list(residual.data_vars), "frequency": (dim, list(frequencies))}
+    coords = {"output": list(residual.data_vars), "frequency": (dim, frequencies)}
     return xr.DataArray(np.array(rows).reshape(len(rows), -1), coords, ("output", dim))
 
 
@@ -655,16 +656,16 @@ def maps_at_places(
     displacement, velocity : ndarray, shape (samples,)
         Relative ones.
     """
-    sites = force_sites(model)[0]
+    sizes, sites = model.frame.sizes, force_sites(model)[0]
     for at in _places(model):
         row = port_row(model, at)
-        dq, dv = row @ q, row @ v
+        dq, dv, across = row @ q, row @ v, sites * row * sizes**2
         if np.ptp(dq) == 0 or np.ptp(dv) == 0:
             continue
-        pull = (sites @ row) @ force / float(row @ row)
+        pull = np.sum(across, axis=1) @ force / float(row**2 @ sizes**2)
         shown = surface(dq, dv, pull, bins)
         for name in ("force", *_AXES):
-            shown[name].attrs["units"] = UNITS[model.dof(at[0]).rotational][name]
+            shown[name].attrs["units"] = UNITS[model.is_rotational(at)][name]
         size, follows = np.sqrt(np.mean(pull**2)), predictable_share(dq, dv, pull, bins)
         yield ForceMap(at, shown, float(size), follows), dq, dv
 
@@ -685,7 +686,7 @@ def _motion(comparison: Comparison) -> tuple[Array, Array, Array, bool]:
 
 def _places(model: MechanicalModel) -> list[tuple[str, str]]:
     """Every coordinate against ground, and every pair that something connects."""
-    pairs = [(name, "ground") for name in model.dof_names if name not in model.channels]
+    pairs = [(x, "ground") for x in model.frame.coordinates if x not in model.channels]
     connected = [s.between for s in model.springs] + [d.between for d in model.dampers]
     connected += [e.at for e in model.effects if e.definition.domain == "pair"]
     connected += [(o.of[0], o.of[1]) for o in model.outputs if o.weights is None]

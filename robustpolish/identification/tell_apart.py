@@ -418,9 +418,9 @@ def _comparable_models(machines: Any) -> tuple[MechanicalModel, MechanicalModel]
         shown = described(type(machines).__name__)
         raise invalid("machines", shown, "a Diagnosis, or two models", "Read them with rp.load.")
     first, second = machines
-    for what in ("dof_names", "input_names", "output_names"):
-        one, other = getattr(first, what), getattr(second, what)
-        if tuple(one) != tuple(other):
+    names = [(m.frame.coordinates, m.input_names, m.output_names) for m in (first, second)]
+    for one, other in zip(*names, strict=True):
+        if one != other:
             shown = described(f"{', '.join(one)} and {', '.join(other)}")
             raise invalid("machines", shown, "the same names in both models", "Rename them.")
     return first, second

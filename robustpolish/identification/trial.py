@@ -12,7 +12,7 @@ import numpy as np
 from robustpolish.base.budget import progress_bar, single_threaded_blas
 from robustpolish.base.checks import described, invalid, one_of
 from robustpolish.base.results import Card, Displayed, Table, estimate
-from robustpolish.identification.findings import FoundEffect, Ledger
+from robustpolish.identification.findings import FoundEffect, Ledger, RankedCandidate, Value
 from robustpolish.identification.fit.least_squares import (
     covariance_of,
     free_run_rms,
@@ -121,8 +121,8 @@ class Trial(Displayed):
 def try_effect(
     model: MechanicalModel | Trial,
     data: Any,
-    kind: str | EffectKind,
-    at: str | Sequence[str],
+    kind: str | EffectKind | Effect | FoundEffect | RankedCandidate,
+    at: str | Sequence[str] | None = None,
     *,
     parameters: Mapping[str, float] | None = None,
     remove: bool = False,
@@ -138,12 +138,14 @@ def try_effect(
         A trial continues: from its model, and its ledger is kept.
     data : xarray.Dataset, path or pandas.DataFrame, or a sequence or mapping of them
         Inputs and outputs of the model over ``time``, as for :func:`robustpolish.diagnose`.
-    kind : str or EffectKind
-        Name in the catalogue of effects, or a kind of your own.
-    at : str or sequence of str
-        Where it acts, such as ``("tool", "ground")``.
+    kind : str, EffectKind, Effect, FoundEffect or RankedCandidate
+        Name in the catalogue of effects, or a kind of your own. Or a step that a diagnosis
+        proposes, one of its `effects` or `candidates`, with its place; of a set the first effect.
+    at : str or sequence of str, optional
+        Where it acts, such as ``("tool", "ground")``; left out of what has a place.
     parameters : mapping of str to float, optional
-        Values from which the fit begins, SI units; by default those of the screening.
+        Values from which the fit begins, SI units; by default those of the screening, or of the
+        step.
     remove : bool, optional
         Remove the effect, which the model has, instead of adding it.
     ledger : Ledger, optional
@@ -179,9 +181,18 @@ def try_effect(
     >>> right.worthwhile, round(right.effect.parameters["force"].value, 1)
     (True, 3.0)
     >>> [entry.step for entry in right.ledger.entries]
-    ['base', 'refit', 'quadratic_damping', 'coulomb_friction']
+    ['base', 'refit', 'quadratic_damping at x, ground', 'coulomb_friction at x, ground']
     """
     require_time_data(data)
+    if not isinstance(kind, str | EffectKind):
+        at = kind.at if at is None else at
+        if parameters is None:
+            sizes = kind.parameters.items()
+            parameters = {n: v.value if isinstance(v, Value) else v for n, v in sizes}
+        kind = kind.own or kind.kind
+    if at is None:
+        remedy = "Write, for instance, ('tool', 'ground')."
+        raise invalid("at", described("nothing"), "where the effect acts", remedy)
     given = model.model if isinstance(model, Trial) else model
     extended = given if remove else given.with_effect(kind, at, parameters)
     effect = _named(given, kind, at) if remove else extended.effects[-1]
@@ -220,7 +231,7 @@ def try_effect(
         measure = free_run_rms if run.base.fitted.reproducible else short_window_rms
         ledger = entered(ledger, "base", measure(start, prepared, prepared.held_out), start)
         ledger = entered(ledger, "refit", before.fitted.error, before.model)
-    step = f"without {effect.kind}" if remove else effect.kind
+    step = f"without {effect}" if remove else str(effect)
     ledger = entered(ledger, step, after.fitted.error, after.model)
     notes = (*fewer.notes, *collect_warnings(start, after.model, prepared))
     gain = nats(fitted, run.base)

@@ -10,7 +10,7 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustpolish.base.checks import instance_of, invalid, misfit, one_of, positive, state_space
+from robustpolish.base.checks import instance_of, invalid, misfit, one_of, positive
 from robustpolish.errors import InvalidInputError
 from robustpolish.implementation.realization import emulated
 from robustpolish.implementation.sampled import certificate
@@ -20,6 +20,7 @@ from robustpolish.implementation.sampled.lifting import (
     scaled,
     without_loop_delay,
 )
+from robustpolish.linear.systems import as_state_space, is_system
 from robustpolish.plants.blocks import matrices_of, named_system, static_controller
 from robustpolish.plants.plant import GeneralizedPlant
 
@@ -139,10 +140,11 @@ def discrete_controller(
 ) -> control.StateSpace:
     """Return a controller with the period as its sampling time and shapes that suit the plant."""
     own: Any = None
-    if isinstance(controller, control.StateSpace):
-        state_space("controller", controller)
-        if controller.dt not in (None, True) and controller.nstates + bool(controller.dt):
-            own = controller.dt
+    controller = getattr(controller, "controller", controller)  # of a design
+    if is_system(controller):
+        controller = as_state_space("controller", controller, period)
+    if isinstance(controller, control.StateSpace) and controller.dt not in (None, True):
+        own = controller.dt if controller.nstates or controller.dt else None
     if own is not None and own == 0:
         remedy = "Imitate it at samples first, with design.discretize(period)."
         raise misfit("controller", "a continuous one", "a discrete one", remedy)

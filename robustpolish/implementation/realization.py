@@ -17,6 +17,7 @@ from robustpolish.base.checks import invalid, misfit, one_of, positive
 from robustpolish.implementation.sampled.certificate import Norm, SampledCertificate, certificate_of
 from robustpolish.implementation.sampled.induced_norm import square_root
 from robustpolish.implementation.sampled.lifting import border_scale, named_like
+from robustpolish.linear.systems import of_roots
 from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 
@@ -580,7 +581,34 @@ def _matched(controller: control.StateSpace, period: float) -> tuple[Any, Any, A
         shown = f"{controller.ninputs} measurements and {controller.noutputs} controls"
         remedy = "Use method='tustin', with prewarp_hz for one frequency."
         raise misfit("method", shown, "one of each for 'matched'", remedy)
+    A, B, C, D = matrices_of(controller)
+    poles, zeros, gain = np.linalg.eigvals(A), *_zeros_and_gain(A, B, C, float(D[0, 0]))
     with np.errstate(all="ignore"):
-        found: Any = control.ss(control.sample_system(control.tf(controller), period, "matched"))
-    # The polynomials come back as a companion matrix, whose entries cancel.
+        # Near s = 0 a factor z - exp(r T) is (s - r) (exp(r T) - 1)/r, and T s for r = 0.
+        slope = [
+            np.where(r == 0, period, np.expm1(period * r) / np.where(r == 0, 1, r))
+            for r in (poles, zeros)
+        ]
+        gain *= float(np.real(np.prod(slope[0]) / np.prod(slope[1])))
+        # Polynomials in z - 1: in z those of slow roots would lose their digits.
+        moved = np.expm1(period * zeros), np.expm1(period * poles)
+        found = of_roots(*moved, gain, period, about=1.0)
+    if not all(np.isfinite(M).all() for M in matrices_of(found)):
+        return matrices_of(found)
     return matrices_of(realized(found, "modal"))
+
+
+def _zeros_and_gain(A: Matrix, B: Matrix, C: Matrix, D: float) -> tuple[Any, float]:
+    """Return the finite zeros of one channel, and D or its first Markov parameter C A^k B."""
+    row, bound, rows, first = C, np.abs(C), np.zeros((0, len(A))), D
+    while first == 0 and len(rows) < len(A):
+        rows = np.vstack([rows, row / max(float(np.abs(row).max()), 1e-300)])
+        first = float((row @ B)[0, 0])
+        if abs(first) <= 1e-14 * float((bound @ np.abs(B))[0, 0]):  # nothing but rounding
+            first = 0.0
+        row, bound = row @ A, bound @ np.abs(A)
+    if first == 0:
+        return np.zeros(0), 0.0
+    # y and its first derivatives stay zero on Z, with u = -(C A^k / first) x.
+    Z = linalg.null_space(rows) if len(rows) else np.eye(len(A))
+    return np.linalg.eigvals(Z.T @ (A - B @ row / first) @ Z), first

@@ -16,7 +16,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from robustpolish.base.arrays import Vector
-from robustpolish.base.checks import invalid, positive
+from robustpolish.base.checks import invalid, misfit, positive
 from robustpolish.base.results import Card, Displayed, quantities, shown
 from robustpolish.base.saved import Fields, confirm_norm, read_saved, write_saved
 from robustpolish.errors import InfeasibleError, SolverError
@@ -48,7 +48,11 @@ from robustpolish.implementation.realization import (
 from robustpolish.implementation.realization import anti_windup as anti_windup_gain
 from robustpolish.implementation.run import sampled_run
 from robustpolish.implementation.sampled import certificate as certificates
-from robustpolish.implementation.sampled.lifting import beyond_a_period, period_map
+from robustpolish.implementation.sampled.lifting import (
+    beyond_a_period,
+    period_map,
+    without_loop_delay,
+)
 from robustpolish.linear.norms.hinf import singular_values
 from robustpolish.linear.stability import stability
 from robustpolish.plants.blocks import named_system
@@ -675,12 +679,14 @@ def plant_at_samples(
     Returns
     -------
     control.StateSpace
-        With sampling time `period`; controls that the delay still holds back are among its states.
+        With sampling time `period`; controls that the delays still hold back are among its
+        states. The plant's own delays count too, from its controls and to its measurements.
 
     Raises
     ------
     InvalidInputError
-        If the plant is discrete, or the delay longer than 200 periods.
+        If the plant is discrete, the delays together are longer than 200 periods, or delays of
+        the plant differ between its controls or measurements or stand inside it.
 
     Notes
     -----
@@ -699,7 +705,13 @@ def plant_at_samples(
     """
     checked_plant(plant)
     period = positive("period", period, "s")
-    delay = checked_delay(delay, period)
+    plant, own = without_loop_delay(plant)
+    delay = checked_delay(positive("delay", delay, "s", zero=True) + own, period)
+    if plant.delays:
+        shown = ", ".join(f"{name} {duration(each)}" for name, each in plant.delays.items())
+        want = "the same delay at all controls and the same at all measurements"
+        remedy = "certify_sampled takes it, with a Pade model of what differs."
+        raise misfit("plant", f"delays that remain at single signals: {shown}", want, remedy)
     plant = certificates.with_filter(plant, certificates.filter_system(anti_aliasing, plant.ny))
     still = named_system(
         ([], [], [], np.zeros((plant.nu, plant.ny))),

@@ -473,13 +473,13 @@ def _feasible(test: PbhTest) -> Feasibility:
 def _test(kind: Kind, system, signals, states, dt, tolerance) -> PbhTest:
     inputs = kind == "controllability"
     other = "B" if inputs else "C"
-    if isinstance(system, control.StateSpace) or signals is None:
+    if signals is None or isinstance(system, control.LTI):
         if signals is not None:
             text = f"a matrix beside a system, which has its own {other}"
             raise invalid(other, described(text), "None", "Pass either a system or two matrices.")
         given = realisation("system", system)
         A, signals, discrete = given.A, given.B if inputs else given.C, given.discrete
-        names = list(system.state_labels)
+        names = list(given.source.state_labels)
     else:
         A = square("A", system)
         n, discrete = len(A), bool(dt)

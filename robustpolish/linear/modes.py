@@ -144,8 +144,8 @@ def modes(system: control.StateSpace) -> Modes:
 
     Parameters
     ----------
-    system : control.StateSpace
-        Continuous or discrete.
+    system : control.StateSpace, or any other system
+        Continuous or discrete: a transfer function, a system of scipy.signal, a MechanicalModel.
 
     Returns
     -------
@@ -155,7 +155,7 @@ def modes(system: control.StateSpace) -> Modes:
     Raises
     ------
     InvalidInputError
-        If it is no ``StateSpace`` or has entries that are not finite.
+        If it is no system or has entries that are not finite.
 
     Examples
     --------
@@ -167,7 +167,7 @@ def modes(system: control.StateSpace) -> Modes:
     x         0.3183099     0.318294     0.01    0.5  -0.02 +/- 1.9999j
     """
     model = realisation("system", system)
-    names = list(system.state_labels)
+    names = list(model.source.state_labels)
     found: list[Mode] = []
     for part, indices in parts_with_states(model):
         found += _part_modes(part, [names[i] for i in indices])

@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 from scipy.linalg import expm, matrix_balance
 
 from robustpolish.base.arrays import Array, Matrix
-from robustpolish.base.checks import described, invalid, matrix, misfit, state_space
+from robustpolish.base.checks import described, invalid, matrix, misfit
 from robustpolish.base.jit import njit
+from robustpolish.linear.systems import as_system
 
 # The exact response of a linear system to an input that is linear between its samples.
 
@@ -77,7 +78,7 @@ def linear_response(
     >>> bool(abs(outputs[-1, 0] - (1 - np.exp(-1))) < 1e-14)
     True
     """
-    state_space("system", system)
+    system = as_system("system", system)
     n, m = system.nstates, system.ninputs
     t = np.array(time, dtype=float).ravel()
     u = matrix("inputs", inputs, (t.size, m))

@@ -326,7 +326,8 @@ def prescale(system: control.StateSpace, band: Sequence[float] | None = None) ->
         if best >= before - 1e-6:
             break
     A, B, C = model.A * scales / scales[:, None], model.B / scales[:, None], model.C * scales
-    found, left, right = named_like(system, A, B, C, model.D), np.diag(1 / scales), np.diag(scales)
+    found = named_like(model.source, A, B, C, model.D)
+    left, right = np.diag(1 / scales), np.diag(scales)
     return Prescaled(found, left, right, frequency, accuracy(one), accuracy(scales))
 
 
@@ -496,7 +497,7 @@ class Scaling(Displayed):
             remedy = "Scale this system with scale_system."
             raise invalid("system", described(shown), want, remedy)
         scaled = in_units(model, self)
-        return named_like(system, scaled.A, scaled.B, scaled.C, scaled.D)
+        return named_like(model.source, scaled.A, scaled.B, scaled.C, scaled.D)
 
     def state_gain(self, gain: ArrayLike, inputs: Sequence[int] | None = None) -> Vector:
         """Map a state feedback u_s = F_s x_s to u = F x, F = U F_s T^-1 (thesis 10.60).
@@ -562,7 +563,7 @@ class Scaling(Displayed):
         Y = self.outputs[_chosen("outputs", outputs, self.outputs.size)]
         B = self.time * matrix("controller.B", K.B, (K.states, Y.size)) / Y
         C = U[:, None] * matrix("controller.C", K.C, (U.size, K.states))
-        return named_like(controller, self.time * K.A, B, C, U[:, None] * K.D / Y)
+        return named_like(K.source, self.time * K.A, B, C, U[:, None] * K.D / Y)
 
 
 def scale_system(

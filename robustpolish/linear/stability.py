@@ -276,8 +276,8 @@ def stability(system: control.StateSpace) -> Stability:
 
     Parameters
     ----------
-    system : control.StateSpace
-        Continuous or discrete.
+    system : control.StateSpace, or any other system
+        Continuous or discrete: a transfer function, a system of scipy.signal, a MechanicalModel.
 
     Returns
     -------
@@ -287,7 +287,7 @@ def stability(system: control.StateSpace) -> Stability:
     Raises
     ------
     InvalidInputError
-        If it is no ``StateSpace`` or has entries that are not finite.
+        If it is no system or has entries that are not finite.
 
     Examples
     --------
@@ -321,23 +321,38 @@ def stability_of(model: Realisation, spectrum: Eigensystem | None = None) -> Sta
     if model.states > COUNTED_STATES:
         text = f"pole {_shown(pole, model.discrete)} too near the boundary to decide: not trusted"
         return Stability("marginal", pole, margin, False, text)
-    return _exactly(model, pole, margin)
+    return _exactly(model)
 
 
-def _exactly(model: Realisation, pole: complex, margin: float) -> Stability:
-    sided = poles_by_side(rational(model.A), model.discrete)
+def _exactly(model: Realisation) -> Stability:
+    A = rational(model.A)
+    sided = poles_by_side(A, model.discrete)
     worst = max(side for _, side in sided)
-    if worst < 0:
-        text = _sentence("stable", pole, model.discrete) + ", decided in exact arithmetic"
-        return Stability("stable", pole, abs(margin), True, text)
-    excess = {p: (abs(p) - 1 if model.discrete else p.real) for p, side in sided if side == worst}
-    pole, margin = next(iter(excess)), 0.0
-    if worst > 0:
-        pole = max(excess, key=lambda p: excess[p])
-        margin = -excess[pole]
-    verdict, pole = "unstable" if worst > 0 else "marginal", pole * model.time
+    verdict: Any = ("marginal", "unstable", "stable")[worst]
+    margin = 0.0
+    if worst:
+        pole, margin = _least_margin(A, model.discrete)
+    else:
+        pole = next(p for p, side in sided if not side)
+    pole, margin = pole * model.time, margin * model.time
     text = _sentence(verdict, pole, model.discrete)
-    return Stability(verdict, pole, margin * model.time, True, text)
+    text += ", decided in exact arithmetic" if worst < 0 else ""
+    return Stability(verdict, pole, margin, True, text)
+
+
+def _least_margin(A: fmpq_mat, discrete: bool) -> tuple[complex, float]:
+    """Return the pole of least margin and that margin, to double precision; none is on the edge."""
+    polynomial, bits = fmpz_poly(A.charpoly().numer().coeffs()), 128
+    while True:
+        with precision(bits):
+            found = [
+                (1 - abs(root) if discrete else -root.real, root)
+                for root, _ in isolated_roots(polynomial)
+            ]
+            margin, pole = min(found, key=lambda each: float(each[0]))
+            if _sharp(margin) and all(other > 0 or margin < 0 for other, _ in found):
+                return complex(pole), float(margin)
+        bits *= 2
 
 
 def stable_part(model: Realisation, verdict: Stability) -> ExactModel | None:

@@ -18,6 +18,7 @@ from robustpolish.linear.delay_stability import delay_stability
 from robustpolish.linear.delayed_systems import DelayedSystem, resolvent_response
 from robustpolish.linear.norms.hinf import HinfNorm
 from robustpolish.linear.stability import Stability, stability
+from robustpolish.linear.systems import is_system
 from robustpolish.loops.response import (
     DelayedLoop,
     DelayedResponse,
@@ -219,8 +220,8 @@ class BreakableLoop:
 class Loop(BreakableLoop):
     """A plant from u to y and a controller u = K y, with what lies outside the loop left out.
 
-    Delays that a plant keeps beside its state-space system are in :meth:`response`,
-    :meth:`peak` and :attr:`stability` as they are. The systems :meth:`opened` and :attr:`closed`
+    Delays that a plant keeps beside its state-space system are in ``response``,
+    ``peak`` and ``stability`` as they are. The systems ``opened`` and ``closed``
     have Padé approximations of them, as the plant's ``system`` has.
 
     Attributes
@@ -461,15 +462,17 @@ def controller_of(controller: Design | blocks.GivenController | None) -> blocks.
 def measured_plant(plant: Any) -> GeneralizedPlant | None:
     """Return a plant that is known by its frequency response; None of others."""
     own = plant.system if isinstance(plant, GeneralizedPlant) else plant
-    return _as_plant(plant) if isinstance(own, control.FrequencyResponseData) else None
+    return None if blocks.as_response("plant", own) is None else _as_plant(plant)
 
 
 def _as_plant(plant: Any) -> GeneralizedPlant:
-    if isinstance(plant, control.StateSpace | control.TransferFunction):
+    if (response := blocks.as_response("plant", plant)) is not None:
+        plant = response
+    elif is_system(plant):
         plant = blocks.as_state_space("plant", plant, 0)
     if isinstance(plant, control.StateSpace | control.FrequencyResponseData):
         plant = GeneralizedPlant(plant, plant.noutputs or 0, plant.ninputs or 0)
-    expected = "a Design, a GeneralizedPlant, a control.StateSpace or a control.TransferFunction"
+    expected = "a Design, a GeneralizedPlant, a system of any kind or a frequency response"
     remedy = "Pass what a synthesis returned, or a plant and a controller."
     instance_of("plant", plant, GeneralizedPlant, expected, remedy)
     if plant.nu == 0 or plant.ny == 0:

@@ -504,6 +504,9 @@ class Crossing:
     delay_s: float
 
 
+_SHOWN = 20  # crossings in a table
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class LoopMargins(Displayed):
     """Margins at one signal, all other loops being closed.
@@ -526,11 +529,14 @@ class LoopMargins(Displayed):
     disk : DiskMargin
         Gain and phase changed together.
     gain_crossovers, phase_crossovers : tuple of Crossing
-        All of them, by frequency.
+        By frequency; all of them up to `complete_to_hz`.
     loop : control.StateSpace
         L, with S = 1/(1 + L).
     unstable_poles : int
         Poles of L beyond the boundary of stability.
+    complete_to_hz : float
+        Infinite without delays. With them, the frequency up to which every turn of the phase is
+        followed: above it the gain stays below 1/1000, or more than 500 turns lie below it.
 
     Examples
     --------
@@ -557,6 +563,7 @@ class LoopMargins(Displayed):
     phase_crossovers: tuple[Crossing, ...]
     loop: control.StateSpace = field(repr=False)
     unstable_poles: int = 0
+    complete_to_hz: float = math.inf
 
     @property
     def gain_up_db(self) -> float:
@@ -611,9 +618,16 @@ class LoopMargins(Displayed):
             for kind, found in (("gain", self.gain_crossovers), ("phase", self.phase_crossovers))
             for c in found
         )
-        tables = quantities(*rows, digits=4), *[Table("", columns, crossings)] * bool(crossings)
-        notes = ("Less gain makes it unstable too.",) * self.conditionally_stable
-        return Card(f"Loop broken at {self.place} {self.name}", tables, notes)
+        tables = (
+            quantities(*rows, digits=4),
+            *[Table("", columns, crossings[:_SHOWN])] * bool(crossings),
+        )
+        notes = ["Less gain makes it unstable too."] * self.conditionally_stable
+        if math.isfinite(self.complete_to_hz):
+            notes.append(f"Crossings are followed up to {self.complete_to_hz:.4g} Hz.")
+        if (more := len(crossings) - _SHOWN) > 0:
+            notes.append(f"{more} more crossings are in gain_crossovers and phase_crossovers.")
+        return Card(f"Loop broken at {self.place} {self.name}", tables, tuple(notes))
 
 
 def margins_of(loop: Loop | MeasuredLoop, place: Place, signal: int) -> LoopMargins:
@@ -644,4 +658,5 @@ def margins_of(loop: Loop | MeasuredLoop, place: Place, signal: int) -> LoopMarg
         phase_crossovers=at_phase,
         loop=response.system,
         unstable_poles=response.unstable_poles,
+        complete_to_hz=response.complete_to / (2 * math.pi),
     )

@@ -49,6 +49,11 @@ class SystemResponse:
     others: AnyVector = field(default_factory=lambda: np.zeros(0, complex))
 
     @cached_property
+    def complete_to(self) -> float:
+        """Frequency in rad/s up to which all crossings are found: without delays everywhere."""
+        return math.inf
+
+    @cached_property
     def model(self) -> Realisation:
         """The system in scaled units."""
         model = realisation("system", self.system)
@@ -359,7 +364,7 @@ Matrices = tuple[Matrix, Matrix, Matrix, Matrix]
 
 _POINTS_PER_TURN = 8
 """So many points show every turn of the delays' phase."""
-_MOST_POINTS = 4000
+_MOST_POINTS, _LEAST_POINTS = 4000, 64
 _FAINT = 1e-3
 """Above the last frequency with this gain no turn is followed: it is 60 dB from any margin."""
 _CANDIDATES = 5
@@ -508,15 +513,24 @@ class DelayedResponse(SystemResponse):
     @cached_property
     def grid(self) -> Vector:
         """The points of the Pade model, and enough to follow every turn of the phase."""
-        base = super().grid
-        if not base.size:
-            return base
-        strong = self.sizes(base)[:, 0] > _FAINT
-        top = float(base[strong].max(initial=0.0))
-        step = 2 * math.pi / _POINTS_PER_TURN / self.seconds
-        count = min(math.ceil(top / step), _MOST_POINTS)
-        turns: Vector = step * np.arange(1, count + 1, dtype=float)
-        return np.unique(np.concatenate([base, turns])).astype(float)
+        base, step = super().grid, 2 * math.pi / _POINTS_PER_TURN / self.seconds
+        turns: Vector = np.arange(step, self.complete_to + step / 2, step, dtype=float)
+        return np.unique(np.concatenate([base, turns])) if base.size else base
+
+    @cached_property
+    def complete_to(self) -> float:
+        """Frequency in rad/s up to which every turn of the phase is followed."""
+        base, step = super().grid, 2 * math.pi / _POINTS_PER_TURN / self.seconds
+        strong = base[self.sizes(base)[:, 0] > _FAINT]
+        top = float(strong.max(initial=0.0))
+        # The points of the model may end, or be far apart, where the gain is not yet faint.
+        while 0 < top < step * _MOST_POINTS and self.sizes(top)[0, 0] > _FAINT:
+            top *= 2
+        return step * float(np.clip(math.ceil(top / step), _LEAST_POINTS, _MOST_POINTS))
+
+    def phase_crossings(self) -> list[float]:
+        """Return the frequencies up to `complete_to` at which a response is real and negative."""
+        return [w for w in super().phase_crossings() if w <= self.complete_to]
 
     def peak(self) -> HinfNorm:
         """Return the largest singular value: points, and the tops beside the highest of them."""
@@ -559,6 +573,7 @@ class LineResponse:
     system: control.FrequencyResponseData
     unstable_poles: int = 0
     stays_large = False
+    complete_to = math.inf
 
     @property
     def omega(self) -> Vector:

@@ -104,6 +104,9 @@ from .mechanical.parts import (
     Output as Output,
 )
 from .mechanical.parts import (
+    Ratio as Ratio,
+)
+from .mechanical.parts import (
     Spring as Spring,
 )
 from .rotor.assembly import (
@@ -158,6 +161,7 @@ __all__ = [
     "NonlinearResponse",
     "Output",
     "Parameter",
+    "Ratio",
     "ReducedRotor",
     "ReductionError",
     "RotorBearing",

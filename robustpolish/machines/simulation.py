@@ -385,7 +385,7 @@ def needed_substeps(model: MechanicalData, dt: float, amplitude: float, edges: b
     dt : float
         Sampling step in s.
     amplitude : float
-        Displacement amplitude in m or rad.
+        Displacement amplitude in m or rad, of those that a ratio joins in that of the first.
     edges : bool, optional
         Whether some steps are taken for the edges of forces, whatever the sampling.
     """
@@ -396,8 +396,9 @@ def needed_substeps(model: MechanicalData, dt: float, amplitude: float, edges: b
     omega = np.sqrt(max(np.max(np.abs(np.diag(m.K) / np.maximum(np.diag(m.M), 1e-300))), 0.0))
     for _, effect in dynamic_effects(model):
         with np.errstate(over="ignore"):  # a rate beyond doubles is as fast as any
+            moved = amplitude * model.frame.travel(effect.at)
             stiffness, damping, rate = effect.definition.steepness(
-                effect.values, amplitude, min(omega, 1 / dt) * amplitude
+                effect.values, moved, min(omega, 1 / dt) * moved
             )
         rows = port_rows(model, effect)[:, m.free]
         inverse = np.trace(rows @ m.inverse_mass @ rows.T)
@@ -618,7 +619,7 @@ def simulate_model(
         return stepper.over(W, s0, z0, time, lines=between)
 
     shown = [
-        float(np.percentile(np.abs(data[o.name].values), 99))
+        float(np.percentile(np.abs(data[o.name].values), 99)) / model.frame.travel(o.of)
         for o in model.outputs
         if o.name in data and o.quantity == DISPLACEMENT
     ]
@@ -626,7 +627,8 @@ def simulate_model(
     n = substeps or needed_substeps(model, dt, amplitude)
     found = stepped(n)
     if substeps is None and amplitude == 0:  # none is measured: that of the run, if it is finite
-        moved = np.abs(found.states[:, : len(model.free)])
+        sizes = model.frame.sizes[model.matrices.free]
+        moved = np.abs(found.states[:, : len(model.free)] / sizes)
         if moved.size and np.isfinite(moved).all():
             amplitude = float(np.max(np.percentile(moved, 99, axis=0)))
         needed = needed_substeps(model, dt, amplitude)

@@ -7,11 +7,12 @@ from typing import Any
 
 import control
 import numpy as np
-from control.exception import ControlMIMONotImplemented
+import xarray as xr
 from numpy.typing import ArrayLike
 
 from robustpolish.base.arrays import AnyArray, Matrix, Vector
 from robustpolish.base.checks import described, invalid, is_whole, matrix, misfit, state_space
+from robustpolish.linear.systems import as_state_space, is_system, named_system
 
 
 class PlantBlocks:
@@ -160,42 +161,6 @@ def matrices_of(system: control.StateSpace) -> tuple[Matrix, Matrix, Matrix, Mat
     return A, B, C, D
 
 
-def named_system(
-    matrices: Sequence[ArrayLike],
-    dt: float | bool,
-    inputs: Sequence[str],
-    outputs: Sequence[str],
-    states: Sequence[str] = (),
-) -> control.StateSpace:
-    """Return the system of A, B, C, D with these names, states without effect kept.
-
-    Parameters
-    ----------
-    matrices : sequence of array_like
-        A, B, C and D.
-    dt : float or True
-        Sampling time in s; 0 is continuous time.
-    inputs, outputs, states : sequence of str
-        Names.
-
-    Returns
-    -------
-    control.StateSpace
-    """
-    names = {"inputs": list(inputs), "outputs": list(outputs), "states": list(states)}
-    A, B, C, D = matrices
-    if not names["inputs"]:
-        # python-control loses a single row without columns: an input stands in for it.
-        n, p = len(names["states"]), len(names["outputs"])
-        padded = (A, np.zeros((n, 1)), C, np.zeros((p, 1)))
-        names["inputs"] = ["none"]
-        system = control.StateSpace(*padded, dt, remove_useless_states=False, **names)
-        system.set_inputs([])
-        system.B, system.D = np.zeros((n, 0)), np.zeros((p, 0))
-        return system
-    return control.StateSpace(A, B, C, D, dt, remove_useless_states=False, **names)
-
-
 def chosen_signals(
     system: control.StateSpace,
     outputs: Sequence[int],
@@ -279,114 +244,25 @@ def _checked(plant: PlantBlocks, controller: control.StateSpace | ArrayLike) -> 
     return controller
 
 
-# Whatever users call a system, as a state-space system: transfer functions, gains, systems.
-
-_KINDS = "a control.StateSpace, a control.TransferFunction or a gain"
-# How far, relative, a realisation may lie from its transfer function at the points of the check.
-_SAME_RESPONSE = 1e-6
-
-
-def as_state_space(
-    argument: str,
-    value: Any,
-    dt: float | bool | None = None,
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> control.StateSpace:
-    """Return a system, a transfer function or a gain as a state-space system.
-
-    Parameters
-    ----------
-    argument : str
-        Name of the argument, for messages.
-    value : control.StateSpace, control.TransferFunction or array_like
-        A state-space system comes back as it is. The states of a realised transfer function
-        have no meaning; one of several inputs or outputs takes slycot, which realises it with the
-        fewest states.
-    dt : float, True or None, optional
-        Sampling time of what has none of its own.
-    inputs, outputs : sequence of str, optional
-        Names of what is no state-space system; those of the transfer function by default.
-
-    Returns
-    -------
-    control.StateSpace
-
-    Raises
-    ------
-    InvalidInputError
-        If it is of another kind, has entries that are not finite, or is improper.
-    """
-    if isinstance(value, control.StateSpace):
-        return state_space(argument, value)
-    if isinstance(value, control.TransferFunction):
-        return _realised(argument, value, dt, inputs, outputs)
-    if isinstance(value, control.InputOutputSystem | control.LTI):
-        raise misfit(argument, type(value).__name__, _KINDS, "Fit or linearise it first.")
-    if value is None or isinstance(value, str):
-        raise invalid(argument, value, _KINDS, "Pass one of these.")
-    gain = matrix(argument, value)
-    rows, columns = gain.shape
-    if (rows == 0) != (columns == 0):
-        shown = described(f"shape {gain.shape}")
-        raise invalid(argument, shown, "a gain with entries", "Give a row per output.")
-    inputs = inputs or [f"u[{i}]" for i in range(columns)]
-    outputs = outputs or [f"y[{i}]" for i in range(rows)]
-    return named_system(([], [], [], gain), dt or 0, inputs, outputs)
-
-
-def _realised(
-    argument: str, system: control.TransferFunction, dt: Any, inputs: Any, outputs: Any
-) -> control.StateSpace:
-    """Realise a proper transfer function; see :func:`as_state_space`."""
-    every = [n for pair in (system.num_list, system.den_list) for row in pair for n in row]
-    if not all(np.isfinite(n).all() for n in every):
-        shown = described("coefficients that are not finite")
-        raise invalid(argument, shown, "finite numbers", "Check its coefficients.")
-    pairs = zip(system.num_list, system.den_list, strict=True)
-    if any(n.size > d.size for row in pairs for n, d in zip(*row, strict=True)):
-        want, remedy = "one with no more zeros than poles", "Add a lag to its derivative action."
-        raise invalid(argument, described("an improper TransferFunction"), want, remedy)
-    time = system.dt if system.dt is not None else dt
-    timed = control.TransferFunction(system.num_list, system.den_list, time)
-    single = system.ninputs == system.noutputs == 1
-    try:
-        found: Any = control.ss(
-            timed,
-            method="scipy" if single else None,
-            inputs=list(system.input_labels if inputs is None else inputs),
-            outputs=list(system.output_labels if outputs is None else outputs),
-        )
-    except (ControlMIMONotImplemented, ImportError):
-        shown = "a TransferFunction of several inputs or outputs, and slycot is missing"
-        remedy = "Install slycot, or pass a state-space realisation."
-        raise invalid(argument, described(shown), "a control.StateSpace", remedy) from None
-    if single:
-        return found
-    # No routine is believed: the realisation has to have the response that it realises.
-    dens = [np.roots(d) for row in system.den_list for d in row]
-    sizes = np.abs(np.concatenate([*dens, [1.0]]))
-    scale = float(np.median(sizes[sizes > 0]))
-    for factor in (0.03, 0.4, 1.1, 3.0, 40.0):
-        s = 1.2 * np.exp(0.7j * factor) if timed.isdtime(strict=True) else scale * factor * 1j
-        s = complex(s) + 0.1 * scale * factor  # off the axis, where poles may lie
-        want, have = np.atleast_2d(timed(s)), np.atleast_2d(found(s))
-        if not np.abs(want - have).max() <= _SAME_RESPONSE * np.abs(want).max():
-            shown = described("a TransferFunction whose realisation has another response")
-            remedy = "Build it as a control.StateSpace."
-            raise invalid(argument, shown, "one that can be realised in double precision", remedy)
-    return found
-
-
 # A plant that is known by its frequency response only.
 
 
-def finite(argument: str, system: control.FrequencyResponseData) -> control.FrequencyResponseData:
-    """Return a response whose lines and values are all finite."""
-    if not (np.isfinite(system.omega).all() and np.isfinite(system.frdata).all()):
+def as_response(argument: str, value: Any) -> control.FrequencyResponseData | None:
+    """Return a measured response, also one of read_frequency_response; None if it is none."""
+    if isinstance(value, xr.DataArray):
+        if set(value.dims) != {"frequency", "output", "input"}:
+            shown = described(f"an array over {', '.join(map(str, value.dims))}")
+            remedy = "Read it with read_frequency_response, and pass one measurement each."
+            raise invalid(argument, shown, "frequency, output and input", remedy)
+        ordered, hertz = value.transpose("output", "input", ...), value["frequency"].values
+        names = {f"{end}s": [str(n) for n in value[end].values] for end in ("output", "input")}
+        value = control.FrequencyResponseData(ordered.values, 2 * np.pi * hertz, **names)
+    if not isinstance(value, control.FrequencyResponseData):
+        return None
+    if not (np.isfinite(value.omega).all() and np.isfinite(value.frdata).all()):
         shown = described("a response with values that are not finite")
         raise invalid(argument, shown, "finite values", "Leave out those lines.")
-    return system
+    return value
 
 
 def interpolate_response(system: control.FrequencyResponseData, omega: Vector) -> AnyArray:
@@ -514,16 +390,17 @@ def controller_system(plant: PlantBlocks, controller: GivenController) -> contro
     InvalidInputError
         If it is of another kind, improper or of another shape than the plant needs.
     """
-    if isinstance(controller, control.StateSpace):
-        return controller
-    if not isinstance(controller, control.InputOutputSystem | control.LTI):
-        return static_controller(plant, controller)
-    sizes = (controller.noutputs, controller.ninputs)
-    if isinstance(controller, control.TransferFunction) and sizes != (plant.nu, plant.ny):
+    K: Any = getattr(controller, "controller", controller)  # of a design
+    if isinstance(K, control.StateSpace):
+        return K
+    if not is_system(K):
+        return static_controller(plant, K)
+    sizes = (getattr(K, "noutputs", None), getattr(K, "ninputs", None))
+    if isinstance(K, control.TransferFunction) and sizes != (plant.nu, plant.ny):
         shown = f"a TransferFunction with {sizes[0]} outputs and {sizes[1]} inputs"
         want = f"one with {plant.nu} outputs and {plant.ny} inputs"
         remedy = "It leads from the measurements y to the controls u."
         raise invalid("controller", described(shown), want, remedy)
     # A transfer function without a sampling time takes that of the plant.
     names = (plant.measurement_names, plant.control_names)
-    return as_state_space("controller", controller, plant.dt, *names)
+    return as_state_space("controller", K, plant.dt, *names)

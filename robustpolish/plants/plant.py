@@ -236,11 +236,7 @@ class GeneralizedPlant(WiredPlant, Displayed):
         whole: Any
         if isinstance(system, control.StateSpace):
             whole = state_space("system", system)
-        elif isinstance(system, control.FrequencyResponseData):
-            whole = blocks.finite("system", system)
-        else:
-            kinds = "a StateSpace, a TransferFunction or a FrequencyResponseData"
-            instance_of("system", system, control.TransferFunction, kinds, "Use control.ss(...).")
+        elif (whole := blocks.as_response("system", system)) is None:
             whole = blocks.as_state_space("system", system)
         whole, ny, nu = blocks.sorted_signals(whole, measurements, controls)
         self._set(whole, ny, nu, units=units, limits=limits, rate_limits=rate_limits)

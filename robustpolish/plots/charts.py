@@ -311,9 +311,12 @@ def plot_waterfall(
     if floor is not None and np.isfinite(floor):
         label = f"noise floor, {floor:.3g}"
         handles.append(ax.axhline(floor, color="black", linestyle="--", linewidth=1, label=label))
-    ax.set_xticks(range(len(names)), [name.replace("_", " ") for name in names])
+    # kinds in words, places as they are called
+    parts = [[part.partition(" at ") for part in name.split(" and ")] for name in names]
+    told = [[f"{k.replace('_', ' ')}\n{at.lstrip()}{of}" for k, at, of in each] for each in parts]
+    ax.set_xticks(range(len(names)), ["\nand ".join(each).rstrip() for each in told])
     if len(names) > 3 or max(map(len, names), default=0) > 14:
-        ax.tick_params(axis="x", rotation=20)
+        plt.setp(ax.get_xticklabels(), rotation=20, ha="right", rotation_mode="anchor")
     ax.set_xlabel("step")
     quantity_axis(ax.yaxis, levels, levels.name or "level")
     ax.margins(y=0.2)  # for the numbers on top of the bars

@@ -53,7 +53,7 @@ class AirBearingParameters(Quantities):
     """Dimensions, masses and stiffnesses of brush, rod and air bearing.
 
     The field's unit, symbol in the thesis and source stand in its metadata, see
-    :meth:`table`. Three readings of the thesis are offered as constructors, because its
+    ``table``. Three readings of the thesis are offered as constructors, because its
     text, its table and its listings contradict each other:
     :meth:`as_published` (also ``AirBearingParameters()``), :meth:`as_printed` and
     :meth:`corrected`.

@@ -371,9 +371,8 @@ _ROUGH = 0.3
 _AGAIN = 5
 # Angle beside rest and infinity from which a search along the axis begins.
 _BESIDE = 1e-3
-# Frequencies beside those of all poles, relative, at which a loop is as at rest or at infinity; and
-# how much larger its witness there may be, for what is left of its dynamics.
-_END = 1e-6
+# How much larger a witness at rest or at infinity may be, relative, than one slower or faster than
+# all poles, for what is left of the dynamics.
 _BESIDE_END = 1e-6
 # Size of real numbers, beside what was said to be possible, that is looked at without a witness.
 _FAR = 1e3
@@ -508,16 +507,16 @@ def _from_witness(
 
 
 def _at_the_ends(loop: LoopModel, fixed: tuple[bool, ...] | None, witness: Witness) -> Witness:
-    """Bring a witness that is all but at rest or at infinity there, where its values are real.
+    """Bring a witness beyond all poles to rest or to infinity, if it is as small there.
 
-    Its lags would turn phases that are nothing but rounding.
+    There its values are real. Its lags would turn phases that are nothing but rounding.
     """
     poles = np.abs(np.linalg.eigvals(loop.model.A)) if loop.model.states else np.zeros(0)
     poles = poles[poles > 0]
     frequency = loop.frequency(witness.at)
     if not poles.size or frequency in (0.0, math.inf):
         return witness
-    if poles.min() * _END < frequency < poles.max() / _END:
+    if poles.min() <= frequency <= poles.max():
         return witness
     end = 0.0 if frequency < poles.min() else math.pi / 2
     there = _from_witness(loop, fixed, witness, end, False)

@@ -216,7 +216,9 @@ def smallest_delta(
             constraints=[constraint("eq", problem.equal), constraint("ineq", problem.less)],
             options={"maxiter": _ROUNDS, "ftol": 1e-11},
         )
-        return problem.read(found.x) if np.isfinite(found.x).all() else None
+        # where many Deltas are nearly as good, the search may end above where it began
+        ends = [problem.read(v) for v in (found.x, start) if np.isfinite(v).all()]
+        return min(filter(None, ends), key=lambda end: end.size, default=None)
     return None
 
 

@@ -78,6 +78,8 @@ def responses_of(table: RawTable) -> list[RawResponse]:
         shown, want = f"no such column among {listed}", "a column 'frequency [Hz]'"
         raise misfit("frequency", shown, want, "Name it so.")
     unit = table.units.get(axis, "") or ("rad/s" if axis.casefold() in _NAMES["angular"] else "Hz")
+    if axis not in table.units and unit == "Hz" and axis.casefold() not in ("hz", "f"):
+        table.notes.append(f"{axis} has no unit: read in Hz")
     frequency = numeric(axis, table.columns[axis])
     pairs: dict[str, dict[str, str]] = {}
     for name in table.columns:
@@ -100,7 +102,7 @@ def responses_of(table: RawTable) -> list[RawResponse]:
 def _with_pairs(table: RawTable) -> RawTable:
     """Return the table with strokes as those of pairs: x/V is a response, not x in volts."""
     heads = {name: header for header, name in table.headers.items()}
-    whole = RawTable()
+    whole = RawTable(notes=table.notes)
     for name, values in table.columns.items():
         head, unit = heads.get(name, name), table.units.get(name)
         pair, _ = split_header(head)
@@ -144,8 +146,13 @@ def _joined(pair: str, parts: dict[str, str], table: RawTable) -> tuple[np.ndarr
         return columns["real"] + 1j * imag, units["real"]
     if {"magnitude", "phase"} <= set(parts):
         size, unit = columns["magnitude"], units["magnitude"]
+        if not unit:
+            unit = "dB" if (size < 0).any() else ""  # no ratio is below 0
+            table.notes.append(f"{parts['magnitude']} has no unit: read as {unit or 'a ratio'}")
         if decibels := re.match(r"^dB(?:\s+re)?\s*(?:1\s)?\s*(.*)$", unit):
             size, unit = 10 ** (size / 20), decibels[1].strip("() ")
+        if not units["phase"]:
+            table.notes.append(f"{parts['phase']} has no unit: read in degrees")
         angle, _ = to_si(columns["phase"], units["phase"] or "deg", f"unit of {parts['phase']!r}")
         return size * np.exp(1j * angle), unit
     shown, want = ", ".join(parts.values()), "real and imaginary part, or magnitude and phase"
@@ -532,13 +539,14 @@ def read_frequency_response(
             renames = _renames(f"{dimension}s", known, names)
             array = array.assign_coords({dimension: [renames[name] for name in known]})
         return array
-    curves = _curves(source, max_bytes)
+    curves, notes = _curves(source, max_bytes)
     if not any(curve.kind == "response" for curve in curves):
         raise _nothing(source)
     out = _renames("outputs", list(dict.fromkeys(c.output for c in curves)), outputs)
     into = _renames("inputs", list(dict.fromkeys(c.input for c in curves)), inputs)
     curves = [replace(c, output=out[c.output], input=into[c.input]) for c in curves]
     array = _assembled(curves, units)
+    array.attrs["notes"] += notes
     if isinstance(source, str | Path):
         array.attrs["source"] = str(source)
     return checked_response(array)
@@ -584,11 +592,11 @@ def holds_frequency_response(source: Any) -> bool:
     return len(named) > 1 and is_frequency(named[0]) and not any(map(is_time, named))
 
 
-def _curves(source: Any, max_bytes: float | None) -> list[RawResponse]:
+def _curves(source: Any, max_bytes: float | None) -> tuple[list[RawResponse], list[str]]:
     if (found := read_frd(source)) is not None:
-        return found
+        return found, []
     if (table := read_object(source)) is not None:
-        return responses_of(table)
+        return responses_of(table), table.notes
     if not isinstance(source, str | Path):
         raise _nothing(source)
     path, wanted = Path(source), _FILE.limited(max_bytes)
@@ -596,9 +604,10 @@ def _curves(source: Any, max_bytes: float | None) -> list[RawResponse]:
         raise wanted.refused(path, "empty")
     suffix = path.suffix.casefold()
     if suffix in UNIVERSAL:
-        return read_uff_responses(path, wanted)
+        return read_uff_responses(path, wanted), []
     if suffix in TEXT:
-        return responses_of(read_csv(path, wanted))
+        table = read_csv(path, wanted)
+        return responses_of(table), table.notes
     known = ", ".join((*TEXT, *UNIVERSAL))
     raise invalid("frequency response", path.name, f"one of the suffixes {known}", "Convert it.")
 

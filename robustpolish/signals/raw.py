@@ -22,7 +22,7 @@ _PREFIXED = r"[fpnuµμmcdkMG]?(?:m|g|s|N|Nm|Nmm|Ns|V|A|W|Pa|Hz|rad|J|bar|strain
 _ALONE = r"(?:sec|deg|degrees?|°|rpm|%|°C|degC|K|[uµμ]e|[uµμ]ε|microstrain|lbf|ft|kgf|rev)"
 _ATOM = rf"(?:{_PREFIXED}|{_ALONE})(?:(?:\^|\*\*)?-?[1-4]|²|³)?"
 _UNIT = re.compile(rf"{_ATOM}(?:\s*[*·⋅./ ]\s*\(?{_ATOM}\)?)*")
-_TIME_UNIT = re.compile(_TIME_UNITS, re.IGNORECASE)
+TIME_UNIT = re.compile(_TIME_UNITS, re.IGNORECASE)
 
 _BRACKETS = re.compile(r"^(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]\s*$")
 _PARENTHESES = re.compile(r"^(?P<name>.*?\S)\s*\((?P<unit>[^\[\]]*)\)\s*$")
@@ -63,7 +63,7 @@ def split_header(header: str, fraction: bool = False) -> tuple[str, str]:
         found = pattern.match(text)
         if found:
             name, unit = found["name"].strip(), _bare(found["unit"])
-            if _UNIT.fullmatch(unit) or (is_time(name) and _TIME_UNIT.fullmatch(unit)):
+            if _UNIT.fullmatch(unit) or (is_time(name) and TIME_UNIT.fullmatch(unit)):
                 return name, unit
     found = re.fullmatch(rf"(?P<name>.*?)[ _](?P<unit>{_TIME_UNITS})", text)
     if found and is_time(found["name"]):
@@ -83,7 +83,7 @@ def line_of_units(cells: list[str]) -> list[str] | None:
     units = [(f["unit"] if f else c).strip() for f, c in zip(found, cells, strict=True)]
     # An empty cell, or a stroke, stands for a column without a unit.
     units = ["" if unit == "-" else unit for unit in units]
-    known = all(not u or _UNIT.fullmatch(u) or _TIME_UNIT.fullmatch(u) for u in units)
+    known = all(not u or _UNIT.fullmatch(u) or TIME_UNIT.fullmatch(u) for u in units)
     return units if known and any(units) else None
 
 
@@ -216,7 +216,11 @@ def _quantity(unit: str, value: float) -> Any:
     registry = _registry()
     if symbol in ("1", "-"):
         return registry.Quantity(value * scale, "dimensionless")
-    one = registry.parse_expression(symbol.replace("^", "**"))
+    symbol = symbol.replace("^", "**")
+    try:
+        one = registry.parse_expression(symbol)
+    except Exception:  # "Newtons", "Volts"; pint raises errors of its own and of the tokenizer
+        one = registry.parse_expression(symbol.lower())
     if isinstance(one, int | float):  # such as "%" turned into a number
         return registry.Quantity(value * scale * one, "dimensionless")
     if one.magnitude == 1:  # the way that temperatures with an offset need
@@ -249,6 +253,8 @@ RECORD = FileSpec("measurement", "a file", "Check the path.", 1_000_000_000)
 
 # What a reader gets out of a file of signals, before any check.
 
+_SAME_SAMPLE = 0.05  # of a step, what stamps of clocks are rounded to
+
 
 @dataclass
 class RawTable:
@@ -262,6 +268,8 @@ class RawTable:
         Unit by name where the file gives one.
     sampling_rate : float or None
         In Hz, where the file gives one.
+    start : float
+        Time of the first sample in s, for files without a column of times.
     notes : list of str
         What was done or left out on the way.
     lines : ndarray of int or None
@@ -275,6 +283,7 @@ class RawTable:
     columns: dict[str, Any] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
     sampling_rate: float | None = None
+    start: float = 0.0
     notes: list[str] = field(default_factory=list)
     lines: np.ndarray | None = None
     headers: dict[str, str] = field(default_factory=dict)
@@ -291,6 +300,27 @@ class RawTable:
         self.headers[str(header).strip()] = name
         if unit or written:
             self.units[name] = unit or written
+
+    def start_together(self, starts: Mapping[str, float], step: float) -> None:
+        """Cut columns that start at different times, in s, to what all of them cover.
+
+        Raises
+        ------
+        InvalidInputError
+            If they do not start a whole number of steps apart.
+        """
+        self.start = max(starts.values())
+        for name, start in starts.items():
+            late = (self.start - start) / step
+            if abs(late - round(late)) > _SAME_SAMPLE or round(late) >= np.size(self.columns[name]):
+                shown = f"{name}, which starts {self.start - start:.6g} s before another channel"
+                want = f"one start, or starts whole steps of {step:.6g} s apart within the record"
+                raise misfit("measurement", shown, want, "Resample, or pass table= or columns=.")
+            self.columns[name] = self.columns[name][round(late) :]
+        if spread := self.start - min(starts.values()):
+            length = min(np.size(self.columns[name]) for name in starts)
+            self.columns |= {name: self.columns[name][:length] for name in starts}
+            self.notes.append(f"channels start up to {spread:.6g} s apart: cut to what all cover")
 
     def resolve(self, argument: str, name: str) -> str:
         """Return the column that is meant: by name, by header, or by the end of a path in groups.

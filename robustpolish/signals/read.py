@@ -22,7 +22,7 @@ from robustpolish.signals.quality import (
     share_at_limit,
 )
 from robustpolish.signals.raw import RECORD, RawResponse, RawTable, is_count, to_si
-from robustpolish.signals.readers.arrays import read_npz, read_wav
+from robustpolish.signals.readers.arrays import read_npz, read_wav, table_of
 from robustpolish.signals.readers.csv import read_csv
 from robustpolish.signals.readers.instruments import read_tdms, read_uff
 from robustpolish.signals.readers.mat import read_hdf5, read_mat
@@ -34,11 +34,18 @@ from robustpolish.signals.time_axis import find_time, is_text, seconds, uniform_
 
 
 def read_object(source: Any) -> RawTable | None:
-    """Take a pandas DataFrame or Series or an xarray object apart; None for anything else."""
+    """Take a table in memory apart: see :func:`read_measurement`; None for anything else."""
     if isinstance(source, xr.DataArray):
         return _dataset(source.to_dataset(name=str(source.name or "signal")))
     if isinstance(source, xr.Dataset):
         return _dataset(source)
+    if isinstance(source, control.TimeResponseData):
+        source = source.to_pandas()
+    if isinstance(source, np.ndarray) and source.dtype.names:
+        source = {name: source[name] for name in source.dtype.names}
+    if isinstance(source, Mapping):
+        columns = {str(name): values for name, values in source.items()}
+        return table_of(columns, None, "a mapping of arrays")
     # xarray itself requires pandas, so that this import costs nothing more.
     import pandas as pd
 
@@ -145,7 +152,8 @@ def raw_table(source: Any, table: str | None = None, max_bytes: float | None = N
     found = read_object(source)
     if found is not None:
         return found
-    expected, remedy = "a path, or a pandas or xarray object", "Convert it to a pandas.DataFrame."
+    expected = "a path, a pandas or xarray object, a mapping of arrays or a TimeResponseData"
+    remedy = "Convert it to a pandas.DataFrame."
     path = Path(instance_of("measurement", source, (str, Path), expected, remedy))
     wanted, suffix = RECORD.limited(max_bytes), path.suffix.casefold()
     if file_size(path, wanted) == 0:
@@ -166,6 +174,9 @@ def raw_table(source: Any, table: str | None = None, max_bytes: float | None = N
     raise misfit("table", shown, "no table: the file has but one", "Leave it out.")
 
 
+_CLOCKS_AGREE = 0.01  # relative, what the clock of a computer may be off
+
+
 def read_measurement(
     source: Any,
     *,
@@ -184,10 +195,11 @@ def read_measurement(
 
     Parameters
     ----------
-    source : path, pandas.DataFrame, pandas.Series, xarray.Dataset or xarray.DataArray
+    source : path, pandas or xarray object, mapping of names to arrays, or TimeResponseData
         A text table (``.csv``, ``.txt``, ``.tsv``, ``.dat``, ``.asc``, ``.lvm``) with a header of
         names and units, such as ``x [mm]``, ``x (mm)`` or ``x/mm``; a MATLAB file of any version,
-        HDF5, NPZ or WAV; TDMS and UFF 58 with the extra ``[io]``.
+        HDF5, NPZ or WAV; TDMS and UFF 58 with the extra ``[io]``. A mapping is read as an NPZ
+        file of these arrays, as is an array with named fields.
     columns : sequence of str, optional
         The channels to read; all by default. What a group holds is called ``group/name``, or
         ``name`` alone where that is clear.
@@ -302,7 +314,15 @@ def _stamps(raw: RawTable, name: str | None, sampling_rate: float | None) -> Vec
     if not raw.columns:
         raise misfit("measurement", "no channels", "signals", "Check the file.")
     if name is not None and sampling_rate is None:
-        return seconds(raw, name)
+        stamps = seconds(raw, name)
+        told = raw.sampling_rate
+        step = float(np.median(np.diff(stamps))) if stamps.size > 1 else 0.0
+        if told and step > 0 and abs(step * told - 1) > _CLOCKS_AGREE:
+            raw.notes.append(
+                f"{name} has a step of {step:.6g} s, where the head of the file gives "
+                f"{told:.6g} Hz: the steps are used"
+            )
+        return stamps
     rate = raw.sampling_rate if sampling_rate is None else sampling_rate
     if rate is None:
         shown = f"no channel of that name among {', '.join(raw.columns)}"
@@ -313,7 +333,7 @@ def _stamps(raw: RawTable, name: str | None, sampling_rate: float | None) -> Vec
     length = max(set(lengths), key=lengths.count, default=0)
     if length < 2:
         raise misfit("measurement", f"{length} samples", "two or more", "Record longer.")
-    return step * np.arange(length, dtype=np.float64)
+    return raw.start + step * np.arange(length, dtype=np.float64)
 
 
 def _channels(

@@ -503,7 +503,8 @@ def certify(
     system = named_system(loop.doubles, plant.dt, *names)
     poles, damping, hertz = _poles(system, plant.dt)
     step = (1.0 if plant.dt is True else float(plant.dt)) if plant.is_discrete else None
-    level = bounded_real.rounding_level(loop)
+    through = [float(np.linalg.norm(M)) for M in (plant.D12, K.D, plant.C2)]
+    level = bounded_real.rounding_level(loop, float(np.prod(through)))
     achieved, peak, bound, proven = np.inf, None, np.inf, None
     size = np.abs(poles) if plant.is_discrete else poles.real
     # Whether all poles, as doubles see them, are stable.

@@ -158,6 +158,10 @@ class ChosenController(NamedTuple):
         return np.inf if self.certificate is None else self.certificate.achieved
 
 
+ROUNDING = 1e-12
+"""Share of the norm with almost no control below which a norm is nothing but rounding."""
+
+
 class PartSearch:
     """One part in the units of the engines, what they found, and the choice among it.
 
@@ -388,7 +392,8 @@ class PartSearch:
 
     def _status(self, achieved: float) -> preflight.Status:
         bound = self.problem.bound
-        near = bound is not None and achieved <= bound.value * (1 + self.problem.tolerance)
+        most = ROUNDING * self.settings.reference / self.unit
+        near = bound is not None and achieved <= most + bound.value * (1 + self.problem.tolerance)
         near = near and not any(engine.constrained for engine in self.searches)
         # An estimate of the infimum may lie above it.
         if bound is not None and bound.proven and near:
@@ -534,7 +539,8 @@ class JoinedController:
         achieved, done = self.certificate.achieved, self.done
         if self.budget.was_late:
             return "time_limit"
-        near = achieved <= self.bound * (1 + self.settings.tolerance)
+        rounding = ROUNDING * self.settings.reference
+        near = achieved <= rounding + self.bound * (1 + self.settings.tolerance)
         if self.settings.full_state:
             worst = preflight.worst_status(c.status for c in done)
             return "suboptimal" if worst == "optimal" and not near else worst

@@ -51,6 +51,14 @@ def test_a_command_without_a_model_says_where_its_machine_comes_from():
         assert "Did you mean" not in message
 
 
+@pytest.mark.filterwarnings("default::robustpolish.RobustPolishWarning")
+def test_a_warning_is_a_note_that_is_told_once(tmp_path):
+    file = str(tmp_path / "rubs.toml")
+    run("model", "air-bearing", "--add", "coulomb_friction y ground force=0.3", "--out", file)
+    (line,) = run("norms", "--model", file).stderr.splitlines()
+    assert line.startswith("Note: coulomb_friction at y, ground jumps at rest")
+
+
 def test_help_imports_no_subcommand():
     """Help stays quick because nothing else is imported for it."""
     program = (

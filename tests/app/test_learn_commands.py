@@ -1,6 +1,7 @@
 """Commands on measurements: compare, refit, diagnose and tell-apart; JSON and exit codes."""
 
 import json
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -243,7 +244,7 @@ def test_the_json_that_programs_rely_on_diagnose(diagnosed):
     assert {"kind", "at", "nrmse_held_out"} <= set(told["candidates"][0])
     assert all({"kind", "at"} == set(e) for pair in told["indistinguishable"] for e in pair)
     steps = [(entry["step"], entry["nrmse"]["x"]) for entry in told["ledger"]]
-    assert [step for step, _ in steps] == ["base", "refit", "quadratic_damping"]
+    assert [step for step, _ in steps] == ["base", "refit", "quadratic_damping at x, ground"]
     assert steps[0][1] > steps[1][1] > steps[2][1]
     assert told["noise_floor"]["x"] == pytest.approx(10 ** (-30 / 20), rel=0.1)
     assert "check" in output.lower()
@@ -252,6 +253,15 @@ def test_the_json_that_programs_rely_on_diagnose(diagnosed):
     again = ("compare", str(folder / "unseen.csv"), "--model", str(folder / "refined.toml"))
     found = json.loads(run(*again, "--json").output)["outputs"]["x"]
     assert found["rmse"] < 1.2 * NOISE["x"]
+
+
+def test_a_diagnosis_proposes_steps_that_are_taken_by_hand(diagnosed, monkeypatch):
+    folder, _, output = diagnosed
+    monkeypatch.chdir(folder)
+    (line,) = (line for line in output.splitlines() if "robustpolish try" in line)
+    assert ": worth its numbers" in run(*shlex.split(line)[1:]).output
+    (effect,) = MechanicalModel.from_toml(folder / "step_1.toml").effects
+    assert effect.values["coefficient"] == pytest.approx(4.0, rel=0.05)
 
 
 def test_the_report_says_where_which_how_much_and_what_to_check(diagnosed):
@@ -427,6 +437,9 @@ def test_a_record_of_the_brush_on_a_bearing_that_hides_something(tmp_path):
     told = json.loads(run("compare", record, "--model", "air-bearing", "--json").stdout)
     assert set(told["outputs"]) == {"x", "y", "z"}  # F_p stands still, the bearing has no sensors
     assert told["outputs"]["x"]["nrmse"] < 0.05 < told["outputs"]["y"]["nrmse"]
+    # the band of the record ends at 10 kHz, the printed bearing has a mode at 27 kHz
+    printed = run("compare", record, "--model", "air-bearing:as-printed").stdout
+    assert "does not show the model's mode at 2" in printed
     fewer = run("compare", record, "--model", hidden, "--columns", "x, y", "--json")
     assert set(json.loads(fewer.stdout)["outputs"]) == {"x", "y"}
     for columns, message in (("x,w", "'w'"), ("x,x_m", "'x_m'")):
@@ -434,6 +447,11 @@ def test_a_record_of_the_brush_on_a_bearing_that_hides_something(tmp_path):
         assert message in result.stderr
     for change, message in (("force=2", "a place"), ("cubic_stiffness y force=much", "numbers")):
         assert message in run("model", "air-bearing", "--add", change, code=2).stderr
+
+
+@pytest.mark.parametrize("command", ["compare", "refit", "try", "diagnose", "tell-apart"])
+def test_every_command_on_measurements_takes_columns(command):
+    assert "--columns" in run(command, "--help").stdout
 
 
 @pytest.mark.parametrize("command", ["modes", "norms"])

@@ -39,3 +39,10 @@ def test_ten_commands_lead_from_nothing_to_a_learned_machine_and_its_controller(
     assert "can be built" in told[8]
     assert "cannot be built" not in told[8]
     assert "controller_step" in Path("controller.c").read_text()
+
+
+def test_the_tutorial_of_the_air_bearing_is_the_first():
+    root = PAGE.parents[1]
+    for page in ("README.md", "docs/tutorials.md"):
+        named = re.findall(r"notebooks/(\d\d)_", (root / page).read_text("utf-8"))
+        assert named[0] == "00"

@@ -1,11 +1,13 @@
 """Diagnoses of the air bearing under the brush, of machines that an integrator of its own made."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import robustpolish as rp
+from robustpolish.identification.search.screening import places
 from tests.identification.air_bearings import MODEL, measured
 
 X, Y, BEARING, Z = ("x", "ground"), ("y", "ground"), ("x_m", "ground"), ("z", "ground")
@@ -48,6 +50,19 @@ def outcome(name):
         wanted = "adequate" if name == "nothing" else "parameters"
         right = not named and found.verdict == wanted
     return right, bool(named) and not right and found.verdict == "missing_effect", seconds
+
+
+def test_right_numbers_raise_no_suspicion_of_units():
+    """Also c_Z = 1e-8 N s/m of the thesis, which stands for no damper, and which a fit may move."""
+    assert not any("unit" in note for note in rp.refit(MODEL, measured(duration=0.1)).notes)
+
+
+def test_nothing_is_sought_between_axes_at_right_angles():
+    tried = places(MODEL, rp.effects.lookup("coulomb_friction"))
+    axes = [{MODEL.dof(name).axis for name in at if name != "ground"} for at in tried]
+    assert all(len(axis) == 1 for axis in axes)
+    unknown = replace(MODEL, dofs=tuple(replace(dof, axis="") for dof in MODEL.dofs))
+    assert len(tried) < len(places(unknown, rp.effects.lookup("coulomb_friction")))
 
 
 @pytest.mark.long

@@ -42,7 +42,7 @@ def test_names_the_missing_spring(cubic):
 def test_the_error_falls_to_the_noise(cubic):
     diagnosis = cubic[0]
     steps = [entry.step for entry in diagnosis.ledger.entries]
-    assert steps == ["base", "refit", "cubic_stiffness"]
+    assert steps == ["base", "refit", "cubic_stiffness at x, ground"]
     errors = [entry.nrmse["x"] for entry in diagnosis.ledger.entries]
     assert errors[0] > errors[1] > 5 * errors[2]
     assert errors[2] == pytest.approx(10 ** (-30 / 20), rel=0.05)

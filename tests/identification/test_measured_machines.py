@@ -394,6 +394,15 @@ def test_a_force_over_the_position_is_no_noise(shared):
     assert rp.diagnose(model, rp.read_measurement(path)).verdict not in ALL_CLEAR
 
 
+def test_a_stop_under_the_tool_has_its_name(shared):
+    """The mould under an air bearing, in a record with F_p = 0 throughout."""
+    folder = shared / "data/second_judge/stop_under_tool"
+    model = rp.MechanicalModel.from_toml(folder / "model.toml")
+    found = rp.diagnose(model, folder / "train.csv")
+    assert found.verdict == "missing_effect"
+    assert [(e.kind, e.at) for e in found.effects] == [("contact_stop", ("z", "ground"))]
+
+
 def test_a_belt_axis_can_be_stopped_with_its_friction(shared):
     """Three records; as soon as the friction was found, an interruption keeps it."""
 

@@ -1,5 +1,6 @@
 """Refits: the true numbers, their standard errors, what they say of a record."""
 
+import control
 import numpy as np
 import pytest
 import xarray as xr
@@ -236,3 +237,34 @@ def test_no_false_alarm_on_measured_machines(shared, part):
         model = rp.MechanicalModel.from_toml(folder / "model.toml")
         found = rp.compare(model, folder / f"{part}.csv")
         assert sanity_warnings(model, found.data, found.simulated) == (), folder.name
+
+
+@pytest.mark.parametrize("assumed", [0.0, 1.0])
+@pytest.mark.parametrize("course", ["held", "straight"])
+def test_no_number_is_wrong_by_what_goes_on_between_samples_without_a_word(course, assumed):
+    rng, dt, m, k, c, n = np.random.default_rng(3), 1e-3, 2.0, 5053.2, 6.0, 8000
+    system = control.ss([[0, 1], [-k / m, -c / m]], [[0], [1 / m]], [[1.0, 0]], 0)
+    t, force = dt * np.arange(n), np.convolve(rng.normal(size=n), np.ones(8) / 3, "same")
+    if course == "straight":
+        y = linear_response(system, t, force[:, None]).outputs[:, 0]
+    else:  # a digital controller, whose force the record holds, stays until the next sample
+        step, x, y, rate = control.c2d(system, dt), np.zeros(2), np.zeros(n), 0.0
+        for i in range(n):
+            y[i] = x[0]
+            rate = 0.8 * rate + 0.2 * (y[i] - y[i - 1]) / dt if i else 0.0
+            force[i] -= 20000 * y[i] + 100 * rate
+            x = step.A @ x + step.B[:, 0] * force[i]
+    noisy = y + 1e-7 * rng.normal(size=n)
+    data = rp.read_measurement({"time [s]": t, "F [N]": force, "x [m]": noisy})
+    model = rp.MechanicalModel(
+        [rp.Dof("x", m)], [rp.Spring(PLACE, 1.15 * k)], [rp.Damper(PLACE, 2 * c)],
+        [rp.Input("F", PLACE)], [rp.Output("x", PLACE)],
+    )  # fmt: skip
+    if assumed == 0.0:
+        model = model.with_effect("input_hold", "F", {"order": 0.0})
+    fitted, key = rp.refit(model, data), "damper[0].damping"
+    seen = any(f"F: looks {course} between samples" in note for note in fitted.notes)
+    wrong = abs(fitted.model.parameters[key] - c) > 4 * fitted.stderr[key]
+    assert seen or not wrong
+    assert not any("between samples" in n for n in fitted.notes) or seen
+    assert seen or course == "straight" or assumed == 0.0

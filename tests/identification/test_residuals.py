@@ -106,6 +106,29 @@ def test_the_mode():
     assert float(result.overall(result.modes).max()) > 0.3
 
 
+def test_a_mode_of_two_equal_axes_is_named_once():
+    """Two uncoupled oscillators of 10 Hz, whose measured damping is less than the model's."""
+
+    def twins(damping):
+        at = [(name, "ground") for name in "ab"]
+        return rp.MechanicalModel(
+            [rp.Dof(name, 1.0) for name in "ab"],
+            [rp.Spring(place, (20 * np.pi) ** 2) for place in at],
+            [rp.Damper(place, damping) for place in at],
+            [rp.Input("F", at[0]), rp.Input("G", at[1])],
+            [rp.Output(name, place) for name, place in zip("ab", at, strict=True)],
+        )
+
+    force = RANDOM.standard_normal((2, SAMPLES))
+    data = xr.Dataset({n: ("time", f) for n, f in zip("FG", force, strict=True)}, {"time": TIME})
+    outputs = rp.simulation.simulate_model(twins(2.0), data).outputs
+    data = data.assign({n: ("time", outputs[:, i]) for i, n in enumerate("ab")})
+    result = rp.residual_analysis(rp.compare(twins(4.0), data))
+    lines = [line for line in result.explain().splitlines() if "the mode at 9.995 Hz" in line]
+    assert [line.split()[0] for line in lines] == ["frequency:", "near"]
+    assert lines[0].count("the mode at") == 1
+
+
 def test_the_spin_phase():
     result = analyse(record(a=1e-4 * (np.mod(31 * TIME, 1) < 0.1)))
     share = result.phase.sel(output="a")

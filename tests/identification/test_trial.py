@@ -36,9 +36,22 @@ def test_a_wrong_effect_gains_nothing_and_stays_in_the_ledger(slide, right):
     again = rp.try_effect(wrong, slide[1], "cubic_stiffness", AT, remove=True)
     assert again.model.effects == ()
     assert [e.step for e in again.ledger.entries] == [
-        "base", "refit", "cubic_stiffness", "without cubic_stiffness",
+        "base", "refit", "cubic_stiffness at x, ground", "without cubic_stiffness at x, ground",
     ]  # fmt: skip
     assert "not worth its numbers" in repr(wrong)
+
+
+def test_the_steps_of_a_diagnosis_are_taken_one_by_one(slide):
+    model, data = slide
+    found = rp.diagnose(model, data)
+    wrong = found.candidates[-1]
+    taken = rp.try_effect(rp.try_effect(model, data, wrong), data, wrong, remove=True)
+    for effect in found.effects:
+        taken = rp.try_effect(taken, data, effect)
+    assert taken.worthwhile
+    assert taken.model.parameters == pytest.approx(found.model.parameters, rel=0.02)
+    with pytest.raises(rp.InvalidInputError, match="at: got nothing"):
+        rp.try_effect(model, data, "coulomb_friction")
 
 
 def test_an_effect_that_is_not_there_cannot_be_removed(slide):
@@ -89,6 +102,7 @@ def test_the_air_bearing_is_a_model_by_name(tmp_path):
     assert result.exit_code == 0, result.output
     bearing = rp.polishing.air_bearing_model(rp.polishing.AirBearingParameters.as_printed())
     assert rp.load(written).parameters == pytest.approx(bearing.parameters)
+    assert {d.name: d.axis for d in rp.load(written).dofs} == {d.name: d.axis for d in bearing.dofs}
     shown = CliRunner().invoke(main, ["model", "air-bearing"])
     assert rp.MechanicalModel.from_toml(shown.output).free == bearing.free
     refused = CliRunner().invoke(main, ["model", "air-bearing:as-built"])

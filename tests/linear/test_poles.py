@@ -127,3 +127,20 @@ def test_zeros_off_the_axis_and_no_signals():
     assert zeros_on_axis(control.ss(np.eye(2), np.zeros((2, 0)), np.eye(2), np.zeros((2, 0)))) == ()
     with pytest.raises(InvalidInputError, match="tolerance"):
         zeros_on_axis(control.ss([[-1]], [[1]], [[1]], 1), tolerance=0)
+
+
+@pytest.mark.parametrize("discrete", [False, True])
+@pytest.mark.parametrize("tiny", [2.0**-40, -(2.0**-40)])
+def test_the_margin_beside_an_exact_verdict_is_exact(tiny, discrete):
+    # In skew coordinates, which are exact, doubles lose a pole so near the boundary.
+    A = np.diag([0.0, 0.0, 0.5, -0.25]) if discrete else np.diag([0.0, 0.0, -3.0, -4.0])
+    A[:2, :2] = [[1.5, tiny - 1], [1, 0]] if discrete else [[-tiny, 2], [-2, 0]]
+    rng = np.random.default_rng(1)
+    left, right = (np.eye(4) + np.tril(rng.integers(-3, 4, (4, 4)), -1) for _ in range(2))
+    skew = left @ right.T
+    result = stability(ss(np.round(np.linalg.inv(skew)) @ A @ skew, 1.0 if discrete else 0))
+    # |p|^2 = 1 - tiny; or p^2 + tiny p + 4 = 0
+    want = tiny / (1 + np.sqrt(1 - tiny)) if discrete else tiny / 2
+    assert result.exact
+    assert result.margin == pytest.approx(want, rel=1e-9, abs=0)
+    assert result.verdict == ("stable" if tiny > 0 else "unstable")

@@ -169,6 +169,22 @@ def test_an_integrator_with_delay_by_hand():
     assert not found.disk_margin.proven
 
 
+@pytest.mark.parametrize("T", [1e-3, 0.9, 40.0])
+@pytest.mark.parametrize("order", [1, 3, 8])
+def test_no_crossing_is_left_out_up_to_where_they_are_said_to_be_all(T, order):
+    # k exp(-s T)/s is negative at (4 n + 1) pi/(2 T), and above 1/1000 up to 1000 k.
+    integrator: Any = control.tf([1], [1, 0], inputs="u", outputs="y")
+    plant = rp.GeneralizedPlant.from_loop(integrator).with_delay("u", T, order=order)
+    k = min(0.5, 0.7 / T)
+    margins = rp.loop_analysis(plant, -k).margins[0]
+    last = margins.complete_to_hz
+    assert last >= min(1e3 * k / (2 * np.pi), 499 / T)
+    want = (np.arange(int(last * T) + 2) + 0.25) / T
+    found = [c.frequency_hz for c in margins.phase_crossovers]
+    np.testing.assert_allclose(found, want[want <= last], rtol=1e-9)
+    assert f"up to {last:.4g} Hz" in str(margins)
+
+
 def test_a_model_too_coarse_is_told():
     # A lag with much gain and a delay of many of its time constants: order 1 errs.
     lag: Any = control.tf([3.0], [1, 1], inputs="u", outputs="y")

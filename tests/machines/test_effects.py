@@ -6,6 +6,7 @@ import pickle
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 
@@ -583,3 +584,33 @@ def test_what_has_no_equivalent_is_refused(name, given, key):
     with pytest.raises(InvalidInputError) as caught:
         getattr(rp.effects, name)(*given)
     assert caught.value.key[0] == key
+
+
+# No effect is silently idle: in a machine without springs and spin it acts, or it is refused.
+
+
+@pytest.mark.parametrize("name", [n for n, k in kinds().items() if k.law is not None])
+def test_an_effect_acts_or_is_refused(name):
+    kind, ground = kinds()[name], "ground"
+    bare = rp.MechanicalModel(
+        [rp.Dof("x", 1.0), rp.Dof("y", 2.0)], [],
+        [rp.Damper(("x", ground), 0.1), rp.Damper(("y", ground), 0.1)],
+        [rp.Input("F", ("x", ground))], [rp.Output("px", ("x", ground))],
+    )  # fmt: skip
+    values = {p.name: float(np.clip(p.default or 0.3, p.lower, p.upper)) for p in kind.parameters}
+    at = ("x", ground) if kind.domain == "pair" else ("x", "y") if kind.domain == "axes" else ("x",)
+    time = np.arange(400) * 0.01
+    data = rp.read_measurement(pd.DataFrame({"time": time, "F": 5 * np.sin(3 * time)}))
+    for machine, needed in (
+        (bare, kind.idle_without),
+        (replace(bare, springs=(rp.Spring(("x", ground), 8.0),), spin_frequency=1.0), ""),
+    ):
+        if needed:
+            with pytest.raises(InvalidInputError, match=f"{name}.at.*does nothing"):
+                machine.with_effect(name, at, values)
+            continue
+        runs = [
+            simulate(m, data, initial_state=[0.4, 0.3, 0.2, -0.2]).outputs
+            for m in (machine, machine.with_effect(name, at, values))
+        ]
+        assert np.abs(runs[1] - runs[0]).max() > 1e-4

@@ -50,7 +50,7 @@ def test_state_feedback_loop_ignores_what_is_measured():
         ({"controls": -1}, "controls: got -1"),
         ({"controls": 1.5}, "controls: got 1.5"),
         ({"units": {"nothing": "m"}}, "units: got 'nothing'"),
-        ({"system": "1/(s + 1)"}, "system: got str"),
+        ({"system": "1/(s + 1)"}, "system: got '"),
     ],
 )
 def test_bad_plants_are_named(change, message):

@@ -118,6 +118,20 @@ def test_a_loop_that_stops_being_well_posed():
         rp.feedback(control.ss([], [], [], [[-1.0]]) * (1 + 0 * d), 1)
 
 
+@pytest.mark.parametrize(
+    ("pole", "gain", "knee"),
+    [(79.0473563236662, 1.5421218761345594, 187.58000190104764), (10.0, 1.0, 100.0)],
+)
+def test_a_witness_faster_than_all_poles_is_at_infinity(pole, gain, knee):
+    """There 1 + gain r (1 + 5 e) = 0: with r = 1 + m/2 and e = -m it is a quadratic in m."""
+    r = rp.uncertain.real("r", 1, percent=50)
+    weight = 0.5 * rp.uncertain.dynamics("e") * control.tf([1, knee / 10], [0.1, knee])
+    plant = control.ss([[-pole]], [[1]], [[-0.3 * pole]], [[1.0]])
+    margin = rp.robust_stability((plant * r * (1 + weight) * gain).feedback())
+    assert margin.upper == pytest.approx(max(np.roots([2.5, 4.5, -1 - 1 / gain]).real), rel=1e-6)
+    assert margin.critical_frequency == np.inf
+
+
 def test_a_number_that_only_adds_damping_both_ways():
     # (s + 1)(s + 2) + k^2: stable for all k, which is shown up to a thousand times what k may be
     k = rp.uncertain.real("k", 1, percent=50)

@@ -67,6 +67,20 @@ def test_decibels_and_degrees():
     check(read_frequency_response(frame))
 
 
+def test_what_a_head_does_not_say_is_told():
+    size = np.array([60.0, 20.0, -40.0])
+    frame = pd.DataFrame({"Frequency": [1.0, 2, 3], "Phase": [0.0, -90, -180], "Gain": size})
+    found = read_frequency_response(frame)
+    np.testing.assert_allclose(found.values.ravel(), [1e3, -10j, -1e-2], atol=1e-12)
+    assert found.attrs["notes"] == [
+        "Frequency has no unit: read in Hz", "Gain has no unit: read as dB",
+        "Phase has no unit: read in degrees",
+    ]  # fmt: skip
+    frame["Gain"] = [3.0, 2.0, 1.0]
+    notes = read_frequency_response(frame).attrs["notes"]
+    assert "Gain has no unit: read as a ratio" in notes
+
+
 def test_complex_columns_and_names_by_order():
     frame = pd.DataFrame({"frequency": LINES, "node 3/node 1": VALUES * 1e3})
     given = read_frequency_response(frame, outputs=["x"], inputs=["F"], units="mm/N")

@@ -341,6 +341,131 @@ def test_pandas_and_xarray():
     np.testing.assert_allclose(single["x"], MOTION)
 
 
+# What the head of a file says of its body, in each format: used, told, or the file is refused.
+
+
+def uff(path, head, rows, points, kind=2, even=1, start=0.0, axis="s"):
+    """Write a data set 58 by hand: rows of six numbers, with what its head announces."""
+    cards = ["    -1", "    58", "x", "NONE", "NONE", "NONE", "NONE"]
+    cards.append(f"{head:5}{0:10}{0:5}{0:10} {'x':>10}{2:10}{1:4} {'F':>10}{1:10}{1:4}")
+    cards.append(f"{kind:10}{points:10}{even:10}{start:13.5e}{1e-3:13.5e}{0:13.5e}")
+    for unit in (axis, "um", "N", "NONE"):
+        cards.append(f"{0:10}{0:5}{0:5}{0:5} {'NONE':20} {unit:20}")
+    cards += ["".join(f"{v:13.5e}" for v in rows[i : i + 6]) for i in range(0, len(rows), 6)]
+    path.write_text("\n".join([*cards, "    -1", ""]))
+    return path
+
+
+def test_uff_has_the_points_it_announces(tmp_path):
+    pytest.importorskip("pyuff")
+    path = tmp_path / "data.unv"
+    found = read_measurement(uff(path, 1, [*MOTION[:25] * 1e6, 0, 0, 0, 0, 0], 25, start=5.0))
+    np.testing.assert_allclose(found["x"], MOTION[:25], rtol=1e-4)
+    assert float(found["time"][0]) == 5.0
+    in_ms = read_measurement(uff(path, 1, MOTION[:24] * 1e6, 24, axis="ms"))
+    assert float(in_ms["time"][1]) == pytest.approx(1e-6)
+    with pytest.raises(InvalidInputError, match="2000 points announced, 24 there"):
+        read_measurement(uff(path, 1, MOTION[:24], 2000))
+    lines, H = np.array([5.0, 5.3, 6.1, 7.7, 9.2]), np.arange(1, 6) - 1j
+    curve = [*np.c_[lines, H.real, H.imag].ravel(), 0, 0, 0]
+    got = rp.read_frequency_response(uff(path, 4, curve, 5, kind=5, even=0, axis="rad/s"))
+    np.testing.assert_allclose(got["frequency"], lines / (2 * np.pi))
+    np.testing.assert_allclose(got.values.ravel(), H * 1e-6)
+
+
+def tdms(path, **second):
+    nptdms = pytest.importorskip("nptdms")
+    head = {"wf_increment": 1e-3, "wf_start_time": np.datetime64("2024-05-03T12:00:00.000000")}
+    x = np.interp(TIME + second.pop("late", 0.0), TIME, MOTION)
+    with nptdms.TdmsWriter(path) as writer:
+        first = nptdms.ChannelObject("rig", "F", FORCE, {**head, "unit_string": "N"})
+        other = nptdms.ChannelObject("rig", "x", x, {**head, "unit_string": "m", **second})
+        writer.write_segment([first, other])
+    return path
+
+
+@pytest.mark.parametrize(
+    "start",
+    [
+        {"wf_start_time": np.datetime64("2024-05-03T12:00:00.100000")},
+        {"wf_start_offset": 0.1},
+        {"wf_start_time": np.datetime64("2024-05-03T11:59:59.900000"), "wf_start_offset": 0.2},
+    ],
+)
+def test_tdms_channels_are_put_on_one_clock(start, tmp_path):
+    data = read_measurement(tdms(tmp_path / "a.tdms", late=0.1, **start))
+    assert data.sizes["time"] == 300
+    np.testing.assert_allclose(data["F"], FORCE[100:])
+    np.testing.assert_allclose(data["x"], MOTION[100:], atol=1e-12)
+    since_first_clock = 0.2 if start.get("wf_start_offset") == 0.2 else 0.1
+    assert float(data["time"][0]) == pytest.approx(since_first_clock)
+    assert "0.1 s apart" in data.attrs["notes"][0]
+
+
+@pytest.mark.parametrize(
+    ("second", "told"),
+    [
+        ({"wf_start_offset": 0.1234}, "starts 0.1234 s"),
+        ({"wf_start_offset": 77.0}, "starts 77 s"),
+        ({"wf_increment": 2e-3}, "F: 1000 Hz, x: 500 Hz"),
+    ],
+)
+def test_tdms_channels_that_do_not_fit_are_refused(second, told, tmp_path):
+    with pytest.raises(InvalidInputError, match=told):
+        read_measurement(tdms(tmp_path / "a.tdms", **second))
+
+
+def test_a_tdms_file_that_was_cut_off_says_so(tmp_path):
+    path = tdms(tmp_path / "a.tdms")
+    path.write_bytes(path.read_bytes()[:-800])
+    assert "cut off" in read_measurement(path).attrs["notes"][0]
+
+
+def test_a_wav_file_that_was_cut_off_says_so(tmp_path):
+    path = tmp_path / "a.wav"
+    scipy.io.wavfile.write(path, 1000, MOTION)
+    path.write_bytes(path.read_bytes()[:-800])
+    assert any("300 samples are there" in note for note in read_measurement(path).attrs["notes"])
+
+
+def test_hdf5_attributes_of_a_channel_are_used(tmp_path):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["x"] = np.round(MOTION * 1e7).astype(np.int16)
+        file["x"].attrs.update(units="um", fs=1000.0, scale_factor=0.1)
+        file["F"] = np.round(FORCE).astype(np.int16)
+        file["F"].attrs.update(units="N", dt=1e-3, add_offset=5.0, _FillValue=np.int16(9999))
+        file["F"][7] = 9999
+    data = read_measurement(path)
+    np.testing.assert_allclose(data["time"], TIME, atol=1e-12)
+    np.testing.assert_allclose(data["x"], MOTION, atol=1e-7)
+    np.testing.assert_allclose(data["F"], FORCE + 5, atol=2)  # the gap is filled in
+    with h5py.File(path, "a") as file:
+        file["x"].attrs.update(fs=500.0)
+    with pytest.raises(InvalidInputError, match="x: 500 Hz"):
+        read_measurement(path)
+
+
+def test_units_of_matlab_variables(tmp_path):
+    path = tmp_path / "a.mat"
+    names, units = (np.array(n, dtype=object) for n in (["t", "F", "x"], ["s", "kN", "um"]))
+    table = np.column_stack([TIME, FORCE / 1e3, MOTION * 1e6])
+    scipy.io.savemat(path, {"m": table, "names": names, "units": units})
+    check(read_measurement(path))
+    scipy.io.savemat(path, {"t": TIME, "F": FORCE / 1e3, "F_unit": "kN", "x": MOTION})
+    assert read_measurement(path)["F"].attrs["units"] == "N"
+    scipy.io.savemat(path, {"F": FORCE, "fs": 1000.0, "dt": 2e-3})
+    with pytest.raises(InvalidInputError, match="one sampling rate"):
+        read_measurement(path)
+
+
+@pytest.mark.parametrize("save", [scipy.io.savemat, lambda path, d: np.savez(path, **d)])
+def test_a_rate_that_contradicts_the_time_is_told(save, tmp_path):
+    path = tmp_path / ("a.mat" if save is scipy.io.savemat else "a.npz")
+    save(path, {"t": TIME, "x": MOTION, "fs": 500.0})
+    assert "gives 500 Hz: the steps are used" in read_measurement(path).attrs["notes"][0]
+
+
 # What is read is checked and converted, and every kind of bad file refused.
 
 
@@ -578,6 +703,48 @@ def test_the_rate_may_stand_above(line, tmp_path):
     path = tmp_path / "data.csv"
     path.write_text(f"Rig 3\n{line}\n\nF [kN];x [um]\n" + rows(F, X, separator=";"))
     check(read_measurement(path))
+
+
+def labview(tmp_path, head, shift=0.5, **changed):
+    """Write a LabVIEW file with other lines in its head, and read it."""
+    text = LVM
+    for key, line in changed.items():
+        text = "\n".join(line if row.startswith(key) else row for row in text.split("\n"))
+    columns = (
+        [texts(TIME), F, texts(TIME + shift), X] if head.count("X_") > 1 else [texts(TIME), F, X]
+    )
+    (tmp_path / "a.lvm").write_text(text + head + "\n" + rows(*columns, separator="\t"))
+    return read_measurement(tmp_path / "a.lvm")
+
+
+PLAIN, TWO = "X_Value\tF\tx\tComment", "X_Value\tF\tX_Value\tx\tComment"
+
+
+def test_the_head_of_a_labview_file_is_used(tmp_path):
+    check(labview(tmp_path, PLAIN))
+    check(labview(tmp_path, TWO, shift=0.0))
+    words = labview(tmp_path, PLAIN, Y_Unit="Y_Unit_Label\tNewtons\tg")
+    assert {k: v.attrs["units"] for k, v in words.items()} == {"F": "N", "x": "m/s^2"}
+    assert float(words["x"].max()) == pytest.approx(9.80665e3)
+    by_hand = labview(tmp_path, "X_Value\tF [N]\tx", Y_Unit="Y_Unit_Label\tVolts\tum")
+    assert by_hand["F"].attrs["units"] == "N"
+    short = labview(tmp_path, PLAIN, Samples="Samples\t2000\t2000")
+    assert "the head announces 2000 samples, 400 are there" in short.attrs["notes"]
+    slow = labview(tmp_path, PLAIN, Delta_X="Delta_X\t0.01\t0.01")
+    assert "gives 100 Hz: the steps are used" in slow.attrs["notes"][0]
+
+
+@pytest.mark.parametrize(
+    ("head", "changed", "told"),
+    [
+        (TWO, {}, "different X_Value"),
+        (PLAIN, {"X0": "X0\t0\t0.5"}, "different x0"),
+        (PLAIN, {"Delta_X": "Delta_X\t0.001\t0.002"}, "different delta_x"),
+    ],
+)
+def test_labview_channels_on_several_clocks_are_refused(head, changed, told, tmp_path):
+    with pytest.raises(InvalidInputError, match=told):
+        labview(tmp_path, head, **changed)
 
 
 def test_empty_cells_are_filled_or_named(tmp_path):

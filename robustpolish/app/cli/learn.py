@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import shlex
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, nullcontext
 from pathlib import Path
 from typing import Any
@@ -247,7 +248,19 @@ def diagnose(
             shown = diagnosis_report(result, runs=runs, experiments=experiments)
             page = render_html(shown, robustpolish.__version__)
             drafts[report].write_text(page, encoding="utf-8")
-    return content, result.explain()
+    return content, "\n".join([result.explain(), *_steps_by_hand(result, data, model)])
+
+
+def _steps_by_hand(result: Diagnosis, data: Sequence[str], model: str) -> list[str]:
+    """Return the commands that take the steps of a diagnosis one by one."""
+    lines = []
+    for number, effect in enumerate(result.effects, 1):
+        if effect.own is None and not effect.definition.over:  # it is named by words alone
+            change, saved = " ".join([effect.kind, *effect.at]), f"step_{number}.toml"
+            call = ["robustpolish", "try", *data, "--model", model, "--add", change]
+            lines.append(f"   {shlex.join([*call, '--ledger', 'steps.json', '--save', saved])}")
+            model = saved
+    return ["", "To take the steps one by one:", *lines] if lines else []
 
 
 def _told_apart(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+import warnings
 from contextlib import suppress
 from typing import Any
 
@@ -64,9 +65,21 @@ class _Group(click.Group):
             sys.exit(1)
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run a subcommand; say where its machine comes from if it has no --model."""
+        """Run a subcommand; say where its machine comes from if it has no --model.
+
+        Warnings are notes, each once, without the line of code that they come from.
+        """
+        told: set[str] = set()
+
+        def note(message: Warning | str, *_: Any, **__: Any) -> None:
+            if str(message) not in told:
+                click.echo(f"Note: {message}", err=True)
+            told.add(str(message))
+
         try:
-            return super().invoke(ctx)
+            with warnings.catch_warnings():
+                warnings.showwarning = note
+                return super().invoke(ctx)
         except click.NoSuchOption as error:
             name = error.ctx.info_name if error.ctx else None
             if error.option_name not in ("--model", "--plant") or name not in _WITHOUT_MODEL:

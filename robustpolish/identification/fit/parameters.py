@@ -12,7 +12,7 @@ from robustpolish.identification.policy import Policy
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import CONSTANT
 from robustpolish.machines.effects.spline_law import coefficients_of, spline_basis
-from robustpolish.machines.mechanical.data import connected, port_row
+from robustpolish.machines.mechanical.data import connected, heaviest, port_row
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import FORCE
 
@@ -170,12 +170,12 @@ def free_parameters(
         return FreeParameter(key, value, scale, low, high, prior, centre)
 
     result = [
-        near(".".join(dof.key), dof.mass, policy.mass_prior)
-        for dof in model.dofs
-        if dof.name in moving
+        near(".".join(dof.key), model.dof(dof.name).mass, policy.mass_prior)
+        for name, dof in heaviest(reference or model).items()
+        if name in moving
     ]
     for i, coupled in enumerate(model.coupled_inertias):
-        if {*coupled.between} & {*model.free}:
+        if any(model.frame.multiples[end][0] in model.free for end in coupled.between):
             key = f"coupled_inertia[{i}].value"
             natural = float(np.sqrt(np.prod([model.dof(end).mass for end in coupled.between])))
             natural, most = natural or mass, _WEIGHED[1] * (natural or mass)

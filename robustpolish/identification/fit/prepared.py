@@ -647,7 +647,8 @@ def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedR
     linear, m, omega = model.without_effects(), model.matrices, scales.bandwidth
     # the largest force that a motion of this size takes in the model
     stiffness = [np.abs(np.diag(matrix)) for matrix in (m.K, m.C * omega, m.M * omega**2)]
-    moving = float(np.max(np.sum(stiffness, axis=0)) * scales.amplitude)
+    sizes = model.frame.sizes
+    moving = float(np.max(np.sum(stiffness, axis=0) * sizes) * scales.amplitude)
     try:
         if 0 < _OUT_OF_PROPORTION * moving < np.max(scales.force):
             raise np.linalg.LinAlgError

@@ -17,7 +17,7 @@ from robustpolish.base.arrays import Array
 from robustpolish.base.jit import njit
 from robustpolish.identification.record import Record, poles_of
 from robustpolish.linear.response import linear_recursion
-from robustpolish.machines.mechanical.data import port_matrices
+from robustpolish.machines.mechanical.data import port_matrices, port_row
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import ACCELERATION, DISPLACEMENT, FORCE, VELOCITY
 from robustpolish.machines.simulation import (
@@ -98,13 +98,14 @@ def force_sites(model: MechanicalModel) -> tuple[Array, list[tuple[str, ...]]]:
 
     These are the free coordinates, and the pairs of imposed ones whose force is measured.
     """
-    names, free = model.dof_names, set(model.free)
+    moved = model.frame.multiples
     pairs = [(name, "ground") for name in model.free] + [
         output.of if not output.drive else (output.of[0], "ground")
         for output in model.outputs
-        if output.quantity == FORCE and not free.intersection(output.of)
+        if output.quantity == FORCE
+        and not any(name in moved and moved[name][0] in model.free for name in output.of)
     ]
-    return np.eye(len(names))[[names.index(pair[0]) for pair in pairs]], pairs
+    return np.array([port_row(model, pair[:1]) for pair in pairs]), pairs
 
 
 def with_missing_force(
@@ -212,18 +213,22 @@ def scales_of(model: MechanicalModel, record: Record) -> Scales:
         noise[i] = max(min(seen, default=1.0), least)
     bandwidth = excited_bandwidth(model, record)
     amplitude = displacement_amplitude(model, record, bandwidth)
-    forces = W[:, : m.B.shape[1]] @ m.B.T
+    # motions and forces of unlike coordinates that a ratio joins are compared as shares of the
+    # travel of each: as if all were referred to one side
+    travel = model.frame.travel
+    forces = W[:, : m.B.shape[1]] @ m.B.T * model.frame.sizes
     driving = float(np.sqrt(np.mean(np.sum(forces**2, axis=1)))) if forces.size else 0.0
-    rows, _ = force_sites(model)
+    rows, sites = force_sites(model)
     measured = [
-        float(np.std(y))
+        float(np.std(y)) * travel(o.of)
         for y, o in zip(record.Y.T, model.outputs, strict=True)
         if o.quantity == FORCE
     ]
     if driving > 0 or measured:
-        force = np.full(len(rows), driving or max(measured))
+        force = (driving or max(measured)) / np.array([travel(site) for site in sites])
     else:
         elastic = np.abs(np.diag(m.K)) + np.diag(m.M) * bandwidth**2 / 4
+        elastic = elastic * model.frame.sizes
         force = np.array([abs(row) @ elastic for row in rows]) * amplitude / np.sqrt(2)
     leak = bandwidth / max(_LEAK.get(o.quantity, 60.0) for o in model.outputs)
     force, inputs = np.maximum(force, 1e-300), np.std(W, axis=0)
@@ -335,16 +340,17 @@ def _spectrum(record: Record, i: int) -> tuple[Array, Array]:
 def displacement_amplitude(
     model: MechanicalModel, record: Record, bandwidth: float, percentile: float = _USUAL
 ) -> float:
-    """Return a displacement amplitude, in m or rad, from outputs or imposed motions."""
+    """Return a displacement amplitude from outputs or imposed motions: a share of `travels`."""
     found = []
     for output, y in zip(model.outputs, record.Y.T, strict=True):
         order = {DISPLACEMENT: 0, VELOCITY: 1, ACCELERATION: 2}.get(output.quantity)
         if order is not None:
             away = np.abs(y - np.median(y))
-            found.append(float(np.percentile(away, percentile)) / bandwidth**order)
+            scale = bandwidth**order * model.frame.travel(output.of)
+            found.append(float(np.percentile(away, percentile)) / scale)
     for item in model.inputs:
         if item.imposes == DISPLACEMENT and item.on[0] not in model.channels:
-            imposed = np.abs(record.data[item.name].values)
+            imposed = np.abs(record.data[item.name].values) / model.frame.travel(item.on)
             found.append(float(np.percentile(imposed, percentile)))
     return max(found, default=0.0)
 
@@ -352,7 +358,7 @@ def displacement_amplitude(
 def displacement_peak(
     model: MechanicalModel, record: Record, bandwidth: float, smoothed: Array | None = None
 ) -> float:
-    """Return the largest displacement, in m or rad: steps have to resolve laws there, too.
+    """Return the largest displacement: steps have to resolve laws there, too.
 
     Parameters
     ----------
@@ -363,7 +369,8 @@ def displacement_peak(
     smoothed : ndarray, optional
         Displacements that an observer made of the record: accelerometers tell none.
     """
-    moved = float(np.max(np.abs(smoothed), initial=0.0)) if smoothed is not None else 0.0
+    smoothed = np.zeros(0) if smoothed is None else smoothed / model.frame.sizes[:, None]
+    moved = float(np.max(np.abs(smoothed), initial=0.0))
     usual = displacement_amplitude(model, record, bandwidth)
     return min(max(displacement_amplitude(model, record, bandwidth, 100.0), moved), _PEAK * usual)
 

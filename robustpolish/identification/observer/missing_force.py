@@ -157,7 +157,7 @@ def _smooth(
     begin = None if lines is None else IntersampleLines(*(side[:first] for side in lines))
     # The force of a law far stronger than the springs is none that is known from a motion that
     # lacks it: where it leaves all bounds it is left out.
-    bound = _DIVERGED_AMPLITUDE * scales.amplitude or np.inf
+    bound, travels = _DIVERGED_AMPLITUDE * scales.amplitude or np.inf, model.frame.sizes[m.free]
 
     def along(forces: PortForces | None) -> Array:
         head = None if forces is None else forces._replace(values=forces.values[:, :first])
@@ -174,7 +174,7 @@ def _smooth(
             break
         with suppress(np.linalg.LinAlgError):
             s = along(forces)
-        if s is None or not np.max(np.abs(s[:, :nf]), initial=0.0) <= bound:
+        if s is None or not np.max(np.abs(s[:, :nf] / travels), initial=0.0) <= bound:
             s = None
             break
         q, v = motion_of(model, s, W)
@@ -213,15 +213,15 @@ def _start_sizes(model: MechanicalModel, scales: Scales) -> Array:
     none moves much faster than its displacement and the bandwidth allow. This holds still what
     the outputs hardly show, a stiff mass that is not measured.
     """
-    m = model.matrices
-    mass, stiffness = np.diag(m.M)[m.free], np.diag(m.K)[m.free]
+    m, sizes = model.matrices, model.frame.sizes
+    mass, stiffness = (np.diag(part * sizes**2)[m.free] for part in (m.M, m.K))
     elastic = np.where(stiffness > 0, stiffness, mass * scales.bandwidth**2)
     if scales.amplitude == 0 or not elastic.size:
         return np.full(2 * len(elastic), np.inf)
     energy = np.min(elastic) * (_INITIAL_AMPLITUDE * scales.amplitude) ** 2
     q = np.where(stiffness > 0, np.sqrt(energy / elastic), np.inf)
     v = np.minimum(np.sqrt(energy / mass), _INITIAL_AMPLITUDE * scales.bandwidth * q)
-    return np.concatenate([q, v])
+    return np.concatenate([q, v]) * np.tile(sizes[m.free], 2)
 
 
 def motion_of(model: MechanicalModel, states: Array, W: Array) -> tuple[Array, Array]:

@@ -102,7 +102,7 @@ def conclude(run: EffectSearch, model: MechanicalModel, stopped: bool = False) -
         verdict = verdict_on(run, final, found.residual, base, refitted)
     last = run.steps[-1][0]
     if found.scored is not run.best:
-        new = [e.kind for e in found.scored.added if (e.kind, e.at) not in run.best.places]
+        new = [str(e) for e in found.scored.added if (e.kind, e.at) not in run.best.places]
         last = " and ".join(new) or last
     return _diagnosis(run, found, verdict, [*steps, (last, final.model)], [*errors, final.error])
 

@@ -87,8 +87,9 @@ def find_force_equivalents(
 
     here = moving(effect.at)
     wanted = force_with(effect.definition, effect.values, here)
-    if not (wanted.any() and np.isfinite(wanted).all()):
-        return []
+    with np.errstate(over="ignore"):  # along a motion that diverges
+        if not 0 < np.sum(wanted**2) < np.inf:
+            return []
     tried = [(kind, given, effect.at, 1.0) for kind, given in _alternative_kinds(effect, here)]
     tried += [(effect.definition, {}, *place) for place in _other_places(model, effect)]
     found = []
@@ -110,9 +111,10 @@ def _other_places(
     for there in places(model, effect.definition) if effect.definition.domain == "pair" else ():
         if set(there) == set(effect.at):
             continue
-        for (i, one), (j, other) in itertools.product(enumerate(effect.at), enumerate(there)):
+        for one, other in itertools.product(effect.at, there):
             if one == other != "ground":
-                yield there, 1.0 if i == j else -1.0
+                at, k = model.frame, model.frame.coordinates.index(model.frame.multiples[one][0])
+                yield there, at.row(effect.at)[k] / at.row(there)[k]
 
 
 def _alternative_kinds(
@@ -152,7 +154,8 @@ def _initial_values(
         sizes = np.where(np.array(shape.signs) * sizes < 0, 0.0, sizes)
         if sizes.any():
             values = {**Effect.of(kind, at, shape.values(sizes)).values, **given}
-            left = float(np.sum((force_with(kind, values, here) - wanted) ** 2))
+            with np.errstate(over="ignore"):
+                left = float(np.sum((force_with(kind, values, here) - wanted) ** 2))
             found.append((left, values))
     return [values for _, values in sorted(found, key=lambda pair: pair[0])]
 

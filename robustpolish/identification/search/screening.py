@@ -26,6 +26,7 @@ from robustpolish.machines.effects.evaluate import shapes_along
 from robustpolish.machines.effects.kind import CONSTANT, EffectKind, Motion, Shape
 from robustpolish.machines.mechanical.data import (
     connected,
+    heaviest,
     motion_at,
     port_pairs,
     port_row,
@@ -66,7 +67,7 @@ def effect_from(entry: CandidateColumns, c: Array) -> Effect:
 def places(model: MechanicalModel, kind: EffectKind) -> list[tuple[str, ...]]:
     """Return where a kind of effect can act in a model."""
     channels = model.channels
-    free, all_names = model.free, [name for name in model.dof_names if name not in channels]
+    free, all_names = model.free, [x for x in model.frame.coordinates if x not in channels]
     if not set(dict(kind.channels)) <= set(model.imposed):
         return []
     if kind.domain == "input":
@@ -91,9 +92,10 @@ def places(model: MechanicalModel, kind: EffectKind) -> list[tuple[str, ...]]:
     turning = {dof.name: dof.rotational for dof in model.dofs}
     axis = {dof.name: dof.axis for dof in model.dofs if dof.axis}
     for pair in found:
-        if len({axis[name] for name in pair if name in axis}) > 1:
-            continue
-        if turning.get(pair[0], turning.get(pair[1])) != turning.get(pair[1], turning.get(pair[0])):
+        if frozenset(pair) not in model.frame.ratios and (
+            len({axis[name] for name in pair if name in axis}) > 1
+            or len({turning[name] for name in pair if name in turning}) > 1
+        ):
             continue  # a displacement less an angle, which an inertia may couple, is no motion
         unique.setdefault(frozenset(pair), (pair[0], pair[1]))
     if "spring_stiffness" in kind.context:
@@ -209,7 +211,7 @@ def _signal_columns(
         j = m.force_inputs.index(at[0])
         u = motion.inputs[:, j]
         du = CubicSpline(time, u)(time, 1)
-        ends = [(name, "ground") for name in model.dof_names]
+        ends = [(name, "ground") for name in m.coordinates]
         for shape in shapes_along(kind, Motion(time, u[None], du[None])):
             forces = m.B[:, j][None, :, None] * shape.columns
             found.append(CandidateColumns(kind, at, shape, np.eye(len(m.B)), ends, forces))
@@ -391,10 +393,11 @@ def nuisance_columns(
         row, prior = port_row(model, damper.between), _ridge(damper.damping, policy.damper_share)
         add(f"damper[{i}].damping", row, damper.between, -(row @ motion.v), prior)
     m = model.matrices
-    for name in model.free:
-        i = model.dof_names.index(name)
-        key, row = ".".join(model.dof(name).key), port_row(model, (name,))
-        add(key, row, (name, "ground"), -motion.a[i], 1 / (policy.mass_prior * m.M[i, i]))
+    for name, dof in heaviest(model).items():
+        if name in model.free:
+            key, row = ".".join(dof.key), port_row(model, (dof.name,))
+            prior = 1 / (policy.mass_prior * dof.mass)
+            add(key, row, (dof.name, "ground"), -(row @ motion.a), prior)
     each = np.zeros((len(rows), len(rows), record.samples))
     each[np.arange(len(rows)), np.arange(len(rows))] = forces
     columns = list(observer.respond(np.array(rows), pairs, each)) if rows else []
@@ -693,8 +696,8 @@ def exceeds_machine_mass(entry: CandidateColumns, c: Array, model: MechanicalMod
     if not names:
         return False
     values = entry.shape.values(c)
-    turning = {dof.name: dof.rotational for dof in model.dofs}
-    most = sum(dof.mass for dof in model.dofs if dof.rotational == turning[entry.at[0]])
+    turns = model.is_rotational(entry.at)
+    most = sum(dof.mass for dof in model.dofs if dof.rotational == turns)
     return any(abs(values[name]) > most for name in names)
 
 

@@ -151,7 +151,7 @@ class EffectSearch:
     def accept(self, chosen: ScoredModel) -> None:
         """Go on with a model."""
         new = [e for e in chosen.added if (e.kind, e.at) not in self.best.places]
-        name = " and ".join(e.kind for e in new) or "fewer effects"
+        name = " and ".join(map(str, new)) or "fewer effects"
         size = output_sizes(self.prepared.record.Y)
         errors = [(m.fitted.error / size).tolist() for m in (self.best, chosen)]
         fell = ", ".join(

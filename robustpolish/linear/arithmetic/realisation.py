@@ -12,13 +12,13 @@ import numpy as np
 from scipy.linalg import lapack
 
 from robustpolish.base.arrays import AnyMatrix, Matrix
-from robustpolish.base.checks import state_space
 from robustpolish.linear.arithmetic.powers_of_two import (
     LARGEST,
     FloatRangeError,
     entry_range_error,
     nearest_exponent,
 )
+from robustpolish.linear.systems import as_system
 
 _lapack: Any = lapack
 
@@ -39,6 +39,8 @@ class Realisation:
         Scaled frequency times `time` is rad/s; 1 in discrete time.
     gain : float
         Scaled gain times `gain` is the gain of the original system.
+    source : control.StateSpace or None
+        What :func:`realisation` read.
     """
 
     A: Matrix
@@ -49,6 +51,7 @@ class Realisation:
     step: float = 1.0
     time: float = 1.0
     gain: float = 1.0
+    source: Any = None
 
     @property
     def states(self) -> int:
@@ -62,8 +65,8 @@ class Realisation:
 
 
 def realisation(argument: str, system: Any) -> Realisation:
-    """Read a validated ``control.StateSpace``; an unspecified `dt` means continuous time."""
-    system = state_space(argument, system)
+    """Read a system of any kind; an unspecified `dt` means continuous time."""
+    system = as_system(argument, system)
     n, m, p = system.nstates, system.ninputs, system.noutputs
     discrete = bool(system.isdtime(strict=True))
     step = 1.0 if system.dt is None or system.dt is True or not discrete else float(system.dt)
@@ -71,7 +74,7 @@ def realisation(argument: str, system: Any) -> Realisation:
     A, B, C, D = (
         np.array(getattr(system, name), dtype=float).reshape(s) for name, s in shapes.items()
     )
-    return Realisation(A, B, C, D, discrete, step)
+    return Realisation(A, B, C, D, discrete, step, source=system)
 
 
 def named_like(

@@ -356,7 +356,7 @@ def h2_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> H2Norm:
     value, lower, upper = (
         math.hypot(*(getattr(norm, name) for norm in found)) for name in ("value", "lower", "upper")
     )
-    return H2Norm(value, lower, upper, not unsteady, reason, system)
+    return H2Norm(value, lower, upper, not unsteady, reason, model.source)
 
 
 def _part_norm(model: Realisation, tolerance: float) -> H2Norm:

@@ -676,7 +676,7 @@ def hinf_norm(
     norm = _norm if model.states <= _ONE_THREAD_ANYWAY else single_threaded_blas(_norm)
     found = norm(model, tolerance, exact)
     # by its fields: `replace` would take a fiftieth of the time of a small system
-    return HinfNorm(**{**vars(found), "system": system})
+    return HinfNorm(**{**vars(found), "system": model.source})
 
 
 def _norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:

@@ -323,7 +323,8 @@ def _checked(system: control.StateSpace, equation: Equation) -> LmiCheck:
     model = realisation("system", system)
     if model.discrete:
         remedy = "Use hinf_norm or h2_norm, which take both."
-        raise misfit("system", f"a discrete system, dt = {system.dt}", "a continuous one", remedy)
+        shown = f"a discrete system, dt = {model.source.dt}"
+        raise misfit("system", shown, "a continuous one", remedy)
     K: Matrix | None = np.zeros((model.states, model.states))
     combined = math.hypot if equation == "10.45" else max
     found = parts_with_indices(model)

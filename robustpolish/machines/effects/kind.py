@@ -513,6 +513,8 @@ class EffectKind:
         Of dry friction: the parameter that is the speed over which it turns over. Where the step of
         a run cannot resolve that, bodies rest until the force gives way, see
         ``simulation/stepper.py``. Needs the context ``"mobility"``.
+    idle_without : str
+        What of its context has to be there, or the effect does nothing.
     swinging : callable, optional
         Of what swings by itself: the values with a mass in kg at a frequency in Hz, lightly damped.
     looks_like, checks, references
@@ -543,6 +545,7 @@ class EffectKind:
     family: str = ""
     sharp: bool = False
     turns_over: str = ""
+    idle_without: str = ""
     swinging: Callable[[float, float], Values] | None = None
     looks_like: str = ""
     checks: tuple[str, ...] = ()

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustpolish.base.arrays import Array, Matrix
-from robustpolish.base.checks import one_of
+from robustpolish.base.checks import invalid, one_of
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import GROUND, Motion
 from robustpolish.machines.mechanical.parts import (
@@ -26,14 +26,17 @@ from robustpolish.machines.mechanical.parts import (
     CoupledInertia,
     Damper,
     Dof,
+    Frame,
     Input,
     Output,
+    Ratio,
     Spring,
     check_inertias,
     checked_fields,
+    connection_number,
+    frame_of,
     imposed_by,
     mass_matrix,
-    number,
 )
 from robustpolish.plants.blocks import named_system
 
@@ -201,33 +204,25 @@ class MechanicalMatrices:
         return named_system((A, B, C, D), 0, signals, self.outputs, self.states)
 
 
-def incidence(names: Sequence[str], pair: Sequence[str]) -> Matrix:
-    """Return the row that gives the relative displacement of a pair from all coordinates."""
-    row = np.zeros(len(names))
-    for name, sign in zip(pair, (1.0, -1.0), strict=False):
-        if name in names:
-            row[names.index(name)] += sign
-    return row
-
-
 def _assemble(model: MechanicalData) -> MechanicalMatrices:
     """Build the matrices of a model, without effects."""
-    names, n = model.dof_names, len(model.dofs)
-    M = mass_matrix(model.dofs, model.coupled_inertias)
+    frame = model.frame
+    names, n = frame.coordinates, len(frame.coordinates)
+    M = mass_matrix(model.dofs, model.coupled_inertias, frame)
     K, C = np.zeros((n, n)), np.zeros((n, n))
     for spring in model.springs:
-        row = incidence(names, spring.between)
+        row = frame.row(spring.between)
         K += spring.stiffness * np.outer(row, row)
     for damper in model.dampers:
-        row = incidence(names, damper.between)
+        row = frame.row(damper.between)
         C += damper.damping * np.outer(row, row)
     forces = [item for item in model.inputs if item.imposes is None]
-    B = np.array([item.gain * incidence(names, item.on) for item in forces]).reshape(-1, n).T
+    B = np.array([item.gain * frame.row(item.on) for item in forces]).reshape(-1, n).T
     Sq, Sv, Sa = (np.zeros((len(model.outputs), n)) for _ in range(3))
     for i, item in enumerate(model.outputs):
-        row = incidence(names, item.of) if item.weights is None else np.zeros(n)
+        row = frame.row(item.of) if item.weights is None else np.zeros(n)
         for name, weight in zip(item.of, item.weights or (), strict=False):
-            row[names.index(name)] = weight
+            row += weight * frame.row((name,))
         if item.quantity != FORCE:
             {DISPLACEMENT: Sq, VELOCITY: Sv, ACCELERATION: Sa}[item.quantity][i] = row
         elif item.drive:
@@ -278,10 +273,17 @@ class MechanicalData:
     name: str = ""
     coupled_inertias: tuple[CoupledInertia, ...] = ()
     design: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    ratios: tuple[Ratio, ...] = ()
 
     def __post_init__(self) -> None:
         for name, value in checked_fields(vars(self)).items():
             object.__setattr__(self, name, value)
+
+    @cached_property
+    def frame(self) -> Frame:
+        """Which coordinates the equations of motion have, and how all places follow from them."""
+        connections = (*self.springs, *self.dampers)
+        return frame_of(self.dofs, self.ratios, connections, imposed_by(self.inputs))
 
     @cached_property
     def matrices(self) -> MechanicalMatrices:
@@ -294,14 +296,14 @@ class MechanicalData:
 
     @property
     def dof_names(self) -> tuple[str, ...]:
-        """Names of all coordinates."""
+        """Names of all degrees of freedom."""
         return tuple(dof.name for dof in self.dofs)
 
     @property
     def imposed(self) -> tuple[str, ...]:
         """Names of the coordinates whose motion an input imposes."""
         moved = imposed_by(self.inputs)
-        return tuple(name for name in self.dof_names if name in moved)
+        return tuple(name for name in self.frame.coordinates if name in moved)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -309,7 +311,8 @@ class MechanicalData:
 
         An input imposes them in a unit of its own, such as V, and nothing holds them.
         """
-        held = {name for part in (*self.springs, *self.dampers) for name in part.between}
+        parts = (*self.springs, *self.dampers, *self.ratios)
+        held = {name for part in parts for name in part.between}
         held |= {name for output in self.outputs for name in output.of}
         return tuple(
             item.on[0]
@@ -322,7 +325,7 @@ class MechanicalData:
     def free(self) -> tuple[str, ...]:
         """Names of the coordinates that move by the equations of motion."""
         moved = imposed_by(self.inputs)
-        return tuple(name for name in self.dof_names if name not in moved)
+        return tuple(name for name in self.frame.coordinates if name not in moved)
 
     @property
     def input_names(self) -> tuple[str, ...]:
@@ -348,7 +351,7 @@ class MechanicalData:
         return self.dofs[self.dof_names.index(name)]
 
     def is_rotational(self, at: Sequence[str]) -> bool:
-        """Return whether a place is an angle.
+        """Return whether a place is an angle; where a ratio joins its ends, whether the first is.
 
         Parameters
         ----------
@@ -359,7 +362,8 @@ class MechanicalData:
         -------
         bool
         """
-        return any(dof.rotational for dof in self.dofs if dof.name in at)
+        ends = self.frame.measured_at(at)
+        return any(dof.rotational for dof in self.dofs if dof.name in ends)
 
     def unit_of(self, item: Input | Output) -> str:
         """Return the SI unit of an input or output of this model, before its gain.
@@ -417,13 +421,15 @@ def with_parameter_values(model: Model, changes: Mapping[str, float]) -> Model:
     parts: dict[str, list[Any]] = {where: list(getattr(model, where)) for where, _ in new}
     for (where, i), numbers in new.items():
         if where[:-1] in CONNECTIONS:  # these parts check no numbers themselves
-            numbers = {name: number((where[:-1], i, name), v) for name, v in numbers.items()}
+            numbers = {key: connection_number(where[:-1], i, v) for key, v in numbers.items()}
         part = parts[where][i]
         effect = isinstance(part, Effect)
         parts[where][i] = part.with_parameters(**numbers) if effect else replace(part, **numbers)
     vars(found).update({where: tuple(items) for where, items in parts.items()})
     vars(found)["design"] = dict(model.design)
-    check_inertias(found.dofs, found.coupled_inertias, imposed_by(found.inputs))
+    if "ratios" in parts:
+        del vars(found)["frame"]
+    check_inertias(found.dofs, found.coupled_inertias, found.frame, imposed_by(found.inputs))
     if "matrices" in vars(model) and parts.keys() <= {"effects"}:
         vars(found)["matrices"] = model.matrices
     return found
@@ -448,16 +454,15 @@ def definite_coupling_share(model: MechanicalData, changes: Mapping[str, float])
         1 if they can stay as they are.
     """
     new = {**values(model), **changes}
-    free = {name: new[".".join(model.dof(name).key)] for name in model.free}
-    names = list(free)
-    N = np.zeros((len(names), len(names)))
-    for k, coupled in enumerate(model.coupled_inertias):
-        a, b = coupled.between
-        if a in free and b in free:
-            i, j = names.index(a), names.index(b)
-            N[i, j] += new[f"coupled_inertia[{k}].value"] / np.sqrt(free[a] * free[b])
-            N[j, i] = N[i, j]
-    least = float(np.min(np.linalg.eigvalsh(N), initial=0.0))
+    dofs = [replace(dof, mass=new[".".join(dof.key)]) for dof in model.dofs]
+    coupled = [
+        replace(item, value=new[f"coupled_inertia[{k}].value"])
+        for k, item in enumerate(model.coupled_inertias)
+    ]
+    here = [model.frame.coordinates.index(name) for name in model.free]
+    M, D = (mass_matrix(dofs, part, model.frame)[here][:, here] for part in (coupled, ()))
+    size = np.sqrt(np.diag(D))
+    least = float(np.min(np.linalg.eigvalsh((M - D) / np.outer(size, size)), initial=0.0))
     return min(1.0, (1 - _LEFT) / -least) if least < 0 else 1.0
 
 
@@ -469,7 +474,11 @@ def unit_of(model: MechanicalData, key: str) -> str:
         return part.unit if where == "dofs" else "1"
     if where == "effects":
         return effect_unit(model, part, name)
-    return CONNECTIONS[where[:-1]][2][sum(model.is_rotational((end,)) for end in part.between)]
+    units = CONNECTIONS[where[:-1]][2]
+    if where in ("springs", "dampers"):
+        return units[model.is_rotational(part.between)]
+    first, second = (model.is_rotational((end,)) for end in part.between)
+    return units[first + second if where != "ratios" else (1 + first) * (first != second)]
 
 
 def effect_unit(model: MechanicalData, effect: Effect, name: str) -> str:
@@ -489,18 +498,17 @@ _PortMatrices = tuple[Array, Array, tuple[Array, Array, Array, Array]]
 
 def port_row(model: MechanicalData, at: tuple[str, ...]) -> Array:
     """Return the row that gives the relative displacement at a pair from all coordinates."""
-    return incidence(model.dof_names, at)
+    return model.frame.row(at)
 
 
 def port_rows(model: MechanicalData, effect: Effect) -> Array:
     """Return one row per port of an effect, read-only."""
-    return _rows(model.dof_names, tuple(port_pairs(effect)))
+    return _rows(model.frame, tuple(port_pairs(effect)))
 
 
 @lru_cache(maxsize=256)
-def _rows(names: tuple[str, ...], pairs: tuple[_Pair, ...]) -> Array:
-    ends = (pair[:1] if pair[-1] == GROUND else pair for pair in pairs)
-    found = np.array([incidence(names, pair) for pair in ends])
+def _rows(frame: Frame, pairs: tuple[_Pair, ...]) -> Array:
+    found = np.array([frame.row(pair) for pair in pairs])
     found.flags.writeable = False
     return found
 
@@ -530,10 +538,9 @@ def port_matrices(
         if output.quantity == FORCE and output.drive:
             H[i] -= rows[:, m.coordinates.index(output.of[0])]
         elif output.quantity == FORCE:
-            here = incidence(m.coordinates, output.of)
             for j, pair in enumerate(pairs):
                 if set(pair) == set(output.of):
-                    H[i, j] -= np.sign(here @ rows[j])
+                    H[i, j] -= 1.0 if pair[0] == output.of[0] else -1.0
     return G, H, (rows @ Lq, rows @ Rq, rows @ Lv, rows @ Rv)
 
 
@@ -541,15 +548,18 @@ def effect_ports(model: MechanicalData) -> tuple[list[Effect], tuple[Array, ...]
     """Return the effects that make forces, a row per port of each, and their `port_matrices`."""
     effects = [effect for _, effect in dynamic_effects(model)]
     pairs = tuple(tuple(port_pairs(effect)) for effect in effects)
-    return effects, *_ports_at(model.matrices, model.outputs, pairs)
+    return effects, *_ports_at(model.matrices, model.frame, model.outputs, pairs)
 
 
 @lru_cache(maxsize=32)
 def _ports_at(
-    m: MechanicalMatrices, outputs: tuple[Output, ...], pairs: tuple[tuple[_Pair, ...], ...]
+    m: MechanicalMatrices,
+    frame: Frame,
+    outputs: tuple[Output, ...],
+    pairs: tuple[tuple[_Pair, ...], ...],
 ) -> tuple[tuple[Array, ...], _PortMatrices]:
     """Return the rows and matrices of effects at these places; fits vary their numbers only."""
-    rows = tuple(_rows(m.coordinates, each) for each in pairs)
+    rows = tuple(_rows(frame, each) for each in pairs)
     stacked = np.vstack([np.zeros((0, len(m.coordinates))), *rows])
     return rows, port_matrices(m, outputs, stacked, [pair for each in pairs for pair in each])
 
@@ -560,12 +570,12 @@ def dynamic_effects(model: MechanicalData) -> list[tuple[int, Effect]]:
 
 
 def connected(model: MechanicalData, *, signals: bool = False) -> list[set[str]]:
-    """Return the chains of a model: coordinates that springs, dampers and effects join.
+    """Return the chains of a model: coordinates that springs, dampers, ratios and effects join.
 
     With `signals` an input that pushes two coordinates and an output that sees several join them.
     """
     groups = [{name} for name in model.dof_names if name not in model.channels]
-    joints = [p.between for p in (*model.springs, *model.dampers, *model.coupled_inertias)]
+    joints = [p.between for what in CONNECTIONS for p in getattr(model, f"{what}s")]
     joints += [e.at for e in model.effects]
     if signals:
         joints += [*(i.on for i in model.inputs), *(o.of for o in model.outputs)]
@@ -575,6 +585,14 @@ def connected(model: MechanicalData, *, signals: bool = False) -> list[set[str]]
         if len(touched) > 1:
             groups = [g for g in groups if not g & ends] + [set().union(*touched)]
     return groups
+
+
+def heaviest(model: MechanicalData) -> dict[str, Dof]:
+    """Return for each coordinate the mass that counts most: data show the sum of those it moves."""
+    tied = model.frame.multiples
+    rising = sorted(model.dofs, key=lambda dof: dof.mass * tied[dof.name][1] ** 2)
+    most = {tied[dof.name][0]: dof for dof in rising}
+    return {name: most[name] for name in model.frame.coordinates}
 
 
 def context_values(model: MechanicalData, effect: Effect, step: float) -> list[float]:
@@ -590,8 +608,8 @@ def context_of(model: MechanicalData, at: tuple[str, ...], step: float) -> Mappi
     ends = {*at, "ground"} if len(at) == 1 else set(at)
     stiffness = sum(s.stiffness for s in model.springs if set(s.between) == ends)
     # how easily the place gives way to equal forces on its ends
-    pushed = np.abs([float(name in at) for name in model.free])
-    inverse_mass = float(np.diag(model.matrices.inverse_mass) @ pushed)
+    pushed = model.frame.row(at)[model.matrices.free]
+    inverse_mass = float(np.diag(model.matrices.inverse_mass) @ pushed**2)
     found = {
         "clearance": 0.0,
         "spring_stiffness": float(stiffness),
@@ -604,6 +622,24 @@ def context_of(model: MechanicalData, at: tuple[str, ...], step: float) -> Mappi
             for name, parameter in effect.definition.gives:
                 found[name] = found.get(name, 0.0) + effect.values[parameter]
     return found
+
+
+_REMEDIES = {
+    "spring_stiffness": "Add rp.Spring({at}, k) first.",
+    "spin_frequency": "Build the model with spin_frequency=, in Hz.",
+}
+
+
+def refuse_idle(model: MechanicalData, effect: Effect) -> None:
+    """Refuse an effect that lacks in the model what it works through."""
+    needed, at = effect.definition.idle_without, effect.at
+    # elastic friction at the same place takes the clearance for its own
+    others = (e for e in model.effects if "clearance" in e.definition.context)
+    if not needed or any(set(e.at) == set(at) for e in others):
+        return
+    if not context_of(model, at, 0.0)[needed]:
+        what = f"{needed.replace('_', ' ')} there, without which it does nothing"
+        raise invalid((effect.kind, "at"), at, what, _REMEDIES[needed].format(at=at))
 
 
 def motion_at(

@@ -55,7 +55,7 @@ def mechanical_card(model: MechanicalData) -> Card:
     rows = [(dof.key[-1], dof.name, dof.key[-1], dof.mass, dof.unit) for dof in masses]
     parts = [
         (f"{what}[{i}].", what.replace("_", " "), part.between)
-        for what in ("spring", "damper", "coupled_inertia")
+        for what in ("spring", "damper", "coupled_inertia", "ratio")
         for i, part in enumerate(getattr(model, f"{what}s"))
     ]
     parts += [(f"effect[{i}].", e.kind, e.at) for i, e in enumerate(model.effects)]
@@ -143,7 +143,7 @@ def _rest(
     operating_point: Mapping[str, float] | None,
 ) -> Array:
     """Return the displacements of all coordinates at rest."""
-    names = model.dof_names
+    names = model.frame.coordinates
     q = np.zeros(len(names))
     if operating_point is not None:
         for name, value in operating_point.items():
@@ -318,7 +318,7 @@ def response_values(
         if item.imposes is None:
             total[..., j] = values[..., m.force_inputs.index(item.name)]
             continue
-        coordinate = model.dof_names.index(item.on[0])
+        coordinate = m.coordinates.index(item.on[0])
         for k, signal in enumerate(m.imposed_signals, forces):
             if signal.coordinate == coordinate:
                 power = _ORDER[signal.quantity] - _ORDER[item.imposes]
@@ -508,10 +508,13 @@ def _uncertain_value(model: MechanicalData, key: str) -> float:
     if key not in known:
         remedy = closest_name_remedy(key, known)
         raise invalid("ranges", key, f"a key of model.parameters: {', '.join(known)}", remedy)
-    if key.startswith("effect["):
-        shown = described(f"{key}, a number of an effect")
+    if key.startswith(("effect[", "ratio[")):
+        shown = described(f"{key}, a number of {'an effect' if key[0] == 'e' else 'a ratio'}")
         expected = "numbers of masses, springs, dampers and gains"
-        raise invalid("ranges", shown, expected, "Put the linear part of the effect into a spring.")
+        remedy = "Put the linear part of the effect into a spring."
+        if key[0] == "r":  # it enters squared
+            remedy = "Compare models with_parameters of the ratio's smallest and largest value."
+        raise invalid("ranges", shown, expected, remedy)
     if key in {f"input.{item.name}.gain" for item in model.inputs if item.imposes}:
         remedy = "Multiply the system by an uncertain_real."
         raise misfit("ranges", f"{key}, of an imposed motion", "gains of forces", remedy)

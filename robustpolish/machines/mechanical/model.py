@@ -15,7 +15,12 @@ from numpy.typing import ArrayLike
 from robustpolish.base.results import Card, Displayed
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import GROUND, EffectKind
-from robustpolish.machines.mechanical.data import MechanicalData, values, with_parameter_values
+from robustpolish.machines.mechanical.data import (
+    MechanicalData,
+    refuse_idle,
+    values,
+    with_parameter_values,
+)
 from robustpolish.machines.mechanical.linear import (
     frequency_response,
     linearize,
@@ -34,7 +39,7 @@ class MechanicalModel(MechanicalData, Displayed):
 
     The equations of motion are ``M q'' + C q' + K q = forces - effects``; a spring,
     a damper or an effect between a pair ``(a, b)`` pulls coordinate a back with the
-    force it makes of ``q_a - q_b``.
+    force it makes of ``q_a - q_b``, or of ``q_a - r q_b`` where the two have a ratio r.
 
     Parameters
     ----------
@@ -56,6 +61,8 @@ class MechanicalModel(MechanicalData, Displayed):
     design : mapping, optional
         What is asked of a controller, as the section [design] of a file has it; it is kept, and
         read by :func:`robustpolish.read_design_task`.
+    ratios : sequence of Ratio, optional
+        Pulleys, screws, gears and levers between two coordinates.
 
     Raises
     ------
@@ -168,8 +175,8 @@ class MechanicalModel(MechanicalData, Displayed):
         ranges : mapping of str to float, (float, float) or UncertainSystem
             By the keys of `parameters`: how far a number may be off as a share of it (0.1 is 10 %
             up or down), its smallest and largest value, or an uncertain number, whose nominal
-            value it then takes: of :func:`uncertain_ellipsoid`, or any formula of such. Masses,
-            inertias, springs, dampers and gains of forces.
+            value it then takes: of :func:`robustpolish.uncertain.ellipsoid`, or any formula of
+            such. Masses, inertias, springs, dampers and gains of forces.
 
         Returns
         -------
@@ -272,6 +279,12 @@ class MechanicalModel(MechanicalData, Displayed):
         -------
         MechanicalModel
 
+        Raises
+        ------
+        InvalidInputError
+            If kind, place or a parameter is unknown, or the effect does nothing in this model: a
+            backlash without a spring, an unbalance without a spin frequency.
+
         Examples
         --------
         >>> import robustpolish as rp
@@ -289,6 +302,7 @@ class MechanicalModel(MechanicalData, Displayed):
         for name, unit in effect.definition.channels:
             if name not in model.dof_names:
                 model = model.with_channel(name, unit)
+        refuse_idle(model, effect)
         return replace(model, effects=(*self.effects, effect))
 
     def with_channel(self, name: str, unit: str) -> MechanicalModel:
@@ -337,8 +351,8 @@ class MechanicalModel(MechanicalData, Displayed):
     def parameters(self) -> dict[str, float]:
         """Every number of the model by its key, such as ``"spring[0].stiffness"``.
 
-        Keys are ``dof.NAME.mass`` (or ``.inertia``), ``coupled_inertia[i].value``,
-        ``spring[i].stiffness``,
+        Keys are ``dof.NAME.mass`` (or ``.inertia``), ``ratio[i].value``,
+        ``coupled_inertia[i].value``, ``spring[i].stiffness``,
         ``damper[i].damping``, ``input.NAME.gain`` and ``effect[i].PARAMETER``.
         """
         return values(self)

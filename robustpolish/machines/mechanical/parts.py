@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -167,14 +168,48 @@ class CoupledInertia:
     value: float
 
 
+@dataclass(frozen=True)
+class Ratio:
+    """A pulley, screw, rack, gear or lever: ``q[between[0]]`` is ``value * q[between[1]]``.
+
+    A spring, damper, effect, force or sensor between the two acts on the difference
+    ``q[between[0]] - value * q[between[1]]``, in units of the first: a belt in N/m. Without a
+    spring or damper between them the two move as one.
+
+    Parameters
+    ----------
+    between : (str, str)
+        Two coordinates; one may be a displacement and the other an angle.
+    value : float
+        How far the first moves by one of the second: the radius of a pulley, or the lead of a
+        screw by 2 pi, in m/rad; of gears the teeth of the second by those of the first, of levers
+        the arms. Negative where it moves the other way.
+
+    Examples
+    --------
+    >>> import robustpolish as rp
+    >>> model = rp.MechanicalModel(
+    ...     [rp.Dof("x", 12.0), rp.Dof("phi", 1e-3, rotational=True)],
+    ...     ratios=[rp.Ratio(("x", "phi"), 0.02)],
+    ...     inputs=[rp.Input("T", "phi")], outputs=[rp.Output("x", "x")],
+    ... )
+    >>> model.free, model.matrices.M, model.matrices.B
+    (('x',), array([[14.5]]), array([[50.]]))
+    """
+
+    between: tuple[str, str]
+    value: float
+
+
 CONNECTIONS: dict[str, tuple[type, str, tuple[str, ...]]] = {
+    "ratio": (Ratio, "value", ("1", "m/rad", "rad/m")),
     "coupled_inertia": (CoupledInertia, "value", ("kg", "kg m", "kg m^2")),
     "spring": (Spring, "stiffness", ("N/m", "N m/rad", "N m/rad")),
     "damper": (Damper, "damping", ("N s/m", "N m s/rad", "N m s/rad")),
 }
 """What lies between two coordinates, by its name in keys and files: its class, its number, and the
-unit of that if none, one or both of the coordinates are angles. The fields of a model have these
-names in the plural."""
+unit of that if none, one or both of the coordinates are angles (of a ratio: if they are alike, the
+second or the first is an angle). The fields of a model have these names in the plural."""
 
 
 @dataclass(frozen=True)
@@ -311,15 +346,131 @@ def quantity_of(where: Key, value: Any, force: bool = True) -> str:
     return QUANTITIES[one_of((*where, "quantity"), value, known)]
 
 
-def mass_matrix(dofs: Sequence[Dof], coupled_inertias: Sequence[CoupledInertia]) -> Matrix:
-    """Return the mass matrix over all coordinates."""
+_Multiples = Mapping[str, tuple[str, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """How the motion at all places follows from the coordinates of the equations of motion.
+
+    Attributes
+    ----------
+    coordinates : tuple of str
+        The degrees of freedom without those that rigid ratios tie to one of them.
+    multiples : mapping
+        Of each degree of freedom the coordinate that it is a multiple of, and the factor.
+    ratios : mapping
+        By their ends.
+    travels : mapping
+        How far each degree of freedom moves where those that ratios join to it move with it, and
+        the first of them by one: sizes of unlike coordinates are comparable as shares of it.
+    """
+
+    coordinates: tuple[str, ...]
+    multiples: _Multiples
+    ratios: Mapping[frozenset[str], Ratio]
+    travels: Mapping[str, float]
+
+    def row(self, at: Sequence[str]) -> Matrix:
+        """Return the row that gives the displacement at a place from all coordinates."""
+        weights, ratio = (1.0, -1.0), self.ratios.get(frozenset(at))
+        if ratio is not None:
+            forwards = at[0] == ratio.between[0]
+            weights = (1.0, -ratio.value) if forwards else (ratio.value, -1.0)
+        row = np.zeros(len(self.coordinates))
+        for name, weight in zip(at, weights, strict=False):
+            if name in self.multiples:
+                coordinate, factor = self.multiples[name]
+                row[self.coordinates.index(coordinate)] += weight * factor
+        return row
+
+    @cached_property
+    def rows(self) -> Matrix:
+        """One row for each degree of freedom."""
+        return np.array([self.row((name,)) for name in self.multiples])
+
+    @cached_property
+    def sizes(self) -> Matrix:
+        """The travel of each coordinate."""
+        return np.array([self.travel((name,)) for name in self.coordinates])
+
+    def measured_at(self, at: Sequence[str]) -> Sequence[str]:
+        """Return the ends whose unit a place has: the first one's where a ratio joins them."""
+        ratio = self.ratios.get(frozenset(at))
+        return at if ratio is None else ratio.between[:1]
+
+    def travel(self, at: Sequence[str]) -> float:
+        """Return how far a place moves, see `travels`; 1 at a signal."""
+        return max((self.travels.get(name, 0.0) for name in self.measured_at(at)), default=0) or 1.0
+
+
+def frame_of(
+    dofs: Sequence[Dof],
+    ratios: Sequence[Ratio],
+    connections: Iterable[Spring | Damper],
+    moved: Collection[str],
+) -> Frame:
+    """Return the frame of a model; a ratio is rigid if no connection lies between its ends.
+
+    Of what rigid ratios tie together the coordinate is the one that an input imposes, or else the
+    first of the degrees of freedom.
+
+    Raises
+    ------
+    InvalidInputError
+        If rigid ratios close a ring, or tie two imposed motions.
+    """
+    elastic = {frozenset(part.between) for part in connections}
+    rigid = [ratio for ratio in ratios if frozenset(ratio.between) not in elastic]
+    names = [dof.name for dof in dofs]
+    tied = _multiples(sorted(names, key=lambda name: name not in moved), rigid)
+    coordinates = tuple(name for name in names if tied[name][0] == name)
+    if len(rigid) != len(names) - len(coordinates):
+        key = ("ratio", ratios.index(rigid[-1]), "between")
+        shown = described("rigid ratios that close a ring")
+        remedy = "Leave one out, or put a spring between its ends."
+        raise invalid(key, shown, "one way from a coordinate to another", remedy)
+    for name in moved:
+        if name not in coordinates:
+            shown = described(f"{name!r} and {tied[name][0]!r}, which rigid ratios tie")
+            raise invalid("motion_of", shown, "one imposed motion", "Remove the other input.")
+    travels = _multiples([dof.name for dof in sorted(dofs, key=lambda d: d.rotational)], ratios)
+    return Frame(
+        coordinates,
+        {name: tied[name] for name in names},
+        {frozenset(ratio.between): ratio for ratio in ratios},
+        {name: abs(factor) for name, (_, factor) in travels.items()},
+    )
+
+
+def _multiples(order: Sequence[str], ratios: Sequence[Ratio]) -> _Multiples:
+    """Return for each name the first one that ratios join it to, and the factor from that."""
+    found: dict[str, tuple[str, float]] = {}
+    for first in order:
+        if first in found:
+            continue
+        found[first], reached = (first, 1.0), [first]
+        for name in reached:  # grows
+            for ratio in ratios:
+                one, other = ratio.between
+                ahead, factor = (other, 1 / ratio.value) if name == one else (one, ratio.value)
+                if name in ratio.between and ahead not in found:
+                    found[ahead] = (first, factor * found[name][1])
+                    reached.append(ahead)
+    return found
+
+
+def mass_matrix(
+    dofs: Sequence[Dof], coupled_inertias: Sequence[CoupledInertia], frame: Frame
+) -> Matrix:
+    """Return the mass matrix over all coordinates: ``T' M T`` with all motions ``T q``."""
     names = [dof.name for dof in dofs]
     M = np.diag([dof.mass for dof in dofs])
     for coupled in coupled_inertias:
         i, j = (names.index(end) for end in coupled.between)
         M[i, j] += coupled.value
         M[j, i] += coupled.value
-    return M
+    return frame.rows.T @ M @ frame.rows
 
 
 # Checks that concern the parts of a mechanical model together, not one part alone.
@@ -334,7 +485,10 @@ _KINDS: Mapping[str, type] = {
     "outputs": Output,
     "effects": Effect,
     "coupled_inertias": CoupledInertia,
+    "ratios": Ratio,
 }
+_Joined = dict[frozenset[str], bool]
+"""Pairs with a ratio, and whether it is rigid."""
 
 
 def checked_fields(given: Mapping[str, Any]) -> dict[str, Any]:
@@ -371,16 +525,19 @@ def checked_fields(given: Mapping[str, Any]) -> dict[str, Any]:
         found["spin_frequency"] = positive("spin_frequency", number("spin_frequency", spin), "Hz")
     if not isinstance(given["name"], str):
         raise invalid("name", given["name"], "text", "Write it between quotation marks.")
+    joined: _Joined = {}
     for what in CONNECTIONS:
         items = enumerate(found[f"{what}s"])
-        found[f"{what}s"] = tuple(_connection(what, i, item, dofs) for i, item in items)
-    found["inputs"] = tuple(_input(item, dofs) for item in found["inputs"])
+        found[f"{what}s"] = tuple(_connection(what, i, item, dofs, joined) for i, item in items)
+    found["inputs"] = tuple(_input(item, dofs, joined) for item in found["inputs"])
     _check_imposed_motions(found["inputs"])
     moved = imposed_by(found["inputs"])
-    check_inertias(found["dofs"], found["coupled_inertias"], moved)
-    found["outputs"] = tuple(_output(item, dofs, moved) for item in found["outputs"])
+    connections = (*found["springs"], *found["dampers"])
+    found["frame"] = frame_of(found["dofs"], found["ratios"], connections, moved)
+    check_inertias(found["dofs"], found["coupled_inertias"], found["frame"], moved)
+    found["outputs"] = tuple(_output(item, dofs, joined, moved) for item in found["outputs"])
     for i, effect in enumerate(found["effects"]):
-        _check_place(("effect", i, "at"), effect, dofs, signals, moved)
+        _check_place(("effect", i, "at"), effect, dofs, joined, signals, moved)
     design = instance_of("design", given["design"], Mapping, "a mapping", "Write {key: value}.")
     return {**found, "design": dict(design)}
 
@@ -405,7 +562,12 @@ def _check_names(dofs: Sequence[str], inputs: Sequence[str], outputs: Sequence[s
 
 
 def _ends(
-    argument: Key, value: Any, dofs: Mapping[str, Dof], both: str = "", alike: bool = True
+    argument: Key,
+    value: Any,
+    dofs: Mapping[str, Dof],
+    joined: _Joined,
+    both: str = "",
+    alike: bool = True,
 ) -> tuple[str, str]:
     """Return two different ends; one alone is against the ground unless `both` are expected."""
     given = (value,) if isinstance(value, str) else value
@@ -419,26 +581,49 @@ def _ends(
     for name in (first, second):
         one_of(argument, name, (*dofs, GROUND), "Check the spelling or add the dof.")
     turning = {dofs[name].rotational for name in (first, second) if name != GROUND}
-    if alike and len(turning) > 1:
+    pair = frozenset((first, second))
+    if alike and len(turning) > 1 and pair not in joined:
         shown = described(f"{first!r} and {second!r}, one in m and one in rad")
-        remedy = "Connect masses with masses and inertias with inertias."
-        raise invalid(argument, shown, "two coordinates of one unit", remedy)
+        remedy = f"Name the ratio: [[ratio]] between = [{first!r}, {second!r}] with its value."
+        raise invalid(argument, shown, "two coordinates of one unit, or with a ratio", remedy)
+    if not both and joined.get(pair):
+        shown = described(f"{first!r} and {second!r}, which a rigid ratio ties")
+        want, remedy = "two ends that can move apart", "Put a spring between them."
+        raise invalid(argument, shown, want, remedy)
     return first, second
 
 
-def _connection(what: str, i: int, item: Any, dofs: Mapping[str, Dof]) -> Any:
-    """Return a spring, damper or coupled inertia between checked ends."""
-    field, inertia = CONNECTIONS[what][1], isinstance(item, CoupledInertia)
-    both = "two coordinates" if inertia else "two ends, one of which may be 'ground'"
-    ends = _ends((what, i, "between"), item.between, dofs, both, not inertia)
-    if inertia and GROUND in ends:
-        want, remedy = "a coordinate: the ground does not move", "Add it to the other one's mass."
-        raise invalid((what, i, "between"), GROUND, want, remedy)
-    return type(item)(ends, number((what, i, field), getattr(item, field)))
+def _connection(what: str, i: int, item: Any, dofs: Mapping[str, Dof], joined: _Joined) -> Any:
+    """Return what lies between checked ends; ratios come first, and their ends into `joined`."""
+    where, ratio = (what, i, "between"), isinstance(item, Ratio)
+    coordinates = ratio or isinstance(item, CoupledInertia)
+    both = "two coordinates" if coordinates else "two ends, one of which may be 'ground'"
+    ends = _ends(where, item.between, dofs, joined, both, not coordinates)
+    if coordinates and GROUND in ends:
+        want, remedy = "a coordinate: the ground does not move", "Name the coordinate that does."
+        raise invalid(where, GROUND, want, remedy)
+    pair = frozenset(ends)
+    if ratio and pair in joined:
+        shown = described(f"{ends[0]!r} and {ends[1]!r} twice")
+        raise invalid(where, shown, "one ratio between two coordinates", "Remove the other one.")
+    if ratio or (pair in joined and not coordinates):
+        joined[pair] = ratio
+    return type(item)(ends, connection_number(what, i, getattr(item, CONNECTIONS[what][1])))
+
+
+def connection_number(what: str, i: int, value: Any) -> float:
+    """Return the checked number of the i-th spring, damper, coupled inertia or ratio."""
+    where = (what, i, CONNECTIONS[what][1])
+    if what == "ratio" and value == 0:
+        raise invalid(where, value, "a number other than 0", "Leave the ratio out.")
+    return number(where, value)
 
 
 def check_inertias(
-    dofs: Sequence[Dof], coupled: Sequence[CoupledInertia], moved: Collection[str]
+    dofs: Sequence[Dof],
+    coupled: Sequence[CoupledInertia],
+    frame: Frame,
+    moved: Collection[str],
 ) -> None:
     """Refuse a mass matrix of the free coordinates with which some motion has no energy.
 
@@ -446,22 +631,27 @@ def check_inertias(
     ----------
     dofs : sequence of Dof
     coupled : sequence of CoupledInertia
+    frame : Frame
     moved : collection of str
         Names of the coordinates whose motion is imposed.
     """
-    free = {dof.name: dof for dof in dofs if dof.name not in moved}
-    for dof in free.values():
-        if dof.mass == 0:
+    heavy = {frame.multiples[dof.name][0] for dof in dofs if dof.mass}
+    for dof in dofs:
+        if dof.mass == 0 and frame.multiples[dof.name][0] not in {*heavy, *moved}:
             remedy = "Only a coordinate with imposed motion may have none."
             raise invalid(dof.key, dof.mass, f"a number above 0 {dof.unit}", remedy)
-    inside = [item for item in coupled if free.keys() >= {*item.between}]
+    free = [name for name in frame.coordinates if name not in moved]
+    ties = {name: tie for name, tie in frame.multiples.items() if tie[0] in free}
+    inside = [item for item in coupled if ties.keys() >= {*item.between}]
     if not inside:
         return
-    M = mass_matrix([*free.values()], inside)
-    size = np.sqrt(np.diag(M))
+    here = [frame.coordinates.index(name) for name in free]
+    M = mass_matrix(dofs, inside, frame)[here][:, here]
+    size = np.sqrt(np.diag(mass_matrix(dofs, (), frame))[here])
     if np.linalg.eigvalsh(M / np.outer(size, size))[0] > _NO_ENERGY:
         return
-    most = [float(np.sqrt(free[a].mass * free[b].mass)) for a, b in (c.between for c in inside)]
+    root = {name: float(size[free.index(to)]) / abs(by) for name, (to, by) in ties.items()}
+    most = [root[a] * root[b] for a, b in (item.between for item in inside)]
     ratios = [abs(item.value) / root for item, root in zip(inside, most, strict=True)]
     worst = int(np.argmax(ratios))
     item, (a, b) = inside[worst], inside[worst].between
@@ -475,9 +665,9 @@ def check_inertias(
     )  # fmt: skip
 
 
-def _input(item: Input, dofs: Mapping[str, Dof]) -> Input:
+def _input(item: Input, dofs: Mapping[str, Dof], joined: _Joined) -> Input:
     argument = ("input", item.name)
-    on = _ends(argument, item.on, dofs)
+    on = _ends(argument, item.on, dofs, joined)
     if on[0] == GROUND:
         remedy = "Name the coordinate that it acts on first."
         raise invalid(argument, on[0], f"one of {', '.join(dofs)}", remedy)
@@ -510,12 +700,14 @@ def _check_imposed_motions(inputs: Sequence[Input]) -> None:
             raise invalid(("input", item.name), shown, "a force on a free coordinate", remedy)
 
 
-def _output(item: Output, dofs: Mapping[str, Dof], imposed: frozenset[str]) -> Output:
+def _output(
+    item: Output, dofs: Mapping[str, Dof], joined: _Joined, imposed: frozenset[str]
+) -> Output:
     argument, weights = ("output", item.name), item.weights
     quantity = quantity_of(argument, item.quantity)
     if weights is not None:
         weights = _weights(argument, item, dofs)
-    of = _ends(argument, item.of, dofs) if weights is None else tuple(item.of)
+    of = _ends(argument, item.of, dofs, joined) if weights is None else tuple(item.of)
     turning = {dofs[name].rotational for name in of if name != GROUND}
     if weights is not None and (quantity == FORCE or (len(turning) > 1 and item.unit is None)):
         shown, remedy = "a force", "Measure a motion."
@@ -553,6 +745,7 @@ def _check_place(
     argument: Key,
     effect: Effect,
     dofs: Mapping[str, Dof],
+    joined: _Joined,
     signals: Mapping[str, Sequence[str]],
     moved: Collection[str],
 ) -> None:
@@ -568,4 +761,4 @@ def _check_place(
             remedy = f"Add it with model.with_channel({name!r}, {unit!r})."
             raise invalid(argument, shown, f"a coordinate {name} with an input in {unit}", remedy)
     if kind.domain == "pair":
-        _ends(argument, effect.at, dofs)
+        _ends(argument, effect.at, dofs, joined)

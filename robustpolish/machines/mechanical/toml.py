@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import tomllib
 from collections import Counter
@@ -29,6 +30,8 @@ from robustpolish.machines.mechanical.parts import (
     Dof,
     Input,
     Output,
+    Ratio,
+    number,
     quantity_of,
 )
 
@@ -95,8 +98,7 @@ _FILE = FileSpec(
 )
 
 _TOP = (
-    "name", "spin_frequency", "dof", "coupled_inertia", "spring", "damper", "input", "output",
-    "effect", "design", "weights",
+    "name", "spin_frequency", "dof", *CONNECTIONS, "input", "output", "effect", "design", "weights",
 )  # fmt: skip
 
 
@@ -211,9 +213,12 @@ def _dof(name: str, item: Any) -> Dof:
 
 
 def _connection(where: Key, item: Table) -> Any:
-    kind, number, _ = CONNECTIONS[str(where[0])]
-    known_keys(where, item, ("between", number), ("between", number))
-    return kind(item["between"], item[number])
+    kind, name, _ = CONNECTIONS[str(where[0])]
+    if kind is Ratio and "lead" in item:  # of a screw, in m per turn
+        known_keys(where, item, ("between", "lead"))
+        return Ratio(item["between"], number((*where, "lead"), item["lead"]) / (2 * math.pi))
+    known_keys(where, item, ("between", name), ("between", name))
+    return kind(item["between"], item[name])
 
 
 def _input(where: Key, item: Table, dofs: list[Dof]) -> Input:
@@ -229,12 +234,13 @@ def _input(where: Key, item: Table, dofs: list[Dof]) -> Input:
     elif "quantity" in item:
         want = f"no quantity with {key}"
         raise invalid((*where, "quantity"), item["quantity"], want, "Remove it.")
-    name = place[0] if isinstance(place, list) and place else place
+    ends = place if isinstance(place, list) else [place]
+    turning = {dof.rotational for dof in dofs if dof.name in ends}  # both where a ratio joins them
     for dof in dofs:
-        if imposes is None and dof.name == name and dof.rotational != (key == "torque_on"):
+        if imposes is None and dof.name in ends[:1] and (key == "torque_on") not in turning:
             wanted = "torque_on" if dof.rotational else "force_on"
             has = "an inertia in kg m^2" if dof.rotational else "a mass in kg"
-            shown, want = described(f"{key} = {name!r}, which has {has}"), f"{wanted} there"
+            shown, want = described(f"{key} = {dof.name!r}, which has {has}"), f"{wanted} there"
             raise invalid((*where, key), shown, f"{want}: units must match", f"Write {wanted}.")
     on: Any = place
     return Input(item["name"], on, imposes, item.get("gain", 1.0), item.get("unit"))

@@ -18,7 +18,8 @@ from robustpolish.base.checks import described, invalid, one_of, whole_number
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear.arithmetic.powers_of_two import refuse_extreme
 from robustpolish.linear.norms.hinf import frequency_grid
-from robustpolish.plants.blocks import as_state_space, finite
+from robustpolish.linear.systems import of_roots
+from robustpolish.plants.blocks import as_response, as_state_space
 from robustpolish.plants.uncertain.build import uncertain_dynamics
 from robustpolish.plants.uncertain.system import UncertainSystem, as_uncertain
 from robustpolish.plots.frequency import plot_gains
@@ -188,27 +189,7 @@ def _sections(zeros: AnyVector, poles: AnyVector) -> control.StateSpace | None:
     roots = np.concatenate([zeros, poles])
     if zeros.size != poles.size or not (np.real(roots) < -_DAMPED * np.abs(roots)).all():
         return None
-    result = control.StateSpace([], [], [], [[1.0]], 0)
-    for top, bottom in zip(_pairs(zeros), _pairs(poles), strict=True):
-        # Controllable form of top / bottom, in time units of its own rate.
-        n = len(bottom) - 1
-        rate = float(np.abs(bottom[-1]) ** (1 / n))
-        powers = rate ** np.arange(n + 1)
-        num, den = top / powers, bottom / powers
-        A = np.vstack([-den[1:], np.eye(n - 1, n)]) * rate
-        section = control.StateSpace(A, np.eye(n, 1) * rate, num[1:] - den[1:], [[1.0]], 0)
-        result = section * result
-    return result
-
-
-def _pairs(roots: AnyVector) -> list[Vector]:
-    """Return real polynomials of degree two, and at last one of degree one if the number is odd."""
-    upper = sorted((s for s in roots.tolist() if s.imag > 1e-9 * abs(s)), key=abs)
-    real = sorted((s.real for s in roots.tolist() if abs(s.imag) <= 1e-9 * abs(s)), key=abs)
-    double = [np.array([1.0, -2 * s.real, abs(s) ** 2]) for s in upper]
-    double += [np.poly(real[i : i + 2]) for i in range(0, len(real) - 1, 2)]
-    ordered = sorted(double, key=lambda p: p[-1])
-    return ordered + ([np.poly(real[-1:])] if len(real) % 2 else [])
+    return of_roots(zeros, poles, 1.0)
 
 
 # A family of plants, as responses at common frequencies, and their errors from one of them.
@@ -264,7 +245,7 @@ def read_family(plants: Any, nominal: Any) -> PlantFamily:
     if not given:
         raise invalid("plants", plants, _EXPECTED, "Pass a list of them.")
     centre = None if nominal is None else as_state_space("nominal", nominal)
-    measured = [_measured(i, item) for i, item in enumerate(given)]
+    measured = [as_response(f"plants[{i}]", item) for i, item in enumerate(given)]
     if any(item is not None for item in measured):
         return _of_responses([item for item in measured if item], len(given), centre)
     models = tuple(as_state_space(f"plants[{i}]", item) for i, item in enumerate(given))
@@ -325,21 +306,6 @@ def errors(family: PlantFamily, nominal: AnyArray, kind: Kind, refuse: bool = Tr
         remedy = f'Take kind="additive" or "{other}", or another nominal plant.'
         raise invalid("kind", shown, "a form that can make every plant", remedy)
     return gains
-
-
-def _measured(i: int, item: Any) -> control.FrequencyResponseData | None:
-    """Return a measured response, None if it is a model."""
-    if isinstance(item, control.FrequencyResponseData):
-        return finite(f"plants[{i}]", item)
-    if isinstance(item, xr.DataArray):
-        if set(item.dims) != {"frequency", "output", "input"}:
-            shown = described(f"an array over {', '.join(map(str, item.dims))}")
-            remedy = "Read it with read_frequency_response, and pass one measurement each."
-            raise invalid(("plants", i), shown, "frequency, output and input", remedy)
-        ordered = item.transpose("output", "input", "frequency")
-        omega = 2 * np.pi * item["frequency"].values
-        return finite(f"plants[{i}]", control.FrequencyResponseData(ordered.values, omega))
-    return None
 
 
 def _of_responses(

@@ -17,10 +17,12 @@ from robustpolish.base.checks import (
     invalid,
     is_whole,
     matrix,
+    misfit,
     one_of,
     whole_number,
 )
 from robustpolish.base.results import Card, Displayed, Table
+from robustpolish.linear.systems import is_system
 from robustpolish.plants.blocks import as_state_space, matrices_of, named_system
 from robustpolish.plants.uncertain import lft as algebra
 from robustpolish.plants.uncertain.lft import (
@@ -149,10 +151,10 @@ _OPERANDS = "an uncertain object, a system of python-control, a matrix or a numb
 class UncertainSystem(Displayed):
     """A number, matrix or linear system with numbers and dynamics that are known within bounds.
 
-    It is made by :func:`uncertain_real` and its neighbours, by arithmetic with them, and by
-    :func:`uncertain_system`. Sums, products, quotients, whole powers and slices are those of
-    python-control's systems, with which they may be mixed, and keep what is uncertain. The same
-    name is the same thing wherever it occurs.
+    It is made by :func:`robustpolish.uncertain.real` and its neighbours, by arithmetic with them,
+    and by :func:`robustpolish.uncertain.system`. Sums, products, quotients, whole powers and
+    slices are those of python-control's systems, with which they may be mixed, and keep what is
+    uncertain. The same name is the same thing wherever it occurs.
 
     Parameters
     ----------
@@ -261,6 +263,20 @@ class UncertainSystem(Displayed):
     def nominal(self) -> control.StateSpace | NDArray[np.float64] | float:
         """The system at its nominal values; a matrix or a number if it is static."""
         return _certain(nominal(self.matrices))
+
+    def state_space(self) -> control.StateSpace:
+        """Return it as a system, if nothing in it is uncertain.
+
+        Raises
+        ------
+        InvalidInputError
+            With the names of what is uncertain.
+        """
+        if self.blocks:
+            shown = f"uncertain {', '.join(b.element.name for b in self.blocks)}"
+            remedy = "Take its .nominal, or ask worst_case_gain or robust_stability."
+            raise misfit("system", shown, "a system without uncertain blocks", remedy)
+        return as_state_space("system", _certain(self.matrices))
 
     def at(self, values: Mapping[str, Any]) -> Any:
         """Return it with values in place of what is uncertain.
@@ -505,9 +521,9 @@ def as_uncertain(argument: str, value: Any) -> UncertainSystem:
         return UncertainSystem(block_matrix(argument, value))
     if np.iscomplexobj(value) and not isinstance(value, control.LTI):
         raise invalid(argument, value, _OPERANDS, "Matrices are real: use uncertain_complex.")
-    if isinstance(value, control.LTI | control.InputOutputSystem):
+    if is_system(value):
         return UncertainSystem(as_lft(as_state_space(argument, value)))
-    plain = np.atleast_2d(value) if isinstance(value, list | tuple | np.ndarray) else value
+    plain: Any = np.atleast_2d(value) if isinstance(value, list | tuple | np.ndarray) else value
     return UncertainSystem(constant(matrix(argument, plain)))
 
 

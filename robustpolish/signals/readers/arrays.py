@@ -70,19 +70,23 @@ def table_of(arrays: dict[str, Any], chosen: str | None, source: str) -> RawTabl
     found = {name: vector for name, vector in vectors.items() if vector is not None}
     if chosen is None and len(matrices) == 1 and not found:
         (chosen,) = matrices
-    table = RawTable(sampling_rate=_rate(arrays))
+    table = RawTable(sampling_rate=_rate(arrays, source))
     if chosen is not None:
         matrix = matrices[chosen]
         matrix = matrix.T if matrix.shape[0] < matrix.shape[1] else matrix
         names = [f"{chosen}_{i}" for i in range(1, matrix.shape[1] + 1)]
-        for array in arrays.values():
+        units = [""] * len(names)
+        for key, array in arrays.items():
             if array.dtype.kind in "US" and array.size == len(names):
-                names = [str(item).strip() for item in array.reshape(-1)]
-        for name, column in zip(names, matrix.T, strict=True):
-            table.add(name, column)
+                texts = [str(item).strip() for item in array.reshape(-1)]
+                units, names = (texts, names) if key.casefold() in _UNITS else (units, texts)
+        for name, column, unit in zip(names, matrix.T, units, strict=True):
+            table.add(name, column, unit)
         return table
     for name, vector in found.items():
-        table.add(name, vector)
+        beside = (arrays.get(f"{name}_{word}") for word in _UNITS)
+        written = [str(array.item()) for array in beside if array is not None and array.size == 1]
+        table.add(name, vector, next(iter(written), None))
     if not table.columns and matrices:
         shown = f"{source} with the tables {', '.join(matrices)}"
         want = f"one table to be chosen; the file holds {_contents(arrays)}"
@@ -103,15 +107,31 @@ def _contents(arrays: dict[str, Any]) -> str:
     return (", ".join(shown) or "nothing") + more
 
 
-def _rate(arrays: dict[str, Any]) -> float | None:
-    """Find the sampling rate in a lone number called fs or dt, as files without time often hold."""
+RATES = ("fs", "sampling_rate", "sample_rate", "samplerate")
+STEPS = ("dt", "ts", "sampling_time")
+_UNITS = ("unit", "units")
+
+
+def _rate(arrays: dict[str, Any], source: str) -> float | None:
+    """Find the sampling rate in lone numbers called fs or dt, as files without time often hold."""
+    found: dict[str, float] = {}
     for name, array in arrays.items():
         if array.size == 1 and array.dtype.kind in "fiu" and (number := float(array.item())) > 0:
-            if name.casefold() in ("fs", "sampling_rate", "sample_rate", "samplerate"):
-                return number
-            if name.casefold() in ("dt", "ts", "sampling_time"):
-                return 1 / number
-    return None
+            if name.casefold() in RATES:
+                found[name] = number
+            if name.casefold() in STEPS:
+                found[name] = 1 / number
+    return one_rate(source, found)
+
+
+def one_rate(source: object, found: dict[str, float]) -> float | None:
+    """Return the sampling rate that all parts of a file give, None if they give none."""
+    rates = list(found.values())
+    if rates and max(rates) > min(rates) * (1 + 1e-6):
+        shown = ", ".join(f"{name}: {rate:.6g} Hz" for name, rate in found.items())
+        remedy = "Pass table=GROUP for what belongs together, or sampling_rate=."
+        raise misfit("measurement", f"{source} with {shown}", "one sampling rate", remedy)
+    return rates[0] if rates else None
 
 
 # NumPy archives.
@@ -144,11 +164,17 @@ def _check_head(file: BinaryIO, member: zipfile.ZipInfo) -> None:
 
 def read_wav(path: Path, wanted: FileSpec = RECORD) -> RawTable:
     """Read the channels ``channel_1``, ``channel_2``, ...; integers become shares of full scale."""
-    with open_checked(path, wanted) as file, warnings.catch_warnings(), library_errors(path, "WAV"):
-        # SciPy warns of chunks that it skips; they hold remarks, no samples.
-        warnings.simplefilter("ignore", scipy.io.wavfile.WavFileWarning)
+    with (
+        open_checked(path, wanted) as file,
+        warnings.catch_warnings(record=True) as told,
+        library_errors(path, "WAV"),
+    ):
+        warnings.simplefilter("always", scipy.io.wavfile.WavFileWarning)
         rate, samples = scipy.io.wavfile.read(file)
     table = RawTable(sampling_rate=float(rate))
+    # SciPy warns too of chunks that it skips; they hold remarks, no samples.
+    if any("EOF" in str(warning.message) for warning in told):
+        table.notes.append(f"cut off: {len(samples)} samples are there, the head announces more")
     samples = np.atleast_2d(samples.T).T
     values = samples.astype(float)
     if samples.dtype == np.uint8:

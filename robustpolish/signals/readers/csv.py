@@ -6,8 +6,8 @@ import contextlib
 import csv
 import operator
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from robustpolish.base.checks import invalid, misfit
 from robustpolish.base.input_files import FileSpec, content, open_checked
-from robustpolish.signals.raw import RECORD, RawTable, line_of_units
+from robustpolish.signals.raw import RECORD, RawTable, line_of_units, split_header
 from robustpolish.signals.time_axis import is_clock_text
 
 # Where the table of a text file begins, how its cells are separated, and what its columns are.
@@ -39,6 +39,13 @@ _STEP = re.compile(
 )
 
 
+_COUNT = re.compile(
+    r"^(?:(?:number|no\.?|#) of )?(?:samples|points|data points|scans)\W+(?P<counts>\d[\d\t,; ]*)$",
+    re.IGNORECASE,
+)
+_LABVIEW = ("y_unit_label", "x0", "delta_x")
+
+
 @dataclass(frozen=True)
 class Layout:
     """How a text file holds its table.
@@ -55,6 +62,10 @@ class Layout:
         Number of the first row among the lines that are not blank.
     sampling_rate : float or None
         In Hz, where the lines above the table name it.
+    count : int or None
+        Number of rows that the lines above the table name.
+    channels : dict of str to list of str
+        What the head of a LabVIEW file says of each channel.
     """
 
     delimiter: str
@@ -62,6 +73,8 @@ class Layout:
     units: tuple[str, ...]
     begin: int
     sampling_rate: float | None = None
+    count: int | None = None
+    channels: Mapping[str, list[str]] = field(default_factory=dict)
 
 
 def find_layout(path: Path, lines: Sequence[Line]) -> Layout:
@@ -96,7 +109,13 @@ def find_layout(path: Path, lines: Sequence[Line]) -> Layout:
         # Rows with a mistake in them are rows all the same: the header says where they begin.
         below = (i for i in range(top + 1, row) if _starts_as_row(lines[i][1], delimiter))
         begin = next(below, row)
-        return Layout(delimiter, tuple(above), tuple(units), begin, _rate_above(lines[:top]))
+        head = lines[:top]
+        counts = [m for _, line in head if (m := _COUNT.match(line.strip("# \t;,")))]
+        count = int(re.findall(r"\d+", counts[-1]["counts"])[0]) if counts else None
+        cells = [split(line, delimiter) for _, line in head if "_" in line or line[:2] == "X0"]
+        channels = {row[0].casefold(): row[1:] for row in cells if row[0].casefold() in _LABVIEW}
+        rate = _rate_above(head)
+        return Layout(delimiter, tuple(above), tuple(units), begin, rate, count, channels)
     number, line = lines[row]
     shown = f"{path}, line {number}, with numbers only: {line[:30]}"
     want = f"a header above it with {len(first)} names, such as 'time [s],x [mm]'"
@@ -241,6 +260,12 @@ def read_csv(path: Path, wanted: FileSpec = RECORD) -> RawTable:
     table = RawTable(sampling_rate=layout.sampling_rate)
     table.lines = np.array([number for number, _ in rows])
     columns = _numbers(rows, layout) or _columns(path, rows, layout)
+    if layout.count not in (None, len(rows)):
+        table.notes.append(f"the head announces {layout.count} samples, {len(rows)} are there")
+    if layout.channels:
+        layout, columns = _labview(path, layout, columns)
+        starts = {as_number(x) for x in layout.channels.get("x0", ())}
+        table.start = starts.pop() or 0.0 if len(starts) == 1 else 0.0
     for i, (header, values) in enumerate(zip(layout.headers, columns, strict=True)):
         if header and _is_empty(values):
             table.notes.append(f"left out: {header}, which is empty")
@@ -250,6 +275,27 @@ def read_csv(path: Path, wanted: FileSpec = RECORD) -> RawTable:
             shown = f"column {i + 1} of {path} without one"
             raise misfit("name", shown, "a name for each column", "Complete the header.")
     return table
+
+
+def _labview(path: Path, layout: Layout, columns: list[Any]) -> tuple[Layout, list[Any]]:
+    """Return the table of a LabVIEW file with the units of its head, and one column of times."""
+    axis = [header.casefold() == "x_value" for header in layout.headers]
+    times = [values for values, own in zip(columns, axis, strict=True) if own]
+    count, own = len(axis) - sum(axis), layout.channels
+    differ = [key for key in ("x0", "delta_x") if len({*own.get(key, ())[:count]} - {""}) > 1]
+    if differ or any(not np.array_equal(times[0], other, equal_nan=True) for other in times[1:]):
+        what = " and ".join(differ) or "X_Value"
+        shown, remedy = f"{path} with channels of different {what}", "Export them on one clock."
+        raise misfit("measurement", shown, "one time axis", remedy)
+    labels = iter(own.get("y_unit_label", ()))
+    # A unit in the name of a channel was given by hand.
+    units = [
+        "" if x or split_header(header, fraction=True)[1] else next(labels, "")
+        for header, x in zip(layout.headers, axis, strict=True)
+    ]
+    kept = [i for i, x in enumerate(axis) if not x or i == axis.index(True)]
+    headers, units = ([part[i] for i in kept] for part in (layout.headers, units))
+    return replace(layout, headers=tuple(headers), units=tuple(units)), [columns[i] for i in kept]
 
 
 def csv_headers(path: Path) -> tuple[str, ...]:

@@ -13,7 +13,9 @@ import numpy as np
 from robustpolish.base.checks import invalid, misfit
 from robustpolish.base.input_files import FileSpec, open_checked
 from robustpolish.errors import MissingDependencyError
-from robustpolish.signals.raw import RECORD, RawResponse, RawTable, library_errors
+from robustpolish.signals.raw import RECORD, TIME_UNIT, RawResponse, RawTable, library_errors
+from robustpolish.signals.readers.arrays import one_rate
+from robustpolish.signals.time_axis import find_time
 
 # LabVIEW's TDMS files, through npTDMS.
 
@@ -36,24 +38,32 @@ def read_tdms(path: Path, table: str | None = None, wanted: FileSpec = RECORD) -
             group.name: [(c.name, np.asarray(c[:]), dict(c.properties)) for c in group.channels()]
             for group in file.groups()
         }
+        cut = file.file_status.incomplete_final_segment
     filled = {name: channels for name, channels in groups.items() if channels}
     if table is not None and table not in filled:
         raise invalid("table", table, f"a group: {', '.join(filled)}", "Check its name.")
     chosen = {table: filled[table]} if table is not None else filled
-    result, steps = RawTable(), set()
+    result, rates = RawTable(), {}
+    clocks: dict[str, Any] = {}
+    starts: dict[str, float] = {}
     for group, channels in chosen.items():
         for name, values, properties in channels:
             units = filter(None, map(properties.get, _UNIT_PROPERTIES))
             label = name if len(chosen) == 1 else f"{group}/{name}"
             result.add(label, values, next(map(str, units), None))
             if properties.get("wf_increment"):
-                steps.add(float(properties["wf_increment"]))
-    if len(steps) > 1:
-        shown = f"{path} with sampling times {sorted(steps)} s"
-        remedy = "Pass table=GROUP for the channels that belong together."
-        raise misfit("measurement", shown, "one sampling time", remedy)
-    if steps:
-        result.sampling_rate = 1 / steps.pop()
+                rates[label] = 1 / float(properties["wf_increment"])
+                starts[label] = float(properties.get("wf_start_offset", 0.0))
+                clocks[label] = properties.get("wf_start_time")
+    if cut:
+        result.notes.append("cut off: the last segment is shorter than its head says")
+    result.sampling_rate = one_rate(path, rates)
+    first = min((clock for clock in clocks.values() if clock is not None), default=None)
+    for label, clock in clocks.items():
+        if clock is not None and first is not None:
+            starts[label] += float((clock - first) / np.timedelta64(1, "ns")) * 1e-9
+    if result.sampling_rate and find_time(result, None) is None:
+        result.start_together(starts, 1 / result.sampling_rate)
     return result
 
 
@@ -84,7 +94,8 @@ def read_uff(path: Path, wanted: FileSpec = RECORD) -> RawTable:
             shown = f"{path} with records over different times"
             raise misfit("measurement", shown, "one time axis", "Export them together.")
     table.columns = {"time": first, **table.columns}
-    table.units["time"] = "s"
+    unit = _uff_unit(responses[0], "abscissa")
+    table.units["time"] = unit if TIME_UNIT.fullmatch(unit) else "s"
     return table
 
 
@@ -93,11 +104,12 @@ def read_uff_responses(path: Path, wanted: FileSpec = RECORD) -> list[RawRespons
     found = []
     for item in _sets(path, wanted)[0]:
         ends = _end(item, "rsp"), _end(item, "ref"), np.asarray(item["x"], dtype=float)
-        values = np.asarray(item["data"])
+        values, axis = np.asarray(item["data"]), _uff_unit(item, "abscissa") or "Hz"
         if item.get("func_type") == _FREQUENCY_RESPONSE:
-            found.append(RawResponse(*ends, values, _ratio(item)))
+            found.append(RawResponse(*ends, values, _ratio(item), frequency_unit=axis))
         elif item.get("func_type") == _COHERENCE:
-            found.append(RawResponse(*ends, np.real(values), kind="coherence"))
+            curve = np.real(values)
+            found.append(RawResponse(*ends, curve, kind="coherence", frequency_unit=axis))
     return found
 
 
@@ -120,6 +132,11 @@ def _sets(path: Path, wanted: FileSpec) -> tuple[list[Any], int]:
         for item in sets:
             if np.shape(item["x"]) != np.shape(item["data"]):
                 raise ValueError("a record that is shorter than its axis")
+            told, there = int(item.get("num_pts") or 0), len(item["x"])
+            if told > there:
+                raise ValueError(f"{told} points announced, {there} there: it was cut off")
+            # Rows are filled up with numbers that are no points.
+            item["x"], item["data"] = item["x"][: told or there], item["data"][: told or there]
     return sets, len(kinds)
 
 

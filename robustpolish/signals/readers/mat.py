@@ -19,7 +19,7 @@ import scipy.sparse
 
 from robustpolish.base.input_files import FileSpec, content, open_checked
 from robustpolish.signals.raw import RECORD, RawTable, library_errors, split_header
-from robustpolish.signals.readers.arrays import table_of
+from robustpolish.signals.readers.arrays import RATES, STEPS, one_rate, table_of
 
 # HDF5 files, MATLAB 7.3 included.
 
@@ -81,6 +81,8 @@ def read_hdf5(path: Path, table: str | None = None, wanted: FileSpec = RECORD) -
         with h5py.File(stream, "r") as file:
             found.collect(file)
     result = table_of(found.arrays, table, str(path))
+    own = {n: rate for n, rate in found.rates.items() if n.startswith(table or "")}
+    result.sampling_rate = one_rate(path, own) or result.sampling_rate
     for name, unit in found.units.items():
         column = split_header(name.removeprefix(f"{table}/"))[0]
         if column in result.columns:
@@ -94,6 +96,7 @@ class _Hdf5Content:
     def __init__(self, path: Path, wanted: FileSpec) -> None:
         self.arrays: dict[str, Any] = {}
         self.units: dict[str, str] = {}
+        self.rates: dict[str, float] = {}
         self._path, self._wanted = path, wanted
         self._size = self._room = wanted.largest
 
@@ -117,6 +120,10 @@ class _Hdf5Content:
             self.arrays[name] = self._texts(item) if text else np.zeros(0)
         elif kind in "fiubS" and "MATLAB_empty" not in item.attrs:
             self.arrays[name] = self._values(item)
+        for key in (*RATES, *STEPS):
+            number = np.asarray(item.attrs.get(key, 0))
+            if number.dtype.kind in "fiu" and number.size == 1 and number > 0:
+                self.rates[name] = float(number if key in RATES else 1 / number)
         for unit in (item.attrs[key] for key in ("unit", "units") if key in item.attrs):
             self.units[name] = (
                 unit.decode("utf-8", "replace") if isinstance(unit, bytes) else str(unit)
@@ -128,6 +135,10 @@ class _Hdf5Content:
         values = np.asarray(item[()])
         if values.dtype.kind == "S":
             return values.astype(str)
+        if "scale_factor" in item.attrs or "add_offset" in item.attrs:  # CF conventions, 8.1
+            empty = values == item.attrs.get("_FillValue", np.nan)
+            values = values * item.attrs.get("scale_factor", 1) + item.attrs.get("add_offset", 0)
+            return np.where(empty, np.nan, values)
         if item.attrs.get("MATLAB_class") == b"char" and values.dtype.kind in "iu":
             return np.array(["".join(map(chr, values.reshape(-1)))])
         return values

@@ -18,7 +18,8 @@ from robustpolish.base.checks import described, invalid
 from robustpolish.errors import InfeasibleError
 from robustpolish.implementation.reduction import balancing_projection, own_gramians
 from robustpolish.linear.arithmetic import powers_of_two
-from robustpolish.linear.arithmetic.rational import EXACT_STATES
+from robustpolish.linear.arithmetic.rational import EXACT_STATES, ExactModel, to_float
+from robustpolish.linear.arithmetic.realisation import realisation
 from robustpolish.linear.controllability import controllability
 from robustpolish.linear.modes import AxisZero, zeros_on_axis
 from robustpolish.linear.scaling import decoupled_blocks
@@ -557,6 +558,8 @@ class SolvabilityCheck:
     control_zeros, measurement_zeros : tuple of AxisZero or None
         Zeros of (A, B2, C1, D12) and (A, B1, C2, D21) on the stability boundary; None where
         they were not looked for.
+    needed : int
+        States that the response needs, if a plant of these alone has no fixed modes; or 0.
     """
 
     fixed_modes: tuple[FixedMode, ...]
@@ -566,6 +569,7 @@ class SolvabilityCheck:
     d21_full: bool
     control_zeros: tuple[AxisZero, ...] | None = None
     measurement_zeros: tuple[AxisZero, ...] | None = None
+    needed: int = 0
 
     @property
     def regular_feedthrough(self) -> bool:
@@ -585,7 +589,7 @@ class SolvabilityCheck:
         """Raise an InfeasibleError if some mode is surely fixed."""
         exact = [mode for mode in self.fixed_modes if mode.exact]
         if exact:
-            raise infeasible_modes_error(exact)
+            raise infeasible_modes_error(exact, self.needed)
 
     def with_zeros(self, plant: GeneralizedPlant) -> SolvabilityCheck:
         """Return the diagnosis of the plant with its zeros on the axis, which take longer."""
@@ -642,7 +646,19 @@ def check_solvability(plant: GeneralizedPlant) -> SolvabilityCheck:
                 if not m.stable
                 and (m.deficient or (plant.nx > EXACT_STATES and m.distance < _SUSPECT))
             ]
-    return SolvabilityCheck(tuple(modes), rank12, rank21, rank12 == plant.nu, rank21 == plant.ny)
+    full = rank12 == plant.nu, rank21 == plant.ny
+    needed = _needed_states(plant) if any(mode.exact for mode in modes) else 0
+    return SolvabilityCheck(tuple(modes), rank12, rank21, *full, needed=needed)
+
+
+def _needed_states(plant: GeneralizedPlant) -> int:
+    """Return the order of a plant's response, if a plant of that order has no fixed modes."""
+    seen = ExactModel.of(realisation("plant", plant.system)).minimal()
+    if seen.states in (0, plant.nx):
+        return 0
+    few = control.StateSpace(*map(to_float, (seen.A, seen.B, seen.C, seen.D)), plant.dt)
+    fixed = check_solvability(GeneralizedPlant(few, plant.ny, plant.nu)).fixed_modes
+    return 0 if fixed else seen.states
 
 
 def _looks_fixed(A: AnyMatrix, B: AnyMatrix, discrete: bool) -> bool:
@@ -662,7 +678,7 @@ def _looks_fixed(A: AnyMatrix, B: AnyMatrix, discrete: bool) -> bool:
     )
 
 
-def infeasible_modes_error(modes: Sequence[FixedMode]) -> InfeasibleError:
+def infeasible_modes_error(modes: Sequence[FixedMode], needed: int = 0) -> InfeasibleError:
     """Return the error that names the modes for which no controller exists."""
     listed = "; ".join(str(mode) for mode in modes)
     remedies = {
@@ -672,6 +688,11 @@ def infeasible_modes_error(modes: Sequence[FixedMode]) -> InfeasibleError:
     remedy = " and ".join(
         text for lack, text in remedies.items() if lack in {mode.lack for mode in modes}
     )
+    if needed:
+        remedy = (
+            f"leave out copies and what never shows: the plant's response needs {needed} states, "
+            "with which nothing is fixed. Build each part once, or pass control.minreal(system)"
+        )
     return InfeasibleError(
         f"No controller stabilises the plant because of the {listed}. To go on, {remedy}.",
         [mode.eigenvalue for mode in modes],

@@ -230,16 +230,18 @@ def rate(angle: float, step: float | None) -> float:
     return angle if step is None else 2 * math.atan(angle) / step
 
 
-def rounding_level(loop: BallSystem) -> float:
+def rounding_level(loop: BallSystem, cancelled: float = 0.0) -> float:
     """Return the size of a norm that rounding errors in doubles can feign.
 
     That is the unit roundoff times the gain that the loop would have if nothing cancelled;
-    an exactly vanishing transfer matrix computes to something below it.
+    an exactly vanishing transfer matrix computes to something below it. `cancelled` is the size of
+    what may have cancelled in C already, where the loop was closed.
     """
     A, B, C, D = loop.doubles
     poles = np.abs(np.linalg.eigvals(A)) if A.size else np.zeros(0)
     slowest = poles.min() if poles.size else 0.0
-    gain = np.linalg.norm(B) * np.linalg.norm(C) / slowest if slowest > 0 else 0.0
+    seen = np.linalg.norm(C) + cancelled
+    gain = np.linalg.norm(B) * seen / slowest if slowest > 0 else 0.0
     return float(10 * np.finfo(float).eps * max(A.shape[0], 1) * (gain + np.linalg.norm(D)))
 
 

@@ -23,7 +23,12 @@ from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import Certificate, Gamma, Norm, NormTarget
 from robustpolish.synthesis.design import Design
-from robustpolish.synthesis.driver import JoinedController, check_arguments, design_by_parts
+from robustpolish.synthesis.driver import (
+    ROUNDING,
+    JoinedController,
+    check_arguments,
+    design_by_parts,
+)
 from robustpolish.synthesis.engine import Candidate, Engine, Settings, Task
 from robustpolish.synthesis.nonsmooth.descent import MaskedGain, Problem, Requirement, minimax
 from robustpolish.synthesis.nonsmooth.measures import GainMeasure, norm_measure
@@ -36,6 +41,7 @@ from robustpolish.synthesis.problem.pole_regions import (
 )
 from robustpolish.synthesis.riccati.gamma import LowerBound, solve_lyapunov
 from robustpolish.synthesis.state_feedback import lmi
+from robustpolish.synthesis.state_feedback.output_nulling import output_nulling_gain
 from robustpolish.synthesis.state_feedback.riccati import (
     RiccatiStateEngine,
     StateEngine,
@@ -239,6 +245,8 @@ def _message(found: JoinedController) -> str:
     if least > 0:
         text += f" No state feedback has a norm below {least:.6g}."
     if status == "optimal":
+        if least == 0 or achieved <= ROUNDING * settings.reference:
+            return f"{text} But for rounding w does not reach z: the design is optimal."
         return f"{text} That is within {tolerance:.0e} of it: the design is optimal."
     if status == "time_limit":
         return (
@@ -343,7 +351,7 @@ class StateSearch(Engine):
         ]
         self.falling = found.status == "infimum_not_attained"
         self.constrained = bool(self.engine.regions) and found.status != "optimal"
-        if found.lower_bound > 0 or found.achieved == 0:
+        if found.lower_bound > 0 or found.achieved == 0 or found.status == "optimal":
             self.bound = LowerBound(found.lower_bound, "which Riccati equations tell")
 
     def objections(self, K: control.StateSpace, proof: Certificate, promised: float) -> list[str]:
@@ -369,6 +377,8 @@ class StateSearch(Engine):
             found = self._bounded()
         elif matrices.is_regular(p) or bounded:  # an optimum without a price on u
             found = self.engine.search(p, self.budget)
+        if found is None and not self.engine.regions and math.isinf(self.bound_on_gain):
+            found = self._nulling()
         if found is None:
             # A norm that keeps falling is followed down to this share of what almost no control
             # gives; the thesis's plant without a price would fall until gains overflow.
@@ -383,6 +393,15 @@ class StateSearch(Engine):
             found = self._smallest_gain(enough, found)
         least = state_norm_lower_bound(p, self.norm, found.achieved, tolerance, self.budget)
         return replace(found, lower_bound=least)
+
+    def _nulling(self) -> StateGain | None:
+        """Return a gain that keeps w from z, but for rounding; None if there is none."""
+        F = output_nulling_gain(self.plant)
+        rounding = self.scaled.scaled_norm(ROUNDING * self.settings.reference, self.norm)
+        if F is None or not self._norm(F) <= rounding:
+            return None
+        told = {"step": "w is kept from z", "achieved": 0.0}
+        return StateGain(F, rounding, rounding, 0.0, "optimal", (told,))
 
     def _size(self, F: Matrix) -> float:
         """Return the largest singular value of a gain in the plant's units."""
@@ -605,7 +624,7 @@ class StateSearch(Engine):
                         now, low = other, middle
                     else:
                         high = middle
-                return replace(now, status="infimum_not_attained", history=tuple(history))
+                return replace(now, status=self._limit(rungs, now), history=tuple(history))
             # Only below it can a norm have reached its limit: above it is the norm of no control.
             if price <= 1e-4 and len(rungs) > 1:
                 before = rungs[-2]
@@ -617,8 +636,15 @@ class StateSearch(Engine):
             return None
         least = min(each.achieved for each in rungs) * (1 + max(engine.tolerance, _CONVERGED))
         smallest = min((g for g in rungs if g.achieved <= least), key=lambda g: self._size(g.F))
-        status = "suboptimal" if settled or self.budget.over else "infimum_not_attained"
+        over = settled or self.budget.over
+        status = "suboptimal" if over else self._limit(rungs, smallest)
         return replace(smallest, status=status, history=tuple(history))
+
+    def _limit(self, rungs: list[StateGain], now: StateGain) -> preflight.Status:
+        """Say whether the last tenfold fall of the norm took a larger gain."""
+        before = [g for g in rungs if g.achieved >= 10 * now.achieved]
+        grown = not before or self._size(now.F) > _GAIN_CONVERGED * self._size(before[-1].F)
+        return "infimum_not_attained" if grown else "suboptimal"
 
     # A norm that will do: the smallest gain that keeps it. No control at all is tried, then the
     # central gain of the target and the design with the highest price on u that keeps it; from the

@@ -1,5 +1,7 @@
 """Every engine of output feedback against closed forms, and what is said where it fails."""
 
+import warnings
+
 import control
 import numpy as np
 import pytest
@@ -153,3 +155,53 @@ def test_what_slicot_cannot_do_is_quoted(gain, told, monkeypatch):
         rp.output_feedback(unstable_lag(), method="slycot")
     assert given["name"] == "SB10AD"
     assert 0 < given["time_limit"] <= 60.0
+
+
+# What a refusal advises leads to an answer.
+
+DOUBLE = np.array([[0.0, 1.0], [0.0, 0.0]])
+
+
+def copies(matrix, count):
+    """Return [G G; G G] of a part with w and u, z and y, every G with states of its own."""
+    n = len(matrix)
+    A = np.kron(np.eye(count), matrix)
+    B, C, D = np.zeros((n * count, 2)), np.zeros((3, n * count)), np.zeros((3, 2))
+    for i in range(count):  # G_zw, G_zu, G_yw, G_yu
+        B[n * i + n - 1, i % 2] = C[0 if i < count // 2 else 2, n * i] = 1
+    D[1, 1] = 1
+    return control.ss(A, B, C, D)
+
+
+def mass(inputs, outputs):
+    """Return two carts on rails, of which w pushes both, with the given controls and sensors."""
+    A = np.kron(np.eye(2), DOUBLE)
+    B, C = np.kron(np.eye(2), [[0.0], [1.0]]), np.kron(np.eye(2), [[1.0, 0.0]])
+    return rp.GeneralizedPlant.from_matrices(
+        A, B @ [[1.0], [1.0]], B[:, inputs], np.vstack([C, np.zeros((len(inputs), 4))]), C[outputs],
+        D12=np.vstack([np.zeros((2, len(inputs))), np.eye(len(inputs))]),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("part", [DOUBLE, np.array([[0.5]]), np.array([[0.0, 1.0], [4.0, 0.0]])])
+def test_copies_are_built_once(part):
+    whole = copies(part, 4)
+    with pytest.raises(rp.InfeasibleError, match=rf"needs {len(part)} states.*minreal") as told:
+        rp.output_feedback(rp.GeneralizedPlant(whole, 1, 1))
+    assert "actuator" not in str(told.value)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        once = control.minreal(whole, verbose=False)
+    assert rp.output_feedback(rp.GeneralizedPlant(once, 1, 1)).certificate.valid
+
+
+@pytest.mark.parametrize(
+    ("inputs", "outputs", "told"),
+    [([0], [0, 1], "add an actuator"), ([0, 1], [1], "add a sensor"), ([0], [1], "and add a")],
+)
+def test_what_is_out_of_reach_gets_an_actuator_or_a_sensor(inputs, outputs, told):
+    with pytest.raises(rp.InfeasibleError, match=told) as error:
+        rp.output_feedback(mass(inputs, outputs))
+    inputs = [0, 1] if "actuator" in str(error.value) else inputs
+    outputs = [0, 1] if "sensor" in str(error.value) else outputs
+    assert rp.output_feedback(mass(inputs, outputs)).certificate.valid

@@ -2,6 +2,7 @@
 
 import time
 
+import control
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
@@ -94,6 +95,46 @@ def test_a_part_that_vanishes_beside_the_others_is_not_driven_to_zero():
     design = designed(beside(lag(price=0.0), lag(price=0.0, watched=100.0)))
     assert design.status == "infimum_not_attained"
     assert 2e-3 < 1 / (1 - design.gain[0, 0]) <= 1e-2
+
+
+def nulled(name):
+    """Return a plant whose w some u keeps from z: A, B1, B2, C1, D12, sampling time."""
+    A, B1, B2, C1, D12, dt = {
+        # u = -x2 hides x2, which w moves, from z = x1
+        "decoupled": ([[0, 1], [0, -1]], [[0], [1]], [[1], [0]], [[1, 0]], [[0]], 0),
+        "in steps": ([[0, 1], [0, 0.5]], [[0], [1]], [[1], [0]], [[1, 0]], [[0]], 0.1),
+        # what is hidden is unstable and the second control has to hold it
+        "held": ([[0, 1], [0, 1]], [[0], [1]], [[1, 0], [0, 1]], [[1, 0]], [[0, 0]], 0),
+        # two controls for one z, in which both count
+        "wide D12": ([[0, 1], [0, 0.5]], [[1, 0], [0, 1]], [[0, 1], [1, 1]], [[1, 2]], [[1, 1]], 0),
+        "wide D12 in steps": ([[1.1, 1], [0, 0.5]], [[1], [1]], [[0, 1], [1, 1]], [[1, 2]],
+                              [[1, 1]], 1.0),
+    }[name]  # fmt: skip
+    n, w, u, z = len(A), len(B1[0]), len(B2[0]), len(C1)
+    D = np.block([[np.zeros((z, w)), np.array(D12)], [np.zeros((n, w + u))]])
+    whole = control.ss(A, np.hstack([B1, B2]), np.vstack([C1, np.eye(n)]), D, dt)
+    return rp.GeneralizedPlant(whole, measurements=n, controls=u)
+
+
+@pytest.mark.parametrize("norm", ["hinf", "h2"])
+@pytest.mark.parametrize("name", ["decoupled", "in steps", "held", "wide D12", "wide D12 in steps"])
+def test_a_norm_of_zero_that_is_attained_is_optimal(name, norm):
+    plant = nulled(name)
+    design = rp.state_feedback(plant, norm)
+    assert design.status == "optimal"
+    assert design.certificate.valid
+    assert design.certificate.bound < 1e-11
+    assert np.abs(design.gain).max() < 20
+
+
+@pytest.mark.parametrize("zero", [1.0, -1.0])
+def test_a_zero_in_the_right_half_plane_forbids_it(zero):
+    # z = x1, where u = -x2 leaves x2' = zero x2 + w + u's share: x2 must not be hidden if it grows
+    plant = rp.GeneralizedPlant.from_matrices(
+        [[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0], [-zero]], [[1.0, 0.0]], np.eye(2)
+    )
+    design = rp.state_feedback(plant)
+    assert (design.status == "optimal" and design.certificate.bound < 1e-11) == (zero < 0)
 
 
 def test_a_norm_that_has_settled_is_told_apart():
