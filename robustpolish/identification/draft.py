@@ -149,12 +149,9 @@ def _fitted(s: _Spectra, forces: AnyArray, start: Array) -> tuple[float, Array]:
     def both(x: Array) -> Array:
         return _errors(s, forces, np.exp(np.clip(x, low, high)))
 
+    slopes: Any = lambda x: both(x)[:, 1:]  # noqa: E731 (scipy's stub knows words only)
     found = least_squares(
-        lambda x: both(x)[:, 0],
-        np.log(start),
-        lambda x: both(x)[:, 1:],
-        method="lm",
-        max_nfev=_STEPS,
+        lambda x: both(x)[:, 0], np.log(start), slopes, method="lm", max_nfev=_STEPS
     )
     return 2 * float(found.cost), np.exp(np.clip(found.x, low, high))
 
@@ -177,7 +174,7 @@ def _group(s: _Spectra, alone: Array, force: AnyArray) -> tuple[float, Array, in
     """
     n, count = s.motion.shape[1], 2 * s.motion.size
     m, c, k = alone.T
-    m = np.maximum(m, 1e-3 * np.max(m))
+    m = np.maximum(m, 1e-3 * np.max(m) or 1.0)
     k = np.maximum(k, 1e-3 * m * s.omega[0] * s.omega[-1])
     c = np.maximum(c, 1e-2 * np.sqrt(k * m))
     between = [[np.sqrt(x[a] * x[b]) for a, b in _places(n)[n:]] for x in (c, k)]
