@@ -123,10 +123,10 @@ def _places(n: int) -> list[tuple[int, int]]:
     return [*((i, n) for i in range(n)), *combinations(range(n), 2)]
 
 
-def _errors(s: _Spectra, forces: AnyArray, numbers: Array) -> Array:
+def _errors(s: _Spectra, forces: AnyArray, numbers: Array, slopes: bool = False) -> Array:
     """Return what masses, dampers and springs leave of the outputs, each of power one.
 
-    Behind it stand the slopes over the logarithms of the numbers (Kaufman, BIT 15 (1975) 49-57).
+    Or its slopes over the logarithms of the numbers (Kaufman, BIT 15 (1975) 49-57).
     """
     n, w = s.motion.shape[1], s.omega
     B = [np.eye(n + 1)[a, :n] - np.eye(n + 1)[b, :n] for a, b in _places(n)]
@@ -135,25 +135,27 @@ def _errors(s: _Spectra, forces: AnyArray, numbers: Array) -> Array:
     inverse = np.linalg.inv(np.einsum("lp,pi,pj->lij", g, V, V))
     weight, x = s.unit[:, :, None] * inverse, np.einsum("lij,lj->li", inverse, forces)
     left = _without_ends(s, weight, (s.unit * (x - s.motion)).ravel())
+    if not slopes:
+        return left
     # The ends of the record act as forces do.
     x = s.motion + np.reshape(left[: x.size] + 1j * left[x.size :], x.shape) / s.unit
-    slopes = -(weight @ V.T) * (x @ V.T * g)[:, None]
-    slopes = _without_ends(s, weight, slopes.reshape(x.size, -1))
-    return np.column_stack([left, slopes])
+    changes = -(weight @ V.T) * (x @ V.T * g)[:, None]
+    return _without_ends(s, weight, changes.reshape(x.size, -1))
 
 
 def _fitted(s: _Spectra, forces: AnyArray, start: Array) -> tuple[float, Array]:
     """Fit positive numbers by least squares from a start."""
     low, high = np.log(start) - _FAR, np.log(start) + _FAR
 
-    def both(x: Array) -> Array:
-        return _errors(s, forces, np.exp(np.clip(x, low, high)))
+    def numbers(x: Array) -> Array:
+        return np.exp(np.clip(x, low, high))
 
-    slopes: Any = lambda x: both(x)[:, 1:]  # noqa: E731 (scipy's stub knows words only)
-    found = least_squares(
-        lambda x: both(x)[:, 0], np.log(start), slopes, method="lm", max_nfev=_STEPS
-    )
-    return 2 * float(found.cost), np.exp(np.clip(found.x, low, high))
+    def errors(x: Array) -> Array:
+        return _errors(s, forces, numbers(x))
+
+    slopes: Any = lambda x: _errors(s, forces, numbers(x), True)  # noqa: E731 (scipy's stub)
+    found = least_squares(errors, np.log(start), slopes, method="lm", max_nfev=_STEPS)
+    return 2 * float(found.cost), numbers(found.x)
 
 
 def _group(s: _Spectra, alone: Array, force: AnyArray) -> tuple[float, Array, int, str]:
@@ -190,7 +192,7 @@ def _group(s: _Spectra, alone: Array, force: AnyArray) -> tuple[float, Array, in
         (error, numbers), forces = held, forces * s.held[:, None]
     for i in range(n, numbers.size):
         fewer = np.where(np.arange(numbers.size) == i, 0.0, numbers)
-        changed = float(np.sum(_errors(s, forces, fewer)[:, 0] ** 2))
+        changed = float(np.sum(_errors(s, forces, fewer) ** 2))
         if changed <= error * count ** (1 / count):
             error, numbers = changed, fewer
     return error, numbers, at, hold

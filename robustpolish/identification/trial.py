@@ -211,10 +211,6 @@ def try_effect(
             effect = begun.effects[-1]
         say(f"refit with {effect}")
         fitted = run.fits.with_effects(run.base, effect)
-        if fitted is not None and fitted.surprise > STRONG:
-            # on the way numbers went astray that the data hardly determine: begin from the known
-            again = run.fits.near(replace(without, effects=fitted.model.effects))
-            fitted = max(filter(None, (fitted, again)), key=lambda found: nats(found, run.base))
     if fitted is None:
         raise ArithmeticError(f"no fit with {effect} ended with finite errors")
     size = np.std(prepared.record.Y, axis=0)

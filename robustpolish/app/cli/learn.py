@@ -53,8 +53,9 @@ def look(
     """Show what a measurement holds, and draft a model of it.
 
     DATA is a measurement (CSV, MAT, HDF5, NPZ, WAV; TDMS and UFF with the extra [io]). Channels,
-    gaps, limits, noise, likely modes, feedback and holds are told; --columns names the outputs.
-    The numbers of the model are guesses. The exit code is 0 whatever is found, and 2 for bad input.
+    gaps, limits, noise, likely modes, feedback and holds are reported; --columns selects the
+    outputs. The numbers of the model are guesses. The exit code is 0 whatever is found, and 2 for
+    bad input.
     """
     with new_file(out, force, (".toml",)) if out is not None else nullcontext() as draft:
         ends = {"inputs": inputs, "outputs": reading.columns}

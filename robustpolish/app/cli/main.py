@@ -69,12 +69,12 @@ class _Group(click.Group):
 
         Warnings are notes, each once, without the line of code that they come from.
         """
-        told: set[str] = set()
+        shown: set[str] = set()
 
         def note(message: Warning | str, *_: Any, **__: Any) -> None:
-            if str(message) not in told:
+            if str(message) not in shown:
                 click.echo(f"Note: {message}", err=True)
-            told.add(str(message))
+            shown.add(str(message))
 
         try:
             with warnings.catch_warnings():

@@ -32,6 +32,11 @@ LOUDEST = 0.4
 _SEGMENTS, _SHORTEST = 16, 32
 
 
+def _counts(error: Array, size: Array) -> np.ndarray:
+    """Return of which outputs the error is large enough to count, shape (ny,)."""
+    return error >= NEGLIGIBLE * size
+
+
 class FinalFit(NamedTuple):
     """A model fitted to the whole record, and its free-run error there, shape (ny,).
 
@@ -78,7 +83,7 @@ class Residual:
     @property
     def times(self) -> float:
         """Largest error over its floor, of those that are large enough to count; 0 without any."""
-        counts = self.error >= NEGLIGIBLE * self.size
+        counts = _counts(self.error, self.size)
         return float(np.max(np.where(counts, self.error / self.floor, 0.0)))
 
     @property
@@ -104,18 +109,18 @@ def residual_of(final: FinalFit, prepared: PreparedRecord) -> Residual:
     floor = residual_noise_floor(model, prepared, final.predictable)
     size = np.std(record.Y, axis=0)
     relative = final.error / np.where(size > 0, size, 1.0)
-    said, largest = [], 0.0
+    counts, said, largest = _counts(final.error, size), [], 0.0
     above = np.maximum(1 - (prepared.scales.noise / np.maximum(final.error, 1e-300)) ** 2, 0.0)
     for i, name in enumerate(model.output_names):
         share = above[i] * coherent_share(errors[:, i], record.signals(model), record.dt)
-        if share > DRIVEN and relative[i] >= NEGLIGIBLE:
+        if share > DRIVEN and counts[i]:
             largest = max(largest, float(np.sqrt(share) * relative[i]))
             said.append(
                 f"{100 * share:.0f} % of the power that is left of {name} follows linearly from "
                 "the inputs: a motion that they drive is missing."
             )
     # a force that is as small as the noise of the sensors makes it says nothing
-    if np.any((final.error > NEAR_NOISE * prepared.scales.noise) & (relative >= NEGLIGIBLE)):
+    if np.any(counts & (final.error > NEAR_NOISE * prepared.scales.noise)):
         maps = force_maps(model, prepared.motion(model, record))
         if maps and maps[0].follows > DRIVEN:
             largest = max(largest, float(np.sqrt(maps[0].follows) * np.max(relative)))
