@@ -16,6 +16,7 @@ from robustpolish.base.arrays import Array, Matrix
 from robustpolish.base.checks import invalid, one_of
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import GROUND, Motion
+from robustpolish.machines.mechanical.equations import EquationKind, Equations, context
 from robustpolish.machines.mechanical.parts import (
     ACCELERATION,
     CONNECTIONS,
@@ -204,6 +205,12 @@ class MechanicalMatrices:
         return named_system((A, B, C, D), 0, signals, self.outputs, self.states)
 
 
+def _read(model: MechanicalData, equations: Equations) -> list[int]:
+    """Return which of the force inputs equations read, in their order."""
+    forces = [item.name for item in model.inputs if item.imposes is None]
+    return [forces.index(name) for name in equations.inputs]
+
+
 def _assemble(model: MechanicalData) -> MechanicalMatrices:
     """Build the matrices of a model, without effects."""
     frame = model.frame
@@ -218,6 +225,13 @@ def _assemble(model: MechanicalData) -> MechanicalMatrices:
         C += damper.damping * np.outer(row, row)
     forces = [item for item in model.inputs if item.imposes is None]
     B = np.array([item.gain * frame.row(item.on) for item in forces]).reshape(-1, n).T
+    for item in model.equations:
+        at = [names.index(name) for name in item.coordinates]
+        own, columns = item.linear_part(), _read(model, item)
+        for matrix, part in zip((M, C, K), own, strict=False):
+            matrix[np.ix_(at, at)] += part
+        B[:, columns] = 0.0
+        B[np.ix_(at, columns)] = own[3] * [forces[j].gain for j in columns]
     Sq, Sv, Sa = (np.zeros((len(model.outputs), n)) for _ in range(3))
     for i, item in enumerate(model.outputs):
         row = frame.row(item.of) if item.weights is None else np.zeros(n)
@@ -263,7 +277,7 @@ class MechanicalData:
     Whatever is computed from a model, shown or written of it, is a function of this class.
     """
 
-    dofs: tuple[Dof, ...]
+    dofs: tuple[Dof, ...] = ()
     springs: tuple[Spring, ...] = ()
     dampers: tuple[Damper, ...] = ()
     inputs: tuple[Input, ...] = ()
@@ -274,6 +288,7 @@ class MechanicalData:
     coupled_inertias: tuple[CoupledInertia, ...] = ()
     design: Mapping[str, Any] = field(default_factory=dict, hash=False)
     ratios: tuple[Ratio, ...] = ()
+    equations: tuple[Equations, ...] = ()
 
     def __post_init__(self) -> None:
         for name, value in checked_fields(vars(self)).items():
@@ -390,16 +405,21 @@ Model = TypeVar("Model", bound=MechanicalData)
 
 def _numbers(model: MechanicalData) -> Iterator[tuple[str, float, str, int, str]]:
     """Yield each number: its key, its value, the field of the model, which part, its name there."""
+    bare = {name for item in model.equations for name in item.coordinates}
     for i, dof in enumerate(model.dofs):
-        yield ".".join(dof.key), dof.mass, "dofs", i, "mass"
+        if dof.mass or dof.name not in bare:
+            yield ".".join(dof.key), dof.mass, "dofs", i, "mass"
     for what, (_, name, _) in CONNECTIONS.items():
         for i, part in enumerate(getattr(model, f"{what}s")):
             yield f"{what}[{i}].{name}", getattr(part, name), f"{what}s", i, name
     for i, item in enumerate(model.inputs):
         yield f"input.{item.name}.gain", item.gain, "inputs", i, "gain"
-    for i, effect in enumerate(model.effects):
+    for i, effect in enumerate((*model.equations, *model.effects), -len(model.equations)):
+        where = "effects" if i >= 0 else "equations"
         for name, value in effect.values.items():
-            yield f"effect[{i}].{name}", value, "effects", i, name
+            yield (
+                f"effect[{i}].{name}" if i >= 0 else f"parameter.{name}", value, where, max(i, 0), name
+            )
 
 
 def values(model: MechanicalData) -> dict[str, float]:
@@ -423,13 +443,15 @@ def with_parameter_values(model: Model, changes: Mapping[str, float]) -> Model:
         if where[:-1] in CONNECTIONS:  # these parts check no numbers themselves
             numbers = {key: connection_number(where[:-1], i, v) for key, v in numbers.items()}
         part = parts[where][i]
-        effect = isinstance(part, Effect)
+        effect = isinstance(part, Effect | Equations)
         parts[where][i] = part.with_parameters(**numbers) if effect else replace(part, **numbers)
     vars(found).update({where: tuple(items) for where, items in parts.items()})
     vars(found)["design"] = dict(model.design)
     if "ratios" in parts:
         del vars(found)["frame"]
-    check_inertias(found.dofs, found.coupled_inertias, found.frame, imposed_by(found.inputs))
+    check_inertias(
+        found.dofs, found.coupled_inertias, found.frame, imposed_by(found.inputs), found.equations
+    )
     if "matrices" in vars(model) and parts.keys() <= {"effects"}:
         vars(found)["matrices"] = model.matrices
     return found
@@ -474,6 +496,8 @@ def unit_of(model: MechanicalData, key: str) -> str:
         return part.unit if where == "dofs" else "1"
     if where == "effects":
         return effect_unit(model, part, name)
+    if where == "equations":
+        return part.unit(name)
     units = CONNECTIONS[where[:-1]][2]
     if where in ("springs", "dampers"):
         return units[model.is_rotational(part.between)]
@@ -517,6 +541,8 @@ def port_pairs(effect: Effect) -> list[_Pair]:
     """Return the two ends of each port of an effect."""
     definition = effect.definition
     channels = [(name, GROUND) for name, _ in definition.channels]
+    if isinstance(definition, EquationKind):
+        channels = [(GROUND, GROUND)] * definition.size[1]  # inputs are no places
     if definition.domain == "pair":
         return [effect.at, *channels]
     return [*((name, GROUND) for name in effect.at), *channels]
@@ -548,7 +574,22 @@ def effect_ports(model: MechanicalData) -> tuple[list[Effect], tuple[Array, ...]
     """Return the effects that make forces, a row per port of each, and their `port_matrices`."""
     effects = [effect for _, effect in dynamic_effects(model)]
     pairs = tuple(tuple(port_pairs(effect)) for effect in effects)
-    return effects, *_ports_at(model.matrices, model.frame, model.outputs, pairs)
+    rows, (G, H, (Qs, Qw, Vs, Vw)) = _ports_at(model.matrices, model.frame, model.outputs, pairs)
+    for item in model.equations:
+        columns, first = equation_inputs(model, item), len(model.frame.coordinates)
+        Qw = Qw.copy()
+        Qw[range(first, first + len(columns)), columns] = _gains(model)[columns]
+    return effects, rows, (G, H, (Qs, Qw, Vs, Vw))
+
+
+def equation_inputs(model: MechanicalData, equations: Equations) -> list[int]:
+    """Return the force inputs as the law of equations has them: those that they read first."""
+    first = _read(model, equations)
+    return first + [j for j in range(model.matrices.B.shape[1]) if j not in first]
+
+
+def _gains(model: MechanicalData) -> Array:
+    return np.array([item.gain for item in model.inputs if item.imposes is None])
 
 
 @lru_cache(maxsize=32)
@@ -565,8 +606,18 @@ def _ports_at(
 
 
 def dynamic_effects(model: MechanicalData) -> list[tuple[int, Effect]]:
-    """Return the effects that make forces, with their positions in the model."""
-    return [(i, e) for i, e in enumerate(model.effects) if e.definition.law is not None]
+    """Return the effects that make forces, with their positions in the model.
+
+    Before them is what the linear part of equations of motion leaves, at -1.
+    """
+    found = [(i, e) for i, e in enumerate(model.effects) if e.definition.law is not None]
+    for item in model.equations:
+        names, free = model.frame.coordinates, model.free
+        others = (*free, *(name for name in names if name not in free))
+        others = tuple(name for name in others if name not in item.coordinates)
+        count = model.matrices.B.shape[1]
+        found.insert(0, (-1, item.effect(others, len(free), count)))
+    return found
 
 
 def connected(model: MechanicalData, *, signals: bool = False) -> list[set[str]]:
@@ -577,6 +628,7 @@ def connected(model: MechanicalData, *, signals: bool = False) -> list[set[str]]
     groups = [{name} for name in model.dof_names if name not in model.channels]
     joints = [p.between for what in CONNECTIONS for p in getattr(model, f"{what}s")]
     joints += [e.at for e in model.effects]
+    joints += [tuple(item.coordinates) for item in model.equations]
     if signals:
         joints += [*(i.on for i in model.inputs), *(o.of for o in model.outputs)]
     for joint in joints:
@@ -599,12 +651,22 @@ def context_values(model: MechanicalData, effect: Effect, step: float) -> list[f
     """Return what an effect's law needs to know of the model, in the order it asked for."""
     if not effect.definition.context:
         return []
-    found = context_of(model, effect.at, step)
+    found = context_of(model, effect.at, step, effect)
     return [found[name] for name in effect.definition.context]
 
 
-def context_of(model: MechanicalData, at: tuple[str, ...], step: float) -> Mapping[str, float]:
+def context_of(
+    model: MechanicalData, at: tuple[str, ...], step: float, effect: Effect | None = None
+) -> Mapping[str, float]:
     """Return what effects at a place may ask of their model, see `EffectKind.context`."""
+    if effect is not None and isinstance(effect.definition, EquationKind):
+        item, order = model.equations[0], [model.frame.coordinates.index(name) for name in at]
+        columns = equation_inputs(model, item)
+        gains, own = _gains(model)[columns], item.linear_part()
+        B = np.hstack([own[3], np.zeros((item.n, len(columns) - len(item.inputs)))])
+        whole = replace(model.matrices, B=model.matrices.B[:, columns] / gains)
+        given = context(item, (*own[:3], B), whole, np.array(order))
+        return dict(zip(effect.definition.context, given, strict=True))
     ends = {*at, "ground"} if len(at) == 1 else set(at)
     stiffness = sum(s.stiffness for s in model.springs if set(s.between) == ends)
     # how easily the place gives way to equal forces on its ends
@@ -643,7 +705,13 @@ def refuse_idle(model: MechanicalData, effect: Effect) -> None:
 
 
 def motion_at(
-    model: MechanicalData, effect: Effect, time: Array, q: Array, v: Array, step: float = 0.0
+    model: MechanicalData,
+    effect: Effect,
+    time: Array,
+    q: Array,
+    v: Array,
+    step: float = 0.0,
+    inputs: Array | None = None,
 ) -> Motion:
     """Return what an effect sees of a motion at its place.
 
@@ -656,6 +724,12 @@ def motion_at(
         Displacements and velocities of all coordinates.
     step : float, optional
         Time step that a law has to resolve; along a known motion it is none.
+    inputs : ndarray, shape (samples, signals), optional
+        Which equations of motion read.
     """
     rows = port_rows(model, effect)
-    return Motion(time, rows @ q, rows @ v, context_of(model, effect.at, step))
+    seen = rows @ q
+    if isinstance(effect.definition, EquationKind) and inputs is not None:
+        columns = equation_inputs(model, model.equations[0])
+        seen[len(effect.at) :] = (inputs[:, columns] * _gains(model)[columns]).T
+    return Motion(time, seen, rows @ v, context_of(model, effect.at, step, effect))

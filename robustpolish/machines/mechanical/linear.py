@@ -24,12 +24,14 @@ from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import SignalSlope
 from robustpolish.machines.mechanical.data import (
     MechanicalData,
+    Model,
     context_values,
     effect_ports,
     unit_of,
     values,
     with_parameter_values,
 )
+from robustpolish.machines.mechanical.equations import EquationKind, Equations
 from robustpolish.machines.mechanical.parts import (
     ACCELERATION,
     DISPLACEMENT,
@@ -88,6 +90,8 @@ def mechanical_card(model: MechanicalData) -> Card:
 
 _PHASES = 16
 _PADE_ORDER = 2
+_STAYS = 1e-3
+"""Share of the forces that a displacement makes below which another one is none."""
 
 
 def linear_with_effects(
@@ -114,6 +118,7 @@ def linear_with_effects(
     states : list of str
         Names of the effects' states.
     """
+    model = about(model, operating_point)
     placed, ports, (G, H, (Qs, Qw, Vs, Vw)) = effect_ports(model)
     rest = _rest(model, placed, ports, operating_point)
     slopes = [[np.zeros((0, 0))] * 6]
@@ -122,9 +127,10 @@ def linear_with_effects(
     Fq, Fv, Fz, Dq, Dv, Dz = (np.array(block_diag(*parts)) for parts in zip(*slopes, strict=True))
     A, B, C, D = model.matrices.first_order()
     by_s, by_w = Fq @ Qs + Fv @ Vs, Fq @ Qw + Fv @ Vw
-    states = [
+    states = [name for item in model.equations for name in item.states]
+    states += [
         f"{effect.kind}_{i}_{k + 1}"
-        for i, effect in enumerate(placed, 1)
+        for i, effect in enumerate(placed[len(model.equations) :], 1)
         for k in range(effect.definition.states)
     ]
     return (
@@ -136,6 +142,16 @@ def linear_with_effects(
     )
 
 
+def about(model: Model, operating_point: Mapping[str, float] | None) -> Model:
+    """Return a model whose equations of motion have their linear part about this point."""
+    for item in model.equations:
+        known = {**item.coordinates, **item.states, **item.inputs}
+        inside = {key: x for key, x in (operating_point or {}).items() if key in known}
+        if inside:
+            return replace(model, equations=(replace(item, start={**item.start, **inside}),))
+    return model
+
+
 def _rest(
     model: MechanicalData,
     effects: Sequence[Effect],
@@ -145,10 +161,22 @@ def _rest(
     """Return the displacements of all coordinates at rest."""
     names = model.frame.coordinates
     q = np.zeros(len(names))
-    if operating_point is not None:
-        for name, value in operating_point.items():
-            one_of("operating_point", name, names, "Correct it.")
-            q[names.index(name)] = number(f"operating_point[{name!r}]", value)
+    if operating_point is not None or model.equations:
+        read = [name for item in model.equations for name in (*item.inputs, *item.states)]
+        for name, value in (operating_point or {}).items():
+            one_of("operating_point", name, (*names, *read), "Correct it.")
+            if name in names:
+                q[names.index(name)] = number(f"operating_point[{name!r}]", value)
+        for item in model.equations:
+            at = [names.index(name) for name in item.coordinates]
+            q[at] = [item.start.get(name, 0.0) for name in item.coordinates]
+            pull = item.at(item.values).f - ((model.matrices.K @ q)[at] - item.linear_part()[2] @ q[at])
+            for effect, here in zip(effects[1:], ports[1:], strict=True):
+                still = np.r_[here @ q, np.zeros(len(here) + effect.definition.states)]
+                pull = pull + (here.T @ _mean_law(model, effect)(still)[: len(here)])[at]
+            # what a radian, or the start itself, changes of the forces
+            spread = np.abs(item.at(item.values).by[:, : item.n]) @ np.maximum(np.abs(q[at]), 1e-3)
+            _warn_of_motion(item, pull, spread)
         return q
     m, free = model.matrices, model.matrices.free
     for _ in range(50):
@@ -164,6 +192,19 @@ def _rest(
             break
         q[free] -= np.linalg.lstsq(slope[free][:, free], pull, rcond=1e-12)[0]
     return q if np.isfinite(q).all() else np.zeros(len(names))
+
+
+def _warn_of_motion(item: Equations, pull: Array, spread: Array) -> None:
+    """Say where the machine would not stay at its operating point."""
+    for name, force, size in zip(item.coordinates, pull, spread, strict=True):
+        if abs(force) > _STAYS * size:
+            unit = "N m" if item.coordinates[name] == "rad" else "N"
+            warnings.warn(
+                f"operating_point is no equilibrium: {force:.4g} {unit} act on {name!r} there. "
+                "Give inputs that hold it.",
+                RobustPolishWarning,
+                stacklevel=6,
+            )
 
 
 def _mean_law(model: MechanicalData, effect: Effect) -> Callable[[Array], Array]:
@@ -186,6 +227,8 @@ def _mean_law(model: MechanicalData, effect: Effect) -> Callable[[Array], Array]
 
 def _slopes(model: MechanicalData, effect: Effect, rest: Array, warn: bool = True) -> list[Array]:
     """Return the slopes Fq, Fv, Fz of the force and Dq, Dv, Dz of the internal rates."""
+    if isinstance(effect.definition, EquationKind):
+        return _slopes_of_equations(model.equations[0], effect.definition)
     n, law = rest.size, _mean_law(model, effect)
     point = np.concatenate([rest, np.zeros(n + effect.definition.states)])
     table = np.zeros((point.size - n, point.size))
@@ -206,6 +249,19 @@ def _slopes(model: MechanicalData, effect: Effect, rest: Array, warn: bool = Tru
     table[~np.isfinite(table)] = 0.0
     columns = (slice(0, n), slice(n, 2 * n), slice(2 * n, None))
     return [part[:, c] for part in (table[:n], table[n:]) for c in columns]
+
+
+def _slopes_of_equations(item: Equations, kind: EquationKind) -> list[Array]:
+    """Return the slopes of what equations of motion add to their linear part, at their start."""
+    here, (M, C, K, B), (n, nz) = item.at(item.values), item.linear_part(), (item.n, kind.states)
+    Fq, Fv = np.zeros((kind.ports, kind.ports)), np.zeros((kind.ports, kind.ports))
+    Fz, Dq, Dv = np.zeros((kind.ports, nz)), np.zeros((nz, kind.ports)), np.zeros((nz, kind.ports))
+    read = slice(kind.places, kind.places + B.shape[1])
+    q, v, z, u = np.split(np.arange(here.by.shape[1]), [n, 2 * n, 2 * n + nz])
+    Fq[:n, :n], Fv[:n, :n], Fq[:n, read] = here.by[:, q] + K, here.by[:, v] + C, here.by[:, u] - B
+    Fz[:n], Dq[:, :n], Dq[:, read] = here.by[:, z], here.dz_by[:, q], here.dz_by[:, u]
+    Dv[:, :n] = here.dz_by[:, v]
+    return [Fq, Fv, Fz, Dq, Dv, here.dz_by[:, z]]
 
 
 def signal_gains(model: MechanicalData) -> Array:
@@ -365,6 +421,7 @@ def linearize(
     if not model.free:
         shown = described("a model whose whole motion is imposed")
         raise invalid("model", shown, "a free coordinate", "There is nothing to control.")
+    model = about(model, operating_point)
     m, names, nf = model.matrices, model.free, len(model.free)
     wanted = names if controls is None else tuple(controls)
     known = [*names, *m.signals]
@@ -405,6 +462,7 @@ def linearize(
         units |= {name: kind[DISPLACEMENT], f"d{name}": kind[VELOCITY]}
         if name in pushes:
             units[f"u_{name}"] = kind["force" if actuation == "force" else VELOCITY]
+    units |= {name: unit for item in model.equations for name, unit in item.states.items()}
     outputs = {o.name: model.unit_of(o) for o in model.outputs} if measured == "outputs" else units
     units |= {f"measured_{name}": outputs[name] for name in seen if name in outputs}
     units |= {i.name: model.unit_of(i) for i in model.inputs if i.name not in units}
