@@ -227,7 +227,7 @@ def _with_estimated_starts(
     """Return stretches of a record with the starts that suit a model best, and sizes of states."""
     model, still = run.model, rest(run.model)
     observed = None if run.linear else smoothed_motion(model, record)
-    linear = run if run.linear else free_run(model.without_effects(), record)
+    linear = run if run.linear else free_run(model.linear_part(), record)
     unmoved = rest(linear.model)
     pieces, sizes = [], np.zeros(0)
     for first, last in stretches:

@@ -270,7 +270,7 @@ def scaled_to_priors(model: MechanicalModel, reference: MechanicalModel) -> Mech
     changes: dict[str, float] = {}
     for group in connected(model):
         forces = any(o.quantity == FORCE and group.intersection(o.of) for o in model.outputs)
-        bent = any(group.intersection(effect.at) for effect in model.effects)
+        bent = any(group.intersection(part.at) for part in model.effects) or model.equations
         if len(inputs_of_chain(model, group)) < 2 or forces or bent:
             continue
         keys = [key for kind in chain_keys(model, group) for key in kind]

@@ -371,7 +371,7 @@ def _fastest_motion(model: MechanicalModel, record: Record) -> float:
 
 def _residual_bandwidth(model: MechanicalModel, record: Record) -> float:
     """Return the frequency in Hz below which most of what the linear model leaves over lies."""
-    run = free_run(model.without_effects(), record)
+    run = free_run(model.linear_part(), record)
     still = rest(run.model)
     sizes = visible_sizes(run, record, still) if still.vector.size else np.zeros(0)
     error = run.all_errors([StartedPiece(record, fitted_start(run, record, [still], sizes))])
@@ -508,7 +508,7 @@ class PreparedRecord:
         span : int
             Samples of a window, about.
         """
-        linear, still = model.without_effects(), rest(model).internal
+        linear, still = model.linear_part(), rest(model).internal
         found = []
         for piece in pieces:
             parts = _windows(piece.record, span) if piece.record.samples > span else ()
@@ -630,7 +630,7 @@ class PreparedRecord:
         sizes = self.sizes(run.model)
         if run.linear or not sizes.size:
             return fitted_starts(run, pieces, sizes)
-        linear = run.model.without_effects()
+        linear = run.model.linear_part()
         none = rest(linear).internal
         bare = [StartedPiece(p.record, InitialState(p.start.state, none)) for p in pieces]
         straight = fitted_starts(self.runner(linear).run(linear), bare, self.motion_sizes)
@@ -644,7 +644,7 @@ class PreparedRecord:
 def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedRecord:
     """Prepare a record for fits of a model and its extensions."""
     scales = kalman.scales_of(model, record)
-    linear, m, omega = model.without_effects(), model.matrices, scales.bandwidth
+    linear, m, omega = model.linear_part(), model.matrices, scales.bandwidth
     # the largest force that a motion of this size takes in the model
     stiffness = [np.abs(np.diag(matrix)) for matrix in (m.K, m.C * omega, m.M * omega**2)]
     sizes = model.frame.sizes

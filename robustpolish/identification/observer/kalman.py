@@ -430,7 +430,7 @@ class LinearObserver:
     def __init__(self, model: MechanicalModel, dt: float, level: Level, scales: Scales) -> None:
         self.model, self.dt = model, dt
         self._steps: dict[object, tuple[Array, Array, Array]] = {}
-        plain = build_system(model.without_effects(), dt)
+        plain = build_system(model.linear_part(), dt)
         self.system: NonlinearSystem = with_missing_force(model, plain, scales.leak)
         self.gain = observer_gain(self.system, dt, level, scales)
         self.m = step_matrices(self.system.A, self.system.B, np.zeros((self.states, 0)), dt)

@@ -325,8 +325,14 @@ class Chains:
 
 def rest(model: MechanicalData) -> InitialState:
     """Return a start at rest."""
-    internal = sum(effect.definition.states for _, effect in dynamic_effects(model))
-    return InitialState(np.zeros(2 * len(model.free)), np.zeros(internal))
+    internal = np.zeros(sum(effect.definition.states for _, effect in dynamic_effects(model)))
+    state = np.zeros(2 * len(model.free))
+    for item in model.equations:  # rests where it says
+        for name, value in item.start.items():
+            if name in item.coordinates:
+                state[model.free.index(name)] = value
+        internal[: len(item.states)] = item.at(item.values).z
+    return InitialState(state, internal)
 
 
 # Reproducibility of free runs (sensitivity to the initial state).

@@ -639,6 +639,16 @@ def connected(model: MechanicalData, *, signals: bool = False) -> list[set[str]]
     return groups
 
 
+def inertia_of(model: MechanicalData, turning: bool) -> float:
+    """Return the sum of all masses, or of all inertias that turn, equations of motion included."""
+    known = sum(dof.mass for dof in model.dofs if dof.rotational == turning)
+    for item in model.equations:
+        diagonal = np.diag(item.linear_part()[0]).tolist()
+        units = item.coordinates.values()
+        known += sum(x for x, unit in zip(diagonal, units, strict=True) if (unit == "rad") == turning)
+    return known
+
+
 def heaviest(model: MechanicalData) -> dict[str, Dof]:
     """Return for each coordinate the mass that counts most: data show the sum of those it moves."""
     tied = model.frame.multiples

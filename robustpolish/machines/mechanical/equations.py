@@ -184,6 +184,8 @@ class Slopes(NamedTuple):
     f : ndarray, shape (n,)
     dz : ndarray, shape (nz,)
     by, dz_by : ndarray, shapes (n, 2 n + nz + nu) and (nz, 2 n + nz + nu)
+    z : ndarray, shape (nz,)
+        The states.
     """
 
     M: AnyArray
@@ -191,6 +193,7 @@ class Slopes(NamedTuple):
     dz: AnyArray
     by: AnyArray
     dz_by: AnyArray
+    z: Array
 
 
 @dataclass(frozen=True)
@@ -513,7 +516,7 @@ class Equations:
         parts = [_objects(told[0]).reshape(n, n), *map(_objects, told[1:]), both[:n], both[n:]]
         if all(isinstance(v, int | float) for v in values.values()):
             parts = [part.astype(float) for part in parts]
-        return Slopes(*parts)
+        return Slopes(*parts, z)
 
     def linear_part(self) -> tuple[Array, Array, Array, Array]:
         """Return M, C, K and B about the start, states as they settle where they do."""

@@ -23,6 +23,7 @@ from robustpolish.linear.delayed_systems import resolvent_response
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import SignalSlope
 from robustpolish.machines.mechanical.data import (
+    NO_INPUT,
     MechanicalData,
     Model,
     context_values,
@@ -39,6 +40,7 @@ from robustpolish.machines.mechanical.parts import (
     VELOCITY,
     number,
 )
+from robustpolish.plants.blocks import named_system
 from robustpolish.plants.linearization import difference
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain import lft
@@ -53,7 +55,9 @@ COLUMNS = ("part", "at", "quantity", "value", "unit")
 def mechanical_card(model: MechanicalData) -> Card:
     """List masses, springs, dampers and effects, and the signals that drive and leave a model."""
     # a channel has no mass, and no motion
-    masses = [dof for dof in model.dofs if dof.name not in model.channels]
+    own = [name for item in model.equations for name in item.coordinates]
+    none = [dof.name for dof in model.dofs if not dof.mass and dof.name in own]
+    masses = [dof for dof in model.dofs if dof.name not in (*model.channels, *none)]
     rows = [(dof.key[-1], dof.name, dof.key[-1], dof.mass, dof.unit) for dof in masses]
     parts = [
         (f"{what}[{i}].", what.replace("_", " "), part.between)
@@ -68,10 +72,17 @@ def mechanical_card(model: MechanicalData) -> Card:
         for key in numbers
         if key.startswith(start)
     ]
+    rows += [
+        ("parameter", "known" if name in item.known else "", name, value, item.unit(name))
+        for item in model.equations
+        for name, value in item.values.items()
+    ]
+    read = [name for equations in model.equations for name in equations.inputs]
     signals: list[tuple[Any, ...]] = []
     for item in model.inputs:
         channel = item.imposes and item.on[0] in model.channels
         what = ("", "channel") if channel else (" - ".join(item.on), item.imposes or "force")
+        what = ("equations", "") if item.name in read else what
         signals.append(("input", item.name, *what, model.unit_of(item)))
     for out in model.outputs:
         seen = " - ".join(out.of)
@@ -81,9 +92,21 @@ def mechanical_card(model: MechanicalData) -> Card:
         signals.append(("output", out.name, seen, out.quantity, model.unit_of(out)))
     columns = ("signal", "name", "at", "quantity", "unit")
     tables = [Table("", COLUMNS, tuple(rows)), Table("", columns, tuple(signals))]
+    laws = [] if not read and not own else [model.equations[0].law]
+    lines = tuple(laws[0].items()) if laws and not callable(laws[0]) else ()
+    tables += [Table("", ("equation of", "formula"), lines)] * bool(lines)
     if model.spin_frequency is not None:
         tables.append(Table("", (), (("spin [Hz]", model.spin_frequency),)))
     return Card(f"Mechanical model {model.name}".rstrip(), tuple(tables))
+
+
+def state_space(model: MechanicalData) -> control.StateSpace:
+    """Return the linear part; see :meth:`MechanicalModel.state_space`."""
+    if not any(item.states for item in model.equations):
+        return model.matrices.state_space()
+    bare, m = replace(model, effects=()), model.matrices
+    *matrices, states = linear_with_effects(bare, None)
+    return named_system(tuple(matrices), 0, m.signals or (NO_INPUT,), m.outputs, (*m.states, *states))
 
 
 # The slopes of the effects at a state of rest, and what delays and gains do to signals.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -25,6 +26,7 @@ from robustpolish.machines.mechanical.linear import (
     frequency_response,
     linearize,
     mechanical_card,
+    state_space,
     uncertain_model,
 )
 from robustpolish.machines.mechanical.parts import DISPLACEMENT, Dof, Input
@@ -63,6 +65,9 @@ class MechanicalModel(MechanicalData, Displayed):
         read by :func:`robustpolish.read_design_task`.
     ratios : sequence of Ratio, optional
         Pulleys, screws, gears and levers between two coordinates.
+    equations : sequence of Equations, optional
+        Equations of motion of your own, at most one set; its coordinates and inputs need not be
+        declared again.
 
     Raises
     ------
@@ -100,7 +105,8 @@ class MechanicalModel(MechanicalData, Displayed):
     def state_space(self) -> control.StateSpace:
         """Return the linear part, without effects, from the inputs to the outputs.
 
-        States are the free displacements, then their velocities (``x``, ``x_dot``). An
+        States are the free displacements, then their velocities (``x``, ``x_dot``), then those of
+        equations of motion, which are linear about their start. An
         imposed motion has an input for its displacement, ``name``, one for its velocity,
         ``name_dot``, and one for its acceleration, ``name_ddot``, if an output needs it.
 
@@ -108,7 +114,7 @@ class MechanicalModel(MechanicalData, Displayed):
         -------
         control.StateSpace
         """
-        return self.matrices.state_space()
+        return state_space(self)
 
     def linearize(
         self,
@@ -347,12 +353,26 @@ class MechanicalModel(MechanicalData, Displayed):
         """
         return replace(self, effects=())
 
+    def linear_part(self) -> MechanicalModel:
+        """Return the model without effects, its equations of motion as their linear part.
+
+        Returns
+        -------
+        MechanicalModel
+            For runs of observers; files cannot hold it.
+        """
+        if not self.equations:
+            return self.without_effects() if self.effects else self
+        found = copy(self)
+        vars(found).update(effects=(), equations=(), matrices=self.matrices)
+        return found
+
     @property
     def parameters(self) -> dict[str, float]:
         """Every number of the model by its key, such as ``"spring[0].stiffness"``.
 
         Keys are ``dof.NAME.mass`` (or ``.inertia``), ``ratio[i].value``,
-        ``coupled_inertia[i].value``, ``spring[i].stiffness``,
+        ``parameter.NAME`` (of equations), ``coupled_inertia[i].value``, ``spring[i].stiffness``,
         ``damper[i].damping``, ``input.NAME.gain`` and ``effect[i].PARAMETER``.
         """
         return values(self)
