@@ -57,11 +57,13 @@ _SLOPES: Mapping[str, Callable[[Any, Any], Any]] = {
 }
 
 
-def _sum(a: Any, b: Any) -> Any:
+def plus(a: Any, b: Any) -> Any:
+    """Return a sum of numbers, uncertain ones spared where one of them is 0."""
     return b if _is_zero(a) else a if _is_zero(b) else a + b
 
 
-def _product(a: Any, b: Any) -> Any:
+def times(a: Any, b: Any) -> Any:
+    """Return a product of numbers, uncertain ones spared where one of them is 0."""
     return 0.0 if _is_zero(a) or _is_zero(b) else a * b
 
 
@@ -77,24 +79,24 @@ class _Dual:
 
     def __add__(self, other: Any) -> _Dual:
         other = _dual(other)
-        return _Dual(_sum(self.value, other.value), _sum(self.slope, other.slope))
+        return _Dual(plus(self.value, other.value), plus(self.slope, other.slope))
 
     def __mul__(self, other: Any) -> _Dual:
         a, b = self, _dual(other)
-        slope = _sum(_product(a.slope, b.value), _product(a.value, b.slope))
-        return _Dual(_product(a.value, b.value), slope)
+        slope = plus(times(a.slope, b.value), times(a.value, b.slope))
+        return _Dual(times(a.value, b.value), slope)
 
     def __pow__(self, power: Any) -> _Dual:
         n = power.value if isinstance(power, _Dual) else power
         if isinstance(power, _Dual) and not _is_zero(power.slope):
             return (power * self.log()).exp()
-        return _Dual(self.value**n, _product(n * self.value ** (n - 1) if n else 0.0, self.slope))
+        return _Dual(self.value**n, times(n * self.value ** (n - 1) if n else 0.0, self.slope))
 
     def __truediv__(self, other: Any) -> _Dual:
         b = _dual(other)
-        quotient = _product(self.value, 1 / b.value)
-        slope = _sum(self.slope, _product(-1.0, _product(quotient, b.slope)))
-        return _Dual(quotient, _product(slope, 1 / b.value))
+        quotient = times(self.value, 1 / b.value)
+        slope = plus(self.slope, times(-1.0, times(quotient, b.slope)))
+        return _Dual(quotient, times(slope, 1 / b.value))
 
     def __neg__(self) -> _Dual:
         return self * -1.0
@@ -140,7 +142,7 @@ class _Dual:
         def call() -> _Dual:
             x = float(self.value)
             y = float(getattr(np, name)(x))
-            return _Dual(y, _product(float(_SLOPES[name](x, y)), self.slope))
+            return _Dual(y, times(float(_SLOPES[name](x, y)), self.slope))
 
         return call
 
@@ -473,7 +475,10 @@ class Equations:
         """
         point = {**self.start, **(point or {})}
         z = np.array([self.start.get(name, 0.0) for name in self.states])
-        real = {k: v if isinstance(v, int | float) else v.nominal for k, v in values.items()}
+        real = {
+            name: value if isinstance(value, int | float) else float(np.squeeze(value.nominal))
+            for name, value in values.items()
+        }
         for _ in range(50 * bool(z.size)):
             found = self._slopes(real, point, z, range(2 * self.n, 2 * self.n + z.size))
             by, rate = np.array(found.dz_by, dtype=float), np.array(found.dz, dtype=float)

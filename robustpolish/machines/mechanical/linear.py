@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -32,7 +33,7 @@ from robustpolish.machines.mechanical.data import (
     values,
     with_parameter_values,
 )
-from robustpolish.machines.mechanical.equations import EquationKind, Equations
+from robustpolish.machines.mechanical.equations import EquationKind, Equations, plus, times
 from robustpolish.machines.mechanical.parts import (
     ACCELERATION,
     DISPLACEMENT,
@@ -44,7 +45,8 @@ from robustpolish.plants.blocks import named_system
 from robustpolish.plants.linearization import difference
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain import lft
-from robustpolish.plants.uncertain.system import UncertainSystem, close_block
+from robustpolish.plants.uncertain.build import feedback, uncertain_real, with_states
+from robustpolish.plants.uncertain.system import UncertainSystem, as_uncertain, close_block
 from robustpolish.signals.frequency_response import labelled_response, ratio_unit
 
 # How a mechanical model shows itself.
@@ -523,6 +525,8 @@ def uncertain_model(model: MechanicalData, ranges: Mapping[str, Any]) -> Uncerta
     if not isinstance(ranges, Mapping):
         remedy = 'Write {"spring[0].stiffness": 0.1} for 10 %.'
         raise invalid("ranges", ranges, "a mapping of keys to ranges", remedy)
+    if model.equations:
+        return _uncertain_equations(model, ranges)
     numbers = {key: value for key, value in ranges.items() if isinstance(value, UncertainSystem)}
     known = {key: _uncertain_value(model, key) for key in (*numbers, *ranges)}
     for key, value in numbers.items():
@@ -581,6 +585,57 @@ def uncertain_model(model: MechanicalData, ranges: Mapping[str, Any]) -> Uncerta
             change = (value - value.matrices.J).matrices
             whole = close_block(whole, names.index(_STAND_IN + key), change)
     return UncertainSystem(lft.reduce_copies(whole))
+
+
+def _uncertain_equations(model: MechanicalData, ranges: Mapping[str, Any]) -> UncertainSystem:
+    """Return the linear part of a model with equations whose parameters are uncertain."""
+    item, m, base = model.equations[0], model.matrices, dict(model.equations[0].values)
+    if model.imposed:
+        shown, want = described("equations beside an imposed motion"), "inputs of the equations"
+        raise invalid("ranges", shown, want, "Let the equations read the motion.")
+    for key, given in ranges.items():
+        keys = [f"parameter.{name}" for name in base]
+        if key not in keys:
+            remedy = closest_name_remedy(key, keys)
+            raise invalid("ranges", key, f"one of {', '.join(keys)}", remedy)
+        name = key.partition(".")[2]
+        number = given
+        if not isinstance(given, UncertainSystem):
+            told = _element(key, base[name], given)
+            number = uncertain_real(key, base[name], range=(told.low, told.high))
+        base[name] = number
+    here, n, nz, free = item.at(base), item.n, len(item.states), len(m.free)
+    bare = copy(model)  # all that is certain
+    vars(bare).update(equations=())
+    vars(bare).pop("matrices", None)
+    rest, width = bare.matrices, 2 * free + nz
+    at = [m.coordinates.index(name) for name in item.coordinates]
+    read = [width + m.force_inputs.index(name) for name in item.inputs]
+    gains = [source.gain for name in item.inputs for source in model.inputs if source.name == name]
+    M = rest.M.astype(object)
+    rates = np.zeros((free + nz, width + m.B.shape[1]), dtype=object)
+    rates[:free, : 2 * free], rates[:free, width:] = -np.hstack([rest.K, rest.C]), rest.B
+    rates[:free, read] = 0.0
+    columns = [*at, *(free + i for i in at), *range(2 * free, width), *read]
+    factors = [1.0] * (2 * n + nz) + gains
+    for row, by in zip((*at, *range(free, free + nz)), (*here.by, *here.dz_by), strict=True):
+        for column, factor, slope in zip(columns, factors, by, strict=True):
+            rates[row, column] = plus(rates[row, column], times(factor, slope))
+    for i, j in itertools.product(range(n), range(n)):
+        M[at[i], at[j]] = plus(M[at[i], at[j]], here.M[i, j])
+    known = np.array([[float(np.squeeze(getattr(x, "nominal", x))) for x in row] for row in M])
+    inverse = feedback(np.linalg.inv(known), as_uncertain("M", M.tolist()) - known)
+    a = inverse * as_uncertain("rates", rates[:free].tolist())
+    below = as_uncertain("rates", rates[free:].tolist()) if nz else 0.0
+    seen = np.hstack([m.Sq, m.Sv, np.zeros((len(m.Sq), rates.shape[1] - 2 * free))])
+    still = np.vstack([np.eye(2 * free, rates.shape[1])[free:], np.zeros_like(rates, float), seen])
+    places = np.eye(len(still))
+    into = places[:, free : 2 * free].copy()  # accelerations are rates, and are measured
+    into[width:] += m.Sa
+    whole = still + into * a
+    if nz:
+        whole = whole + places[:, 2 * free : width] * below
+    return with_states(whole, (*m.states, *item.states), 0, m.signals, m.outputs)
 
 
 def _uncertain_value(model: MechanicalData, key: str) -> float:
