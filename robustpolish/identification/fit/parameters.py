@@ -29,6 +29,7 @@ _SPRING_PRIOR, _DAMPER_PRIOR = 0.3, 1.0
 _MEASURED = ("kg", "m", "kg m", "kg m^2")
 # Bounds of masses and gains, as multiples of what is known.
 _WEIGHED = (0.1, 10.0)
+_GUESSED = (1e-3, 1e3)
 # Share of its natural size up to which a spring or damper is as good as none and may be missing.
 _NOTHING = 1e-6
 # Share of all that moves which is rounding: what a sensor shows of it is nothing.
@@ -185,8 +186,11 @@ def free_parameters(
                 result.append(FreeParameter(key, value, abs(value) or 1.0, -np.inf, np.inf))
             elif weighed:
                 result.append(near(key, value, policy.mass_prior))
-            else:
-                result.append(elastic(key, value, abs(known[key]), _SPRING_PRIOR))
+            else:  # 0 may be a divisor
+                centre, scale = known[key], abs(value) or abs(known[key])
+                low, high = sorted(bound * centre for bound in _GUESSED)
+                prior = known_to(value, centre, _SPRING_PRIOR)
+                result.append(FreeParameter(key, value, scale, low, high, prior, centre))
     for i, coupled in enumerate(model.coupled_inertias):
         if any(model.frame.multiples[end][0] in model.free for end in coupled.between):
             key = f"coupled_inertia[{i}].value"

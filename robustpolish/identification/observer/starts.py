@@ -296,7 +296,11 @@ def state_sizes(model: MechanicalData, states: Array) -> Array:
     """Append the sizes of internal states to those of the free displacements and velocities."""
     q, v = (float(np.max(half, initial=1e-12)) for half in np.split(states, 2))
     sizes: list[float] = []
-    for _, effect in dynamic_effects(model):
+    for item in model.equations:
+        sizes += [size or 1.0 for size in item.state_sizes(q, v)]
+    for i, effect in dynamic_effects(model):
+        if i < 0:
+            continue
         kind = effect.definition
         known = kind.state_sizes(effect.values, q, v) or [1.0] * kind.states
         sizes += [size or 1.0 for size in known]

@@ -131,7 +131,8 @@ def candidate_columns(
 ) -> list[CandidateColumns]:
     """Return the candidate columns of a kind at a place, none if one of its family is there."""
     here = [e.definition for e in model.effects if set(e.at) == set(at)]
-    if any(e.kind == kind.kind or mutually_exclusive(e, kind) for e in here):
+    # of a force periodic in the displacement, each order is an effect of its own
+    if any((e.kind == kind.kind and not kind.wave) or mutually_exclusive(e, kind) for e in here):
         return []
     if kind.domain in ("input", "output"):
         return _signal_columns(model, kind, at, motion, record.time)
@@ -144,6 +145,10 @@ def candidate_columns(
     force = None
     if kind.domain == "dof" and (at[0], "ground") in sites:
         force = motion.force[sites.index((at[0], "ground"))][None]
+    if kind.wave:
+        along = port_rows(model, effect)[0]
+        total = force_sites(model)[0].T @ motion.force
+        force = (along @ total / (along @ along))[None]
     if "clearance" in dict(kind.gives) and _needs_clearance(model, at):
         return _clearances(model, kind, at, motion, record)
     rows, pairs = port_rows(model, effect), port_pairs(effect)

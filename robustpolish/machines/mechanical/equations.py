@@ -15,8 +15,10 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from copy import copy
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from types import FunctionType
 from typing import Any, NamedTuple
 
 import numba
@@ -114,7 +116,7 @@ class _Dual:
         return _dual(other) ** self
 
     def __abs__(self) -> _Dual:
-        return -self if self < 0 else self
+        return self * float(np.sign(self.value))  # at a corner the mean of both slopes
 
     def __lt__(self, other: Any) -> bool:
         return bool(self.value < _dual(other).value)
@@ -147,6 +149,10 @@ class _Dual:
         return call
 
     __radd__, __rmul__, __hash__ = __add__, __mul__, None  # type: ignore[assignment]
+
+
+def _larger(a: Any, b: Any) -> _Dual:
+    return (_dual(a) + b + abs(_dual(a) - b)) * 0.5
 
 
 def _dual(number: Any) -> _Dual:
@@ -317,7 +323,10 @@ class Equations:
     def with_parameters(self, **changes: float) -> Equations:
         """Return the same equations with some parameters changed."""
         new = {n: (_finite(("parameter", n), v), self.parameters[n][1]) for n, v in changes.items()}
-        return replace(self, parameters={**self.parameters, **new})
+        found = copy(self)  # fits ask thousands of times: the formulas stay as they are
+        vars(found)["parameters"] = {**self.parameters, **new}
+        vars(found).pop("fastest", None)
+        return found
 
     def _check_formulas(self) -> None:
         """Refuse formulas that lack, are too many, or whose units do not fit."""
@@ -449,8 +458,12 @@ class Equations:
 
     @cached_property
     def function(self) -> Any:
-        """The function that writes M, f and dz."""
-        return self.law if callable(self.law) else _functions(*self._key)[0]
+        """The function that writes M, f and dz, for numbers with derivatives."""
+        if callable(self.law):
+            return self.law
+        found = _functions(*self._key)[0]
+        corners = {"max": _larger, "min": lambda a, b: -_larger(_dual(a) * -1.0, _dual(b) * -1.0)}
+        return FunctionType(found.__code__, {**found.__globals__, **corners})
 
     @property
     def varies(self) -> bool:
@@ -542,6 +555,13 @@ class Equations:
         A[n : 2 * n] = np.linalg.solve(here.M, here.by[:, : 2 * n + nz])
         A[2 * n :] = here.dz_by[:, : 2 * n + nz]
         return float(np.max(np.abs(np.linalg.eigvals(A)), initial=0.0))
+
+    def state_sizes(self, q: float, v: float) -> list[float]:
+        """Return the size of each state at amplitudes of displacements and velocities."""
+        here, n, nz = self.at(self.values), self.n, len(self.states)
+        moved = np.abs(here.dz_by[:, :n]).sum(1) * q + np.abs(here.dz_by[:, n : 2 * n]).sum(1) * v
+        rates = np.maximum(np.abs(np.diag(here.dz_by[:, 2 * n : 2 * n + nz])), self.fastest)
+        return [abs(z) or float(size) for z, size in zip(here.z, moved / rates, strict=True)]
 
     def effect(self, others: tuple[str, ...], free: int, inputs: int) -> Effect:
         """Return what their linear part leaves, as an effect.

@@ -440,6 +440,9 @@ class MechanicalModel(MechanicalData, Displayed):
         Parameters
         ----------
         source : path or str
+            Or the name of a ready machine: cart_and_pendulum, rotary_pendulum, double_pendulum,
+            ball_and_beam, dc_motor, magnetic_levitation, two_link_arm, quarter_car,
+            pneumatic_cylinder.
         max_bytes : float, optional
             Largest size of the file in bytes, 1e7 by default.
 

@@ -94,6 +94,7 @@ def line_of(text: str, key: Key) -> int | None:
 
 Table = Mapping[str, Any]
 
+_READY = Path(__file__).parents[1] / "ready"
 _FILE = FileSpec(
     "model", "a TOML file with a mechanical model", "Check the path and the file.", 10_000_000
 )
@@ -105,7 +106,10 @@ _TOP = (
 
 
 def read_model(source: str | Path, max_bytes: float | None = None) -> MechanicalData:
-    """Read a model from a file, or from TOML text if `source` has a line break."""
+    """Read a model from a file, from TOML text if `source` has a line break, or by its name."""
+    ready = _READY / f"{source}.toml"
+    if isinstance(source, str) and source.isidentifier() and ready.is_file():
+        source = ready
     with toml_with_line_numbers(source, max_bytes) as table:
         return _model(table)
 

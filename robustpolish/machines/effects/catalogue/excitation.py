@@ -23,6 +23,22 @@ def _harmonic_force_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     f[0] = p[0] * np.cos(2.0 * np.pi * p[1] * t + p[2])
 
 
+# A force of magnets and slots, teeth or a screw, which repeats along the way.
+
+
+def _cogging_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+    f[0] = p[0] * np.cos(2.0 * np.pi * q[0] / p[1] + p[2])
+
+
+def _cogging_period_fit_bounds(values: kind.Values) -> tuple[float, float]:
+    return 0.9 * values["period"], 1.1 * values["period"]
+
+
+def _cogging_gains(values: kind.Values, q: float, v: float) -> kind.Steepness:
+    wave = 2.0 * np.pi / max(values["period"], 1e-300)
+    return abs(values["force"]) * wave, 0.0, wave * v
+
+
 # A mass beside the axis of rotation, at the known spin frequency.
 
 
