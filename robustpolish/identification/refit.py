@@ -239,7 +239,10 @@ def _begun_along_motion(
         return None
     best, least, moved = None, least_squares.short_window_log_error(fitted, prepared), model
     for _ in range(_REGRESSIONS if model.free else 0):
-        moved = numbers_along_motion(moved, model, prepared)
+        try:
+            moved = numbers_along_motion(moved, model, prepared)
+        except np.linalg.LinAlgError:  # numbers with which no observer follows the record
+            break
         now = least_squares.short_window_log_error(moved, prepared)
         if now < least:
             best, least = moved, now

@@ -35,6 +35,7 @@ from robustpolish.machines.mechanical.data import (
     port_rows,
 )
 from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import FORCE
 from robustpolish.machines.simulation import IntersampleLines, linear_interpolation
 
 # Places of effects, and their forces along a known motion.
@@ -78,6 +79,9 @@ def places(model: MechanicalModel, kind: EffectKind) -> list[tuple[str, ...]]:
         return [(i.name,) for i in model.inputs if i.imposes is None]
     if kind.domain == "output":
         return [(o.name,) for o in model.outputs]
+    if kind.domain == "path":
+        pushing = [i.name for i in model.inputs if i.imposes is None]
+        return [(i, o.name) for i in pushing for o in model.outputs if o.quantity != FORCE]
     if kind.domain == "dof":
         return [(name,) for name in free]
     if kind.domain == "axes":
@@ -138,13 +142,15 @@ def candidate_columns(
         return _signal_columns(model, kind, at, motion, record.time)
     effect = Effect.of(kind, at)
     # along a known motion no step has to be resolved
-    here = motion_at(model, effect, record.time, motion.q, motion.v)
+    here = motion_at(model, effect, record.time, motion.q, motion.v, 0.0, motion.inputs)
     if not here.q.any():
         return []
     _, sites = force_sites(model)
     force = None
     if kind.domain == "dof" and (at[0], "ground") in sites:
         force = motion.force[sites.index((at[0], "ground"))][None]
+    if kind.domain == "path":
+        force = np.sum(motion.force, axis=0)[None]
     if kind.wave:
         along = port_rows(model, effect)[0]
         total = force_sites(model)[0].T @ motion.force
@@ -462,8 +468,12 @@ def numbers_along_motion(
         return model
     size = np.sqrt(np.sum(X**2, axis=0))
     size[size == 0] = 1.0
-    # masses and gains are weighed, springs and dampers may be off by decades
-    sure = [j < len(seen.keys) and not is_guessed(seen.keys[j]) for j in columns]
+    # masses and gains are weighed, springs and dampers may be off by decades; numbers of equations
+    # enter as they like, of which a regression is the first step
+    sure = [
+        j < len(seen.keys) and (not is_guessed(seen.keys[j]) or seen.keys[j].startswith("param"))
+        for j in columns
+    ]
     prior = np.diag(np.where(sure, seen.ridge[columns], 0.0) / size)
     A, b = np.vstack([X / size, prior]), np.concatenate([seen.e, np.zeros(len(prior))])
     change = np.linalg.lstsq(A, b, rcond=1e-10)[0] / size

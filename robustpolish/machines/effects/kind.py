@@ -210,14 +210,14 @@ class Shape:
 
 Values = Mapping[str, float]
 Steepness = tuple[float, float, float]
-Domain = Literal["pair", "dof", "axes", "input", "output"]
+Domain = Literal["pair", "dof", "axes", "path", "input", "output"]
 Law = Callable[[Any, Any, Any, Any, Any, Any, Any], None]
 SignalChange = Callable[[Array, Array, Values], Array]
 
 GROUND = "ground"
 CONSTANT = "constant"
 """The family of forces and offsets that never change."""
-_PLACES: dict[str, int] = {"pair": 2, "dof": 1, "axes": 2, "input": 1, "output": 1}
+_PLACES: dict[str, int] = {"pair": 2, "dof": 1, "axes": 2, "path": 2, "input": 1, "output": 1}
 _SI = {"F": ("N", "N m"), "L": ("m", "rad"), "T": ("s", "s"), "M": ("kg", "kg m^2")}
 
 
@@ -473,9 +473,11 @@ class EffectKind:
         Its name, as in model files.
     title : str
         For people.
-    domain : {"pair", "dof", "axes", "input", "output"}
+    domain : {"pair", "dof", "axes", "path", "input", "output"}
         Where it acts: between two degrees of freedom (or one and ground), on
-        one, on two axes, on a force input, on a sensor.
+        one, on two axes, from a force input to a sensor, on a force input, on a sensor.
+        The law of a path sees the input as its displacement, and its "force" is what it adds
+        to the sensor.
     parameters : tuple of Parameter
     law : callable, optional
         ``law(t, q, v, z, p, f, dz)`` writes the force ``f`` on the first degree
@@ -511,7 +513,8 @@ class EffectKind:
     context : tuple of str
         What the law needs of the model: ``"spring_stiffness"`` (N/m, of the
         spring at the place), ``"clearance"`` (m, what the effects there give),
-        ``"spin_frequency"`` (rad/s), ``"mobility"``
+        ``"spin_frequency"`` (rad/s), ``"derivative"`` (of a path: 0, 1 or 2, as its sensor
+        shows displacements, velocities or accelerations), ``"mobility"``
         (time step over the effective mass, s/kg: no velocity below force times
         mobility can be resolved), ``"step"`` (s: no memory fades faster than a step).
     gives : tuple of (str, str)
@@ -625,7 +628,8 @@ class EffectKind:
     @property
     def line(self) -> str | None:
         """The parameter that is the frequency in Hz of a force from outside, if it makes one."""
-        return next((scan.parameter for scan in self.scan if scan.of == LINE), None)
+        lines = (s.parameter for s in self.scan if s.of == LINE)
+        return None if self.has_memory else next(lines, None)
 
     @property
     def wave(self) -> str | None:

@@ -511,12 +511,16 @@ def effect_unit(model: MechanicalData, effect: Effect, name: str) -> str:
     if parameter.dimension == "signal":
         signals = (*model.inputs, *model.outputs)
         return model.unit_of(next(item for item in signals if item.name == effect.at[0]))
-    return parameter.unit(model.is_rotational(effect.at))
+    at = effect.at
+    if effect.definition.domain == "path":
+        at = next(item.on for item in model.inputs if item.name == at[0])
+    return parameter.unit(model.is_rotational(at))
 
 
 # Where effects pull on a mechanical model, and what they need to know of it.
 
 _Pair = tuple[str, ...]
+_SENSOR = "."
 _PortMatrices = tuple[Array, Array, tuple[Array, Array, Array, Array]]
 
 
@@ -545,6 +549,8 @@ def port_pairs(effect: Effect) -> list[_Pair]:
         channels = [(GROUND, GROUND)] * definition.size[1]  # inputs are no places
     if definition.domain == "pair":
         return [effect.at, *channels]
+    if definition.domain == "path":
+        return [(_SENSOR, f"{_SENSOR}{effect.at[1]}")]  # no coordinate has such a name
     return [*((name, GROUND) for name in effect.at), *channels]
 
 
@@ -561,6 +567,9 @@ def port_matrices(
     G = np.vstack([np.zeros_like(acceleration), acceleration])
     H = m.Sa[:, m.free] @ acceleration
     for i, output in enumerate(outputs):
+        for j, pair in enumerate(pairs):
+            if pair == (_SENSOR, f"{_SENSOR}{output.name}"):
+                H[i, j] = 1.0
         if output.quantity == FORCE and output.drive:
             H[i] -= rows[:, m.coordinates.index(output.of[0])]
         elif output.quantity == FORCE:
@@ -575,11 +584,22 @@ def effect_ports(model: MechanicalData) -> tuple[list[Effect], tuple[Array, ...]
     effects = [effect for _, effect in dynamic_effects(model)]
     pairs = tuple(tuple(port_pairs(effect)) for effect in effects)
     rows, (G, H, (Qs, Qw, Vs, Vw)) = _ports_at(model.matrices, model.frame, model.outputs, pairs)
-    for item in model.equations:
-        columns, first = equation_inputs(model, item), len(model.frame.coordinates)
-        Qw = Qw.copy()
-        Qw[range(first, first + len(columns)), columns] = _gains(model)[columns]
+    first, Qw = 0, Qw.copy()
+    for effect in effects:
+        columns = read_by(model, effect)
+        behind = first + effect.definition.ports - len(columns)
+        Qw[range(behind, behind + len(columns)), columns] = _gains(model)[columns]
+        first += effect.definition.ports
     return effects, rows, (G, H, (Qs, Qw, Vs, Vw))
+
+
+def read_by(model: MechanicalData, effect: Effect) -> list[int]:
+    """Return which force inputs the last ports of an effect read."""
+    if isinstance(effect.definition, EquationKind):
+        return equation_inputs(model, model.equations[0])
+    if effect.definition.domain == "path":
+        return [model.matrices.force_inputs.index(effect.at[0])]
+    return []
 
 
 def equation_inputs(model: MechanicalData, equations: Equations) -> list[int]:
@@ -689,6 +709,8 @@ def context_of(
         "mobility": step * inverse_mass,
         "step": step,
     }
+    seen = next((o.quantity for o in model.outputs if o.name == at[-1]), DISPLACEMENT)
+    found["derivative"] = float(_DERIVATIVES.get(seen, 0))
     for effect in model.effects:
         if set(effect.at) == ends:
             for name, parameter in effect.definition.gives:
@@ -696,6 +718,7 @@ def context_of(
     return found
 
 
+_DERIVATIVES = {VELOCITY: 1, ACCELERATION: 2}
 _REMEDIES = {
     "spring_stiffness": "Add rp.Spring({at}, k) first.",
     "spin_frequency": "Build the model with spin_frequency=, in Hz.",
@@ -735,11 +758,10 @@ def motion_at(
     step : float, optional
         Time step that a law has to resolve; along a known motion it is none.
     inputs : ndarray, shape (samples, signals), optional
-        Which equations of motion read.
+        Which equations of motion and paths read.
     """
     rows = port_rows(model, effect)
-    seen = rows @ q
-    if isinstance(effect.definition, EquationKind) and inputs is not None:
-        columns = equation_inputs(model, model.equations[0])
-        seen[len(effect.at) :] = (inputs[:, columns] * _gains(model)[columns]).T
+    seen, columns = rows @ q, read_by(model, effect)
+    if columns and inputs is not None:
+        seen[-len(columns) :] = (inputs[:, columns] * _gains(model)[columns]).T
     return Motion(time, seen, rows @ v, context_of(model, effect.at, step, effect))

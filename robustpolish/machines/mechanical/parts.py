@@ -797,8 +797,10 @@ def _check_place(
     moved: Collection[str],
 ) -> None:
     kind = effect.definition
-    known = signals.get(kind.domain, [*dofs, GROUND])
-    for name in effect.at:
+    ends = [signals.get(kind.domain, [*dofs, GROUND])] * len(effect.at)
+    if kind.domain == "path":
+        ends = [signals["input"], signals["output"]]
+    for name, known in zip(effect.at, ends, strict=True):
         if name not in known:
             listed = ", ".join(known) or f"the {kind.domain}s, of which there are none"
             raise invalid(argument, name, f"one of {listed}", f"{kind.title} acts there.")
