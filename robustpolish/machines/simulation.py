@@ -355,7 +355,8 @@ def build_system(model: MechanicalData, step: float) -> NonlinearSystem:
         kind, known = effect.definition, effect.values
         context = context_values(model, effect, step)
         dry = False
-        if kind.turns_over and not any(e.varies for e in model.equations):  # ideal where a step cannot resolve how it turns over
+        # ideal where a step cannot resolve how it turns over, unless inertias change meanwhile
+        if kind.turns_over and not any(item.varies for item in model.equations):
             largest = max(abs(known[p.name]) for p in kind.parameters if p.dimension == "F")
             dry = known[kind.turns_over] < largest * context[kind.context.index("mobility")]
         if dry:
@@ -366,7 +367,6 @@ def build_system(model: MechanicalData, step: float) -> NonlinearSystem:
         values += p
         port, state, parameter = port + kind.ports, state + kind.states, parameter + len(p)
     if model.equations:  # their law is called last, and sees the forces of all others
-        first = effects[0].definition.ports
         at = [model.frame.coordinates.index(name) for name in effects[0].at[: len(model.free)]]
         others = np.vstack([np.zeros((0, len(model.frame.coordinates))), *rows[1:]]).T[at]
         known = layout[0][5]
@@ -403,8 +403,10 @@ def needed_substeps(model: MechanicalData, dt: float, amplitude: float, edges: b
     """
     if not dynamic_effects(model):
         return 1
-    fastest, least = max((e.fastest for e in model.equations), default=0.0), 1
-    m = model.matrices
+    fastest, least, m = 0.0, 1, model.matrices
+    for item in model.equations:
+        at = [m.coordinates.index(name) for name in item.coordinates]
+        fastest = item.fastest(m.M[np.ix_(at, at)])
     omega = np.sqrt(max(np.max(np.abs(np.diag(m.K) / np.maximum(np.diag(m.M), 1e-300))), 0.0))
     for _, effect in dynamic_effects(model):
         with np.errstate(over="ignore"):  # a rate beyond doubles is as fast as any

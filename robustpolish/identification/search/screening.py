@@ -43,6 +43,7 @@ from robustpolish.machines.simulation import IntersampleLines, linear_interpolat
 _DERIVATIVE_STEP = 1e-4
 """Share of a number of an equation by which it is moved for a derivative."""
 
+
 @dataclass(frozen=True, eq=False)
 class CandidateColumns:
     """Candidate columns: forces along rows, or additions to outputs."""

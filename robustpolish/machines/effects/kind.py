@@ -163,7 +163,7 @@ def _waves(motion: Motion, ranks: list[int]) -> list[float]:
         return []
     sums = np.bincount((q / width).astype(int), force - force.mean(), _CELLS + 1)
     spectrum = np.abs(np.fft.rfft(sums, 4 * sums.size))
-    bins = np.fft.rfftfreq(4 * sums.size, width)
+    bins = np.fft.rfftfreq(4 * sums.size, width).astype(float)
     seen = bins * np.median(np.abs(np.diff(q))) < 1
     return [1 / wave for wave in _largest(bins[seen], spectrum[seen], ranks) if wave > 0]
 

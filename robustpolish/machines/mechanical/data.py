@@ -418,7 +418,11 @@ def _numbers(model: MechanicalData) -> Iterator[tuple[str, float, str, int, str]
         where = "effects" if i >= 0 else "equations"
         for name, value in effect.values.items():
             yield (
-                f"effect[{i}].{name}" if i >= 0 else f"parameter.{name}", value, where, max(i, 0), name
+                f"effect[{i}].{name}" if i >= 0 else f"parameter.{name}",
+                value,
+                where,
+                max(i, 0),
+                name,
             )
 
 
@@ -665,7 +669,9 @@ def inertia_of(model: MechanicalData, turning: bool) -> float:
     for item in model.equations:
         diagonal = np.diag(item.linear_part()[0]).tolist()
         units = item.coordinates.values()
-        known += sum(x for x, unit in zip(diagonal, units, strict=True) if (unit == "rad") == turning)
+        known += sum(
+            x for x, unit in zip(diagonal, units, strict=True) if (unit == "rad") == turning
+        )
     return known
 
 

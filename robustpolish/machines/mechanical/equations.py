@@ -161,7 +161,8 @@ def _dual(number: Any) -> _Dual:
 
 # Equations as they are given: names with units, formulas or a function, numbers.
 
-Unit = tuple[str, str]
+_Part = tuple[dict[int, ast.expr], ast.expr]
+_carray: Any = numba.carray  # type: ignore
 _BASE = {
     "N": "kg m/s^2", "Hz": "1/s", "rad": "1", "V": "kg m^2/(s^3 A)", "ohm": "kg m^2/(s^3 A^2)",
     "H": "kg m^2/(s^2 A^2)", "Wb": "kg m^2/(s^2 A)", "F": "A^2 s^4/(kg m^2)", "C": "A s",
@@ -325,7 +326,6 @@ class Equations:
         new = {n: (_finite(("parameter", n), v), self.parameters[n][1]) for n, v in changes.items()}
         found = copy(self)  # fits ask thousands of times: the formulas stay as they are
         vars(found)["parameters"] = {**self.parameters, **new}
-        vars(found).pop("fastest", None)
         return found
 
     def _check_formulas(self) -> None:
@@ -420,18 +420,18 @@ class Equations:
         tree.body[0].body = lines  # type: ignore[attr-defined]
         return tree, varies
 
-    def _solved(self, name: str) -> tuple[dict[int, ast.expr], ast.expr]:
+    def _solved(self, name: str) -> _Part:
         """Return what each rate is multiplied by in an equation, and the rest of it."""
-        Part = tuple[dict[int, ast.expr], ast.expr]
         zero = ast.Constant(0.0)
 
-        def leaf(item: float | str) -> Part:
+        def leaf(item: float | str) -> _Part:
             if item in self._rates:
                 return {self._rates[str(item)]: ast.Constant(1.0)}, zero
-            place = self._places[item] if isinstance(item, str) else repr(item)
-            return {}, ast.parse(place, mode="eval").body
+            if not isinstance(item, str):
+                return {}, ast.Constant(item)
+            return {}, ast.parse(self._places[item], mode="eval").body
 
-        def combine(operation: str, *parts: Part) -> Part:
+        def combine(operation: str, *parts: _Part) -> _Part:
             (one, first), (other, last) = parts[0], parts[-1]
             if not any(part for part, _ in parts):
                 return {}, operation_node(operation, *(rest for _, rest in parts))
@@ -519,6 +519,7 @@ class Equations:
         known[2 * n + nz :] = [point.get(name, 0.0) for name in self.inputs]
         p = _objects([_Dual(values[name]) for name in self.parameters])
         by: list[Any] = []
+        M, f, dz = (_objects([_Dual(0.0)] * k) for k in (n * n, n, nz))
         with np.errstate(all="ignore"):
             for j in of or range(1):
                 w = _objects([_Dual(float(x), float(i == j)) for i, x in enumerate(known)])
@@ -546,13 +547,12 @@ class Equations:
             by = by - by[:, states] @ np.linalg.solve(Dz, here.dz_by)
         return here.M, -by[:, n : 2 * n], -by[:, :n], by[:, 2 * n + nz :]
 
-    @cached_property
-    def fastest(self) -> float:
-        """The largest rate of the linear part in 1/s."""
+    def fastest(self, mass: Array) -> float:
+        """Return the largest rate of the linear part in 1/s, with the mass matrix of the model."""
         here, n, nz = self.at(self.values), self.n, len(self.states)
         A = np.zeros((2 * n + nz, 2 * n + nz))
         A[:n, n : 2 * n] = np.eye(n)
-        A[n : 2 * n] = np.linalg.solve(here.M, here.by[:, : 2 * n + nz])
+        A[n : 2 * n] = np.linalg.solve(mass, here.by[:, : 2 * n + nz])
         A[2 * n :] = here.dz_by[:, : 2 * n + nz]
         return float(np.max(np.abs(np.linalg.eigvals(A)), initial=0.0))
 
@@ -560,7 +560,7 @@ class Equations:
         """Return the size of each state at amplitudes of displacements and velocities."""
         here, n, nz = self.at(self.values), self.n, len(self.states)
         moved = np.abs(here.dz_by[:, :n]).sum(1) * q + np.abs(here.dz_by[:, n : 2 * n]).sum(1) * v
-        rates = np.maximum(np.abs(np.diag(here.dz_by[:, 2 * n : 2 * n + nz])), self.fastest)
+        rates = np.max(np.abs(here.dz_by[:, 2 * n : 2 * n + nz]), axis=1, initial=v / q)
         return [abs(z) or float(size) for z, size in zip(here.z, moved / rates, strict=True)]
 
     def effect(self, others: tuple[str, ...], free: int, inputs: int) -> Effect:
@@ -723,8 +723,8 @@ def _remainder(function: Any, names: list[int], of: _Remainder, varies: bool) ->
     count = all_forces + free * wide
 
     def law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]  # compiled
-        Q, V = numba.carray(q, (ports,)), numba.carray(v, (ports,))
-        Z, D, P = numba.carray(z, (nz,)), numba.carray(dz, (nz,)), numba.carray(p, (numbers,))
+        Q, V = _carray(q, (ports,)), _carray(v, (ports,))
+        Z, D, P = _carray(z, (nz,)), _carray(dz, (nz,)), _carray(p, (numbers,))
         M, r = np.zeros((n, n)), np.zeros(n)
         function(t, Q[:n], V[:n], Z, Q[coordinates : coordinates + nu], P, M, r, D)
         for i in range(ports):

@@ -108,7 +108,9 @@ def state_space(model: MechanicalData) -> control.StateSpace:
         return model.matrices.state_space()
     bare, m = replace(model, effects=()), model.matrices
     *matrices, states = linear_with_effects(bare, None)
-    return named_system(tuple(matrices), 0, m.signals or (NO_INPUT,), m.outputs, (*m.states, *states))
+    return named_system(
+        tuple(matrices), 0, m.signals or (NO_INPUT,), m.outputs, (*m.states, *states)
+    )
 
 
 # The slopes of the effects at a state of rest, and what delays and gains do to signals.
@@ -195,7 +197,9 @@ def _rest(
         for item in model.equations:
             at = [names.index(name) for name in item.coordinates]
             q[at] = [item.start.get(name, 0.0) for name in item.coordinates]
-            pull = item.at(item.values).f - ((model.matrices.K @ q)[at] - item.linear_part()[2] @ q[at])
+            pull = item.at(item.values).f - (
+                (model.matrices.K @ q)[at] - item.linear_part()[2] @ q[at]
+            )
             for effect, here in zip(effects[1:], ports[1:], strict=True):
                 still = np.r_[here @ q, np.zeros(len(here) + effect.definition.states)]
                 pull = pull + (here.T @ _mean_law(model, effect)(still)[: len(here)])[at]
@@ -278,7 +282,7 @@ def _slopes(model: MechanicalData, effect: Effect, rest: Array, warn: bool = Tru
 
 def _slopes_of_equations(item: Equations, kind: EquationKind) -> list[Array]:
     """Return the slopes of what equations of motion add to their linear part, at their start."""
-    here, (M, C, K, B), (n, nz) = item.at(item.values), item.linear_part(), (item.n, kind.states)
+    here, (_, C, K, B), (n, nz) = item.at(item.values), item.linear_part(), (item.n, kind.states)
     Fq, Fv = np.zeros((kind.ports, kind.ports)), np.zeros((kind.ports, kind.ports))
     Fz, Dq, Dv = np.zeros((kind.ports, nz)), np.zeros((nz, kind.ports)), np.zeros((nz, kind.ports))
     read = slice(kind.places, kind.places + B.shape[1])
@@ -589,7 +593,8 @@ def uncertain_model(model: MechanicalData, ranges: Mapping[str, Any]) -> Uncerta
 
 def _uncertain_equations(model: MechanicalData, ranges: Mapping[str, Any]) -> UncertainSystem:
     """Return the linear part of a model with equations whose parameters are uncertain."""
-    item, m, base = model.equations[0], model.matrices, dict(model.equations[0].values)
+    item, m = model.equations[0], model.matrices
+    base: dict[str, Any] = {**item.values}
     if model.imposed:
         shown, want = described("equations beside an imposed motion"), "inputs of the equations"
         raise invalid("ranges", shown, want, "Let the equations read the motion.")

@@ -563,7 +563,9 @@ def _add_what_equations_move(found: dict[str, Any]) -> None:
                 raise invalid(("equation", name), shown, "one kind of motion", "Correct one.")
             found["dofs"] += (dof,) * (name not in dofs)
         for name, unit in item.inputs.items():
-            given = inputs.get(name) or Input(name, (next(iter(item.coordinates)), GROUND), unit=unit)
+            given = inputs.get(name) or Input(
+                name, (next(iter(item.coordinates)), GROUND), unit=unit
+            )
             if given.imposes:
                 shown, want = described(f"{name!r}, which imposes a motion"), "an input by a name"
                 raise invalid(("input", name), shown, f"{want} of its own", "Rename it.")

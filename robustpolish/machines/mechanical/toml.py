@@ -229,7 +229,9 @@ def _equations(table: Table) -> tuple[Equations, ...]:
         name, text = item["of"], instance_of((*where, "formula"), item["formula"], str, "text", "")
         if name in given["law"]:
             raise invalid((*where, "of"), name, "one equation of each", "Put the two together.")
-        second = re.search(rf"\b{re.escape(str(name))}_ddot\b", text) or name in table.get("dof", {})
+        second = re.search(rf"\b{re.escape(str(name))}_ddot\b", text) or name in table.get(
+            "dof", {}
+        )
         given["coordinates" if second else "states"][name] = item["unit"]
         given["law"][name] = text
     numbers = _table(("parameter",), table.get("parameter", {}))
@@ -273,8 +275,8 @@ def _connection(where: Key, item: Table) -> Any:
 def _input(where: Key, item: Table, dofs: list[Dof], table: Table) -> Input:
     places = ("force_on", "torque_on", "motion_of")
     if not {*places} & {*item} and table.get("equation"):  # which equations read
-        name, first = item.get("name"), table["equation"][0].get("of")
-        return Input(name, (first, GROUND), None, item.get("gain", 1.0), item.get("unit"))
+        first = table["equation"][0].get("of")
+        return Input(item["name"], (first, GROUND), None, item.get("gain", 1.0), item.get("unit"))
     known_keys(where, item, ("name", *places, "gain", "quantity", "unit"), ("name",))
     given = [key for key in places if key in item]
     if len(given) != 1:
