@@ -24,6 +24,7 @@ from robustpolish.machines.mechanical.data import (
     effect_ports,
     port_rows,
 )
+from robustpolish.machines.mechanical.equations import fastest_rate
 from robustpolish.machines.mechanical.parts import DISPLACEMENT, VELOCITY
 from robustpolish.machines.stepper import (
     KernelMatrices,
@@ -406,7 +407,7 @@ def needed_substeps(model: MechanicalData, dt: float, amplitude: float, edges: b
     fastest, least, m = 0.0, 1, model.matrices
     for item in model.equations:
         at = [m.coordinates.index(name) for name in item.coordinates]
-        fastest = item.fastest(m.M[np.ix_(at, at)])
+        fastest = fastest_rate(item, m.M[np.ix_(at, at)])
     omega = np.sqrt(max(np.max(np.abs(np.diag(m.K) / np.maximum(np.diag(m.M), 1e-300))), 0.0))
     for _, effect in dynamic_effects(model):
         with np.errstate(over="ignore"):  # a rate beyond doubles is as fast as any

@@ -364,7 +364,7 @@ NAMED = [name for name in kinds() if name != "input_hold"]
 def motion(kind):
     time = TIME[:1500]
     q = np.vstack([np.sin(40 * time) * 1e-3, np.cos(31 * time) * 1e-3])[: kind.ports]
-    known = {**CONTEXT, "spin_frequency": 100.0, "spring_stiffness": 1e4}
+    known = {**CONTEXT, "spin_frequency": 100.0, "spring_stiffness": 1e4, "derivative": 1.0}
     return Motion(time, q, np.gradient(q, 1e-3, axis=1), known, force=q)
 
 
@@ -597,8 +597,11 @@ def test_an_effect_acts_or_is_refused(name):
         [rp.Damper(("x", ground), 0.1), rp.Damper(("y", ground), 0.1)],
         [rp.Input("F", ("x", ground))], [rp.Output("px", ("x", ground))],
     )  # fmt: skip
-    values = {p.name: float(np.clip(p.default or 0.3, p.lower, p.upper)) for p in kind.parameters}
-    at = ("x", ground) if kind.domain == "pair" else ("x", "y") if kind.domain == "axes" else ("x",)
+    values = {
+        p.name: float(np.clip(p.default or (0.3 if p.upper > 0 else -0.3), p.lower, p.upper))
+        for p in kind.parameters
+    }
+    at = {"pair": ("x", ground), "axes": ("x", "y"), "path": ("F", "px")}.get(kind.domain, ("x",))
     time = np.arange(400) * 0.01
     data = rp.read_measurement(pd.DataFrame({"time": time, "F": 5 * np.sin(3 * time)}))
     for machine, needed in (

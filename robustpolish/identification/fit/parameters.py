@@ -13,6 +13,7 @@ from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import CONSTANT
 from robustpolish.machines.effects.spline_law import coefficients_of, spline_basis
 from robustpolish.machines.mechanical.data import connected, heaviest, port_row
+from robustpolish.machines.mechanical.equations import number_unit
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import FORCE
 
@@ -179,7 +180,7 @@ def free_parameters(
     ]
     for item in model.equations:
         for name, value in item.values.items():
-            key, weighed = f"parameter.{name}", item.unit(name) in _MEASURED
+            key, weighed = f"parameter.{name}", number_unit(item, name) in _MEASURED
             if name in item.known:
                 continue
             if not known[key]:

@@ -15,6 +15,7 @@ from robustpolish.identification.observer import kalman
 from robustpolish.identification.record import Record, joined_lines, output_sizes
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.mechanical.data import MechanicalData, connected, dynamic_effects
+from robustpolish.machines.mechanical.equations import slopes_at
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import Input
 from robustpolish.machines.simulation import (
@@ -331,7 +332,7 @@ def rest(model: MechanicalData) -> InitialState:
         for name, value in item.start.items():
             if name in item.coordinates:
                 state[model.free.index(name)] = value
-        internal[: len(item.states)] = item.at(item.values).z
+        internal[: len(item.states)] = slopes_at(item).z
     return InitialState(state, internal)
 
 

@@ -11,6 +11,7 @@ from robustpolish.base.arrays import Array
 from robustpolish.identification.observer.runs import Chains, InitialState, RecordRun, StartedPiece
 from robustpolish.identification.record import Record, output_sizes
 from robustpolish.machines.mechanical.data import MechanicalData, dynamic_effects
+from robustpolish.machines.mechanical.equations import sizes_of_states
 
 # Estimation of initial states by damped least squares over growing stretches.
 
@@ -297,7 +298,7 @@ def state_sizes(model: MechanicalData, states: Array) -> Array:
     q, v = (float(np.max(half, initial=1e-12)) for half in np.split(states, 2))
     sizes: list[float] = []
     for item in model.equations:
-        sizes += [size or 1.0 for size in item.state_sizes(q, v)]
+        sizes += [size or 1.0 for size in sizes_of_states(item, q, v)]
     for i, effect in dynamic_effects(model):
         if i < 0:
             continue

@@ -16,7 +16,15 @@ from robustpolish.base.arrays import Array, Matrix
 from robustpolish.base.checks import invalid, one_of
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import GROUND, Motion
-from robustpolish.machines.mechanical.equations import EquationKind, Equations, context
+from robustpolish.machines.mechanical.equations import (
+    EquationKind,
+    Equations,
+    context,
+    effect_of,
+    linear_part,
+    number_unit,
+    with_numbers,
+)
 from robustpolish.machines.mechanical.parts import (
     ACCELERATION,
     CONNECTIONS,
@@ -227,7 +235,7 @@ def _assemble(model: MechanicalData) -> MechanicalMatrices:
     B = np.array([item.gain * frame.row(item.on) for item in forces]).reshape(-1, n).T
     for item in model.equations:
         at = [names.index(name) for name in item.coordinates]
-        own, columns = item.linear_part(), _read(model, item)
+        own, columns = linear_part(item), _read(model, item)
         for matrix, part in zip((M, C, K), own, strict=False):
             matrix[np.ix_(at, at)] += part
         B[:, columns] = 0.0
@@ -447,7 +455,10 @@ def with_parameter_values(model: Model, changes: Mapping[str, float]) -> Model:
         if where[:-1] in CONNECTIONS:  # these parts check no numbers themselves
             numbers = {key: connection_number(where[:-1], i, v) for key, v in numbers.items()}
         part = parts[where][i]
-        effect = isinstance(part, Effect | Equations)
+        if isinstance(part, Equations):
+            parts[where][i] = with_numbers(part, numbers)
+            continue
+        effect = isinstance(part, Effect)
         parts[where][i] = part.with_parameters(**numbers) if effect else replace(part, **numbers)
     vars(found).update({where: tuple(items) for where, items in parts.items()})
     vars(found)["design"] = dict(model.design)
@@ -501,7 +512,7 @@ def unit_of(model: MechanicalData, key: str) -> str:
     if where == "effects":
         return effect_unit(model, part, name)
     if where == "equations":
-        return part.unit(name)
+        return number_unit(part, name)
     units = CONNECTIONS[where[:-1]][2]
     if where in ("springs", "dampers"):
         return units[model.is_rotational(part.between)]
@@ -640,7 +651,7 @@ def dynamic_effects(model: MechanicalData) -> list[tuple[int, Effect]]:
         others = (*free, *(name for name in names if name not in free))
         others = tuple(name for name in others if name not in item.coordinates)
         count = model.matrices.B.shape[1]
-        found.insert(0, (-1, item.effect(others, len(free), count)))
+        found.insert(0, (-1, effect_of(item, others, len(free), count)))
     return found
 
 
@@ -663,11 +674,23 @@ def connected(model: MechanicalData, *, signals: bool = False) -> list[set[str]]
     return groups
 
 
+def linear_model(model: Model) -> Model:
+    """Return a model without effects, its equations of motion as their linear part.
+
+    It is for runs of observers: no file can hold it.
+    """
+    if not model.equations:
+        return replace(model, effects=()) if model.effects else model
+    found = copy(model)
+    vars(found).update(effects=(), equations=(), matrices=model.matrices)
+    return found
+
+
 def inertia_of(model: MechanicalData, turning: bool) -> float:
     """Return the sum of all masses, or of all inertias that turn, equations of motion included."""
     known = sum(dof.mass for dof in model.dofs if dof.rotational == turning)
     for item in model.equations:
-        diagonal = np.diag(item.linear_part()[0]).tolist()
+        diagonal = np.diag(linear_part(item)[0]).tolist()
         units = item.coordinates.values()
         known += sum(
             x for x, unit in zip(diagonal, units, strict=True) if (unit == "rad") == turning
@@ -698,7 +721,7 @@ def context_of(
     if effect is not None and isinstance(effect.definition, EquationKind):
         item, order = model.equations[0], [model.frame.coordinates.index(name) for name in at]
         columns = equation_inputs(model, item)
-        gains, own = _gains(model)[columns], item.linear_part()
+        gains, own = _gains(model)[columns], linear_part(item)
         B = np.hstack([own[3], np.zeros((item.n, len(columns) - len(item.inputs)))])
         whole = replace(model.matrices, B=model.matrices.B[:, columns] / gains)
         given = context(item, (*own[:3], B), whole, np.array(order))

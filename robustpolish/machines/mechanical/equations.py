@@ -298,7 +298,7 @@ class Equations:
         object.__setattr__(self, "known", tuple(self.known))
         if not callable(self.law):
             self._check_formulas()
-        here = self.at(self.values)
+        here = slopes_at(self)
         where = ("law", *list(self.coordinates)[:1])
         if not np.isfinite(np.r_[here.M.ravel(), here.f, here.by.ravel(), here.dz]).all():
             shown = described("equations that are not finite at the start")
@@ -316,18 +316,6 @@ class Equations:
         """The parameters by name."""
         return {name: value for name, (value, _) in self.parameters.items()}
 
-    def unit(self, name: str) -> str:
-        """Return the unit of a parameter, a coordinate, a state or an input."""
-        known = {**self.coordinates, **self.states, **self.inputs}
-        return known[name] if name in known else self.parameters[name][1]
-
-    def with_parameters(self, **changes: float) -> Equations:
-        """Return the same equations with some parameters changed."""
-        new = {n: (_finite(("parameter", n), v), self.parameters[n][1]) for n, v in changes.items()}
-        found = copy(self)  # fits ask thousands of times: the formulas stay as they are
-        vars(found)["parameters"] = {**self.parameters, **new}
-        return found
-
     def _check_formulas(self) -> None:
         """Refuse formulas that lack, are too many, or whose units do not fit."""
         law = instance_of("law", self.law, Mapping, "a mapping of names to formulas", "Write one.")
@@ -341,17 +329,16 @@ class Equations:
         units: dict[str, Powers] = {"t": _SECOND}
         for name in (*wanted, *self.inputs, *self.parameters):
             place = "parameters" if name in self.parameters else "law"
-            units[name] = _powers(self.unit(name), (place, name))
+            units[name] = _powers(number_unit(self, name), (place, name))
             for rate, power in (("_dot", -1.0), ("_ddot", -2.0)):
                 units[f"{name}{rate}"] = multiplied(units[name], _SECOND, power)
         grades = {name: Grade(powers) for name, powers in units.items()}
         for name in wanted:
-            program, unit = self._program(name), None
+            program, own = self._program(name), number_unit(self, name)
             try:
                 unit = graded(program, grades, shown=_unit_text).powers
-                if name in self.coordinates and unit not in (None, _force_of(self.unit(name))):
-                    shown = _unit_text(unit)
-                    raise ArithmeticError(f"it is in {shown}, not in {self.unit(name)}'s force")
+                if name in self.coordinates and unit not in (None, _force_of(own)):
+                    raise ArithmeticError(f"it is in {_unit_text(unit)}, not in {own}'s force")
             except ArithmeticError as error:
                 want = "a balance of forces in N (torques in N m) with fitting units"
                 want = want if name in self.coordinates else "an equation with fitting units"
@@ -476,34 +463,6 @@ class Equations:
         names = (self.coordinates, self.parameters, self.states, self.inputs)
         return law, *(tuple(part) for part in names)
 
-    def at(self, values: Mapping[str, Any], point: Mapping[str, float] | None = None) -> Slopes:
-        """Return the equations about a point at rest, exact to rounding.
-
-        Parameters
-        ----------
-        values : mapping of str to float or UncertainSystem
-            Of the parameters.
-        point : mapping of str to float, optional
-            Coordinates and inputs; the start by default. States are as they settle there.
-        """
-        point = {**self.start, **(point or {})}
-        z = np.array([self.start.get(name, 0.0) for name in self.states])
-        real = {
-            name: value if isinstance(value, int | float) else float(np.squeeze(value.nominal))
-            for name, value in values.items()
-        }
-        for _ in range(50 * bool(z.size)):
-            found = self._slopes(real, point, z, range(2 * self.n, 2 * self.n + z.size))
-            by, rate = np.array(found.dz_by, dtype=float), np.array(found.dz, dtype=float)
-            if not np.isfinite(by).all() or np.max(np.abs(rate)) == 0:
-                break
-            size = np.maximum(np.abs(z), 1e-9)  # where nothing holds a state it stays
-            step = np.linalg.lstsq(by * size, rate, rcond=1e-9)[0] * size
-            z = z - step
-            if np.max(np.abs(step) / size) < 1e-13:
-                break
-        return self._slopes(values, point, z, range(2 * self.n + z.size + len(self.inputs)))
-
     @property
     def n(self) -> int:
         """Number of coordinates."""
@@ -537,45 +496,96 @@ class Equations:
             parts = [part.astype(float) for part in parts]
         return Slopes(*parts, z)
 
-    def linear_part(self) -> tuple[Array, Array, Array, Array]:
-        """Return M, C, K and B about the start, states as they settle where they do."""
-        here, n, nz = self.at(self.values), self.n, len(self.states)
-        by = here.by
-        states = slice(2 * n, 2 * n + nz)
-        Dz = here.dz_by[:, states]
-        if nz and np.all(np.linalg.eigvals(Dz).real < 0):
-            by = by - by[:, states] @ np.linalg.solve(Dz, here.dz_by)
-        return here.M, -by[:, n : 2 * n], -by[:, :n], by[:, 2 * n + nz :]
 
-    def fastest(self, mass: Array) -> float:
-        """Return the largest rate of the linear part in 1/s, with the mass matrix of the model."""
-        here, n, nz = self.at(self.values), self.n, len(self.states)
-        A = np.zeros((2 * n + nz, 2 * n + nz))
-        A[:n, n : 2 * n] = np.eye(n)
-        A[n : 2 * n] = np.linalg.solve(mass, here.by[:, : 2 * n + nz])
-        A[2 * n :] = here.dz_by[:, : 2 * n + nz]
-        return float(np.max(np.abs(np.linalg.eigvals(A)), initial=0.0))
+# Numbers of equations about a point, and their law.
 
-    def state_sizes(self, q: float, v: float) -> list[float]:
-        """Return the size of each state at amplitudes of displacements and velocities."""
-        here, n, nz = self.at(self.values), self.n, len(self.states)
-        moved = np.abs(here.dz_by[:, :n]).sum(1) * q + np.abs(here.dz_by[:, n : 2 * n]).sum(1) * v
-        rates = np.max(np.abs(here.dz_by[:, 2 * n : 2 * n + nz]), axis=1, initial=v / q)
-        return [abs(z) or float(size) for z, size in zip(here.z, moved / rates, strict=True)]
 
-    def effect(self, others: tuple[str, ...], free: int, inputs: int) -> Effect:
-        """Return what their linear part leaves, as an effect.
+def with_numbers(equations: Equations, changes: Mapping[str, float]) -> Equations:
+    """Return the same equations with some parameters changed."""
+    known = equations.parameters
+    new = {n: (_finite(("parameter", n), v), known[n][1]) for n, v in changes.items()}
+    found = copy(equations)  # fits ask thousands of times: the formulas stay as they are
+    vars(found)["parameters"] = {**equations.parameters, **new}
+    return found
 
-        Parameters
-        ----------
-        others : tuple of str
-            The other coordinates of the model, free ones first.
-        free, inputs : int
-            Number of free coordinates and of force inputs of the model.
-        """
-        at = (*self.coordinates, *others)
-        kind = _kind(self._key, len(at), free, inputs)
-        return Effect.of(kind, at, self.values)
+
+def number_unit(equations: Equations, name: str) -> str:
+    """Return the unit of a parameter, a coordinate, a state or an input."""
+    known = {**equations.coordinates, **equations.states, **equations.inputs}
+    return known[name] if name in known else equations.parameters[name][1]
+
+
+def slopes_at(equations: Equations, values: Mapping[str, Any] | None = None) -> Slopes:
+    """Return the equations about their start, exact to rounding.
+
+    Parameters
+    ----------
+    equations : Equations
+    values : mapping of str to float or UncertainSystem, optional
+        Of the parameters; their own by default. States are as they settle there.
+    """
+    values, point = values or equations.values, equations.start
+    z = np.array([equations.start.get(name, 0.0) for name in equations.states])
+    real = {
+        name: value if isinstance(value, int | float) else float(np.squeeze(value.nominal))
+        for name, value in values.items()
+    }
+    for _ in range(50 * bool(z.size)):
+        found = equations._slopes(real, point, z, range(2 * equations.n, 2 * equations.n + z.size))
+        by, rate = np.array(found.dz_by, dtype=float), np.array(found.dz, dtype=float)
+        if not np.isfinite(by).all() or np.max(np.abs(rate)) == 0:
+            break
+        size = np.maximum(np.abs(z), 1e-9)  # where nothing holds a state it stays
+        step = np.linalg.lstsq(by * size, rate, rcond=1e-9)[0] * size
+        z = z - step
+        if np.max(np.abs(step) / size) < 1e-13:
+            break
+    every = range(2 * equations.n + z.size + len(equations.inputs))
+    return equations._slopes(values, point, z, every)
+
+
+def linear_part(equations: Equations) -> tuple[Array, Array, Array, Array]:
+    """Return M, C, K and B about the start, states as they settle where they do."""
+    here, n, nz = slopes_at(equations), equations.n, len(equations.states)
+    by = here.by
+    states = slice(2 * n, 2 * n + nz)
+    Dz = here.dz_by[:, states]
+    if nz and np.all(np.linalg.eigvals(Dz).real < 0):
+        by = by - by[:, states] @ np.linalg.solve(Dz, here.dz_by)
+    return here.M, -by[:, n : 2 * n], -by[:, :n], by[:, 2 * n + nz :]
+
+
+def fastest_rate(equations: Equations, mass: Array) -> float:
+    """Return the largest rate of the linear part in 1/s, with the mass matrix of the model."""
+    here, n, nz = slopes_at(equations), equations.n, len(equations.states)
+    A = np.zeros((2 * n + nz, 2 * n + nz))
+    A[:n, n : 2 * n] = np.eye(n)
+    A[n : 2 * n] = np.linalg.solve(mass, here.by[:, : 2 * n + nz])
+    A[2 * n :] = here.dz_by[:, : 2 * n + nz]
+    return float(np.max(np.abs(np.linalg.eigvals(A)), initial=0.0))
+
+
+def sizes_of_states(equations: Equations, q: float, v: float) -> list[float]:
+    """Return the size of each state at amplitudes of displacements and velocities."""
+    here, n, nz = slopes_at(equations), equations.n, len(equations.states)
+    moved = np.abs(here.dz_by[:, :n]).sum(1) * q + np.abs(here.dz_by[:, n : 2 * n]).sum(1) * v
+    rates = np.max(np.abs(here.dz_by[:, 2 * n : 2 * n + nz]), axis=1, initial=v / q)
+    return [abs(z) or float(size) for z, size in zip(here.z, moved / rates, strict=True)]
+
+
+def effect_of(equations: Equations, others: tuple[str, ...], free: int, inputs: int) -> Effect:
+    """Return what their linear part leaves, as an effect.
+
+    Parameters
+    ----------
+    others : tuple of str
+        The other coordinates of the model, free ones first.
+    free, inputs : int
+        Number of free coordinates and of force inputs of the model.
+    """
+    at = (*equations.coordinates, *others)
+    kind = _kind(equations._key, len(at), free, inputs)
+    return Effect.of(kind, at, equations.values)
 
 
 def _objects(items: list[Any]) -> AnyArray:

@@ -33,7 +33,15 @@ from robustpolish.machines.mechanical.data import (
     values,
     with_parameter_values,
 )
-from robustpolish.machines.mechanical.equations import EquationKind, Equations, plus, times
+from robustpolish.machines.mechanical.equations import (
+    EquationKind,
+    Equations,
+    linear_part,
+    number_unit,
+    plus,
+    slopes_at,
+    times,
+)
 from robustpolish.machines.mechanical.parts import (
     ACCELERATION,
     DISPLACEMENT,
@@ -75,7 +83,7 @@ def mechanical_card(model: MechanicalData) -> Card:
         if key.startswith(start)
     ]
     rows += [
-        ("parameter", "known" if name in item.known else "", name, value, item.unit(name))
+        ("parameter", "known" if name in item.known else "", name, value, number_unit(item, name))
         for item in model.equations
         for name, value in item.values.items()
     ]
@@ -197,14 +205,13 @@ def _rest(
         for item in model.equations:
             at = [names.index(name) for name in item.coordinates]
             q[at] = [item.start.get(name, 0.0) for name in item.coordinates]
-            pull = item.at(item.values).f - (
-                (model.matrices.K @ q)[at] - item.linear_part()[2] @ q[at]
-            )
+            pull = slopes_at(item).f - ((model.matrices.K @ q)[at] - linear_part(item)[2] @ q[at])
             for effect, here in zip(effects[1:], ports[1:], strict=True):
                 still = np.r_[here @ q, np.zeros(len(here) + effect.definition.states)]
                 pull = pull + (here.T @ _mean_law(model, effect)(still)[: len(here)])[at]
             # what a radian, or the start itself, changes of the forces
-            spread = np.abs(item.at(item.values).by[:, : item.n]) @ np.maximum(np.abs(q[at]), 1e-3)
+            slopes = np.abs(slopes_at(item).by[:, : item.n])
+            spread = slopes @ np.maximum(np.abs(q[at]), 1e-3)
             _warn_of_motion(item, pull, spread)
         return q
     m, free = model.matrices, model.matrices.free
@@ -282,7 +289,8 @@ def _slopes(model: MechanicalData, effect: Effect, rest: Array, warn: bool = Tru
 
 def _slopes_of_equations(item: Equations, kind: EquationKind) -> list[Array]:
     """Return the slopes of what equations of motion add to their linear part, at their start."""
-    here, (_, C, K, B), (n, nz) = item.at(item.values), item.linear_part(), (item.n, kind.states)
+    here, (_, C, K, B) = slopes_at(item), linear_part(item)
+    n, nz = item.n, kind.states
     Fq, Fv = np.zeros((kind.ports, kind.ports)), np.zeros((kind.ports, kind.ports))
     Fz, Dq, Dv = np.zeros((kind.ports, nz)), np.zeros((nz, kind.ports)), np.zeros((nz, kind.ports))
     read = slice(kind.places, kind.places + B.shape[1])
@@ -609,7 +617,7 @@ def _uncertain_equations(model: MechanicalData, ranges: Mapping[str, Any]) -> Un
             told = _element(key, base[name], given)
             number = uncertain_real(key, base[name], range=(told.low, told.high))
         base[name] = number
-    here, n, nz, free = item.at(base), item.n, len(item.states), len(m.free)
+    here, n, nz, free = slopes_at(item, base), item.n, len(item.states), len(m.free)
     bare = copy(model)  # all that is certain
     vars(bare).update(equations=())
     vars(bare).pop("matrices", None)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -352,20 +351,6 @@ class MechanicalModel(MechanicalData, Displayed):
         MechanicalModel
         """
         return replace(self, effects=())
-
-    def linear_part(self) -> MechanicalModel:
-        """Return the model without effects, its equations of motion as their linear part.
-
-        Returns
-        -------
-        MechanicalModel
-            For runs of observers; files cannot hold it.
-        """
-        if not self.equations:
-            return self.without_effects() if self.effects else self
-        found = copy(self)
-        vars(found).update(effects=(), equations=(), matrices=self.matrices)
-        return found
 
     @property
     def parameters(self) -> dict[str, float]:

@@ -19,7 +19,7 @@ from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import Key, described, instance_of, invalid, misfit, one_of, positive
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import GROUND
-from robustpolish.machines.mechanical.equations import Equations
+from robustpolish.machines.mechanical.equations import Equations, linear_part
 
 DISPLACEMENT = "displacement"
 VELOCITY = "velocity"
@@ -676,7 +676,7 @@ def check_inertias(
             remedy = "Leave out the input or the ratio, or the equation."
             raise invalid(("equation", wrong[0]), shown, "a free coordinate", remedy)
         here = [frame.coordinates.index(name) for name in names]
-        M = mass_matrix(dofs, (), frame)[here][:, here] + item.linear_part()[0]
+        M = mass_matrix(dofs, (), frame)[here][:, here] + linear_part(item)[0]
         size = np.sqrt(np.maximum(np.diag(M), 0.0))
         if np.all(size > 0) and np.linalg.eigvalsh(M / np.outer(size, size))[0] > _NO_ENERGY:
             moved = {*moved, *names}
