@@ -23,7 +23,14 @@ from robustpolish.identification.policy import Policy
 from robustpolish.identification.record import Record
 from robustpolish.machines.effects.effect import Effect, kinds
 from robustpolish.machines.effects.evaluate import force_with, shapes_along
-from robustpolish.machines.effects.kind import CONSTANT, EffectKind, Motion, Shape
+from robustpolish.machines.effects.kind import (
+    CONSTANT,
+    GROUND,
+    SPRING,
+    EffectKind,
+    Motion,
+    Shape,
+)
 from robustpolish.machines.mechanical.data import (
     connected,
     dynamic_effects,
@@ -107,8 +114,10 @@ def places(model: MechanicalModel, kind: EffectKind) -> list[tuple[str, ...]]:
         ):
             continue  # a displacement less an angle, which an inertia may couple, is no motion
         unique.setdefault(frozenset(pair), (pair[0], pair[1]))
+    springs = {frozenset(s.between) for s in model.springs}
+    if kind.family == SPRING:  # those of the model are of the family
+        return [pair for key, pair in unique.items() if key not in springs and GROUND in pair]
     if "spring_stiffness" in kind.context:
-        springs = {frozenset(s.between) for s in model.springs}
         return [
             pair for key, pair in unique.items() if key in springs or _needs_clearance(model, pair)
         ]

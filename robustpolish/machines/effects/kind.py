@@ -217,6 +217,8 @@ SignalChange = Callable[[Array, Array, Values], Array]
 GROUND = "ground"
 CONSTANT = "constant"
 """The family of forces and offsets that never change."""
+SPRING = "spring"
+"""The family of linear springs, to which those of a model belong."""
 _PLACES: dict[str, int] = {"pair": 2, "dof": 1, "axes": 2, "path": 2, "input": 1, "output": 1}
 _SI = {"F": ("N", "N m"), "L": ("m", "rad"), "T": ("s", "s"), "M": ("kg", "kg m^2")}
 
