@@ -14,7 +14,7 @@ other accelerations.
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -28,6 +28,7 @@ from robustpolish.base.arrays import AnyArray, Array
 from robustpolish.base.checks import described, instance_of, invalid, misfit
 from robustpolish.base.jit import njit
 from robustpolish.errors import InvalidInputError
+from robustpolish.linear.arithmetic.dual_numbers import Dual, dual, larger
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.evaluate import machine_code
 from robustpolish.machines.effects.formula_language import (
@@ -43,121 +44,6 @@ from robustpolish.machines.effects.formula_language import (
 )
 from robustpolish.machines.effects.kind import EffectKind, Parameter, Steepness, Values
 from robustpolish.machines.effects.user_defined import function_of, operation_node
-
-# Derivatives of a function of numbers along one direction, exact to rounding. The numbers may be
-# uncertain systems, as long as they are only added, multiplied and divided.
-
-_SLOPES: Mapping[str, Callable[[Any, Any], Any]] = {
-    "sin": lambda x, y: np.cos(x),
-    "cos": lambda x, y: -np.sin(x),
-    "tan": lambda x, y: 1 + y * y,
-    "exp": lambda x, y: y,
-    "log": lambda x, y: 1 / x,
-    "sqrt": lambda x, y: 0.5 / y,
-    "tanh": lambda x, y: 1 - y * y,
-    "arctan": lambda x, y: 1 / (1 + x * x),
-}
-
-
-def plus(a: Any, b: Any) -> Any:
-    """Return a sum of numbers, uncertain ones spared where one of them is 0."""
-    return b if _is_zero(a) else a if _is_zero(b) else a + b
-
-
-def times(a: Any, b: Any) -> Any:
-    """Return a product of numbers, uncertain ones spared where one of them is 0."""
-    return 0.0 if _is_zero(a) or _is_zero(b) else a * b
-
-
-def _is_zero(a: Any) -> bool:
-    return isinstance(a, int | float) and a == 0
-
-
-class _Dual:
-    """A number and its derivative."""
-
-    def __init__(self, value: Any, slope: Any = 0.0) -> None:
-        self.value, self.slope = value, slope
-
-    def __add__(self, other: Any) -> _Dual:
-        other = _dual(other)
-        return _Dual(plus(self.value, other.value), plus(self.slope, other.slope))
-
-    def __mul__(self, other: Any) -> _Dual:
-        a, b = self, _dual(other)
-        slope = plus(times(a.slope, b.value), times(a.value, b.slope))
-        return _Dual(times(a.value, b.value), slope)
-
-    def __pow__(self, power: Any) -> _Dual:
-        n = power.value if isinstance(power, _Dual) else power
-        if isinstance(power, _Dual) and not _is_zero(power.slope):
-            return (power * self.log()).exp()
-        return _Dual(self.value**n, times(n * self.value ** (n - 1) if n else 0.0, self.slope))
-
-    def __truediv__(self, other: Any) -> _Dual:
-        b = _dual(other)
-        quotient = times(self.value, 1 / b.value)
-        slope = plus(self.slope, times(-1.0, times(quotient, b.slope)))
-        return _Dual(quotient, times(slope, 1 / b.value))
-
-    def __neg__(self) -> _Dual:
-        return self * -1.0
-
-    def __sub__(self, other: Any) -> _Dual:
-        return self + _dual(other) * -1.0
-
-    def __rsub__(self, other: Any) -> _Dual:
-        return _dual(other) - self
-
-    def __rtruediv__(self, other: Any) -> _Dual:
-        return _dual(other) / self
-
-    def __rpow__(self, other: Any) -> _Dual:
-        return _dual(other) ** self
-
-    def __abs__(self) -> _Dual:
-        return self * float(np.sign(self.value))  # at a corner the mean of both slopes
-
-    def __lt__(self, other: Any) -> bool:
-        return bool(self.value < _dual(other).value)
-
-    def __gt__(self, other: Any) -> bool:
-        return bool(self.value > _dual(other).value)
-
-    def __le__(self, other: Any) -> bool:
-        return not self > other
-
-    def __ge__(self, other: Any) -> bool:
-        return not self < other
-
-    def __eq__(self, other: object) -> bool:
-        return bool(self.value == _dual(other).value)
-
-    def __getattr__(self, name: str) -> Callable[[], _Dual]:
-        """Return a function of it, as numpy asks for ``sin`` of an object."""
-        if name not in _SLOPES:
-            raise AttributeError(name)
-        if not isinstance(self.value, int | float):
-            shown, want = described(f"a number that {name} is taken of"), "sums and products of it"
-            raise invalid("ranges", shown, want, "Leave it certain.")
-
-        def call() -> _Dual:
-            x = float(self.value)
-            y = float(getattr(np, name)(x))
-            return _Dual(y, times(float(_SLOPES[name](x, y)), self.slope))
-
-        return call
-
-    __radd__, __rmul__, __hash__ = __add__, __mul__, None  # type: ignore[assignment]
-
-
-def _larger(a: Any, b: Any) -> _Dual:
-    return (_dual(a) + b + abs(_dual(a) - b)) * 0.5
-
-
-def _dual(number: Any) -> _Dual:
-    return number if isinstance(number, _Dual) else _Dual(number)
-
 
 # Equations as they are given: names with units, formulas or a function, numbers.
 
@@ -449,7 +335,7 @@ class Equations:
         if callable(self.law):
             return self.law
         found = _functions(*self._key)[0]
-        corners = {"max": _larger, "min": lambda a, b: -_larger(_dual(a) * -1.0, _dual(b) * -1.0)}
+        corners = {"max": larger, "min": lambda a, b: -larger(dual(a) * -1.0, dual(b) * -1.0)}
         return FunctionType(found.__code__, {**found.__globals__, **corners})
 
     @property
@@ -476,20 +362,20 @@ class Equations:
         known[:n] = [point.get(name, 0.0) for name in self.coordinates]
         known[2 * n : 2 * n + nz] = z
         known[2 * n + nz :] = [point.get(name, 0.0) for name in self.inputs]
-        p = _objects([_Dual(values[name]) for name in self.parameters])
+        p = _objects([Dual(values[name]) for name in self.parameters])
         by: list[Any] = []
-        M, f, dz = (_objects([_Dual(0.0)] * k) for k in (n * n, n, nz))
+        M, f, dz = (_objects([Dual(0.0)] * k) for k in (n * n, n, nz))
         with np.errstate(all="ignore"):
             for j in of or range(1):
-                w = _objects([_Dual(float(x), float(i == j)) for i, x in enumerate(known)])
-                M, f, dz = (_objects([_Dual(0.0)] * k) for k in (n * n, n, nz))
+                w = _objects([Dual(float(x), float(i == j)) for i, x in enumerate(known)])
+                M, f, dz = (_objects([Dual(0.0)] * k) for k in (n * n, n, nz))
                 q, v, states, u = np.split(w, [n, 2 * n, 2 * n + nz])
                 try:
                     self.function(0.0, q, v, states, u, p, M.reshape(n, n), f, dz)
                 except ZeroDivisionError:
-                    f[:] = _Dual(np.nan)
-                by.append([_dual(x).slope for x in (*f, *dz)])
-        told = [[_dual(x).value for x in part] for part in (M, f, dz)]
+                    f[:] = Dual(np.nan)
+                by.append([dual(x).slope for x in (*f, *dz)])
+        told = [[dual(x).value for x in part] for part in (M, f, dz)]
         both = _objects([x for row in by for x in row]).reshape(len(by), n + nz).T
         parts = [_objects(told[0]).reshape(n, n), *map(_objects, told[1:]), both[:n], both[n:]]
         if all(isinstance(v, int | float) for v in values.values()):

@@ -20,6 +20,7 @@ from robustpolish.base.arrays import AnyArray, Array, Matrix
 from robustpolish.base.checks import closest_name_remedy, described, invalid, misfit, one_of
 from robustpolish.base.results import Card, Table
 from robustpolish.errors import RobustPolishWarning
+from robustpolish.linear.arithmetic.dual_numbers import plus, times
 from robustpolish.linear.delayed_systems import resolvent_response
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import SignalSlope
@@ -38,9 +39,7 @@ from robustpolish.machines.mechanical.equations import (
     Equations,
     linear_part,
     number_unit,
-    plus,
     slopes_at,
-    times,
 )
 from robustpolish.machines.mechanical.parts import (
     ACCELERATION,

@@ -64,19 +64,6 @@ def _sensor_drift_on_signal(y: Array, time: Array, values: kind.Values) -> Array
     return y + values["drift"] * (1 - np.exp(-np.maximum(time, 0.0) / max(values["time"], 1e-9)))
 
 
-def _sensor_drift_shapes(motion: kind.Motion) -> list[kind.Shape]:
-    """Try time constants from a tenth of the record to three times as long as it is."""
-    length, none = float(np.max(motion.time)), np.zeros(motion.time.size)
-    shapes = []
-    for time in (share * length for share in (0.1, 0.3, 1.0, 3.0) if length > 0):
-        column = _sensor_drift_on_signal(none, motion.time, {"drift": 1.0, "time": time})
-        size = {"time": time}
-        shapes.append(
-            kind.Shape(column[None, None], lambda c, s=size: {"drift": float(c[0]), **s}, (0,))
-        )
-    return shapes
-
-
 # A measured input that acts with another size than it says.
 
 
