@@ -1,4 +1,4 @@
-from .arithmetic.rational import is_positive_definite as is_positive_definite
+from .arithmetic.exact import is_positive_definite as is_positive_definite
 from .controllability import Feasibility as Feasibility
 from .controllability import ModeTest as ModeTest
 from .controllability import PbhTest as PbhTest

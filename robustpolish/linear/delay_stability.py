@@ -13,7 +13,7 @@ from scipy import linalg
 from robustpolish.base.arrays import AnyArray, AnyMatrix, AnyVector, Matrix, Vector
 from robustpolish.base.checks import instance_of
 from robustpolish.base.results import Card, Displayed, quantities
-from robustpolish.linear.arithmetic.powers_of_two import refuse_extreme
+from robustpolish.linear.arithmetic.exact import refuse_extreme
 from robustpolish.linear.delayed_systems import (
     MOST_ORDER,
     DelayedSystem,

@@ -21,7 +21,7 @@ from robustpolish.base.checks import (
     whole_number,
 )
 from robustpolish.base.results import Card, Displayed, quantities
-from robustpolish.linear.arithmetic.realisation import realisation
+from robustpolish.linear.arithmetic.exact import realisation
 
 # The Pade approximation of a delay, as a chain of sections that pass all frequencies.
 

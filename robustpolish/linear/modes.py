@@ -16,8 +16,13 @@ from scipy.optimize import linear_sum_assignment
 
 from robustpolish.base.checks import positive
 from robustpolish.base.results import Card, Displayed, Table
-from robustpolish.linear.arithmetic.rational import EXACT_STATES, rational
-from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
+from robustpolish.linear.arithmetic.exact import (
+    EXACT_STATES,
+    Realisation,
+    rational,
+    realisation,
+    rescaled,
+)
 from robustpolish.linear.scaling import equilibrating_scales, in_units, parts_with_states
 from robustpolish.linear.stability import EPS, eigensystem, eigenvalues, pair_text
 from robustpolish.plots.poles import plot_poles

@@ -18,19 +18,17 @@ from scipy.sparse.csgraph import connected_components
 from robustpolish.base.arrays import Matrix, Vector
 from robustpolish.base.checks import described, invalid, matrix, positive, square
 from robustpolish.base.results import Card, Displayed, Table, quantities
-from robustpolish.linear.arithmetic.powers_of_two import (
+from robustpolish.linear.arithmetic.exact import (
     FloatRangeError,
-    range_errors_as_input_errors,
-    refuse_extreme,
-    refuse_out_of_range,
-    scaled,
-)
-from robustpolish.linear.arithmetic.realisation import (
     Realisation,
     named_like,
     power_of_two,
+    range_errors_as_input_errors,
     realisation,
+    refuse_extreme,
+    refuse_out_of_range,
     rescaled,
+    scaled,
     size,
     state_scales,
     typical_rate,

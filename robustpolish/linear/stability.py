@@ -16,8 +16,15 @@ from scipy.linalg import lapack as _lapack
 
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear.arithmetic.balls import precision
-from robustpolish.linear.arithmetic.rational import EXACT_STATES, ExactModel, rational, reachable
-from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
+from robustpolish.linear.arithmetic.exact import (
+    EXACT_STATES,
+    ExactModel,
+    Realisation,
+    rational,
+    reachable,
+    realisation,
+    rescaled,
+)
 from robustpolish.plots.poles import plot_poles
 
 # Eigenvalues in double precision with their errors and the share of each state.

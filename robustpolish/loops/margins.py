@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 
 from robustpolish.base.arrays import AnyMatrix, Vector
 from robustpolish.base.results import Card, Displayed, Table, quantities
-from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
+from robustpolish.linear.arithmetic.exact import Realisation, realisation, rescaled
 from robustpolish.linear.delayed_systems import resolvent_response
 from robustpolish.linear.norms.hinf import cayley, hamiltonian
 from robustpolish.linear.stability import eigensystem

@@ -15,7 +15,7 @@ import scipy.linalg as sla
 from scipy.optimize import brentq, minimize_scalar
 
 from robustpolish.base.arrays import AnyArray, AnyVector, Array, Matrix, Vector
-from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
+from robustpolish.linear.arithmetic.exact import Realisation, realisation, rescaled
 from robustpolish.linear.delayed_systems import DelayedSystem, resolvent_response
 from robustpolish.linear.norms.hinf import HinfNorm, cayley, frequency_grid, hamiltonian, hinf_norm
 from robustpolish.linear.stability import eigensystem

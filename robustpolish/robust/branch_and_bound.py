@@ -18,7 +18,7 @@ from scipy.optimize import nnls
 from robustpolish.base.arrays import AnyArray, Matrix, Vector
 from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic.balls import identity, part, precision
-from robustpolish.linear.arithmetic.rational import fraction
+from robustpolish.linear.arithmetic.exact import fraction
 from robustpolish.robust.loop_model import (
     BITS,
     DeltaStructure,

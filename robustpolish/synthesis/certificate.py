@@ -22,7 +22,7 @@ from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.errors import InfeasibleError
 from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.balls import BallSystem
-from robustpolish.linear.arithmetic.powers_of_two import refuse_extreme
+from robustpolish.linear.arithmetic.exact import refuse_extreme
 from robustpolish.linear.delay_stability import DelayStability, delay_stability
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import HinfNorm, hinf_norm, singular_values

@@ -13,7 +13,7 @@ from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.checks import described, invalid, one_of
 from robustpolish.errors import SolverError
 from robustpolish.implementation.sampled.lifting import border_scale
-from robustpolish.linear.arithmetic.powers_of_two import refuse_extreme
+from robustpolish.linear.arithmetic.exact import refuse_extreme
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.plants.blocks import (
     GivenController,

@@ -7,7 +7,7 @@ import pytest
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
 from robustpolish.linear import is_positive_definite
-from robustpolish.linear.arithmetic import powers_of_two as exponents
+from robustpolish.linear.arithmetic import exact as exponents
 from robustpolish.linear.arithmetic.balls import (
     UndecidedError,
     ball,
@@ -23,8 +23,13 @@ from robustpolish.linear.arithmetic.balls import (
     stabilising_solution,
     zeros,
 )
-from robustpolish.linear.arithmetic.powers_of_two import FloatRangeError, bracket, scaled
-from robustpolish.linear.arithmetic.realisation import Realisation, rescaled
+from robustpolish.linear.arithmetic.exact import (
+    FloatRangeError,
+    Realisation,
+    bracket,
+    rescaled,
+    scaled,
+)
 
 # Matrices that carry proven bounds on their rounding errors.
 

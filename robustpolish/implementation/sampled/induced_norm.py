@@ -15,7 +15,7 @@ import numpy as np
 
 from robustpolish.base.arrays import Matrix
 from robustpolish.implementation.sampled.lifting import Phase, ScaledMap
-from robustpolish.linear.arithmetic.powers_of_two import FloatRangeError
+from robustpolish.linear.arithmetic.exact import FloatRangeError
 
 # Stretches of a loop as maps of state and energy, joined by doubling, in doubles.
 #

@@ -19,9 +19,15 @@ from robustpolish.base.budget import check_deadline, single_threaded_blas
 from robustpolish.base.checks import invalid, positive, source_of
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear.arithmetic.balls import precision
-from robustpolish.linear.arithmetic.powers_of_two import bracket
-from robustpolish.linear.arithmetic.rational import EXACT_STATES, ExactModel, identity
-from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
+from robustpolish.linear.arithmetic.exact import (
+    EXACT_STATES,
+    ExactModel,
+    Realisation,
+    bracket,
+    identity,
+    realisation,
+    rescaled,
+)
 from robustpolish.linear.norms.hinf import singular_values
 from robustpolish.linear.norms.modal_form import ModalForm, modal_form
 from robustpolish.linear.scaling import parts

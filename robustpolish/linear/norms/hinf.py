@@ -22,10 +22,9 @@ from robustpolish.base.arrays import Array, Vector
 from robustpolish.base.budget import check_deadline, single_threaded_blas
 from robustpolish.base.checks import described, invalid, positive, source_of
 from robustpolish.base.results import Card, Displayed, quantities
-from robustpolish.linear.arithmetic import balls, rational
+from robustpolish.linear.arithmetic import balls, exact
 from robustpolish.linear.arithmetic.balls import block
-from robustpolish.linear.arithmetic.powers_of_two import bracket
-from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
+from robustpolish.linear.arithmetic.exact import Realisation, bracket, realisation, rescaled
 from robustpolish.linear.delayed_systems import resolvent_response
 from robustpolish.linear.norms.modal_form import Peak, modal_form
 from robustpolish.linear.scaling import parts
@@ -171,7 +170,7 @@ def _at(model: Realisation, angle: float) -> Vector:
 # The frequencies at which a singular value equals a given gain, in exact arithmetic.
 
 
-def gain_crossings(model: rational.ExactModel, square: fmpq) -> list[fmpq]:
+def gain_crossings(model: exact.ExactModel, square: fmpq) -> list[fmpq]:
     """Return the frequencies x >= 0 at which a singular value of G is the root of `square`.
 
     The Hamiltonian matrix (continuous time) or the symplectic pencil (discrete
@@ -192,7 +191,7 @@ def gain_crossings(model: rational.ExactModel, square: fmpq) -> list[fmpq]:
         Ascending, each to about 128 bits.
     """
     A, B, C, D = model.A, model.B, model.C, model.D
-    n, price = model.states, D.transpose() * D - rational.identity(D.ncols()) * square
+    n, price = model.states, D.transpose() * D - exact.identity(D.ncols()) * square
     if model.discrete:
         nodes = range(n + 1)
         values = [_pencil_determinant(model, price, k) for k in nodes]
@@ -215,14 +214,14 @@ def _square_root(value: fmpq) -> fmpq:
     return fmpq(isqrt((int(value.p) << shift) // int(value.q)), 1 << (shift // 2))
 
 
-def _pencil_determinant(model: rational.ExactModel, price: fmpq_mat, s: int) -> fmpq:
+def _pencil_determinant(model: exact.ExactModel, price: fmpq_mat, s: int) -> fmpq:
     """Return the determinant of the symplectic pencil at s = (z - 1)/(z + 1).
 
     The unknowns are state, co-state and input; the rows of the states are multiplied by 1 - s.
     """
     check_deadline()
     A, B, C, D = model.A, model.B, model.C, model.D
-    n, one, Ct = model.states, rational.identity(model.states), model.C.transpose()
+    n, one, Ct = model.states, exact.identity(model.states), model.C.transpose()
     At, none = A.transpose(), fmpq_mat(n, n)
     up, down = 1 - s, 1 + s
     rows = [
@@ -368,7 +367,7 @@ def certified_peak(
     model: Realisation,
     tolerance: float,
     exact: bool,
-    exact_model: rational.ExactModel | None = None,
+    exact_model: exact.ExactModel | None = None,
     spectrum: Eigensystem | None = None,
 ) -> Peak:
     """Find and bracket the peak of a stable, rescaled system.
@@ -392,11 +391,11 @@ def certified_peak(
         if not exact or found.upper <= (1 + max(tolerance, 1e-6)) * found.lower:
             return found
         if model.states > EXACT_AT_MOST:  # in ball arithmetic, where doubles leave it uncertain
-            at = rational.fraction(found.frequency) if math.isfinite(found.frequency) else None
-            gain = _gain(rational.ExactModel.of(model), at)
+            at = exact.fraction(found.frequency) if math.isfinite(found.frequency) else None
+            gain = _gain(exact.ExactModel.of(model), at)
             upper = found.upper if found.upper > gain else math.inf
             return found._replace(gain=gain, lower=gain * (1 - 1e-14), upper=upper)
-    return _proven(exact_model or rational.ExactModel.of(model), frequency * search.time, tolerance)
+    return _proven(exact_model or exact.ExactModel.of(model), frequency * search.time, tolerance)
 
 
 def _modal(model: Realisation, spectrum: Eigensystem, tolerance: float, exact: bool) -> Peak | None:
@@ -421,13 +420,13 @@ def _modal(model: Realisation, spectrum: Eigensystem, tolerance: float, exact: b
     return found and found._replace(proof=f"every frequency covered, {errors}")
 
 
-def _proven(model: rational.ExactModel, start: float, tolerance: float) -> Peak:
+def _proven(model: exact.ExactModel, start: float, tolerance: float) -> Peak:
     """Raise the gain by exact crossings until the upper bound has none."""
 
     def highest(places: Iterable[fmpq | None]) -> tuple[float, fmpq | None]:
         return max(((_gain(model, x), x) for x in places), key=lambda pair: pair[0])
 
-    gain, at = highest([rational.fraction(start) if math.isfinite(start) else None])
+    gain, at = highest([exact.fraction(start) if math.isfinite(start) else None])
     if gain == 0 and model.is_zero():
         return Peak(0.0, 0.0, 0.0, 0.0, "the transfer function is zero")
     trial: list[fmpq | None] = [fmpq(0), None]
@@ -442,7 +441,7 @@ def _proven(model: rational.ExactModel, start: float, tolerance: float) -> Peak:
         elif touching:  # the gain only touches the last bound, at a crossing
             gain, at = highest(touching)
         bound = gain * (1 + tolerance)
-        found = gain_crossings(model, rational.fraction(bound) ** 2)
+        found = gain_crossings(model, exact.fraction(bound) ** 2)
         if not found:
             for a, b in pairwise(touching):
                 # A search from far away ends when its bracket is narrow, not at the top.
@@ -477,23 +476,23 @@ def _between(low: fmpq, high: fmpq) -> list[fmpq]:
     bottom, octaves = float(arb(low)), math.log2(float(arb(high)) / float(arb(low)))
     count = min(math.ceil(octaves), _MOST_BETWEEN)
     steps = octaves * np.arange(1, count + 1) / (count + 1)
-    return middle + [rational.fraction(bottom * 2.0**step) for step in steps]
+    return middle + [exact.fraction(bottom * 2.0**step) for step in steps]
 
 
-def _climbed(model: rational.ExactModel, low: fmpq, high: fmpq) -> fmpq:
+def _climbed(model: exact.ExactModel, low: fmpq, high: fmpq) -> fmpq:
     """Climb between two crossings, for gains take far less time than determinants."""
     ends = [math.log(max(float(arb(end)), 1e-300)) for end in (low, high)]
     found: Any = minimize_scalar(
-        lambda x: -_gain(model, rational.fraction(math.exp(x))),
+        lambda x: -_gain(model, exact.fraction(math.exp(x))),
         bounds=ends,
         method="bounded",
         options={"xatol": 1e-7 * (ends[1] - ends[0]), "maxiter": _MOST_CLIMBING},
     )
-    return rational.fraction(math.exp(found.x))
+    return exact.fraction(math.exp(found.x))
 
 
-def _gain(model: rational.ExactModel, x: fmpq | None) -> float:
-    G, scale = rational.transfer(model, x)
+def _gain(model: exact.ExactModel, x: fmpq | None) -> float:
+    G, scale = exact.transfer(model, x)
     return float(np.linalg.norm(G, 2)) * scale
 
 
@@ -711,7 +710,7 @@ def _part_norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:
     seen = stable_part(model, verdict)
     if seen is None:
         return HinfNorm(math.inf, math.nan, math.inf, math.inf, False, verdict.reason)
-    A, B, C, D = map(rational.to_float, (seen.A, seen.B, seen.C, seen.D))
+    A, B, C, D = map(exact.to_float, (seen.A, seen.B, seen.C, seen.D))
     found = certified_peak(Realisation(A, B, C, D, model.discrete), tolerance, True, seen)
     reason = f"{verdict.reason}, but hidden from the inputs or outputs: not internally stable"
     return replace(_in_units(model, found), stable=False, reason=reason)

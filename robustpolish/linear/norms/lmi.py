@@ -22,8 +22,14 @@ from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import invalid, misfit, one_of
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear.arithmetic.balls import bounded_real, is_definite
-from robustpolish.linear.arithmetic.rational import ExactModel, fraction, rational
-from robustpolish.linear.arithmetic.realisation import Realisation, power_of_two, realisation
+from robustpolish.linear.arithmetic.exact import (
+    ExactModel,
+    Realisation,
+    fraction,
+    power_of_two,
+    rational,
+    realisation,
+)
 from robustpolish.linear.norms.hinf import largest_response
 from robustpolish.linear.scaling import equilibrating_scales, in_units, parts_with_indices
 

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robustpolish.base.arrays import AnyArray, Matrix, Vector
-from robustpolish.linear.arithmetic.realisation import Realisation, size
+from robustpolish.linear.arithmetic.exact import Realisation, size
 from robustpolish.linear.stability import EPS, Eigensystem
 
 # Products of matrices with more digits than doubles have, and bounds of their errors.

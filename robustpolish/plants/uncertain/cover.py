@@ -16,7 +16,7 @@ from scipy.optimize import linprog
 from robustpolish.base.arrays import AnyArray, AnyVector, Matrix, Vector
 from robustpolish.base.checks import described, invalid, one_of, whole_number
 from robustpolish.base.results import Card, Displayed, quantities
-from robustpolish.linear.arithmetic.powers_of_two import refuse_extreme
+from robustpolish.linear.arithmetic.exact import refuse_extreme
 from robustpolish.linear.norms.hinf import frequency_grid
 from robustpolish.linear.systems import of_roots
 from robustpolish.plants.blocks import as_response, as_state_space

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from robustpolish.base.arrays import AnyArray, Array, Vector
 from robustpolish.base.arrays import AnyMatrix as Matrix
-from robustpolish.linear.arithmetic.realisation import power_of_two
+from robustpolish.linear.arithmetic.exact import power_of_two
 from robustpolish.plants.blocks import named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.system import UncertainSystem

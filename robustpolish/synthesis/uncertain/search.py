@@ -18,7 +18,7 @@ from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget, step_cost
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.implementation.reduction import Reducer
-from robustpolish.linear.arithmetic.realisation import state_scales
+from robustpolish.linear.arithmetic.exact import state_scales
 from robustpolish.plants.blocks import matrices_of, named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.robust.loop_model import DeltaStructure
