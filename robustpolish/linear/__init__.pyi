@@ -8,8 +8,6 @@ from .controllability import is_stabilizable as is_stabilizable
 from .controllability import observability as observability
 from .delay_stability import DelayStability as DelayStability
 from .delay_stability import delay_stability as delay_stability
-from .delayed_systems import DelayedSystem as DelayedSystem
-from .delayed_systems import DelayLine as DelayLine
 from .modes import AxisZero as AxisZero
 from .modes import Mode as Mode
 from .modes import Modes as Modes
@@ -35,6 +33,8 @@ from .scaling import prescale as prescale
 from .scaling import scale_system as scale_system
 from .stability import Stability as Stability
 from .stability import stability as stability
+from .systems import DelayedSystem as DelayedSystem
+from .systems import DelayLine as DelayLine
 
 __all__ = [
     "AxisZero",

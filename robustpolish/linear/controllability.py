@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.base.checks import described, invalid, matrix, positive, square
 from robustpolish.base.results import Card, Displayed, Table
-from robustpolish.linear.arithmetic.exact import EXACT_STATES, Realisation, rational, realisation
+from robustpolish.linear.arithmetic.exact import EXACT_STATES, rational
 from robustpolish.linear.scaling import decoupled_blocks, equilibrating_scales, in_units
 from robustpolish.linear.stability import (
     EPS,
@@ -23,6 +23,7 @@ from robustpolish.linear.stability import (
     poles_by_side,
     unreachable_poles,
 )
+from robustpolish.linear.systems import Realisation, realisation
 from robustpolish.plots.charts import plot_bars
 
 Kind = Literal["controllability", "observability"]

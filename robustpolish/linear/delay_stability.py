@@ -14,7 +14,8 @@ from robustpolish.base.arrays import AnyArray, AnyMatrix, AnyVector, Matrix, Vec
 from robustpolish.base.checks import instance_of
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear.arithmetic.exact import refuse_extreme
-from robustpolish.linear.delayed_systems import (
+from robustpolish.linear.norms.hinf import around_resonances
+from robustpolish.linear.systems import (
     MOST_ORDER,
     DelayedSystem,
     DelayLine,
@@ -22,7 +23,6 @@ from robustpolish.linear.delayed_systems import (
     pade_sections,
     resolvent_response,
 )
-from robustpolish.linear.norms.hinf import around_resonances
 from robustpolish.plots.poles import plot_poles
 
 # The rightmost characteristic roots of a system with delays, each with its residual.

@@ -16,15 +16,10 @@ from scipy.optimize import linear_sum_assignment
 
 from robustpolish.base.checks import positive
 from robustpolish.base.results import Card, Displayed, Table
-from robustpolish.linear.arithmetic.exact import (
-    EXACT_STATES,
-    Realisation,
-    rational,
-    realisation,
-    rescaled,
-)
+from robustpolish.linear.arithmetic.exact import EXACT_STATES, rational, rescaled
 from robustpolish.linear.scaling import equilibrating_scales, in_units, parts_with_states
 from robustpolish.linear.stability import EPS, eigensystem, eigenvalues, pair_text
+from robustpolish.linear.systems import Realisation, realisation
 from robustpolish.plots.poles import plot_poles
 
 

@@ -20,11 +20,9 @@ from robustpolish.base.checks import described, invalid, matrix, positive, squar
 from robustpolish.base.results import Card, Displayed, Table, quantities
 from robustpolish.linear.arithmetic.exact import (
     FloatRangeError,
-    Realisation,
     named_like,
     power_of_two,
     range_errors_as_input_errors,
-    realisation,
     refuse_extreme,
     refuse_out_of_range,
     rescaled,
@@ -34,6 +32,7 @@ from robustpolish.linear.arithmetic.exact import (
     typical_rate,
 )
 from robustpolish.linear.stability import EPS
+from robustpolish.linear.systems import Realisation, realisation
 from robustpolish.plots.charts import plot_bars
 from robustpolish.plots.frequency import plot_over_frequency
 

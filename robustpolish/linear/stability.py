@@ -19,12 +19,11 @@ from robustpolish.linear.arithmetic.balls import precision
 from robustpolish.linear.arithmetic.exact import (
     EXACT_STATES,
     ExactModel,
-    Realisation,
     rational,
     reachable,
-    realisation,
     rescaled,
 )
+from robustpolish.linear.systems import Realisation, realisation
 from robustpolish.plots.poles import plot_poles
 
 # Eigenvalues in double precision with their errors and the share of each state.

@@ -15,10 +15,9 @@ import numpy as np
 from robustpolish.base.arrays import AnyArray, AnyVector, Vector
 from robustpolish.base.checks import instance_of, invalid, misfit, whole_number
 from robustpolish.linear.delay_stability import delay_stability
-from robustpolish.linear.delayed_systems import DelayedSystem, resolvent_response
 from robustpolish.linear.norms.hinf import HinfNorm
 from robustpolish.linear.stability import Stability, stability
-from robustpolish.linear.systems import is_system
+from robustpolish.linear.systems import DelayedSystem, is_system, resolvent_response
 from robustpolish.loops.response import (
     DelayedLoop,
     DelayedResponse,

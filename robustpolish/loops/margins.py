@@ -14,10 +14,10 @@ from scipy.optimize import minimize
 
 from robustpolish.base.arrays import AnyMatrix, Vector
 from robustpolish.base.results import Card, Displayed, Table, quantities
-from robustpolish.linear.arithmetic.exact import Realisation, realisation, rescaled
-from robustpolish.linear.delayed_systems import resolvent_response
-from robustpolish.linear.norms.hinf import cayley, hamiltonian
+from robustpolish.linear.arithmetic.exact import rescaled
+from robustpolish.linear.norms.hinf import cayley
 from robustpolish.linear.stability import eigensystem
+from robustpolish.linear.systems import Realisation, hamiltonian, realisation, resolvent_response
 from robustpolish.loops.disk_margins import DelayedIntervals, DiskMargin, decibel, disk_of
 from robustpolish.loops.loop import Loop, MeasuredLoop, Place
 from robustpolish.loops.pictures import plot_loops

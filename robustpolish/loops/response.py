@@ -15,10 +15,16 @@ import scipy.linalg as sla
 from scipy.optimize import brentq, minimize_scalar
 
 from robustpolish.base.arrays import AnyArray, AnyVector, Array, Matrix, Vector
-from robustpolish.linear.arithmetic.exact import Realisation, realisation, rescaled
-from robustpolish.linear.delayed_systems import DelayedSystem, resolvent_response
-from robustpolish.linear.norms.hinf import HinfNorm, cayley, frequency_grid, hamiltonian, hinf_norm
+from robustpolish.linear.arithmetic.exact import rescaled
+from robustpolish.linear.norms.hinf import HinfNorm, cayley, frequency_grid, hinf_norm
 from robustpolish.linear.stability import eigensystem
+from robustpolish.linear.systems import (
+    DelayedSystem,
+    Realisation,
+    hamiltonian,
+    realisation,
+    resolvent_response,
+)
 
 _BATCH = 1024
 # Up to so many states an elimination at every frequency is quick.

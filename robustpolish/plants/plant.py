@@ -25,7 +25,7 @@ from robustpolish.base.checks import (
 )
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.base.saved import Fields, read_saved, write_saved
-from robustpolish.linear.delayed_systems import DelayLine
+from robustpolish.linear.systems import DelayLine
 from robustpolish.plants import blocks
 from robustpolish.plants.wired import WiredPlant, Wiring
 

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import described, instance_of, invalid, misfit, positive, whole_number
-from robustpolish.linear.delayed_systems import (
+from robustpolish.linear.systems import (
     DelayedSystem,
     DelayLine,
     Section,

@@ -15,7 +15,8 @@ import numpy as np
 from robustpolish.base.arrays import AnyArray, AnyMatrix, Matrix, Vector
 from robustpolish.base.checks import described, invalid
 from robustpolish.linear.arithmetic.balls import ball, cayley, midpoint, precision, scaled
-from robustpolish.linear.arithmetic.exact import Realisation, power_of_two, size, typical_rate
+from robustpolish.linear.arithmetic.exact import power_of_two, size, typical_rate
+from robustpolish.linear.systems import Realisation
 from robustpolish.plants.uncertain.lft import RealElement, UncertainBlock
 from robustpolish.plants.uncertain.system import UncertainSystem
 

@@ -23,13 +23,8 @@ from robustpolish.linear.arithmetic.balls import (
     stabilising_solution,
     zeros,
 )
-from robustpolish.linear.arithmetic.exact import (
-    FloatRangeError,
-    Realisation,
-    bracket,
-    rescaled,
-    scaled,
-)
+from robustpolish.linear.arithmetic.exact import FloatRangeError, bracket, rescaled, scaled
+from robustpolish.linear.systems import Realisation
 
 # Matrices that carry proven bounds on their rounding errors.
 

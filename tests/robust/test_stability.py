@@ -5,7 +5,7 @@ from scipy.linalg import block_diag
 
 import robustpolish as rp
 from robustpolish.linear.arithmetic.balls import BallSystem, complex_ball, precision
-from robustpolish.linear.arithmetic.exact import Realisation
+from robustpolish.linear.systems import Realisation
 from robustpolish.robust.loop_model import read_structure
 from robustpolish.robust.scalings import (
     BallScalings,

@@ -18,7 +18,7 @@ from robustpolish.base.arrays import AnyMatrix, Matrix, nearest_exponent
 from robustpolish.base.checks import described, invalid, square
 from robustpolish.errors import InvalidInputError
 from robustpolish.linear.arithmetic.balls import is_definite, precision, transfer_matrix
-from robustpolish.linear.systems import as_system
+from robustpolish.linear.systems import Realisation
 
 # Powers of two as factors that round nothing, and the refusal where doubles end.
 #
@@ -210,60 +210,6 @@ def refuse_out_of_range(*matrices: Any) -> None:
 
 
 _lapack: Any = lapack
-
-
-@dataclass(frozen=True, eq=False)
-class Realisation:
-    """The matrices of a system in scaled units, and how to come back.
-
-    Attributes
-    ----------
-    A, B, C, D : ndarray
-        Scaled matrices; every scale is a power of two, so they are exact.
-    discrete : bool
-        True for discrete time.
-    step : float
-        Sampling time in s (1 if none was given); 1 in continuous time.
-    time : float
-        Scaled frequency times `time` is rad/s; 1 in discrete time.
-    gain : float
-        Scaled gain times `gain` is the gain of the original system.
-    source : control.StateSpace or None
-        What :func:`realisation` read.
-    """
-
-    A: Matrix
-    B: Matrix
-    C: Matrix
-    D: Matrix
-    discrete: bool
-    step: float = 1.0
-    time: float = 1.0
-    gain: float = 1.0
-    source: Any = None
-
-    @property
-    def states(self) -> int:
-        """Number of states."""
-        return self.A.shape[0]
-
-    @property
-    def matrices(self) -> dict[str, Matrix]:
-        """A, B, C and D by name."""
-        return {"A": self.A, "B": self.B, "C": self.C, "D": self.D}
-
-
-def realisation(argument: str, system: Any) -> Realisation:
-    """Read a system of any kind; an unspecified `dt` means continuous time."""
-    system = as_system(argument, system)
-    n, m, p = system.nstates, system.ninputs, system.noutputs
-    discrete = bool(system.isdtime(strict=True))
-    step = 1.0 if system.dt is None or system.dt is True or not discrete else float(system.dt)
-    shapes = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
-    A, B, C, D = (
-        np.array(getattr(system, name), dtype=float).reshape(s) for name, s in shapes.items()
-    )
-    return Realisation(A, B, C, D, discrete, step, source=system)
 
 
 def named_like(

@@ -22,16 +22,15 @@ from robustpolish.linear.arithmetic.balls import precision
 from robustpolish.linear.arithmetic.exact import (
     EXACT_STATES,
     ExactModel,
-    Realisation,
     bracket,
     identity,
-    realisation,
     rescaled,
 )
 from robustpolish.linear.norms.hinf import singular_values
 from robustpolish.linear.norms.modal_form import ModalForm, modal_form
 from robustpolish.linear.scaling import parts
 from robustpolish.linear.stability import EPS, eigensystem, stability_of, stable_part
+from robustpolish.linear.systems import Realisation, realisation
 from robustpolish.plots.frequency import plot_gains
 
 # The square of the H2 norm with bounds, in double precision or in ball arithmetic.

@@ -18,14 +18,13 @@ from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
-from robustpolish.base.arrays import Array, Vector
+from robustpolish.base.arrays import Vector
 from robustpolish.base.budget import check_deadline, single_threaded_blas
 from robustpolish.base.checks import described, invalid, positive, source_of
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear.arithmetic import balls, exact
 from robustpolish.linear.arithmetic.balls import block
-from robustpolish.linear.arithmetic.exact import Realisation, bracket, realisation, rescaled
-from robustpolish.linear.delayed_systems import resolvent_response
+from robustpolish.linear.arithmetic.exact import bracket, rescaled
 from robustpolish.linear.norms.modal_form import Peak, modal_form
 from robustpolish.linear.scaling import parts
 from robustpolish.linear.stability import (
@@ -36,6 +35,7 @@ from robustpolish.linear.stability import (
     stability_of,
     stable_part,
 )
+from robustpolish.linear.systems import Realisation, hamiltonian, realisation, resolvent_response
 from robustpolish.plots.frequency import plot_gains
 
 # Frequencies that show what a system does: an even background, and points at every resonance.
@@ -298,25 +298,6 @@ def _seeds(poles: NDArray[np.complex128]) -> Vector:
     damping = np.divide(poles.real, radius, out=np.ones_like(radius), where=radius > 0)
     resonance = radius * np.sqrt(np.clip(1 - 2 * damping**2, 0, None))
     return np.unique(np.concatenate([[0.0, np.inf], radius, np.abs(poles.imag), resonance]))
-
-
-@np.errstate(over="ignore", invalid="ignore")
-def hamiltonian(model: Realisation, gamma: float) -> Array | None:
-    """Return the matrix whose imaginary eigenvalues are crossings; None at the gain of D.
-
-    Entries beyond doubles are infinite.
-    """
-    A, B, C, D = model.A, model.B, model.C, model.D
-    if not D.any():
-        return np.block([[A, B @ B.T / gamma], [-(C.T @ C) / gamma, -A.T]])
-    R = gamma * gamma * np.eye(B.shape[1]) - D.T @ D
-    try:
-        X = np.linalg.solve(R, np.hstack([D.T @ C, B.T]))
-    except np.linalg.LinAlgError:
-        return None
-    RDC, RB = X[:, : A.shape[0]], X[:, A.shape[0] :]
-    closed = A + B @ RDC
-    return np.block([[closed, gamma * B @ RB], [-(C.T @ (C + D @ RDC)) / gamma, -closed.T]])
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what has no size has no near eigenvalues

@@ -19,7 +19,7 @@ from robustpolish.base.arrays import AnyArray, Array, Matrix
 from robustpolish.base.checks import closest_name_remedy, described, invalid, misfit, one_of
 from robustpolish.base.results import Card, Table
 from robustpolish.errors import RobustPolishWarning
-from robustpolish.linear.delayed_systems import resolvent_response
+from robustpolish.linear.systems import resolvent_response
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import SignalSlope
 from robustpolish.machines.mechanical.data import (

@@ -14,9 +14,8 @@ from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.arrays import Vector
 from robustpolish.base.budget import step_cost
-from robustpolish.linear.arithmetic.exact import Realisation
-from robustpolish.linear.delayed_systems import resolvent_response
-from robustpolish.linear.norms.hinf import cayley, hamiltonian
+from robustpolish.linear.norms.hinf import cayley
+from robustpolish.linear.systems import Realisation, hamiltonian, resolvent_response
 from robustpolish.synthesis.nonsmooth.descent import ActivePiece, Measure
 from robustpolish.synthesis.problem.matrices import PlantMatrices, StaticLoop, close_static_loop
 

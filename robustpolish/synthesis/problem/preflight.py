@@ -18,10 +18,11 @@ from robustpolish.base.checks import described, invalid
 from robustpolish.errors import InfeasibleError
 from robustpolish.implementation.reduction import balancing_projection, own_gramians
 from robustpolish.linear.arithmetic import exact
-from robustpolish.linear.arithmetic.exact import EXACT_STATES, ExactModel, realisation, to_float
+from robustpolish.linear.arithmetic.exact import EXACT_STATES, ExactModel, to_float
 from robustpolish.linear.controllability import controllability
 from robustpolish.linear.modes import AxisZero, zeros_on_axis
 from robustpolish.linear.scaling import decoupled_blocks
+from robustpolish.linear.systems import realisation
 from robustpolish.plants.blocks import matrices_of, named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import NOISE_PREFIX

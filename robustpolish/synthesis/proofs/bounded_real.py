@@ -17,10 +17,10 @@ from robustpolish.base.arrays import Array
 from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.balls import Ball, BallSystem, bounded_real, is_definite
-from robustpolish.linear.arithmetic.exact import Realisation, size
-from robustpolish.linear.norms.hinf import hamiltonian
+from robustpolish.linear.arithmetic.exact import size
 from robustpolish.linear.norms.modal_form import Peak, modal_form
 from robustpolish.linear.stability import eigensystem
+from robustpolish.linear.systems import Realisation, hamiltonian
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.problem.matrices import balancing_scale
 from robustpolish.synthesis.proofs.frequency_response import responses

@@ -12,7 +12,7 @@ from scipy import linalg
 
 from robustpolish.base.arrays import AnyArray, Vector
 from robustpolish.base.arrays import AnyMatrix as Matrix
-from robustpolish.linear.delayed_systems import resolvent_response
+from robustpolish.linear.systems import resolvent_response
 
 # For more frequencies at once the Schur form pays.
 _FEW = 4
