@@ -91,12 +91,6 @@ from .identification.tell_apart import (
 from .identification.trial import (
     try_effect as try_effect,
 )
-from .linear.controllability import (
-    controllability as controllability,
-)
-from .linear.controllability import (
-    observability as observability,
-)
 from .linear.modes import (
     modes as modes,
 )
@@ -108,6 +102,12 @@ from .linear.norms.hinf import (
 )
 from .linear.norms.hinf import (
     singular_values as singular_values,
+)
+from .linear.stability import (
+    controllability as controllability,
+)
+from .linear.stability import (
+    observability as observability,
 )
 from .loading import (
     load as load,

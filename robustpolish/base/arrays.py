@@ -28,6 +28,9 @@ AnyMatrix = NDArray[Any]
 AnyVector = NDArray[Any]
 """Numbers of any kind along one axis, real or complex."""
 
+EPS = float(np.finfo(float).eps)
+"""Spacing of doubles at one."""
+
 MOST_EXPONENT = 1000
 """Of powers of two that anything is scaled by."""
 

@@ -11,9 +11,9 @@ import numpy as np
 from scipy import linalg
 
 from robustpolish.base.arrays import Matrix, Vector
-from robustpolish.implementation.sampled.induced_norm import square_root
-from robustpolish.implementation.sampled.lifting import border_scale, named_like
-from robustpolish.linear.norms.h2 import lyapunov_solution
+from robustpolish.linear.scaling import border_scale
+from robustpolish.linear.stability import lyapunov_solution, square_root
+from robustpolish.linear.systems import named_like
 from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from robustpolish.base.arrays import (
+    EPS,
     AnyArray,
     AnyVector,
     Array,
@@ -515,7 +516,7 @@ class DelayedSystem(Displayed):
         m, p = B.shape[1] - k, C.shape[0] - k
         Ap, Bp, Cp, Dp = pade_sections(self.lines)
         inner = np.eye(k) - Dp @ D[p:, m:]
-        if k and np.linalg.cond(inner) > 1 / np.finfo(float).eps:
+        if k and np.linalg.cond(inner) > 1 / EPS:
             shown = described("a loop without solution at infinite frequency")
             raise invalid("system", shown, "a well-posed loop", "Use another order of the Pade.")
         # d = inner^-1 (Cp xp + Dp (C x + D_vw w))
@@ -653,3 +654,25 @@ def hamiltonian(model: Realisation, gamma: float) -> Array | None:
     RDC, RB = X[:, : A.shape[0]], X[:, A.shape[0] :]
     closed = A + B @ RDC
     return np.block([[closed, gamma * B @ RB], [-(C.T @ (C + D @ RDC)) / gamma, -closed.T]])
+
+
+def named_like(
+    system: control.StateSpace, matrices: Any, dt: float | bool | None
+) -> control.StateSpace:
+    """Return the system of these matrices with the inputs and outputs of another.
+
+    Parameters
+    ----------
+    system : control.StateSpace
+        Gives the names, those of its states only if there are as many.
+    matrices : sequence of ndarray
+    dt : float, True or None
+
+    Returns
+    -------
+    control.StateSpace
+    """
+    n = len(matrices[0])
+    states = system.state_labels if n == system.nstates else [f"x[{i}]" for i in range(n)]
+    time = 0 if dt is None else dt
+    return named_system(matrices, time, system.input_labels, system.output_labels, states)

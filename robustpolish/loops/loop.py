@@ -12,7 +12,7 @@ from typing import Any, Literal
 import control
 import numpy as np
 
-from robustpolish.base.arrays import AnyArray, AnyVector, Vector
+from robustpolish.base.arrays import EPS, AnyArray, AnyVector, Vector
 from robustpolish.base.checks import instance_of, invalid, misfit, whole_number
 from robustpolish.linear.delay_stability import delay_stability
 from robustpolish.linear.norms.hinf import HinfNorm
@@ -362,7 +362,7 @@ class Loop(BreakableLoop):
     def well_posed(self) -> bool:
         """Tell whether the algebraic part of the loop has a solution."""
         D, Dk = self.plant_matrices[3], self.controller_matrices[3]
-        return bool(np.linalg.cond(np.eye(D.shape[1]) - Dk @ D) < 1 / np.finfo(float).eps)
+        return bool(np.linalg.cond(np.eye(D.shape[1]) - Dk @ D) < 1 / EPS)
 
 
 def from_to(

@@ -11,7 +11,7 @@ import xarray as xr
 from scipy import optimize
 from scipy.linalg import expm, matrix_balance
 
-from robustpolish.base.arrays import Matrix, Vector
+from robustpolish.base.arrays import EPS, Matrix, Vector
 from robustpolish.base.checks import described, invalid
 from robustpolish.base.jit import njit
 from robustpolish.errors import SolverError
@@ -88,7 +88,7 @@ class LinearMachine:
         """
         # Balanced, for springs of 1e8 N/m and dampers of 1e-2 N s/m stand side by side.
         balanced, (scaling, _) = matrix_balance(self.A, permute=False, separate=True)
-        if np.linalg.cond(balanced) > 1.0 / np.finfo(float).eps:
+        if np.linalg.cond(balanced) > 1.0 / EPS:
             shown = described("a loop that does not come to rest under a steady force")
             expected = "one without a pole at zero"
             raise invalid("design", shown, expected, "Add a stiffness to what can drift away.")

@@ -9,12 +9,13 @@ import control
 import numpy as np
 from scipy import linalg
 
+from robustpolish.base.arrays import EPS
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.checks import described, invalid, one_of
 from robustpolish.errors import SolverError
-from robustpolish.implementation.sampled.lifting import border_scale
 from robustpolish.linear.arithmetic.exact import refuse_extreme
 from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.linear.scaling import border_scale
 from robustpolish.plants.blocks import (
     GivenController,
     as_state_space,
@@ -27,9 +28,9 @@ from robustpolish.synthesis.problem.matrices import (
     SystemMatrices,
     cayley,
     in_series,
+    solve_riccati,
 )
 from robustpolish.synthesis.problem.preflight import check_solvability
-from robustpolish.synthesis.riccati.gamma import solve_riccati
 
 
 class Coprime(NamedTuple):
@@ -123,7 +124,7 @@ def coprime(plant: GeneralizedPlant) -> Coprime:
     t = border_scale(A, into, out)
     A, B, C = A * t / t[:, None], B / t[:, None], C * t
     S, R = np.eye(B.shape[1]) + D.T @ D, np.eye(len(C)) + D @ D.T
-    if max(np.linalg.cond(S), np.linalg.cond(R)) > 1 / np.finfo(float).eps:
+    if max(np.linalg.cond(S), np.linalg.cond(R)) > 1 / EPS:
         raise SolverError(
             "The normalised coprime factors are lost in rounding: the plant passes its inputs on "
             f"directly with gains up to {np.abs(D).max():.3g}. Choose other units for the signals."

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.linear.modes import modes, zeros_on_axis
+from robustpolish.linear.modes import modes
+from robustpolish.linear.norms.hinf import zeros_on_axis
 from robustpolish.linear.stability import (
     stability,
 )

@@ -11,7 +11,7 @@ from output_tasks import unstable_lag
 import robustpolish as rp
 from robustpolish.base.budget import Budget
 from robustpolish.synthesis import driver
-from robustpolish.synthesis.engine import Candidate, Engine, Settings
+from robustpolish.synthesis.driver import Candidate, Engine, Settings
 from robustpolish.synthesis.problem.matrices import Controller
 from robustpolish.synthesis.problem.preflight import check_solvability
 from tests.times import computing_time

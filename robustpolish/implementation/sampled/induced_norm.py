@@ -16,6 +16,7 @@ import numpy as np
 from robustpolish.base.arrays import Matrix
 from robustpolish.implementation.sampled.lifting import Phase, ScaledMap
 from robustpolish.linear.arithmetic.exact import FloatRangeError
+from robustpolish.linear.stability import square_root
 
 # Stretches of a loop as maps of state and energy, joined by doubling, in doubles.
 #
@@ -305,9 +306,3 @@ def _gains(section: EnergySection, angles: np.ndarray) -> np.ndarray:
     shifted = np.exp(1j * angles)[:, None, None] * np.eye(len(section.A)) - section.A
     states = np.linalg.solve(shifted, np.broadcast_to(reach, (angles.size, *reach.shape)))
     return np.linalg.svd(see @ states, compute_uv=False)[:, 0]
-
-
-def square_root(M: Matrix, floor: float = 0.0) -> Matrix:
-    """Return R with R R' = M, symmetric, eigenvalues raised to a share of the largest."""
-    values, vectors = np.linalg.eigh((M + M.T) / 2)
-    return vectors * np.sqrt(np.maximum(values, floor * values[-1:]))

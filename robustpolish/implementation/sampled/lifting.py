@@ -14,6 +14,7 @@ from scipy import linalg
 from robustpolish.base.arrays import Matrix, Vector
 from robustpolish.base.checks import misfit
 from robustpolish.errors import InvalidInputError
+from robustpolish.linear.scaling import border_scale
 from robustpolish.plants.blocks import matrices_of, named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import Wiring
@@ -122,28 +123,6 @@ def _without_line_delay(wiring: Wiring, line: int) -> Wiring:
 
 
 # A controller of other matrices with the same signals.
-
-
-def named_like(
-    system: control.StateSpace, matrices: Any, dt: float | bool | None
-) -> control.StateSpace:
-    """Return the system of these matrices with the inputs and outputs of another.
-
-    Parameters
-    ----------
-    system : control.StateSpace
-        Gives the names, those of its states only if there are as many.
-    matrices : sequence of ndarray
-    dt : float, True or None
-
-    Returns
-    -------
-    control.StateSpace
-    """
-    n = len(matrices[0])
-    states = system.state_labels if n == system.nstates else [f"x[{i}]" for i in range(n)]
-    time = 0 if dt is None else dt
-    return named_system(matrices, time, system.input_labels, system.output_labels, states)
 
 
 # One period of a sampled loop: the flow between two samples, and what happens at a sample.
@@ -380,28 +359,3 @@ def scaled(found: PeriodMap) -> ScaledMap:
     sample = border_scale(back, np.abs(M).max(axis=1), np.abs(L).max(axis=0))
     rows = sample[:, None]
     return ScaledMap(found, flow, sample, phases, L * sample, N * sample / rows, M / rows)
-
-
-def border_scale(A: Matrix, reach: Vector, seen: Vector) -> Vector:
-    """Return powers of two that balance A with all inputs and all outputs as one more state.
-
-    Parameters
-    ----------
-    A : ndarray, shape (n, n)
-    reach, seen : ndarray, shape (n,)
-        Sizes of the rows of B and of the columns of C.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
-    n = A.shape[0]
-    size = np.zeros((n + 1, n + 1))
-    size[:n, :n], size[:n, n], size[n, :n] = np.abs(A), reach, seen
-    if not n or not np.isfinite(size).all():
-        return np.ones(n)
-    # SciPy casts permutation indices that were never set, and may complain about their values.
-    with np.errstate(invalid="ignore"):
-        _, (scale, _) = linalg.matrix_balance(size, permute=False, separate=True)
-    found = np.asarray(scale, dtype=float)
-    return found[:n] / found[n]

@@ -8,13 +8,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-import control
 import numpy as np
 from flint import acb, arb, arb_mat, fmpq, fmpq_mat, fmpz, fmpz_mat, nmod, nmod_mat
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import lapack
 
-from robustpolish.base.arrays import AnyMatrix, Matrix, nearest_exponent
+from robustpolish.base.arrays import EPS, AnyMatrix, Matrix, nearest_exponent
 from robustpolish.base.checks import described, invalid, square
 from robustpolish.errors import InvalidInputError
 from robustpolish.linear.arithmetic.balls import is_definite, precision, transfer_matrix
@@ -212,15 +211,6 @@ def refuse_out_of_range(*matrices: Any) -> None:
 _lapack: Any = lapack
 
 
-def named_like(
-    system: control.StateSpace, A: Matrix, B: Matrix, C: Matrix, D: Matrix
-) -> control.StateSpace:
-    """Return a system of these matrices with the sampling time and names of another."""
-    kinds = ("state", "input", "output")
-    names: dict[str, Any] = {f"{kind}s": getattr(system, f"{kind}_labels") for kind in kinds}
-    return control.StateSpace(A, B, C, D, system.dt, remove_useless_states=False, **names)
-
-
 def power_of_two(value: float) -> float:
     """Return the power of two nearest to a positive `value`; 1 for zero and infinity."""
     return 2.0 ** nearest_exponent(value)
@@ -320,7 +310,7 @@ def typical_rate(A: Matrix) -> float:
     if min(pivots) > 1e-6 * max(pivots):  # no eigenvalue is nearly zero
         return math.exp(sum(map(math.log, pivots)) / len(pivots))
     rates = np.abs(np.linalg.eigvals(A))
-    rates = rates[rates > np.finfo(float).eps * size(A)]
+    rates = rates[rates > EPS * size(A)]
     return float(np.exp(np.mean(np.log(rates)))) if rates.size else 1.0
 
 

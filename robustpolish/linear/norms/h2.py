@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import control
 import numpy as np
-import scipy.linalg as sla
 from flint import arb, arb_mat
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from robustpolish.base.arrays import Matrix
+from robustpolish.base.arrays import EPS, Matrix
 from robustpolish.base.budget import check_deadline, single_threaded_blas
 from robustpolish.base.checks import invalid, positive, source_of
 from robustpolish.base.results import Card, Displayed, quantities
@@ -29,7 +27,7 @@ from robustpolish.linear.arithmetic.exact import (
 from robustpolish.linear.norms.hinf import singular_values
 from robustpolish.linear.norms.modal_form import ModalForm, modal_form
 from robustpolish.linear.scaling import parts
-from robustpolish.linear.stability import EPS, eigensystem, stability_of, stable_part
+from robustpolish.linear.stability import eigensystem, lyapunov_solution, stability_of, stable_part
 from robustpolish.linear.systems import Realisation, realisation
 from robustpolish.plots.frequency import plot_gains
 
@@ -113,15 +111,6 @@ def _residual(model: Realisation, X: ExtendedArray) -> tuple[ExtendedArray, Matr
         residual = moved + moved.T + source
         grain = grain + size + size.T
     return residual, grain * float(2 * (2 * A.shape[0] + B.shape[1]) * _WIDE)
-
-
-def lyapunov_solution(A: Matrix, Q: Matrix, discrete: bool) -> Matrix:
-    """Return X = X' with A X + X A' + Q = 0, or A X A' - X + Q = 0 in discrete time."""
-    with warnings.catch_warnings():  # bad conditioning shows in the residual
-        warnings.simplefilter("ignore")
-        solve = sla.solve_discrete_lyapunov if discrete else sla.solve_continuous_lyapunov
-        X = solve(A, Q if discrete else -Q)
-    return (X + X.T) / 2
 
 
 def exact_h2_energy(model: ExactModel) -> EnergyBounds:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import isqrt
@@ -18,17 +18,17 @@ from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
-from robustpolish.base.arrays import Vector
+from robustpolish.base.arrays import EPS, Vector
 from robustpolish.base.budget import check_deadline, single_threaded_blas
 from robustpolish.base.checks import described, invalid, positive, source_of
 from robustpolish.base.results import Card, Displayed, quantities
-from robustpolish.linear.arithmetic import balls, exact
+from robustpolish.linear.arithmetic import balls
+from robustpolish.linear.arithmetic import exact as rational
 from robustpolish.linear.arithmetic.balls import block
 from robustpolish.linear.arithmetic.exact import bracket, rescaled
 from robustpolish.linear.norms.modal_form import Peak, modal_form
-from robustpolish.linear.scaling import parts
+from robustpolish.linear.scaling import equilibrating_scales, in_units, parts
 from robustpolish.linear.stability import (
-    EPS,
     Eigensystem,
     eigensystem,
     positive_roots,
@@ -170,7 +170,7 @@ def _at(model: Realisation, angle: float) -> Vector:
 # The frequencies at which a singular value equals a given gain, in exact arithmetic.
 
 
-def gain_crossings(model: exact.ExactModel, square: fmpq) -> list[fmpq]:
+def gain_crossings(model: rational.ExactModel, square: fmpq) -> list[fmpq]:
     """Return the frequencies x >= 0 at which a singular value of G is the root of `square`.
 
     The Hamiltonian matrix (continuous time) or the symplectic pencil (discrete
@@ -191,7 +191,7 @@ def gain_crossings(model: exact.ExactModel, square: fmpq) -> list[fmpq]:
         Ascending, each to about 128 bits.
     """
     A, B, C, D = model.A, model.B, model.C, model.D
-    n, price = model.states, D.transpose() * D - exact.identity(D.ncols()) * square
+    n, price = model.states, D.transpose() * D - rational.identity(D.ncols()) * square
     if model.discrete:
         nodes = range(n + 1)
         values = [_pencil_determinant(model, price, k) for k in nodes]
@@ -214,14 +214,14 @@ def _square_root(value: fmpq) -> fmpq:
     return fmpq(isqrt((int(value.p) << shift) // int(value.q)), 1 << (shift // 2))
 
 
-def _pencil_determinant(model: exact.ExactModel, price: fmpq_mat, s: int) -> fmpq:
+def _pencil_determinant(model: rational.ExactModel, price: fmpq_mat, s: int) -> fmpq:
     """Return the determinant of the symplectic pencil at s = (z - 1)/(z + 1).
 
     The unknowns are state, co-state and input; the rows of the states are multiplied by 1 - s.
     """
     check_deadline()
     A, B, C, D = model.A, model.B, model.C, model.D
-    n, one, Ct = model.states, exact.identity(model.states), model.C.transpose()
+    n, one, Ct = model.states, rational.identity(model.states), model.C.transpose()
     At, none = A.transpose(), fmpq_mat(n, n)
     up, down = 1 - s, 1 + s
     rows = [
@@ -338,7 +338,7 @@ _MOST_BETWEEN = 12
 _MOST_CLIMBING = 24
 
 
-def in_units(found: Peak, model: Realisation) -> Peak:
+def peak_in_units(found: Peak, model: Realisation) -> Peak:
     """Bring a peak back from the scaled units of a model."""
     known = bracket(found.gain, found.lower, found.upper, model.gain)
     return Peak(found.frequency * model.time, *known, found.proof)
@@ -348,7 +348,7 @@ def certified_peak(
     model: Realisation,
     tolerance: float,
     exact: bool,
-    exact_model: exact.ExactModel | None = None,
+    exact_model: rational.ExactModel | None = None,
     spectrum: Eigensystem | None = None,
 ) -> Peak:
     """Find and bracket the peak of a stable, rescaled system.
@@ -368,15 +368,15 @@ def certified_peak(
         poles = np.linalg.eigvals(search.A).astype(complex)
     frequency, gain = peak(search, poles, tolerance)
     if not exact or model.states > EXACT_ALWAYS:
-        found = in_units(_estimated(search, frequency, gain, tolerance), search)
+        found = peak_in_units(_estimated(search, frequency, gain, tolerance), search)
         if not exact or found.upper <= (1 + max(tolerance, 1e-6)) * found.lower:
             return found
         if model.states > EXACT_AT_MOST:  # in ball arithmetic, where doubles leave it uncertain
-            at = exact.fraction(found.frequency) if math.isfinite(found.frequency) else None
-            gain = _gain(exact.ExactModel.of(model), at)
+            at = rational.fraction(found.frequency) if math.isfinite(found.frequency) else None
+            gain = _gain(rational.ExactModel.of(model), at)
             upper = found.upper if found.upper > gain else math.inf
             return found._replace(gain=gain, lower=gain * (1 - 1e-14), upper=upper)
-    return _proven(exact_model or exact.ExactModel.of(model), frequency * search.time, tolerance)
+    return _proven(exact_model or rational.ExactModel.of(model), frequency * search.time, tolerance)
 
 
 def _modal(model: Realisation, spectrum: Eigensystem, tolerance: float, exact: bool) -> Peak | None:
@@ -401,13 +401,13 @@ def _modal(model: Realisation, spectrum: Eigensystem, tolerance: float, exact: b
     return found and found._replace(proof=f"every frequency covered, {errors}")
 
 
-def _proven(model: exact.ExactModel, start: float, tolerance: float) -> Peak:
+def _proven(model: rational.ExactModel, start: float, tolerance: float) -> Peak:
     """Raise the gain by exact crossings until the upper bound has none."""
 
     def highest(places: Iterable[fmpq | None]) -> tuple[float, fmpq | None]:
         return max(((_gain(model, x), x) for x in places), key=lambda pair: pair[0])
 
-    gain, at = highest([exact.fraction(start) if math.isfinite(start) else None])
+    gain, at = highest([rational.fraction(start) if math.isfinite(start) else None])
     if gain == 0 and model.is_zero():
         return Peak(0.0, 0.0, 0.0, 0.0, "the transfer function is zero")
     trial: list[fmpq | None] = [fmpq(0), None]
@@ -422,7 +422,7 @@ def _proven(model: exact.ExactModel, start: float, tolerance: float) -> Peak:
         elif touching:  # the gain only touches the last bound, at a crossing
             gain, at = highest(touching)
         bound = gain * (1 + tolerance)
-        found = gain_crossings(model, exact.fraction(bound) ** 2)
+        found = gain_crossings(model, rational.fraction(bound) ** 2)
         if not found:
             for a, b in pairwise(touching):
                 # A search from far away ends when its bracket is narrow, not at the top.
@@ -457,23 +457,23 @@ def _between(low: fmpq, high: fmpq) -> list[fmpq]:
     bottom, octaves = float(arb(low)), math.log2(float(arb(high)) / float(arb(low)))
     count = min(math.ceil(octaves), _MOST_BETWEEN)
     steps = octaves * np.arange(1, count + 1) / (count + 1)
-    return middle + [exact.fraction(bottom * 2.0**step) for step in steps]
+    return middle + [rational.fraction(bottom * 2.0**step) for step in steps]
 
 
-def _climbed(model: exact.ExactModel, low: fmpq, high: fmpq) -> fmpq:
+def _climbed(model: rational.ExactModel, low: fmpq, high: fmpq) -> fmpq:
     """Climb between two crossings, for gains take far less time than determinants."""
     ends = [math.log(max(float(arb(end)), 1e-300)) for end in (low, high)]
     found: Any = minimize_scalar(
-        lambda x: -_gain(model, exact.fraction(math.exp(x))),
+        lambda x: -_gain(model, rational.fraction(math.exp(x))),
         bounds=ends,
         method="bounded",
         options={"xatol": 1e-7 * (ends[1] - ends[0]), "maxiter": _MOST_CLIMBING},
     )
-    return exact.fraction(math.exp(found.x))
+    return rational.fraction(math.exp(found.x))
 
 
-def _gain(model: exact.ExactModel, x: fmpq | None) -> float:
-    G, scale = exact.transfer(model, x)
+def _gain(model: rational.ExactModel, x: fmpq | None) -> float:
+    G, scale = rational.transfer(model, x)
     return float(np.linalg.norm(G, 2)) * scale
 
 
@@ -691,7 +691,7 @@ def _part_norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:
     seen = stable_part(model, verdict)
     if seen is None:
         return HinfNorm(math.inf, math.nan, math.inf, math.inf, False, verdict.reason)
-    A, B, C, D = map(exact.to_float, (seen.A, seen.B, seen.C, seen.D))
+    A, B, C, D = map(rational.to_float, (seen.A, seen.B, seen.C, seen.D))
     found = certified_peak(Realisation(A, B, C, D, model.discrete), tolerance, True, seen)
     reason = f"{verdict.reason}, but hidden from the inputs or outputs: not internally stable"
     return replace(_in_units(model, found), stable=False, reason=reason)
@@ -700,5 +700,116 @@ def _part_norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:
 def _in_units(model: Realisation, found: Peak) -> HinfNorm:
     if model.discrete:
         found = found._replace(frequency=2 * math.atan(found.frequency) / model.step)
-    frequency, gain, lower, upper, proof = in_units(found, model)
+    frequency, gain, lower, upper, proof = peak_in_units(found, model)
     return HinfNorm(gain, frequency, lower, upper, True, f"proof: {proof}")
+
+
+@dataclass(frozen=True)
+class AxisZero:
+    """An invariant zero on or near the stability boundary.
+
+    Attributes
+    ----------
+    frequency : float
+        In rad/s, at least 0 (in discrete time the angle over the sampling time).
+    distance : float
+        Size of a relative change of the scaled matrices that puts a zero exactly
+        on the boundary there: the smallest singular value that the normal rank leaves.
+    """
+
+    frequency: float
+    distance: float
+
+
+def zeros_on_axis(system: control.StateSpace, *, tolerance: float = 1e-9) -> tuple[AxisZero, ...]:
+    r"""Find where on the stability boundary the system matrix loses rank.
+
+    The matrix (A - lambda I, B; C, D) has its normal rank except at the invariant zeros. Those
+    of (A, B2, C1, D12) and of (A, B1, C2, D21) on the imaginary axis (unit circle) break
+    the assumptions of Riccati-based synthesis. Candidates are the generalised eigenvalues of the
+    matrix, squared by two random compressions; each is then moved along the boundary to the least
+    smallest singular value. It counts if that is within the tolerance and far below its
+    surroundings. Zeros at infinity (a rank-deficient D)
+    are not listed.
+
+    Parameters
+    ----------
+    system : control.StateSpace
+        The channel in question, continuous or discrete.
+    tolerance : float, optional
+        Largest relative distance that counts, in scaled units.
+
+    Returns
+    -------
+    tuple of AxisZero
+        By frequency; a pair counts once.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is no ``StateSpace``, not finite, or the tolerance is not positive.
+
+    Examples
+    --------
+    >>> import control
+    >>> from robustpolish.linear import zeros_on_axis
+    >>> notch = control.ss([[0, 1], [-1, -1]], [[0], [1]], [[3, -1]], 1)  # (s^2 + 4)/(s^2 + s + 1)
+    >>> [round(zero.frequency, 6) for zero in zeros_on_axis(notch)]
+    [2.0]
+    """
+    tolerance = positive("tolerance", tolerance)
+    model = realisation("system", system)
+    if 0 in model.D.shape:
+        return ()
+    m, p = model.B.shape[1], model.C.shape[0]
+    each = [np.array([i]) for i in range(m)], [np.array([i]) for i in range(p)]
+    scaled = in_units(model, equilibrating_scales(model, *each))
+    M = np.block([[scaled.A, scaled.B], [scaled.C, scaled.D]])
+    N = np.zeros(M.shape)
+    N[: scaled.states, : scaled.states] = np.eye(scaled.states)
+    rng, size = np.random.default_rng(0), float(np.linalg.norm(M, 2))
+    points = rng.standard_normal(3) + 1j * rng.standard_normal(3)
+    ranks = [np.linalg.matrix_rank(M - s * N, tol=100 * EPS * max(size, 1)) for s in points]
+    rank = int(max(ranks))
+
+    def smallest(angle: float) -> float:
+        """Return the last singular value of the normal rank, relative to the matrices."""
+        point = complex(np.exp(1j * angle)) if scaled.discrete else 1j * angle
+        singular = np.linalg.svd(M - point * N, compute_uv=False)
+        return float(singular[rank - 1]) / max(size, 1e-300)
+
+    rng, starts = np.random.default_rng(1), [0.0]
+    for _ in range(2):
+        left, right = (rng.standard_normal(shape) for shape in ((rank, len(M)), (len(M.T), rank)))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            values = np.asarray(sla.eigvals(left @ M @ right, left @ N @ right))
+        values = values[np.isfinite(values) & (np.abs(values) < 1e3 * max(size, 1))]
+        starts += list(np.abs(np.angle(values) if scaled.discrete else np.imag(values)))
+    found: list[AxisZero] = []
+    for start in starts:
+        angle, distance = _descended(smallest, start)
+        frequency = angle * scaled.time / scaled.step
+        # Beside a zero the rank is full, unlike in the decay towards a zero at infinity.
+        width = 0.03 * angle if angle else 0.03
+        beside = min(smallest(abs(angle - width)), smallest(angle + width))
+        known = any(math.isclose(frequency, zero.frequency, rel_tol=1e-6) for zero in found)
+        if distance <= min(tolerance, 1e-3 * beside) and not known:
+            found.append(AxisZero(float(frequency), distance))
+    return tuple(sorted(found, key=lambda zero: zero.frequency))
+
+
+def _descended(smallest: Callable[[float], float], start: float) -> tuple[float, float]:
+    """Minimise along the boundary by shrinking steps around the start."""
+    angle, value = start, smallest(start)
+    step = 0.1 * start if start else 0.01
+    for _ in range(120):
+        reached, trial = min((smallest(x), x) for x in (abs(angle - step), angle + step))
+        if reached < value:
+            angle, value = trial, reached
+        else:
+            step *= 0.5
+        if step <= EPS * max(angle, 1e-3):
+            break
+    # What rounding alone tells from zero is zero.
+    at_rest = smallest(0.0)
+    return (0.0, at_rest) if at_rest <= max(2 * value, 10 * EPS) else (angle, value)

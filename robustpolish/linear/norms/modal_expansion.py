@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from robustpolish.base.arrays import EPS
 from robustpolish.base.jit import njit
-from robustpolish.linear.stability import EPS
 
 # Pieces of the frequency axis that are as long as the distance to the nearest pole lets them.
 

@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustpolish.base.arrays import AnyArray, Matrix, Vector
+from robustpolish.base.arrays import EPS, AnyArray, Matrix, Vector
 from robustpolish.linear.arithmetic.exact import size
-from robustpolish.linear.stability import EPS, Eigensystem
+from robustpolish.linear.stability import Eigensystem
 from robustpolish.linear.systems import Realisation
 
 # Products of matrices with more digits than doubles have, and bounds of their errors.

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from robustpolish.base.arrays import EPS
 from robustpolish.base.budget import check_deadline
 from robustpolish.base.jit import njit
 from robustpolish.linear.norms.modal_expansion import (
@@ -24,7 +25,6 @@ from robustpolish.linear.norms.modal_expansion import (
     overlapping,
 )
 from robustpolish.linear.norms.modal_form import ModalForm, Peak
-from robustpolish.linear.stability import EPS
 
 # Eigenvalues of small Hermitian matrices, compiled: calls of LAPACK would cost more than these.
 

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import linalg
 
+from robustpolish.base.arrays import EPS
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.synthesis.certificate import Norm
 from robustpolish.synthesis.lmi.program import (
@@ -409,7 +410,7 @@ def reconstruct(plant: PlantMatrices, found: LmiVariables) -> Controller | None:
     """Undo the change of variables, with a balanced factorisation M N' = I - XY."""
     P, (X, Y, Ah, Bh, Ch, D) = plant, found
     U, s, Vt = np.linalg.svd(np.eye(len(X)) - X @ Y)
-    if s[-1] <= np.finfo(float).eps * s[0]:
+    if s[-1] <= EPS * s[0]:
         return None
     root = np.sqrt(s)
     M, N = U * root, Vt.T * root

@@ -23,7 +23,7 @@ from robustpolish.synthesis import driver
 from robustpolish.synthesis.backends.slycot_backend import synthesise
 from robustpolish.synthesis.certificate import Gamma, Norm, NormTarget, norm_in_words
 from robustpolish.synthesis.design import Design
-from robustpolish.synthesis.engine import (
+from robustpolish.synthesis.driver import (
     AS_GOOD_AS_ZERO,
     COSTLY_STATES,
     EPSILONS,
@@ -616,7 +616,7 @@ class Slycot(Engine):
 Method = Literal["auto", "riccati", "lmi", "slycot"]
 
 # The order in which each method calls the engines. To add one, write a subclass of
-# :class:`~robustpolish.synthesis.engine.Engine` in a file of its own and name it here.
+# :class:`~robustpolish.synthesis.driver.Engine` in a file of its own and name it here.
 
 ENGINES: Mapping[str, Mapping[str, tuple[type[Engine], ...]]] = {
     "hinf": {

@@ -13,15 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
-from robustpolish.base.arrays import AnyMatrix, Array, Matrix
+from robustpolish.base.arrays import EPS, AnyMatrix, Array, Matrix
 from robustpolish.base.checks import described, invalid
 from robustpolish.errors import InfeasibleError
 from robustpolish.implementation.reduction import balancing_projection, own_gramians
 from robustpolish.linear.arithmetic import exact
 from robustpolish.linear.arithmetic.exact import EXACT_STATES, ExactModel, to_float
-from robustpolish.linear.controllability import controllability
-from robustpolish.linear.modes import AxisZero, zeros_on_axis
+from robustpolish.linear.norms.hinf import AxisZero, zeros_on_axis
 from robustpolish.linear.scaling import decoupled_blocks
+from robustpolish.linear.stability import controllability
 from robustpolish.linear.systems import realisation
 from robustpolish.plants.blocks import matrices_of, named_system
 from robustpolish.plants.plant import GeneralizedPlant
@@ -399,7 +399,7 @@ def _unit_of_time(A: Matrix) -> float:
     """Return the power of two next to the geometric mean of the time constants."""
     size = np.abs(np.linalg.eigvals(A)) if A.size else np.zeros(0)
     # Modes at zero, up to rounding, say nothing about the time scale.
-    size = size[size > size.max(initial=0.0) * math.sqrt(np.finfo(float).eps)]
+    size = size[size > size.max(initial=0.0) * math.sqrt(EPS)]
     if not size.size:
         largest = float(np.abs(A).max(initial=0.0))
         return 1 / float(_power_of_two(largest)) if largest > 0 else 1.0

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import linalg
 
+from robustpolish.base.arrays import EPS
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget
 from robustpolish.synthesis.lmi.program import (
@@ -161,7 +162,7 @@ def h2_inequality(
     """
     factors: Any = linalg.qr(p.D12, pivoting=True)
     Q, size = factors[0], np.abs(np.diag(factors[1]))
-    rank = int(np.sum(size > np.finfo(float).eps * max(p.D12.shape) * size.max(initial=0.0)))
+    rank = int(np.sum(size > EPS * max(p.D12.shape) * size.max(initial=0.0)))
     C, D11, D12 = Q.T @ p.C1, Q.T @ p.D11, Q.T @ p.D12
     S, Z, eye = p.A @ Y + p.B2 @ M, C[:rank] @ Y + D12[:rank] @ M, np.eye(p.nw)
     W = program.symmetric(rank)

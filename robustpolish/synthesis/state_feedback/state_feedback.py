@@ -16,37 +16,40 @@ from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget, enforce_deadline, progress_bar, single_threaded_blas
 from robustpolish.base.checks import described, invalid, positive
 from robustpolish.errors import InfeasibleError, SolverError
-from robustpolish.implementation.sampled.induced_norm import square_root
-from robustpolish.linear.controllability import controllability
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.linear.stability import controllability, square_root
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import Certificate, Gamma, Norm, NormTarget
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.driver import (
     ROUNDING,
+    Candidate,
+    Engine,
     JoinedController,
+    Settings,
+    Task,
     check_arguments,
     design_by_parts,
 )
-from robustpolish.synthesis.engine import Candidate, Engine, Settings, Task
 from robustpolish.synthesis.nonsmooth.descent import MaskedGain, Problem, Requirement, minimax
 from robustpolish.synthesis.nonsmooth.measures import GainMeasure, norm_measure
 from robustpolish.synthesis.problem import matrices, preflight
+from robustpolish.synthesis.problem.matrices import solve_lyapunov
 from robustpolish.synthesis.problem.pole_regions import (
     Disk,
     PoleRegion,
     checked_regions,
     violated_regions,
 )
-from robustpolish.synthesis.riccati.gamma import LowerBound, solve_lyapunov
+from robustpolish.synthesis.riccati.gamma import LowerBound
 from robustpolish.synthesis.state_feedback import lmi
-from robustpolish.synthesis.state_feedback.output_nulling import output_nulling_gain
 from robustpolish.synthesis.state_feedback.riccati import (
     RiccatiStateEngine,
     StateEngine,
     StateGain,
     central_state_gain,
+    output_nulling_gain,
     state_norm_lower_bound,
 )
 

@@ -55,7 +55,7 @@ from robustpolish.synthesis.problem.matrices import (
     controller_matrix,
 )
 from robustpolish.synthesis.problem.preflight import SolverPlant
-from robustpolish.synthesis.proofs.frequency_response import responses
+from robustpolish.synthesis.proofs.bounded_real import responses
 
 # Mu bounds over a grid of frequencies.
 

@@ -24,7 +24,7 @@ from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.robust.loop_model import DeltaStructure
 from robustpolish.synthesis.certificate import NormTarget
 from robustpolish.synthesis.design import Design
-from robustpolish.synthesis.engine import Settings, Task
+from robustpolish.synthesis.driver import Settings, Task
 from robustpolish.synthesis.nonsmooth.descent import Parametrisation, bfgs
 from robustpolish.synthesis.output_feedback.output_feedback import (
     RegularisedRiccati,

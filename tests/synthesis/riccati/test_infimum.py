@@ -10,13 +10,14 @@ from robustpolish.base.budget import Budget, DeadlineError
 from robustpolish.linear.arithmetic.balls import precision
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.preflight import SolverPlant, scale_plant
-from robustpolish.synthesis.riccati import lower_bound as proof
-from robustpolish.synthesis.riccati.gamma import lower_bound, reduced_riccati_pair
-from robustpolish.synthesis.riccati.lower_bound import (
+from robustpolish.synthesis.riccati import gamma as proof
+from robustpolish.synthesis.riccati.gamma import (
     PROVABLE_STATES,
     PROVEN,
     PreciseRiccatiPair,
+    lower_bound,
     proven_lower_bound,
+    reduced_riccati_pair,
 )
 from tests.synthesis.small_plants import double_integrator
 from tests.synthesis.weighted_servos import drawn, realisations
