@@ -40,10 +40,10 @@ from .identification.free_runs import (
 from .identification.free_runs import (
     RecordError as RecordError,
 )
-from .identification.frequency.amplitudes import (
+from .identification.frequency.comparison import (
     AmplitudeDependence as AmplitudeDependence,
 )
-from .identification.frequency.amplitudes import (
+from .identification.frequency.comparison import (
     AmplitudeMode as AmplitudeMode,
 )
 from .identification.frequency.comparison import (

@@ -9,7 +9,7 @@ from scipy import signal
 import robustpolish as rp
 from robustpolish.implementation import certify_sampled, emulated, plant_at_samples
 from robustpolish.linear import prescale, scale_system, stability, zeros_on_axis
-from robustpolish.simulation import linear_response
+from robustpolish.linear.response import linear_response
 
 # One system, G = 3 (s + 4)/((s + 1)(s^2 + s + 9)), in all forms; and held at samples.
 ZEROS, POLES, GAIN = [-4.0], [-1.0, *np.roots([1, 1, 9])], 3.0

@@ -1,10 +1,9 @@
-"""The array types that signatures name, by what they hold and how many axes they have; exponents.
+"""The array types that signatures name, by what they hold and how many axes they have.
 
 Types do not know shapes: Vector and Matrix tell the reader what Array leaves open. Shapes stand in
 the docstrings, and `robustpolish.base.checks` checks them.
 """
 
-import math
 from typing import Any
 
 import numpy as np
@@ -30,21 +29,4 @@ AnyVector = NDArray[Any]
 
 EPS = float(np.finfo(float).eps)
 """Spacing of doubles at one."""
-
-MOST_EXPONENT = 1000
-"""Of powers of two that anything is scaled by."""
-
-
-def nearest_exponent(value: float) -> int:
-    """Return the exponent of the power of two nearest to a positive number; 0 for others.
-
-    Compiled code takes it, too.
-
-    Examples
-    --------
-    >>> [nearest_exponent(x) for x in (3.1, 0.3, 0.0, math.inf)]
-    [2, -2, 0, 0]
-    """
-    if not (value > 0 and math.isfinite(value)):
-        return 0
-    return min(max(round(math.log2(value)), -MOST_EXPONENT), MOST_EXPONENT)
+"""Spacing of doubles at one."""

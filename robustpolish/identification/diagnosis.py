@@ -14,9 +14,8 @@ from matplotlib.axes import Axes
 
 from robustpolish.base.arrays import Array
 from robustpolish.base.checks import described, invalid
-from robustpolish.base.results import Card, Displayed, Table, estimate, plus_minus
+from robustpolish.base.results import Card, Displayed, Table, estimate, plus_minus, tables
 from robustpolish.base.saved import Fields, read_saved, write_saved
-from robustpolish.base.texts import tables
 from robustpolish.identification.findings import (
     Entry,
     ForceMap,

@@ -55,7 +55,7 @@ from robustpolish.implementation.sampled.lifting import (
 )
 from robustpolish.linear.norms.hinf import singular_values
 from robustpolish.linear.stability import stability
-from robustpolish.plants.blocks import named_system
+from robustpolish.linear.systems import named_system
 from robustpolish.plants.plant import (
     GeneralizedPlant,
     check_size,

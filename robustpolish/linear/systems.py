@@ -14,14 +14,7 @@ from control.exception import ControlMIMONotImplemented
 from numpy.typing import ArrayLike
 from scipy import linalg
 
-from robustpolish.base.arrays import (
-    EPS,
-    AnyArray,
-    AnyVector,
-    Array,
-    Matrix,
-    Vector,
-)
+from robustpolish.base.arrays import EPS, AnyArray, AnyVector, Array, Matrix, Vector
 from robustpolish.base.checks import (
     described,
     instance_of,
@@ -676,3 +669,22 @@ def named_like(
     states = system.state_labels if n == system.nstates else [f"x[{i}]" for i in range(n)]
     time = 0 if dt is None else dt
     return named_system(matrices, time, system.input_labels, system.output_labels, states)
+
+
+MOST_EXPONENT = 1000
+"""Of powers of two that anything is scaled by."""
+
+
+def nearest_exponent(value: float) -> int:
+    """Return the exponent of the power of two nearest to a positive number; 0 for others.
+
+    Compiled code takes it, too.
+
+    Examples
+    --------
+    >>> [nearest_exponent(x) for x in (3.1, 0.3, 0.0, math.inf)]
+    [2, -2, 0, 0]
+    """
+    if not (value > 0 and math.isfinite(value)):
+        return 0
+    return min(max(round(math.log2(value)), -MOST_EXPONENT), MOST_EXPONENT)

@@ -10,8 +10,7 @@ import control
 import numpy as np
 
 from robustpolish.base.checks import described, invalid, positive, whole_number
-from robustpolish.linear.systems import in_a_row
-from robustpolish.plants.blocks import as_state_space, named_system
+from robustpolish.linear.systems import as_state_space, in_a_row, named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import Wiring, bilinear, single_filter, state_names
 

@@ -17,8 +17,7 @@ from scipy.optimize import minimize
 from robustpolish.base.arrays import AnyMatrix, Vector
 from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import described, instance_of, invalid, positive
-from robustpolish.base.results import Card, Displayed, quantities
-from robustpolish.base.texts import tables
+from robustpolish.base.results import Card, Displayed, quantities, tables
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.linear.stability import stability
 from robustpolish.plants.uncertain.lft import ComplexElement, RealElement, constant, product

@@ -15,15 +15,16 @@ from scipy.signal import csd, get_window
 
 from robustpolish.base.checks import invalid, misfit, one_of, positive
 from robustpolish.base.input_files import FileSpec, file_size
-from robustpolish.base.texts import tables
+from robustpolish.base.results import tables
 from robustpolish.errors import InvalidInputError
-from robustpolish.signals.quality import numeric, sampling_time
 from robustpolish.signals.raw import (
     RECORD,
     RawResponse,
     RawTable,
     is_count,
     is_time,
+    numeric,
+    sampling_time,
     split_header,
     to_si,
 )

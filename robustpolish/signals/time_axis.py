@@ -16,8 +16,14 @@ from scipy.interpolate import PchipInterpolator, make_interp_spline
 
 from robustpolish.base.arrays import Vector
 from robustpolish.base.checks import invalid, misfit
-from robustpolish.signals.quality import LONGEST_GAP, check_finite, numeric
-from robustpolish.signals.raw import RawTable, rank_as_time, to_si
+from robustpolish.signals.raw import (
+    LONGEST_GAP,
+    RawTable,
+    check_finite,
+    numeric,
+    rank_as_time,
+    to_si,
+)
 
 # A uniform time axis: irregular clocks resampled with a note, long gaps refused.
 

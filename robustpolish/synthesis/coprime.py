@@ -16,12 +16,8 @@ from robustpolish.errors import SolverError
 from robustpolish.linear.arithmetic.exact import refuse_extreme
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.linear.scaling import border_scale
-from robustpolish.plants.blocks import (
-    GivenController,
-    as_state_space,
-    controller_system,
-    matrices_of,
-)
+from robustpolish.linear.systems import as_state_space
+from robustpolish.plants.blocks import GivenController, controller_system, matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import exact_delays
 from robustpolish.synthesis.problem.matrices import (

@@ -22,8 +22,7 @@ from robustpolish.implementation.reduction import (
     from_factor,
     own_gramians,
 )
-from robustpolish.linear.systems import resolvent_response
-from robustpolish.plants.blocks import as_state_space, named_system
+from robustpolish.linear.systems import as_state_space, named_system, resolvent_response
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import single_filter
 from robustpolish.synthesis.certificate import Certificate, certify

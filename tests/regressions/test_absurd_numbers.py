@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.plants.blocks import named_system
+from robustpolish.linear.systems import named_system
 from tests.fuzz.plants import try_plant
 
 # Plants of the fuzz by seed and number that once broke these functions.

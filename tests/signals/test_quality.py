@@ -6,7 +6,7 @@ import xarray as xr
 from scipy import signal
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.signals.quality import (
+from robustpolish.signals.raw import (
     check_not_clipped,
     check_sampling,
     ends_without_values,

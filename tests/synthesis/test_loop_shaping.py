@@ -6,14 +6,14 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
-from robustpolish.synthesis.coprime import consistent_matrices, coprime, in_series, loop_plant
+from robustpolish.synthesis.coprime import consistent_matrices, coprime, loop_plant
 from robustpolish.synthesis.loop_shaping import (
     TargetLoop,
     limits_in_words,
     reduce_in_gap_metric,
     target_weight,
 )
-from robustpolish.synthesis.problem.matrices import SystemMatrices
+from robustpolish.synthesis.problem.matrices import SystemMatrices, in_series
 
 
 def book_plant():

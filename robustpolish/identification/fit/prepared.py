@@ -18,7 +18,6 @@ from robustpolish.base.arrays import Array
 from robustpolish.base.budget import Budget
 from robustpolish.base.checks import described, invalid
 from robustpolish.identification.observer import kalman
-from robustpolish.identification.observer.missing_force import SmoothedMotion, smooth
 from robustpolish.identification.observer.runs import (
     InitialState,
     RecordRun,
@@ -28,8 +27,10 @@ from robustpolish.identification.observer.runs import (
     rest,
 )
 from robustpolish.identification.observer.starts import (
+    SmoothedMotion,
     fitted_start,
     fitted_starts,
+    smooth,
     state_sizes,
     visible_sizes,
 )

@@ -15,7 +15,8 @@ from robustpolish.base.arrays import Matrix, Vector
 from robustpolish.base.checks import misfit
 from robustpolish.errors import InvalidInputError
 from robustpolish.linear.scaling import border_scale
-from robustpolish.plants.blocks import matrices_of, named_system
+from robustpolish.linear.systems import named_system
+from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import Wiring
 

@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
-from robustpolish.base.arrays import MOST_EXPONENT, nearest_exponent
 from robustpolish.base.jit import njit
+from robustpolish.linear.systems import MOST_EXPONENT, nearest_exponent
 
 # Squares of numbers between these neither overflow nor vanish.
 _SMALL, _BIG = 1e-140, 1e140

@@ -13,11 +13,11 @@ from flint import acb, arb, arb_mat, fmpq, fmpq_mat, fmpz, fmpz_mat, nmod, nmod_
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import lapack
 
-from robustpolish.base.arrays import EPS, AnyMatrix, Matrix, nearest_exponent
+from robustpolish.base.arrays import EPS, AnyMatrix, Matrix
 from robustpolish.base.checks import described, invalid, square
 from robustpolish.errors import InvalidInputError
 from robustpolish.linear.arithmetic.balls import is_definite, precision, transfer_matrix
-from robustpolish.linear.systems import Realisation
+from robustpolish.linear.systems import Realisation, nearest_exponent
 
 # Powers of two as factors that round nothing, and the refusal where doubles end.
 #

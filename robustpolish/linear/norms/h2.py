@@ -25,7 +25,7 @@ from robustpolish.linear.arithmetic.exact import (
     rescaled,
 )
 from robustpolish.linear.norms.hinf import singular_values
-from robustpolish.linear.norms.modal_form import ModalForm, modal_form
+from robustpolish.linear.norms.modal_peak import ModalForm, modal_form
 from robustpolish.linear.scaling import parts
 from robustpolish.linear.stability import eigensystem, lyapunov_solution, stability_of, stable_part
 from robustpolish.linear.systems import Realisation, realisation

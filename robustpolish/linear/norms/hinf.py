@@ -26,7 +26,7 @@ from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic import exact as rational
 from robustpolish.linear.arithmetic.balls import block
 from robustpolish.linear.arithmetic.exact import bracket, rescaled
-from robustpolish.linear.norms.modal_form import Peak, modal_form
+from robustpolish.linear.norms.modal_peak import Peak, modal_form
 from robustpolish.linear.scaling import equilibrating_scales, in_units, parts
 from robustpolish.linear.stability import (
     Eigensystem,

@@ -18,8 +18,8 @@ from robustpolish.base.checks import described, invalid, one_of, whole_number
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear.arithmetic.exact import refuse_extreme
 from robustpolish.linear.norms.hinf import frequency_grid
-from robustpolish.linear.systems import of_roots
-from robustpolish.plants.blocks import as_response, as_state_space
+from robustpolish.linear.systems import as_state_space, of_roots
+from robustpolish.plants.blocks import as_response
 from robustpolish.plants.uncertain.build import uncertain_dynamics
 from robustpolish.plants.uncertain.system import UncertainSystem, as_uncertain
 from robustpolish.plots.frequency import plot_gains

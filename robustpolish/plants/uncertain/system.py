@@ -22,8 +22,8 @@ from robustpolish.base.checks import (
     whole_number,
 )
 from robustpolish.base.results import Card, Displayed, Table
-from robustpolish.linear.systems import is_system
-from robustpolish.plants.blocks import as_state_space, matrices_of, named_system
+from robustpolish.linear.systems import as_state_space, is_system, named_system
+from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.uncertain import lft as algebra
 from robustpolish.plants.uncertain.lft import (
     ComplexElement,

@@ -22,8 +22,8 @@ from robustpolish.linear.arithmetic.exact import EXACT_STATES, ExactModel, to_fl
 from robustpolish.linear.norms.hinf import AxisZero, zeros_on_axis
 from robustpolish.linear.scaling import decoupled_blocks
 from robustpolish.linear.stability import controllability
-from robustpolish.linear.systems import realisation
-from robustpolish.plants.blocks import matrices_of, named_system
+from robustpolish.linear.systems import named_system, realisation
+from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import NOISE_PREFIX
 from robustpolish.synthesis.problem.matrices import (

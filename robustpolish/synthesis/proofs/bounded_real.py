@@ -19,7 +19,7 @@ from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.balls import Ball, BallSystem, bounded_real, is_definite
 from robustpolish.linear.arithmetic.exact import size
-from robustpolish.linear.norms.modal_form import Peak, modal_form
+from robustpolish.linear.norms.modal_peak import Peak, modal_form
 from robustpolish.linear.stability import eigensystem
 from robustpolish.linear.systems import Realisation, hamiltonian, resolvent_response
 from robustpolish.plants.plant import GeneralizedPlant

@@ -20,7 +20,8 @@ from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.errors import SolverError
 from robustpolish.linear.norms.hinf import singular_values
 from robustpolish.linear.response import uniform_step, varying_response
-from robustpolish.plants.blocks import SignalChoice, matrices_of, named_system
+from robustpolish.linear.systems import named_system
+from robustpolish.plants.blocks import SignalChoice, matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.plots.frequency import plot_gains

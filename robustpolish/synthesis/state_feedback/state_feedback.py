@@ -20,7 +20,14 @@ from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.linear.stability import controllability, square_root
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.certificate import Certificate, Gamma, Norm, NormTarget
+from robustpolish.synthesis.certificate import (
+    Certificate,
+    Gamma,
+    Norm,
+    NormTarget,
+    checked_regions,
+    violated_regions,
+)
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.driver import (
     ROUNDING,
@@ -36,12 +43,7 @@ from robustpolish.synthesis.nonsmooth.descent import MaskedGain, Problem, Requir
 from robustpolish.synthesis.nonsmooth.measures import GainMeasure, norm_measure
 from robustpolish.synthesis.problem import matrices, preflight
 from robustpolish.synthesis.problem.matrices import solve_lyapunov
-from robustpolish.synthesis.problem.pole_regions import (
-    Disk,
-    PoleRegion,
-    checked_regions,
-    violated_regions,
-)
+from robustpolish.synthesis.problem.pole_regions import Disk, PoleRegion
 from robustpolish.synthesis.riccati.gamma import LowerBound
 from robustpolish.synthesis.state_feedback import lmi
 from robustpolish.synthesis.state_feedback.riccati import (

@@ -18,7 +18,7 @@ from robustpolish.base.arrays import AnyVector as Vector
 from robustpolish.base.budget import Budget
 from robustpolish.base.checks import described, instance_of, invalid
 from robustpolish.errors import InfeasibleError
-from robustpolish.plants.blocks import named_system
+from robustpolish.linear.systems import named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import Norm
 from robustpolish.synthesis.nonsmooth.descent import Bounds, ReflectedParametrisation

@@ -13,15 +13,11 @@ from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import invalid, one_of, positive
 from robustpolish.errors import SolverError
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.certificate import Norm, certify
+from robustpolish.synthesis.certificate import Norm, certify, checked_regions, violated_regions
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.lmi.program import BACKENDS
 from robustpolish.synthesis.problem.matrices import Channel, channel
-from robustpolish.synthesis.problem.pole_regions import (
-    PoleRegion,
-    checked_regions,
-    violated_regions,
-)
+from robustpolish.synthesis.problem.pole_regions import PoleRegion
 from robustpolish.synthesis.problem.preflight import (
     decoupled_parts,
     whole_plant,

@@ -22,7 +22,8 @@ from robustpolish.base.arrays import AnyVector as Vector
 from robustpolish.base.budget import Budget, step_cost
 from robustpolish.base.checks import matrix
 from robustpolish.implementation.reduction import Reducer
-from robustpolish.plants.blocks import matrices_of, named_system
+from robustpolish.linear.systems import named_system
+from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import Norm
 from robustpolish.synthesis.lmi.output_feedback import (

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from robustpolish.base.arrays import AnyArray, Array, Vector
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.linear.arithmetic.exact import power_of_two
-from robustpolish.plants.blocks import named_system
+from robustpolish.linear.systems import named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.robust.loop_model import (

@@ -19,7 +19,8 @@ from robustpolish.base.budget import Budget, step_cost
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.implementation.reduction import Reducer
 from robustpolish.linear.arithmetic.exact import state_scales
-from robustpolish.plants.blocks import matrices_of, named_system
+from robustpolish.linear.systems import named_system
+from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.robust.loop_model import DeltaStructure
 from robustpolish.synthesis.certificate import NormTarget
