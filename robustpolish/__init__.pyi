@@ -100,15 +100,6 @@ from .linear.norms.h2 import (
 from .linear.norms.hinf import (
     hinf_norm as hinf_norm,
 )
-from .linear.norms.hinf import (
-    singular_values as singular_values,
-)
-from .linear.stability import (
-    controllability as controllability,
-)
-from .linear.stability import (
-    observability as observability,
-)
 from .loading import (
     load as load,
 )
@@ -275,7 +266,6 @@ __all__ = [
     "compare",
     "compare_controllers",
     "compare_methods",
-    "controllability",
     "datasets",
     "design_machine",
     "diagnose",
@@ -298,7 +288,6 @@ __all__ = [
     "mixed_sensitivity",
     "mixed_state_feedback",
     "modes",
-    "observability",
     "observer_feedback",
     "output_feedback",
     "passive_feedback",
@@ -321,7 +310,6 @@ __all__ = [
     "signals",
     "simulate",
     "simulation",
-    "singular_values",
     "state_feedback",
     "static_output_feedback",
     "structured_output_feedback",

@@ -462,7 +462,7 @@ class PbhTest(Displayed):
     Examples
     --------
     >>> import robustpolish as rp
-    >>> rp.observability([[-1, 0], [0, -2]], [[0, 1]], states=["drift", "v"])
+    >>> rp.linear.observability([[-1, 0], [0, -2]], [[0, 1]], states=["drift", "v"])
     not observable: -1 (state drift)
       eigenvalue  state  distance  lacking  stable
       -1          drift         0  yes      yes
@@ -518,7 +518,7 @@ class PbhTest(Displayed):
         Examples
         --------
         >>> import robustpolish as rp
-        >>> rp.controllability([[-1, 0], [0, -2]], [[0], [1]]).plot().get_ylabel()
+        >>> rp.linear.controllability([[-1, 0], [0, -2]], [[0], [1]]).plot().get_ylabel()
         'mode'
         """
         inputs = self.kind == "controllability"
@@ -739,7 +739,7 @@ def controllability(
     Examples
     --------
     >>> import robustpolish as rp
-    >>> test = rp.controllability([[1, 0], [0, -2]], [[0], [1]], states=["drift", "v"])
+    >>> test = rp.linear.controllability([[1, 0], [0, -2]], [[0], [1]], states=["drift", "v"])
     >>> test.reason
     'not controllable: 1 (state drift, not stable)'
     """
@@ -780,7 +780,7 @@ def observability(
     --------
     >>> import robustpolish as rp
     >>> A = [[0, 1], [0, 0]]
-    >>> bool(rp.observability(A, [[1, 0]])), bool(rp.observability(A, [[0, 1]]))
+    >>> bool(rp.linear.observability(A, [[1, 0]])), bool(rp.linear.observability(A, [[0, 1]]))
     (True, False)
     """
     return _test("observability", system, C, states, dt, tolerance)

@@ -65,7 +65,8 @@ def test_systems_of_two_states(n):
         [[n[0], n[1]], [n[2], n[3]]], [[n[4]], [n[5]]], [[n[6], n[7]]], [[n[8]]], 0,
         remove_useless_states=False,
     )  # fmt: skip
-    for function in (rp.hinf_norm, rp.h2_norm, rp.linear.stability, rp.modes, rp.controllability):
+    linear = (rp.linear.stability, rp.linear.controllability)
+    for function in (rp.hinf_norm, rp.h2_norm, rp.modes, *linear):
         try:
             found = function(system)
         except rp.RobustPolishError:

@@ -84,7 +84,8 @@ def test_one_absurd_matrix(name, value):
     whole = absurd.system
     for function in (rp.hinf_norm, rp.h2_norm, rp.modes, rp.linear.stability,
     rp.linear.scale_system, rp.linear.prescale,
-                     rp.controllability, rp.observability, rp.singular_values):  # fmt: skip
+                     rp.linear.controllability, rp.linear.observability,
+                     rp.linear.singular_values):  # fmt: skip
         ends_well(function, whole)
     ends_well(rp.certify, absurd, [[-0.1]])
     if value in (1e160, 1e308, 5e-324):

@@ -119,7 +119,7 @@ def singular_values(
     >>> import control
     >>> import robustpolish as rp
     >>> lag = control.ss([[-2.0]], [[2.0]], [[1.0]], 0)
-    >>> gains = rp.singular_values(lag, [0.0, 1 / 3.141592653589793])
+    >>> gains = rp.linear.singular_values(lag, [0.0, 1 / 3.141592653589793])
     >>> [round(float(gain), 6) for gain in gains.isel(singular_value=0)]
     [1.0, 0.707107]
     """
