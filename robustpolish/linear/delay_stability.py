@@ -13,16 +13,9 @@ from scipy import linalg
 from robustpolish.base.arrays import AnyArray, AnyMatrix, AnyVector, Matrix, Vector
 from robustpolish.base.checks import instance_of
 from robustpolish.base.results import Card, Displayed, quantities
+from robustpolish.linear import systems
 from robustpolish.linear.arithmetic.exact import refuse_extreme
 from robustpolish.linear.norms.hinf import around_resonances
-from robustpolish.linear.systems import (
-    MOST_ORDER,
-    DelayedSystem,
-    DelayLine,
-    pade,
-    pade_sections,
-    resolvent_response,
-)
 from robustpolish.plots.poles import plot_poles
 
 # The rightmost characteristic roots of a system with delays, each with its residual.
@@ -186,7 +179,7 @@ _LEAST = 1e-9
 _AXIS = 1e-9
 
 
-def count_unstable(system: DelayedSystem) -> tuple[int | None, str, float]:
+def count_unstable(system: systems.DelayedSystem) -> tuple[int | None, str, float]:
     """Count the characteristic roots to the right of the axis.
 
     Parameters
@@ -249,17 +242,17 @@ class _Loop(NamedTuple):
 
     closed: Ports
     ports: Ports
-    lines: tuple[DelayLine, ...]
+    lines: tuple[systems.DelayLine, ...]
 
     @classmethod
-    def of(cls, system: DelayedSystem) -> _Loop | None:
+    def of(cls, system: systems.DelayedSystem) -> _Loop | None:
         """Choose Pade orders whose model is well posed and has no pole on the axis."""
         A, B, C, D = system.ports()
         names = [line.name for line in system.lines]
         for more in range(6):
-            orders = [min(line.order + more, MOST_ORDER) for line in system.lines]
-            lines = tuple(map(DelayLine, names, system.seconds.tolist(), orders))
-            Ap, Bp, Cp, Dp = pade_sections(lines)
+            orders = [min(line.order + more, systems.MOST_ORDER) for line in system.lines]
+            lines = tuple(map(systems.DelayLine, names, system.seconds.tolist(), orders))
+            Ap, Bp, Cp, Dp = systems.pade_sections(lines)
             back = np.eye(len(D)) - Dp @ D
             if np.linalg.cond(back) > 1e8:
                 continue
@@ -278,18 +271,21 @@ class _Loop(NamedTuple):
         """Return exact delays and their Pade models, shape (k, lines)."""
         s = 1j * omega
         exact = [np.exp(-s * line.seconds) for line in self.lines]
-        models = [resolvent_response(*pade(d.seconds, d.order), s)[:, 0, 0] for d in self.lines]
+        models = [
+            systems.resolvent_response(*systems.pade(d.seconds, d.order), s)[:, 0, 0]
+            for d in self.lines
+        ]
         return np.stack(exact, axis=1), np.stack(models, axis=1)
 
     def value(self, omega: Vector) -> AnyVector:
         """Return the determinant, which is 1 at rest and turns about zero for each root."""
-        M = resolvent_response(*self.closed, 1j * omega)
+        M = systems.resolvent_response(*self.closed, 1j * omega)
         exact, models = self.factors(omega)
         return np.linalg.det(np.eye(M.shape[1]) - M * (exact - models)[:, None, :])
 
     def gain(self, omega: Vector) -> Vector:
         """Return the largest gain through the lines that any phases could make, in any units."""
-        size = np.abs(resolvent_response(*self.ports, 1j * omega))
+        size = np.abs(systems.resolvent_response(*self.ports, 1j * omega))
         found = np.full(omega.size, np.inf)
         finite = np.isfinite(size).all(axis=(1, 2))
         if finite.any():
@@ -298,7 +294,7 @@ class _Loop(NamedTuple):
 
     def quiet_phase(self, omega: Vector) -> Vector:
         """Return the determinant's phase where the gain is below 1, and anything elsewhere."""
-        H = resolvent_response(*self.ports, 1j * omega)
+        H = systems.resolvent_response(*self.ports, 1j * omega)
         H = np.where(np.isfinite(H), H, 0)
         exact, model = (
             np.angle(1 - np.linalg.eigvals(H * factors[:, None, :])).sum(axis=1)
@@ -391,7 +387,7 @@ class DelayStability(Displayed):
         return Card(self.verdict, (quantities(*rows),), (self.reason,))
 
 
-def delay_stability(system: DelayedSystem) -> DelayStability:
+def delay_stability(system: systems.DelayedSystem) -> DelayStability:
     r"""Decide whether a system with delays is stable.
 
     The roots to the right of the axis are counted by the argument principle: those of the Pade
@@ -438,7 +434,7 @@ def delay_stability(system: DelayedSystem) -> DelayStability:
     ['stable', 'unstable']
     """
     remedy = "Use plant.delayed_loop(controller), or build a DelayedSystem."
-    instance_of("system", system, DelayedSystem, "a DelayedSystem", remedy)
+    instance_of("system", system, systems.DelayedSystem, "a DelayedSystem", remedy)
     refuse_extreme("system", dict(zip("ABCD", system.matrices, strict=True)))
     ports = system.ports()
     if not system.lines:

@@ -14,20 +14,10 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
+from robustpolish.base import results
 from robustpolish.base.arrays import AnyVector
 from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import instance_of, misfit, one_of
-from robustpolish.base.results import (
-    Card,
-    Displayed,
-    Table,
-    bears_prefix,
-    paragraphs,
-    prefix_power,
-    prefixed,
-    tables,
-    templates,
-)
 from robustpolish.linear.stability import Stability
 from robustpolish.loops import loop as loops
 from robustpolish.loops import performance
@@ -56,7 +46,7 @@ _MOST_SHOWN = 5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LoopFigures(Displayed):
+class LoopFigures(results.Displayed):
     """The fields of :class:`robustpolish.results.LoopAnalysis`, whose docstring explains them."""
 
     loop: Loop
@@ -217,7 +207,7 @@ def _numbers(found: Any) -> Any:
 _MOST_ROWS = 12
 
 
-def tables_of(found: LoopFigures) -> tuple[Table, ...]:
+def tables_of(found: LoopFigures) -> tuple[results.Table, ...]:
     """Return what is known of a loop as tables; none for an unstable one."""
     if not found.stable:
         return ()
@@ -233,18 +223,18 @@ def tables_of(found: LoopFigures) -> tuple[Table, ...]:
         told.append(_table("Under the given disturbance", "given", found.given))
     if rate := found.sample_rate:
         last = ("needed", rate.needed_hz), ("lowest stable", rate.lowest_stable_hz)
-        told.append(Table("Sampling", ("rule", "rate [Hz]"), (*rate.rules.items(), *last)))
+        told.append(results.Table("Sampling", ("rule", "rate [Hz]"), (*rate.rules.items(), *last)))
     return tuple(told)
 
 
-def _table(caption: str, kind: str, rows: Sequence[Any]) -> Table:
+def _table(caption: str, kind: str, rows: Sequence[Any]) -> results.Table:
     """Return a table of attributes, by the heads of their columns."""
     columns = _COLUMNS[kind]
     cells = attrgetter(*columns.values())
-    return Table(caption, tuple(columns), tuple(cells(row) for row in rows))
+    return results.Table(caption, tuple(columns), tuple(cells(row) for row in rows))
 
 
-_COLUMNS = tables(__file__)["columns"]
+_COLUMNS = results.tables(__file__)["columns"]
 
 
 def _strongest(rows: Sequence[performance.Effort]) -> tuple[str, list[performance.Effort]]:
@@ -309,14 +299,14 @@ def _several(found: LoopFigures) -> list[MarginsAtOnce]:
 def _template() -> Any:
     filters = {"si": quantity, "amount": _amount, "listed": _listed, "disk": _disk_text}
     filters["db"] = decibel
-    return templates("robustpolish.loops", filters).get_template("texts.jinja")
+    return results.templates("robustpolish.loops", filters).get_template("texts.jinja")
 
 
 def _said(found: LoopFigures, block: str, **values: Any) -> tuple[str, ...]:
     """Return the sentences of a block of ``texts.jinja``."""
     names = {"frequency": _frequency, "delay": _delay, "speed": _rate}
     words = {name: partial(say, found) for name, say in names.items()}
-    return paragraphs(_template(), block, found=found, inf=math.inf, **words, **values)
+    return results.paragraphs(_template(), block, found=found, inf=math.inf, **words, **values)
 
 
 def explain(found: LoopFigures, more: Sequence[str]) -> str:
@@ -335,9 +325,9 @@ def details(found: LoopFigures) -> tuple[str, ...]:
     noise = [row for row in found.noise if row.peak_gain > 0]
     noisiest = max(noise, key=lambda row: row.rms, default=None)
     unit, power = noisiest.source_unit if noisiest else "", 0
-    if noisiest and bears_prefix(unit):  # a metre of noise says little, a micrometre much
-        power = max(0, prefix_power(noisiest.rms))
-        unit = prefixed(unit, -power)
+    if noisiest and results.bears_prefix(unit):  # a metre of noise says little, a micrometre much
+        power = max(0, results.prefix_power(noisiest.rms))
+        unit = results.prefixed(unit, -power)
     steps = [row for row in found.effort if row.step_peak > 0]
     given = [
         f"{row.control} reaches {_amount(row.peak, row.unit)} and moves at up to "
@@ -426,8 +416,8 @@ def quantity(value: float, unit: str) -> str:
     if not math.isfinite(value) or value == 0:
         return f"{value:g} {unit}"
     digits = f"{value:.3g}"
-    power = prefix_power(abs(float(digits)))
-    return f"{float(digits) / 10**power:.3g} {prefixed(unit, power)}"
+    power = results.prefix_power(abs(float(digits)))
+    return f"{float(digits) / 10**power:.3g} {results.prefixed(unit, power)}"
 
 
 def _amount(value: float, unit: str) -> str:
@@ -498,7 +488,7 @@ class LoopAnalysis(LoopFigures):
         """
         return explain(self, details(self))
 
-    def tables(self) -> tuple[Table, ...]:
+    def tables(self) -> tuple[results.Table, ...]:
         """Return the figures as tables: margins, bandwidths, noise, effort, sampling.
 
         Returns
@@ -573,11 +563,11 @@ class LoopAnalysis(LoopFigures):
         length = 4 / slowest if 0 < slowest < math.inf else 1.0
         return plot_steps(systems, length if duration is None else duration, ax)
 
-    def _card(self) -> Card:
+    def _card(self) -> results.Card:
         verdict = "can be built" if self.buildable else "cannot be built as it is"
         state = f"stable, {verdict}" if self.stable else "NOT stable"
         time = "discrete time" if self.loop.is_discrete else "continuous time"
-        return Card(f"Loop analysis, {time}: {state}", self.tables(), (self.explain(),))
+        return results.Card(f"Loop analysis, {time}: {state}", self.tables(), (self.explain(),))
 
 
 MeasuredKind = Literal["bode", "sigma", "nyquist", "nichols"]
@@ -638,7 +628,7 @@ class MeasuredLoopAnalysis(LoopFigures):
         """
         return explain(self, lines_in_words(self))
 
-    def tables(self) -> tuple[Table, ...]:
+    def tables(self) -> tuple[results.Table, ...]:
         """Return the figures as tables: margins and bandwidths.
 
         Returns
@@ -697,9 +687,11 @@ class MeasuredLoopAnalysis(LoopFigures):
         one_of("kind", kind, get_args(MeasuredKind))
         return self._drawn(ax, kind, signal, place, None)
 
-    def _card(self) -> Card:
+    def _card(self) -> results.Card:
         state = "stable as counted" if self.stable else "NOT stable as counted"
-        return Card(f"Loop analysis of a measured plant: {state}", self.tables(), (self.explain(),))
+        return results.Card(
+            f"Loop analysis of a measured plant: {state}", self.tables(), (self.explain(),)
+        )
 
 
 @single_threaded_blas

@@ -27,15 +27,7 @@ from robustpolish.synthesis import certificate as certificates
 from robustpolish.synthesis.certificate import ANY_NORM, Certificate, Norm, NormTarget
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.lmi.program import BACKENDS
-from robustpolish.synthesis.problem import preflight
-from robustpolish.synthesis.problem.matrices import (
-    Controller,
-    PlantMatrices,
-    balanced,
-    close,
-    without_many_modes,
-    without_one_mode,
-)
+from robustpolish.synthesis.problem import matrices, preflight
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 from robustpolish.synthesis.problem.preflight import ScaledPlant
 from robustpolish.synthesis.proofs.bounded_real import estimate_norm
@@ -45,11 +37,7 @@ from robustpolish.synthesis.riccati.gamma import (
     is_out_of_reach,
     lower_bound,
 )
-from robustpolish.synthesis.state_feedback.riccati import (
-    cancel_feedthrough,
-    h2_lower_bound,
-    no_finite_h2_norm,
-)
+from robustpolish.synthesis.state_feedback import riccati
 
 # The protocol of the engines of feedback synthesis: the task of one part, and what they find.
 
@@ -133,7 +121,7 @@ class Task:
         The units of the part, for state feedback.
     """
 
-    plant: PlantMatrices
+    plant: matrices.PlantMatrices
     norm: Norm
     regular: bool
     tolerance: float
@@ -178,7 +166,7 @@ class Candidate:
         The method, and the setting that made it.
     """
 
-    controller: Controller
+    controller: matrices.Controller
     achieved: float
     claimed: float
     origin: str
@@ -259,18 +247,18 @@ class Engine(ABC):
         """The smallest norm of a checked loop; infinite if there is none."""
         return min((c.achieved for c in self.candidates), default=np.inf)
 
-    def checked(self, K: Controller, claimed: float, origin: str) -> Candidate | None:
+    def checked(self, K: matrices.Controller, claimed: float, origin: str) -> Candidate | None:
         """Return a controller with the norm of its loop; None if it does not stabilise."""
         return check_candidate(self.problem, K, claimed, origin, self.budget)
 
 
 def check_candidate(
-    problem: Task, K: Controller, claimed: float, origin: str, budget: Budget
+    problem: Task, K: matrices.Controller, claimed: float, origin: str, budget: Budget
 ) -> Candidate | None:
     """Balance a controller and check its loop; None if it does not stabilise."""
     if not all(np.isfinite(M).all() for M in K):
         return None
-    K = balanced(K)
+    K = matrices.balanced(K)
     states = problem.plant.nx + len(K.A)
     # Beyond so many states of a loop its norm comes from its modes, at the expense of a step on
     # the plant.
@@ -280,12 +268,12 @@ def check_candidate(
     return Candidate(K, achieved, claimed, origin) if np.isfinite(achieved) else None
 
 
-def _loop_norm(plant: PlantMatrices, K: Controller, norm: Norm) -> float:
+def _loop_norm(plant: matrices.PlantMatrices, K: matrices.Controller, norm: Norm) -> float:
     """Return the norm from w to z; infinite if the loop is not stable.
 
     The result guides a search. It is certified once the search is over.
     """
-    loop = close(plant, K)
+    loop = matrices.close(plant, K)
     if not all(np.isfinite(M).all() for M in loop):
         return np.inf
     poles: Any = np.linalg.eigvals(loop.A) if loop.A.size else np.zeros(0)
@@ -318,7 +306,7 @@ def _remove_modes(problem: Task, candidate: Candidate, limit: float, budget: Bud
     """
     costly = candidate.order > COSTLY_STATES
     while candidate.order and not budget.over:
-        shorter = without_many_modes if costly else without_one_mode
+        shorter = matrices.without_many_modes if costly else matrices.without_one_mode
         for K in shorter(candidate.controller, problem.norm == "hinf"):
             if budget.over:
                 return candidate
@@ -415,8 +403,8 @@ class PartSearch:
         work = self.budget.share(0.7)
         inner = np.zeros((plant.nu, plant.ny))
         if norm == "h2" and not settings.full_state:
-            plant, inner = cancel_feedthrough(plant)
-            bound = h2_lower_bound(plant)
+            plant, inner = riccati.cancel_feedthrough(plant)
+            bound = riccati.h2_lower_bound(plant)
         elif not settings.full_state:
             # How finely the lower bound is searched, as a share of the tolerance.
             accuracy = 0.03 * min(settings.tolerance, 1e-2)
@@ -632,8 +620,8 @@ class PartSearch:
 
 
 def _truncated_plant(
-    plant: PlantMatrices, tolerance: float, accuracy: float, budget: Budget
-) -> tuple[PlantMatrices, LowerBound, str] | None:
+    plant: matrices.PlantMatrices, tolerance: float, accuracy: float, budget: Budget
+) -> tuple[matrices.PlantMatrices, LowerBound, str] | None:
     """Leave out what hardly counts; None unless the bound holds for the whole plant too."""
     short = preflight.truncated(plant)
     if short is None:
@@ -801,13 +789,13 @@ def design_by_parts(
     keys: list[_Key | None] = []
     for piece in parts:
         P = piece.plant
-        keys.append(PlantMatrices.of(P).fingerprint if P.nu and P.ny else None)
+        keys.append(matrices.PlantMatrices.of(P).fingerprint if P.nu and P.ny else None)
         if P.nu and P.ny:
             problems.append((keys[-1] or (), P.nx**2 + 1, P))
             continue
         preflight.refuse_unstable(P)
         if settings.norm == "h2" and not P.is_discrete and P.D11.any():
-            raise no_finite_h2_norm()
+            raise riccati.no_finite_h2_norm()
     norm, full_state, wanted = settings.norm, settings.full_state, settings.wanted
     # Norms of parts add up for the H2 norm, so that only a single one can be told.
     own = (

@@ -17,11 +17,7 @@ from robustpolish.base.arrays import AnyVector as Vector
 from robustpolish.base.budget import Budget, single_threaded_blas
 from robustpolish.base.checks import described, invalid, is_whole, misfit, positive
 from robustpolish.errors import SolverError
-from robustpolish.implementation.reduction import (
-    balancing_projection,
-    from_factor,
-    own_gramians,
-)
+from robustpolish.implementation import reduction
 from robustpolish.linear.systems import as_state_space, named_system, resolvent_response
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import single_filter
@@ -67,15 +63,15 @@ def reduce_in_gap_metric(K: control.StateSpace, order: int) -> SystemMatrices:
         If the factors could not be computed or truncated.
     """
     factors = coprime(loop_plant("controller", K)).right()
-    ways = own_gramians("right coprime", factors, False, "right")
+    ways = reduction.own_gramians("right coprime", factors, False, "right")
     if not ways:
         raise SolverError("The controller's coprime factors could not be balanced; reduce less.")
-    T, Ti, _ = balancing_projection(ways[0])
+    T, Ti, _ = reduction.balancing_projection(ways[0])
     if order > T.shape[1]:
         raise SolverError(f"The controller has fewer than {order} states that matter.")
     left, right = Ti[:order], T[:, :order]
     short = left @ factors.A @ right, left @ factors.B, factors.C @ right, factors.D
-    found = SystemMatrices(*from_factor(short, "right", K.ninputs or 0, K.noutputs or 0))
+    found = SystemMatrices(*reduction.from_factor(short, "right", K.ninputs or 0, K.noutputs or 0))
     return cayley_back(found) if K.isdtime(strict=True) else found
 
 

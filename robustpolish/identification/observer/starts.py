@@ -10,13 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from robustpolish.base.arrays import Array
-from robustpolish.identification.observer.kalman import (
-    Level,
-    LinearObserver,
-    PortForces,
-    Scales,
-    scales_of,
-)
+from robustpolish.identification.observer import kalman
 from robustpolish.identification.observer.runs import (
     Chains,
     InitialState,
@@ -27,13 +21,7 @@ from robustpolish.identification.observer.runs import (
 )
 from robustpolish.identification.record import Record, least_samples, output_sizes
 from robustpolish.machines.effects.evaluate import force_with
-from robustpolish.machines.mechanical.data import (
-    MechanicalData,
-    dynamic_effects,
-    motion_at,
-    port_pairs,
-    port_rows,
-)
+from robustpolish.machines.mechanical import data
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.simulation import IntersampleLines, NonlinearResponse
 
@@ -44,7 +32,7 @@ _INITIAL_AMPLITUDE = 3.0
 # Samples to which the start is fitted: many swings of every machine, and quick.
 _START_SAMPLES = 4000
 # Levels of a model that may be nearly right, to predict with and to see the motion.
-_OBSERVER_LEVELS = tuple(Level(share) for share in (0.01, 0.03, 0.1, 0.3, 1.0))
+_OBSERVER_LEVELS = tuple(kalman.Level(share) for share in (0.01, 0.03, 0.1, 0.3, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,15 +70,17 @@ class SmoothedMotion:
 
 def known_forces(
     model: MechanicalModel, q: Array, v: Array, time: Array, dt: float
-) -> PortForces | None:
+) -> kalman.PortForces | None:
     """Return the forces of a model's effects along a motion."""
-    effects = [effect for _, effect in dynamic_effects(model)]
+    effects = [effect for _, effect in data.dynamic_effects(model)]
     if not effects:
         return None
-    motions = ((e, motion_at(model, e, time, q, v, dt / 4)) for e in effects)
+    motions = ((e, data.motion_at(model, e, time, q, v, dt / 4)) for e in effects)
     values = [force_with(effect.definition, effect.values, motion) for effect, motion in motions]
-    pairs = [pair for effect in effects for pair in port_pairs(effect)]
-    return PortForces(np.vstack([port_rows(model, e) for e in effects]), pairs, np.vstack(values))
+    pairs = [pair for effect in effects for pair in data.port_pairs(effect)]
+    return kalman.PortForces(
+        np.vstack([data.port_rows(model, e) for e in effects]), pairs, np.vstack(values)
+    )
 
 
 _DIVERGED_AMPLITUDE = 1e3
@@ -98,8 +88,8 @@ _DIVERGED_AMPLITUDE = 1e3
 
 
 def best_observer_level(
-    model: MechanicalModel, record: Record, scales: Scales, levels: Sequence[Level]
-) -> tuple[Level, NonlinearResponse]:
+    model: MechanicalModel, record: Record, scales: kalman.Scales, levels: Sequence[kalman.Level]
+) -> tuple[kalman.Level, NonlinearResponse]:
     """Return the level at which an observer predicts the record best, and what it saw.
 
     The observer begins at rest: what it does in the first samples is not counted.
@@ -140,7 +130,7 @@ def best_observer_level(
 
 
 def smooth(
-    model: MechanicalModel, record: Record, scales: Scales, levels: Sequence[Level]
+    model: MechanicalModel, record: Record, scales: kalman.Scales, levels: Sequence[kalman.Level]
 ) -> SmoothedMotion:
     """Return motion and missing force along a record, led by the data as far as they ask for.
 
@@ -162,12 +152,12 @@ def smooth(
 
 
 def _smooth(
-    model: MechanicalModel, record: Record, scales: Scales, levels: Sequence[Level]
+    model: MechanicalModel, record: Record, scales: kalman.Scales, levels: Sequence[kalman.Level]
 ) -> SmoothedMotion:
     """Smooth one record, or a contiguous part of one."""
     level, seen = best_observer_level(model, record, scales, levels)
     W, Y, nf = record.own(record.signals(model)), record.raw_outputs(model), len(model.free)
-    observer = LinearObserver(model, record.dt, level, scales)
+    observer = kalman.LinearObserver(model, record.dt, level, scales)
     sizes, m = _start_sizes(model, scales), model.matrices
     lines = record.own_lines(record.lines(model))
     first = min(len(Y), _START_SAMPLES)
@@ -176,7 +166,7 @@ def _smooth(
     # lacks it: where it leaves all bounds it is left out.
     bound, travels = _DIVERGED_AMPLITUDE * scales.amplitude or np.inf, model.frame.sizes[m.free]
 
-    def along(forces: PortForces | None) -> Array:
+    def along(forces: kalman.PortForces | None) -> Array:
         head = None if forces is None else forces._replace(values=forces.values[:, :first])
         errors = observer.innovations(Y[:first], W[:first], head, lines=begin)[1]
         start = observer.likeliest_start(errors, sizes)
@@ -211,19 +201,19 @@ def _smooth(
 
 def best_observer_run(model: MechanicalModel, record: Record) -> NonlinearResponse:
     """Return the predictions and states of the observer that predicts a record best."""
-    return best_observer_level(model, record, scales_of(model, record), _OBSERVER_LEVELS)[1]
+    return best_observer_level(model, record, kalman.scales_of(model, record), _OBSERVER_LEVELS)[1]
 
 
 def smoothed_motion(model: MechanicalModel, record: Record) -> SmoothedMotion | None:
     """Return the smoothed motion of a record; None if it is too short or cannot be followed."""
     if min(part.samples for part in record.parts) < least_samples(model):
         return None
-    found = smooth(model, record, scales_of(model, record), _OBSERVER_LEVELS)
+    found = smooth(model, record, kalman.scales_of(model, record), _OBSERVER_LEVELS)
     finite = all(np.isfinite(part).all() for part in (found.q, found.force, found.internal))
     return found if finite else None
 
 
-def _start_sizes(model: MechanicalModel, scales: Scales) -> Array:
+def _start_sizes(model: MechanicalModel, scales: kalman.Scales) -> Array:
     """Return what free displacements and velocities may be at the start, roughly.
 
     No coordinate holds much more energy than the softest one does at the measured amplitude, and
@@ -528,11 +518,11 @@ def doubling_lengths(samples: int) -> list[int]:
     return found
 
 
-def state_sizes(model: MechanicalData, states: Array) -> Array:
+def state_sizes(model: data.MechanicalData, states: Array) -> Array:
     """Append the sizes of internal states to those of the free displacements and velocities."""
     q, v = (float(np.max(half, initial=1e-12)) for half in np.split(states, 2))
     sizes: list[float] = []
-    for _, effect in dynamic_effects(model):
+    for _, effect in data.dynamic_effects(model):
         kind = effect.definition
         known = kind.state_sizes(effect.values, q, v) or [1.0] * kind.states
         sizes += [size or 1.0 for size in known]

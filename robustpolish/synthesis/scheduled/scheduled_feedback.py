@@ -34,11 +34,7 @@ from robustpolish.synthesis.lmi.program import Affine, ProgramSolver, Semidefini
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
 from robustpolish.synthesis.problem.preflight import ScaledPlant, with_measurement_noise
 from robustpolish.synthesis.scheduled import polytope as polytopes
-from robustpolish.synthesis.scheduled.robust_state_feedback import (
-    BACK_OFFS,
-    GainSearch,
-    refuse_uncontrollable_vertices,
-)
+from robustpolish.synthesis.scheduled import robust_state_feedback
 
 # `ScheduledDesign`: a controller that follows measured numbers, and what is proven of it.
 
@@ -268,7 +264,7 @@ def scheduled_controllers(
         for p, v in zip(plants, unknowns, strict=True):
             program.positive(-bounded_real(loop_terms(p, v), square))
 
-    return controllers_near_optimum(plants, impose, solver, BACK_OFFS)
+    return controllers_near_optimum(plants, impose, solver, robust_state_feedback.BACK_OFFS)
 
 
 @single_threaded_blas
@@ -368,7 +364,7 @@ def scheduled_feedback(
         remedy = "Name measurements=, or leave it out."
         raise invalid("measurement_noise", measurement_noise, "none for state feedback", remedy)
     limits = _rates(whole, rates)
-    refuse_uncontrollable_vertices(whole)
+    robust_state_feedback.refuse_uncontrollable_vertices(whole)
     budget = Budget(polytopes.WORK, time_limit)
     programs = ProgramSolver(backend, solver, budget, polytopes.ACCURACY)
     with progress_bar("Designing for all corners"):
@@ -376,7 +372,7 @@ def scheduled_feedback(
         moving = [whole.speed(name) * rate * scaled.time for name, rate in limits.items()]
         family = polytopes.LyapunovFamily.affine(whole.positions, moving)
         specification = polytopes.PolytopeSpecification(family, "hinf", vertices[0].discrete)
-        search = GainSearch(vertices, specification, programs, scheduled=True)
+        search = robust_state_feedback.GainSearch(vertices, specification, programs, scheduled=True)
         # State feedback is proven for its own candidates, output feedback for controllers.
         if measurements is None:
             ways = ((search.loops(one), one.gains, one.claimed) for one in search.candidates())

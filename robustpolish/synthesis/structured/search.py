@@ -27,13 +27,7 @@ from robustpolish.synthesis.nonsmooth.measures import (
     StabilityMeasure,
     norm_measure,
 )
-from robustpolish.synthesis.problem import preflight
-from robustpolish.synthesis.problem.matrices import (
-    PlantMatrices,
-    augmented,
-    controller_from_matrix,
-    controller_loop,
-)
+from robustpolish.synthesis.problem import matrices, preflight
 
 TIME_LIMIT = 300.0
 """Seconds of the safety net, if the caller names none."""
@@ -318,19 +312,19 @@ class PartProblem:
     gain_bound: float | None = None
     specifications: tuple[descent.Requirement, ...] = ()
     effort: SearchEffort = SearchEffort()
-    objective_loop: PlantMatrices | None = None
+    objective_loop: matrices.PlantMatrices | None = None
     bounds: descent.Bounds | None = None
     open_ended: NDArray[np.bool_] | None = None
     size: descent.Measure | None = None
     slack: float = 5e-5
     advice: str = "Raise order="
-    machines: tuple[PlantMatrices, ...] = ()
+    machines: tuple[matrices.PlantMatrices, ...] = ()
     extra: bytes = b""
 
     @cached_property
-    def loop(self) -> PlantMatrices:
+    def loop(self) -> matrices.PlantMatrices:
         """The scaled part, with integrators for a dynamic controller."""
-        return augmented(PlantMatrices.of(self.scaled.plant), self.order)
+        return matrices.augmented(matrices.PlantMatrices.of(self.scaled.plant), self.order)
 
     @cached_property
     def objective(self) -> descent.Measure:
@@ -340,10 +334,10 @@ class PartProblem:
         return norm_measure(self.objective_loop or self.loop, self.norm)
 
     @cached_property
-    def controller_loop(self) -> PlantMatrices:
+    def controller_loop(self) -> matrices.PlantMatrices:
         """The controller itself from y to u, in plant units."""
         left, right = np.diag(self.scaled.control), np.diag(1 / self.scaled.measurement)
-        return controller_loop(self.order, left, right, self.scaled.original.is_discrete)
+        return matrices.controller_loop(self.order, left, right, self.scaled.original.is_discrete)
 
     @cached_property
     def requirements(self) -> tuple[descent.Requirement, ...]:
@@ -355,10 +349,10 @@ class PartProblem:
         return (*self.specifications, descent.Requirement(size, self.gain_bound))
 
     @property
-    def stable_loops(self) -> tuple[PlantMatrices, ...]:
+    def stable_loops(self) -> tuple[matrices.PlantMatrices, ...]:
         """What has to be stable: all loops, and a dynamic controller whose gain is bounded."""
         if self.machines:
-            return tuple(augmented(machine, self.order) for machine in self.machines)
+            return tuple(matrices.augmented(machine, self.order) for machine in self.machines)
         alone = self.gain_bound is not None and self.order > 0
         return (self.loop, self.controller_loop) if alone else (self.loop,)
 
@@ -386,13 +380,13 @@ class PartProblem:
     @property
     def key(self) -> tuple[bytes, ...]:
         """What is the same for problems with the same answer."""
-        return (self.extra, *PlantMatrices.of(self.scaled.original).fingerprint)
+        return (self.extra, *matrices.PlantMatrices.of(self.scaled.original).fingerprint)
 
     def controller(self, K: Matrix) -> control.StateSpace:
         """Return K = [[Ak, Bk], [Ck, Dk]] of the scaled part as a controller in plant units."""
         # Entries that only rounding left in place of a zero are zeros.
         K = np.where(np.abs(K) < 1e-13 * np.abs(K).max(initial=0.0), 0.0, K)
-        own = self.scaled.controller(controller_from_matrix(K, self.order))
+        own = self.scaled.controller(matrices.controller_from_matrix(K, self.order))
         return preflight.named_controller(self.scaled.original, *own)
 
 
@@ -465,7 +459,7 @@ class ControllerStructure(ABC):
 
 def scaled_part(
     plant: GeneralizedPlant, what: str, mask: NDArray[np.bool_] | None = None
-) -> tuple[preflight.ScaledPlant, PlantMatrices]:
+) -> tuple[preflight.ScaledPlant, matrices.PlantMatrices]:
     """Scale a part, unless an unstable mode of it is fixed for all gains with the mask.
 
     Raises
@@ -474,7 +468,7 @@ def scaled_part(
         If one is; it is named.
     """
     scaled = preflight.scale_plant(plant)
-    inner = PlantMatrices.of(scaled.plant)
+    inner = matrices.PlantMatrices.of(scaled.plant)
     free = np.ones((plant.nu, plant.ny), bool) if mask is None else mask
     preflight.refuse_fixed_modes(inner, free, plant.states, scaled.time, what)
     return scaled, inner
