@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from scipy import linalg
 
-from robustpolish.base.arrays import AnyArray, AnyMatrix, AnyVector, Matrix, Vector
+from robustpolish.base.arrays import SAME, AnyArray, AnyMatrix, AnyVector, Matrix, Vector
 from robustpolish.base.checks import instance_of
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear import systems
@@ -35,8 +35,6 @@ MOST_SIZE = 700
 # least number. More are taken per radian of delay at the highest frequency where a root can be
 # unstable; polynomials need pi per wavelength.
 _NODES, _NODES_PER_RADIAN = 20, 1.5
-# Smallest over largest singular value of the characteristic matrix at what counts as a root.
-_RESIDUAL = 1e-9
 # Newton steps; from the eigenvalues three are enough. How far, relative to its size and the unit of
 # rate, they may move a start.
 _NEWTON, _MOVED = 12, 0.1
@@ -140,7 +138,8 @@ def _root(ports: Ports, delays: Vector, start: complex) -> complex | None:
     if not np.isfinite(T).all() or abs(s - start) > _MOVED * (1 + abs(start)):
         return None
     sizes = np.linalg.svd(T, compute_uv=False)
-    return s if sizes[-1] <= _RESIDUAL * sizes[0] else None
+    # Smallest over largest singular value of the characteristic matrix at what counts as a root.
+    return s if sizes[-1] <= SAME * sizes[0] else None
 
 
 def _characteristic(ports: Ports, delays: Vector, s: complex) -> tuple[AnyMatrix, AnyMatrix]:
@@ -173,10 +172,6 @@ MOST_POINTS = 200_000
 """Points beyond which the count is given up: 5 s for 30 states."""
 # How far the count may lie from a whole number.
 _WHOLE = 0.05
-# A determinant that comes so near to zero is a root on the axis, as far as doubles tell.
-_LEAST = 1e-9
-# How near to the axis, relative to its size, no eigenvalue of a Pade model may lie.
-_AXIS = 1e-9
 
 
 def count_unstable(system: systems.DelayedSystem) -> tuple[int | None, str, float]:
@@ -224,7 +219,8 @@ def count_unstable(system: systems.DelayedSystem) -> tuple[int | None, str, floa
         value = np.insert(value, at + 1, loop.value(new))
     heard = np.flatnonzero(gain >= _QUIET)
     highest = float(omega[heard[-1]]) if heard.size else 0.0
-    if np.abs(value).min() < _LEAST:
+    # A determinant that comes so near to zero is a root on the axis, as far as doubles tell.
+    if np.abs(value).min() < SAME:
         return None, "a root lies on the axis, as far as can be told", highest
     # Between quiet neighbours the phase is known by itself: no eigenvalue passes zero.
     own = loop.quiet_phase(omega)
@@ -261,7 +257,8 @@ class _Loop(NamedTuple):
             x, p = inner @ Dp @ C, inner @ Cp
             whole = np.block([[A + B @ x, B @ p], [Bp @ (C + D @ x), Ap + Bp @ D @ p]])
             poles = np.linalg.eigvals(whole)
-            if (np.abs(poles.real) > _AXIS * np.abs(poles).max(initial=0.0)).all():
+            # How near to the axis, relative to its size, no eigenvalue of a Pade model may lie.
+            if (np.abs(poles.real) > SAME * np.abs(poles).max(initial=0.0)).all():
                 into = np.vstack([B @ inner, Bp @ D @ inner])
                 closed = whole, into, np.hstack([C + D @ x, D @ p]), D @ inner
                 return cls(closed, (A, B, C, D), lines)

@@ -14,7 +14,7 @@ from control.exception import ControlMIMONotImplemented
 from numpy.typing import ArrayLike
 from scipy import linalg
 
-from robustpolish.base.arrays import EPS, AnyArray, AnyVector, Array, Matrix, Vector
+from robustpolish.base.arrays import AGREE, EPS, AnyArray, AnyVector, Array, Matrix, Vector
 from robustpolish.base.checks import (
     described,
     instance_of,
@@ -68,10 +68,6 @@ def named_system(
         system.B, system.D = np.zeros((n, 0)), np.zeros((p, 0))
         return system
     return control.StateSpace(A, B, C, D, dt, remove_useless_states=False, **names)
-
-
-# How far, relative, a realisation may lie from its transfer function at the points of the check.
-_SAME_RESPONSE = 1e-6
 
 
 def is_system(value: Any) -> bool:
@@ -184,7 +180,9 @@ def _realised(
         s = 1.2 * np.exp(0.7j * factor) if timed.isdtime(strict=True) else scale * factor * 1j
         s = complex(s) + 0.1 * scale * factor  # off the axis, where poles may lie
         want, have = np.atleast_2d(timed(s)), np.atleast_2d(found(s))
-        if not np.abs(want - have).max() <= _SAME_RESPONSE * np.abs(want).max():
+        # How far, relative, a realisation may lie from its transfer function at the points of the
+        # check.
+        if not np.abs(want - have).max() <= AGREE * np.abs(want).max():
             shown = described("a TransferFunction whose realisation has another response")
             remedy = "Build it as a control.StateSpace."
             raise invalid(argument, shown, "one that can be realised in double precision", remedy)

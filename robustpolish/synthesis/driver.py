@@ -17,6 +17,7 @@ from typing import Any, NamedTuple, TypeVar
 import control
 import numpy as np
 
+from robustpolish.base.arrays import ROUNDING
 from robustpolish.base.budget import Budget, DeadlineError, partial_deadline, step_cost
 from robustpolish.base.checks import instance_of, one_of, positive
 from robustpolish.errors import SolverError
@@ -351,10 +352,6 @@ class ChosenController(NamedTuple):
         return np.inf if self.certificate is None else self.certificate.achieved
 
 
-ROUNDING = 1e-12
-"""Share of the norm with almost no control below which a norm is nothing but rounding."""
-
-
 class PartSearch:
     """One part in the units of the engines, what they found, and the choice among it.
 
@@ -585,6 +582,7 @@ class PartSearch:
 
     def _status(self, achieved: float) -> preflight.Status:
         bound = self.problem.bound
+        # Share of the norm with almost no control below which a norm is nothing but rounding.
         most = ROUNDING * self.settings.reference / self.unit
         near = bound is not None and achieved <= most + bound.value * (1 + self.problem.tolerance)
         near = near and not any(engine.constrained for engine in self.searches)

@@ -12,6 +12,7 @@ import control
 import numpy as np
 from scipy import linalg
 
+from robustpolish.base.arrays import SAME
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.arrays import AnyVector as Vector
 from robustpolish.base.budget import Budget, single_threaded_blas
@@ -93,8 +94,6 @@ _FAINTEST = 1e-8
 # Poles on the axis, which no stable factor can have, are moved by this share of the lower end of
 # the band: 1e-4 of the gain at that end.
 _SHIFT = 1e-2
-# Poles this near to the axis, over the largest pole or the lower end of the band, are on it.
-_ON_AXIS = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,7 +255,8 @@ def target_weight(plant: SystemMatrices, wanted: TargetLoop) -> SystemMatrices:
         low = math.tan(low * step_of(wanted.dt) / 2)
     poles = np.linalg.eigvals(square.A)
     size = max(low, float(np.abs(poles).max(initial=0.0)))
-    if (np.abs(poles.real) <= _ON_AXIS * size).any():
+    # Poles this near to the axis, over the largest pole or the lower end of the band, are on it.
+    if (np.abs(poles.real) <= SAME * size).any():
         square = square._replace(A=square.A - _SHIFT * low * np.eye(len(poles)))
     inverse = _inverted(_mirrored(square), level)
     back = cayley_back(inverse) if wanted.dt else inverse

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustpolish.base.arrays import Matrix
+from robustpolish.base.arrays import NOTHING, ROUNDING, Matrix
 from robustpolish.implementation.sampled.lifting import Phase, ScaledMap
 from robustpolish.linear.arithmetic.exact import FloatRangeError
 from robustpolish.linear.stability import square_root
@@ -141,9 +141,6 @@ def _first_step(H: Matrix) -> tuple[Matrix, Matrix, Matrix]:
 
 
 _DOUBLINGS = 60
-_SETTLED = 1e-12
-_NOTHING = 1e-30
-"""Below this part of what the matrices suggest a norm counts as zero."""
 
 
 @dataclass(frozen=True)
@@ -222,8 +219,8 @@ def check_gain(loop: ScaledMap, gamma: float, margin: float = 0.0) -> GainTest:
             return GainTest(gamma, False, None, len(loop.phases) + 1, stage, twice)
         change = np.linalg.norm(twice.Q - section.Q)
         section = twice
-        settled = change <= _SETTLED * np.linalg.norm(section.Q)
-        if settled and section.size < math.sqrt(_SETTLED):
+        settled = change <= ROUNDING * np.linalg.norm(section.Q)
+        if settled and section.size < math.sqrt(ROUNDING):
             return GainTest(gamma, True, section.Q)
     # Neither settled nor refuted: gamma is nearer to the norm than doubles can tell.
     return GainTest(gamma, False)
@@ -258,8 +255,9 @@ def bracket(
     factor = 2.0
     while low.gamma == 0.0:
         factor **= 2
-        test = check_gain(loop, max(high.gamma / factor, start * _NOTHING))
-        if test.below and test.gamma <= start * _NOTHING:
+        # Below this part of what the matrices suggest a norm counts as zero.
+        test = check_gain(loop, max(high.gamma / factor, start * NOTHING))
+        if test.below and test.gamma <= start * NOTHING:
             return low, test
         low, high = (low, test) if test.below else (test, high)
     while high.gamma > low.gamma * (1 + tolerance):

@@ -11,7 +11,7 @@ import control
 import numpy as np
 from scipy import linalg
 
-from robustpolish.base.arrays import Matrix, Vector
+from robustpolish.base.arrays import ROUNDING, SAME, Matrix, Vector
 from robustpolish.base.checks import misfit
 from robustpolish.errors import InvalidInputError
 from robustpolish.linear.scaling import border_scale
@@ -21,9 +21,6 @@ from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import Wiring
 
 # Delays of the plant that every signal round a sampled loop meets, taken as they are.
-
-_SAME = 1e-12
-"""Delays that differ by less than this part of one are the same."""
 
 
 def without_loop_delay(plant: GeneralizedPlant) -> tuple[GeneralizedPlant, float]:
@@ -58,7 +55,9 @@ def without_loop_delay(plant: GeneralizedPlant) -> tuple[GeneralizedPlant, float
             continue
         last = {chain[-1]: delay for chain, delay in zip(chains, delays, strict=True)}
         # Of each chain that is longer than the others one line stays, with what it has more.
-        kept = {i: delay - common for i, delay in last.items() if delay - common > _SAME * common}
+        kept = {
+            i: delay - common for i, delay in last.items() if delay - common > ROUNDING * common
+        }
         lines = tuple(
             replace(line, seconds=kept.get(i, line.seconds)) for i, line in enumerate(wiring.lines)
         )
@@ -131,9 +130,6 @@ def _without_line_delay(wiring: Wiring, line: int) -> Wiring:
 # At t = k h the state s[k] holds the plant's states, the averages of measurement noise over the
 # last period, the controls that the delay still holds back, and the controller's states. From it
 # follow the start of the flow, zeta(0) = L s[k], and after it s[k+1] = M zeta(h) + N s[k].
-
-SAME_INSTANT = 1e-9
-"""Instants nearer to each other than this part of a period are one: clocks are not better."""
 
 
 class Phase(NamedTuple):
@@ -222,9 +218,10 @@ def split_delay(period: float, delay: float) -> tuple[int, float]:
     >>> split_delay(0.1, 0.3)
     (3, 0.0)
     """
-    whole = math.floor(delay / period + SAME_INSTANT)
+    # Instants nearer to each other than this part of a period are one: clocks are not better.
+    whole = math.floor(delay / period + SAME)
     rest = delay - whole * period
-    return whole, rest if rest > SAME_INSTANT * period else 0.0
+    return whole, rest if rest > SAME * period else 0.0
 
 
 def period_map(

@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
-from robustpolish.base.arrays import EPS, Vector
+from robustpolish.base.arrays import AGREE, EPS, Vector
 from robustpolish.base.budget import check_deadline, single_threaded_blas
 from robustpolish.base.checks import described, invalid, positive, source_of
 from robustpolish.base.results import Card, Displayed, quantities
@@ -328,7 +328,7 @@ EXACT_AT_MOST = 80
 # Widths of brackets that are accepted from modal coordinates: beyond EXACT_ALWAYS, beyond
 # EXACT_AT_MOST where nothing else would prove any, and of estimates, which the Hamiltonian test
 # could narrow.
-_WIDE, _WIDEST, _ESTIMATED = 1e-6, 1e-2, 1e-6
+_WIDEST = 1e-2
 # Gains of so many signals per state are quicker by the Hamiltonian matrix.
 _SIGNALS = 4
 
@@ -389,9 +389,9 @@ def _modal(model: Realisation, spectrum: Eigensystem, tolerance: float, exact: b
     # Imports Numba, which takes as long as all the rest together.
     from robustpolish.linear.norms.modal_peak import modal_peak
 
-    widest = _WIDE if model.states <= EXACT_AT_MOST else _WIDEST
+    widest = AGREE if model.states <= EXACT_AT_MOST else _WIDEST
     if not exact:
-        widest = _ESTIMATED
+        widest = AGREE
     elif model.states <= EXACT_ALWAYS:
         widest = tolerance
     found = modal_peak(form, tolerance, max(tolerance, widest))

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import linalg
 from scipy.linalg import lapack as _lapack
 
-from robustpolish.base.arrays import EPS, AnyArray, Array, Vector
+from robustpolish.base.arrays import AGREE, EPS, NOTHING, SAME, AnyArray, Array, Vector
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic import balls
@@ -160,7 +160,7 @@ BITS = 240
 """Precision of the balls; more where that does not suffice for a proof."""
 # More states than this are solved for in doubles and refined: at most so often, as long as each
 # step is that much smaller than the one before, until one is so small beside the solution.
-_REFINED, _REFINEMENTS, _PROGRESS, _EXACT = 60, 12, 1e-3, 1e-30
+_REFINED, _REFINEMENTS, _PROGRESS = 60, 12, 1e-3
 
 
 def enclose_loop(plant: GeneralizedPlant, controller: Any, bits: int = BITS) -> BallSystem:
@@ -259,7 +259,7 @@ def _refined_solution(M: Ball, B: Ball) -> Ball:
         if singular or not size <= _PROGRESS * before:
             break
         X = (X + flint.acb_mat(X.nrows(), X.ncols(), step.ravel().tolist())).mid()
-        if size <= _EXACT * float(np.linalg.norm(balls.midpoint(X))):
+        if size <= NOTHING * float(np.linalg.norm(balls.midpoint(X))):
             return X
         rest, before = B - M * X, size
     return M.solve(B)
@@ -379,9 +379,6 @@ SLACK = (1e-5, 2e-4, 9e-4)
 # From so many states on the tightest is left out, because a trial takes long.
 _LARGE = 60
 _PASSES = 3
-# How well, relative, what doubles find and what the enclosed loop has must agree to be believed.
-_AGREE = 1e-6
-_ACCURACY = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -449,13 +446,15 @@ def prove_computed_norm(
         matrices = each.doubles
         if 0 in matrices[3].shape or not all(np.isfinite(M).all() for M in matrices):
             return None
-        seen.append(estimate_norm(*matrices, _ACCURACY))
+        seen.append(estimate_norm(*matrices, SAME))
     exact, other = seen
     if not (exact.settled and other.settled):
         return None
     with balls.precision(BITS):
         gain = gain_at(loop, exact.frequency)
-    if not (level < gain < np.inf and abs(other.value - gain) <= _AGREE * gain):
+    # How well, relative, what doubles find and what the enclosed loop has must agree to be
+    # believed.
+    if not (level < gain < np.inf and abs(other.value - gain) <= AGREE * gain):
         return None
     achieved, frequency = max((gain, exact.frequency), (other.value, other.frequency))
     slack = SLACK[loop.A.nrows() > _LARGE]

@@ -16,8 +16,8 @@ import flint
 import numpy as np
 from numpy.typing import NDArray
 
+from robustpolish.base.arrays import NOTHING, ROUNDING, SAME, Vector
 from robustpolish.base.arrays import AnyMatrix as Matrix
-from robustpolish.base.arrays import Vector
 from robustpolish.base.budget import Budget, DeadlineError, check_deadline, step_cost
 from robustpolish.linear.arithmetic.balls import (
     Ball,
@@ -69,8 +69,6 @@ from robustpolish.synthesis.problem.matrices import (
 # moves double zeros on the axis by 1e-8, and weights have poles at 1e-5. Bounds fall by about
 # _SLOWER over the slowest and the fastest over _FASTER.
 _SLOWER, _FASTER = 1e-8, 1e8
-# A coupling has to be larger than gamma by so much, relative.
-_MARGIN = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +97,8 @@ class PreciseRiccati:
         if D.ncols():
             cross = D.transpose() * self.D11
             free -= cross.transpose() * (D.transpose() * D).inv() * cross
-        return has_eigenvalue_below(-1 * free, -(gamma**2) * (1 + _MARGIN))
+        # A coupling has to be larger than gamma by so much, relative.
+        return has_eigenvalue_below(-1 * free, -(gamma**2) * (1 + SAME))
 
     def solution(self, gamma: Any) -> Ball | None:
         """Return the stabilising X; None if there is none, or none that is semidefinite."""
@@ -144,7 +143,7 @@ class PreciseRiccatiPair:
         Y = None if X is None else self.halves[1].solution(level)
         if X is None or Y is None:
             return True
-        return has_eigenvalue_below(-1 * (X * Y), -(level**2) * (1 + _MARGIN))
+        return has_eigenvalue_below(-1 * (X * Y), -(level**2) * (1 + SAME))
 
 
 def _mapped(
@@ -207,9 +206,7 @@ _FIRST, _WIDENING = 0.5, 8.0
 # Norms that are tried at most; most plants need three, a guess wrong by 1e40 needs 30.
 _STEPS = 40
 # Smaller bounds, in scaled units, are as good as zero, and larger ones as good as infinite.
-_LEAST, _MOST = 1e-30, 1e30
-# Share of the bound: the nearer a norm lies to the infimum, the more digits it takes.
-_GIVEN_AWAY = 1e-9
+_MOST = 1e30
 
 
 def proven_lower_bound(plant: PlantMatrices, guess: float, tolerance: float) -> float:
@@ -246,7 +243,7 @@ def proven_lower_bound(plant: PlantMatrices, guess: float, tolerance: float) -> 
 
     lower, upper = 0.0, math.inf
     step = _FIRST * tolerance
-    trial = max(guess, _LEAST) / (1 + step)
+    trial = max(guess, NOTHING) / (1 + step)
     for _ in range(_STEPS):
         try:
             check_deadline()
@@ -254,7 +251,7 @@ def proven_lower_bound(plant: PlantMatrices, guess: float, tolerance: float) -> 
         except DeadlineError:
             break
         lower, upper = (trial, upper) if out_of_reach else (lower, trial)
-        if upper <= max(lower * (1 + tolerance), _LEAST) or lower >= _MOST:
+        if upper <= max(lower * (1 + tolerance), NOTHING) or lower >= _MOST:
             break
         if lower > 0 and upper < math.inf:
             trial = math.sqrt(lower * upper)
@@ -262,7 +259,8 @@ def proven_lower_bound(plant: PlantMatrices, guess: float, tolerance: float) -> 
         # Beside the guess first, then ever farther.
         trial = lower * (1 + step) ** 2 if lower else upper / (1 + step)
         step *= _WIDENING
-    return lower * (1 - _GIVEN_AWAY)
+    # Share of the bound: the nearer a norm lies to the infimum, the more digits it takes.
+    return lower * (1 - SAME)
 
 
 # Riccati and Lyapunov equations, solved so that failure is seen.
@@ -498,10 +496,6 @@ Gains = NDArray[Any]
 # Relative sizes of noise on a measurement, or of a price on a control, that count as none. Its
 # inverse squared enters the equations, so the largest that keeps the plant is taken.
 _NOISELESS = (1e-7, 1e-9, 1e-11)
-# Relative size of what a measurement without noise sees that counts as nothing.
-_UNSEEN = 1e-9
-# Size of an entry beside the largest one that is nothing but rounding (ROC6 in other units).
-_ROUNDING = 1e-12
 # What was dropped may change the gain from u to z, relative to itself, by so much: ten times less
 # than searches resolve.
 _CHANGED = 3e-5
@@ -530,7 +524,8 @@ def reduced_riccati_pair(plant: PlantMatrices) -> RiccatiPair | None:
         # Frequencies all over those of the plant, in the right half plane, away from both axes.
         rates = np.abs(np.linalg.eigvals(A))
         fastest = float(rates.max(initial=0.0)) or 1.0
-        slowest = float(rates[rates > _UNSEEN * fastest].min(initial=fastest))
+        # Relative size of what a measurement without noise sees that counts as nothing.
+        slowest = float(rates[rates > SAME * fastest].min(initial=fastest))
         points = np.geomspace(slowest / _BEYOND, fastest * _BEYOND, _POINTS) * (0.6 + 0.8j)
         # What the controls do to z there, each control its own. Every reduction keeps it: the new
         # controls follow from the old ones, and z from the new.
@@ -540,7 +535,7 @@ def reduced_riccati_pair(plant: PlantMatrices) -> RiccatiPair | None:
         true = C @ _states(points, A, B2 @ controls) + D12
         size = np.linalg.norm(true, axis=1, keepdims=True)
         unit = np.where(size > 0, size, 1.0)
-        inverse = np.linalg.pinv(true / unit, _UNSEEN)
+        inverse = np.linalg.pinv(true / unit, SAME)
         for noiseless in _NOISELESS:
             equation, gain = _reduced_by(noiseless, P, points, controls)
             change = (gain - true) / unit @ inverse
@@ -602,7 +597,7 @@ class _PricedSystem(NamedTuple):
         B2, D12 = B2 @ turn.T, D12 @ turn.T
         controls = turn @ controls
         W, reach, _ = np.linalg.svd(B2[:, priced:])
-        free = int((reach > _UNSEEN).sum())
+        free = int((reach > SAME).sum())
         states = _states(points, A, B2 @ controls) if free else controls
         B2, D12, controls = B2[:, :priced], D12[:, :priced], controls[:, :priced]
         if not free:
@@ -614,7 +609,9 @@ class _PricedSystem(NamedTuple):
         D12 = np.hstack([D12, C @ at_will])
         A, B1, C = left.T @ A @ left, left.T @ self.B1, C @ left
         basis = left if basis is None else basis @ left
-        nothing = _ROUNDING * max(np.abs(A).max(initial=0), np.abs(C).max(initial=0))
+        # Size of an entry beside the largest one that is nothing but rounding (ROC6 in other
+        # units).
+        nothing = ROUNDING * max(np.abs(A).max(initial=0), np.abs(C).max(initial=0))
         return _PricedSystem(A, B1, B2, C, D12, controls, basis, nothing)
 
 

@@ -17,6 +17,7 @@ import flint
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robustpolish.base.arrays import ROUNDING
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.checks import described, instance_of, invalid, is_whole, misfit
 from robustpolish.linear.arithmetic import balls
@@ -43,8 +44,6 @@ ACCURACY = 1e-9
 _MOST_NUMBERS = 6
 # Corners of rates that programs hold themselves: those of two slow numbers.
 _CORNERS = 4
-# Entries below this beside the others are what rounding leaves of a zero.
-_ROUNDING = 1e-12
 
 # Parameter-dependent Lyapunov matrices: one for all vertices, one for each, or affine in numbers.
 
@@ -519,7 +518,8 @@ def require_equal(whole: Polytope, names: Sequence[str]) -> Polytope:
     for name, matrix in equal.items():
         size = max(float(np.abs(getattr(p, name)).max(initial=0.0)) for p in whole.plants)
         for p in whole.plants:
-            if np.abs(getattr(p, name) - matrix).max(initial=0.0) > _ROUNDING * size:
+            # Entries below this beside the others are what rounding leaves of a zero.
+            if np.abs(getattr(p, name) - matrix).max(initial=0.0) > ROUNDING * size:
                 remedy = (
                     "Put a fast lag before the controls: plant * "
                     "rp.uncertain.append(np.eye(nw), lag)."
@@ -559,12 +559,12 @@ def affine_warps(system: Lft) -> tuple[float, ...] | None:
             if i == j:
                 bends.append(float(np.trace(part)) / len(z))
                 part = part - bends[-1] * np.eye(len(z))
-            reaches[i, j] = np.abs(part).max(initial=0.0) > _ROUNDING * size
+            reaches[i, j] = np.abs(part).max(initial=0.0) > ROUNDING * size
     # No path leads from a number back to it if powers of the pattern vanish.
     power = np.linalg.matrix_power(reaches.astype(float), len(slices))
     if power.any() or max(map(abs, bends), default=0.0) >= 1:
         return None
-    return tuple(0.0 if abs(bend) <= _ROUNDING else bend for bend in bends)
+    return tuple(0.0 if abs(bend) <= ROUNDING else bend for bend in bends)
 
 
 BITS = 240

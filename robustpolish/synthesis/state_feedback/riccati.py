@@ -12,7 +12,7 @@ import control
 import numpy as np
 from scipy import linalg
 
-from robustpolish.base.arrays import EPS
+from robustpolish.base.arrays import EPS, SAME
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget, step_cost
 from robustpolish.errors import InfeasibleError
@@ -346,9 +346,6 @@ def _is_infeasible_at(plant: matrices.PlantMatrices, gamma: float) -> bool:
 
 _HOW = "by Riccati equations in double precision"
 
-# How much of D11 may be left, relative, where a static controller cancels it.
-_CANCELLED = 1e-9
-
 
 def cancel_feedthrough(plant: matrices.PlantMatrices) -> tuple[matrices.PlantMatrices, Matrix]:
     """Close a static controller that makes the feedthrough from w to z zero; return it as well.
@@ -364,7 +361,8 @@ def cancel_feedthrough(plant: matrices.PlantMatrices) -> tuple[matrices.PlantMat
         return plant, F
     F = -np.linalg.pinv(P.D12, rcond=1e-12) @ P.D11 @ np.linalg.pinv(P.D21, rcond=1e-12)
     rest = P.D11 + P.D12 @ F @ P.D21
-    if np.abs(rest).max() > _CANCELLED * np.abs(P.D11).max():
+    # How much of D11 may be left, relative, where a static controller cancels it.
+    if np.abs(rest).max() > SAME * np.abs(P.D11).max():
         raise no_finite_h2_norm()
     return P.with_inner_loop(F).replace(D11=np.zeros_like(P.D11)), F
 

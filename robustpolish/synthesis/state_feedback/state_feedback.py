@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
+from robustpolish.base.arrays import SAME
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget, enforce_deadline, progress_bar, single_threaded_blas
 from robustpolish.base.checks import described, invalid, positive
@@ -294,8 +295,6 @@ _BOUND_STARTS = 2
 _ITERATIONS = 150
 # A step that gains less than this share ends a search.
 _GAINED = 1e-5
-# A bound is kept by this share, so that rounding does not break it.
-_MARGIN = 1e-9
 # States that w hardly reaches are still given this share of the disturbance.
 _NOISE = 1e-3
 _NORMS = ("claimed", "achieved", "no_gain_found_at")
@@ -399,7 +398,8 @@ class StateSearch(driver.Engine):
 
     def _inside(self, F: Matrix) -> Matrix:
         """Return F, shrunk to the bound if it is larger."""
-        size, limit = self._size(F), self.bound_on_gain * (1 - _MARGIN)
+        # A bound is kept by this share, so that rounding does not break it.
+        size, limit = self._size(F), self.bound_on_gain * (1 - SAME)
         return F * (limit / size) if size > limit else F
 
     def _norm(self, F: Matrix | None) -> float:
@@ -661,7 +661,7 @@ class StateSearch(driver.Engine):
         if not (smallest.F.any() and target > 0) or regions or self.budget.over:
             return smallest
         gains, theta = _free_gain(smallest.F)
-        held = Requirement(norm_measure(p, self.norm), target * (1 - _MARGIN))
+        held = Requirement(norm_measure(p, self.norm), target * (1 - SAME))
         problem = Problem(gains, GainMeasure(self.left, self.right), (held,))
         descent = minimax(problem, theta, self.budget, _ITERATIONS)
         F = gains.gain(descent.point)

@@ -13,6 +13,7 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
+from robustpolish.base.arrays import SOLVED
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.arrays import AnyVector as Vector
 from robustpolish.base.budget import Budget
@@ -39,8 +40,6 @@ CEILINGS = (1e5, 3e3, 1e2, 1e1)
 next one is used where a controller at the one before cannot be certified, as on plants with
 displacement actuation."""
 
-# A norm of the scaled plant below this is zero up to rounding.
-_ZERO = 1e-13
 # Two descents agree if their norms differ by less than this share.
 _AGREEMENT = 1e-4
 # Price of a violated requirement, as a logarithm of the norm, while BFGS descends.
@@ -494,7 +493,8 @@ def design_part(part: PartProblem, budget: Budget, seed: int, target: float) -> 
         If no start led to a stable loop that meets the requirements.
     """
     level = part.scaled.scaled_norm(target, part.norm) if target > 0 else 0.0
-    goal = float(np.log(max(level, _ZERO)))
+    # A norm of the scaled plant below this is zero up to rounding.
+    goal = float(np.log(max(level, SOLVED)))
     rng = np.random.default_rng(seed)
     design, last = None, np.zeros(0)
     for ceiling in CEILINGS:
@@ -550,12 +550,12 @@ def _smaller_gain(
     """Give away a little of the norm for the smallest gain."""
     if point.size == 0:
         return point, value
-    if value < np.log(10 * _ZERO):
+    if value < np.log(10 * SOLVED):
         # The norm is zero but for rounding: a rounded gain makes it exactly zero.
         for bits in (10, 20, 30, 40):
             rounded = np.round(point * 2.0**bits) / 2.0**bits
             model = problem.model(rounded)
-            if model is not None and model.objective < np.log(_ZERO) - 10:
+            if model is not None and model.objective < np.log(SOLVED) - 10:
                 return rounded, value
         return point, value
     gain = problem.parametrisation.gain
