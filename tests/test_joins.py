@@ -17,7 +17,6 @@ NUM, DEN = GAIN * np.poly(ZEROS), np.poly(POLES)
 SS = control.ss(control.tf(NUM, DEN), inputs="u", outputs="y")
 HELD = control.c2d(SS, 0.1)
 HELD_TF = control.tf(HELD)
-
 SYSTEMS = {
     "tf": control.tf(NUM, DEN),
     "zpk": control.zpk(ZEROS, POLES, GAIN),

@@ -7,12 +7,7 @@ import numpy as np
 import pytest
 
 from robustpolish import errors
-from robustpolish.base.checks import (
-    closest_name_remedy,
-    known_keys,
-    matrix,
-    state_space,
-)
+from robustpolish.base.checks import closest_name_remedy, known_keys, matrix, state_space
 from robustpolish.errors import InvalidInputError
 
 

@@ -16,7 +16,6 @@ TYPES = ("GeneralizedPlant", "StateSpace", "UncertainSystem", "DelayedSystem", "
 PARAMETERS = ("plants", "forward", "upper", "first", "M")
 # Seconds that a search may take here; the promise is this and one second.
 TIME_LIMIT = 1.0
-
 NAMESPACES = ("uncertain", "linear", "implementation", "simulation", "polishing", "synthesis")
 """Where functions of plants stand besides the top."""
 

@@ -25,8 +25,6 @@ DRAWN = [
 HUGE = (1e160, 1e300, 1e308)
 TINY = (1e-160, 1e-310, 5e-324)
 NAMES = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
-
-
 pytestmark = pytest.mark.usefixtures("overflows_are_expected")
 
 

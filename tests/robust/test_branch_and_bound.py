@@ -9,10 +9,7 @@ import robustpolish as rp
 from robustpolish.linear.arithmetic.balls import precision
 from robustpolish.robust import branch_and_bound as branch
 from robustpolish.robust.bounds import proven_real_margin
-from robustpolish.robust.branch_and_bound import (
-    branch_and_bound,
-    split,
-)
+from robustpolish.robust.branch_and_bound import branch_and_bound, split
 from robustpolish.robust.loop_model import LoopModel
 from tests.reference.examples import servo
 from tests.robust.loops import random_loop

@@ -142,7 +142,6 @@ LIMIT = 1.0
 # Seconds of computing, which a busy machine does not change: the limit with a second for what
 # cannot be cut, and 1 s to start and end a process with a solver. Without limits: minutes.
 ALLOWED = LIMIT + 2.0
-
 PLANT = flexible_structure(20)
 CALLS = {
     "state, lmi": lambda: rp.state_feedback(PLANT, method="lmi", time_limit=LIMIT),

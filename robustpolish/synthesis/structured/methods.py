@@ -13,14 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.base.budget import Budget, enforce_deadline, progress_bar, single_threaded_blas
-from robustpolish.base.checks import (
-    described,
-    instance_of,
-    invalid,
-    one_of,
-    positive,
-    whole_number,
-)
+from robustpolish.base.checks import described, instance_of, invalid, one_of, positive, whole_number
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm

@@ -29,13 +29,7 @@ from robustpolish.linear.arithmetic.exact import power_of_two
 from robustpolish.linear.systems import named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.system import UncertainSystem
-from robustpolish.robust.loop_model import (
-    DeltaBlock,
-    DeltaStructure,
-    Kind,
-    LoopModel,
-    structure_of,
-)
+from robustpolish.robust.loop_model import DeltaBlock, DeltaStructure, Kind, LoopModel, structure_of
 from robustpolish.robust.scalings import (
     Coverage,
     Inequality,

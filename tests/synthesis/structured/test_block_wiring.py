@@ -10,10 +10,7 @@ from three_loops import blocks, plant
 import robustpolish as rp
 from robustpolish.errors import InfeasibleError
 from robustpolish.synthesis.problem.preflight import scale_plant
-from robustpolish.synthesis.structured.block_structure import (
-    block_parametrisation,
-    place_blocks,
-)
+from robustpolish.synthesis.structured.block_structure import block_parametrisation, place_blocks
 
 S, W = 2.3j, 2 * math.pi
 pid = rp.tunable.pid
