@@ -53,18 +53,6 @@ def test_series_and_sums():
     assert K[0, 1] == 0
 
 
-@pytest.mark.parametrize("kind", ["P", "I", "D", "PI", "pd", "ID", "PID"])
-def test_each_kind_of_pid_has_its_terms(kind):
-    P = plant()
-    placement, scaled = place_blocks(pid("x", "F", kind), P), scale_plant(P)
-    gain = block_parametrisation(placement, scaled)
-    theta = 0.3 * np.random.default_rng(2).normal(size=gain.size)
-    v = dict(zip([n.slot.name for n in placement.numbers], gain.numbers(theta), strict=True))
-    expected = v.get("Kp", 0) + v.get("Ki", 0) / S
-    expected += v.get("Kd", 0) * S / (v.get("Tf", 1) * S + 1)
-    assert response(placement, scaled, gain, theta)[0, 0] == pytest.approx(expected)
-
-
 def loop(numerator, denominator=(1.0, 0.4, 4.0)):
     G = control.tf(numerator, list(denominator), inputs="F", outputs="x")
     return rp.GeneralizedPlant.from_loop(G, units={"F": "N", "x": "m"})
