@@ -432,7 +432,7 @@ LONGEST_GAP = 5
 """Missing samples that may be filled in one after the other: a curve through the samples around
 them is then a guess within the shape of the signal, and beyond that an invention."""
 
-_MISSING = 0.02
+MISSING = 0.02
 """Share of a channel that may be filled in."""
 
 
@@ -501,12 +501,12 @@ def fill_gaps(
     gaps, count = marked_runs(missing), int(missing.sum())
     first, last = max(gaps, key=lambda gap: gap[1] - gap[0])
     what = f"{count} missing value{'s' if count > 1 else ''}"
-    if last - first >= LONGEST_GAP or count > max(_MISSING * values.size, 1):
+    if last - first >= LONGEST_GAP or count > max(MISSING * values.size, 1):
         shown = (
             f"{what}, the longest gap of {last - first + 1} at {_places([(first, last)], lines)} "
             f"({time[first]:.6g} to {time[last]:.6g} s)"
         )
-        want = f"gaps of at most {LONGEST_GAP} samples, {100 * _MISSING:.0f} % of the record in all"
+        want = f"gaps of at most {LONGEST_GAP} samples, {100 * MISSING:.0f} % of the record in all"
         remedy = "Read what lies before or behind with between=(START, END), or leave "
         raise misfit(name, shown, want, f"{remedy}{name!r} out with columns=.")
     there = ~missing

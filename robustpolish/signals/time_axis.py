@@ -18,6 +18,7 @@ from robustpolish.base.arrays import SAME, Vector
 from robustpolish.base.checks import invalid, misfit
 from robustpolish.signals.raw import (
     LONGEST_GAP,
+    MISSING,
     RawTable,
     check_finite,
     numeric,
@@ -30,8 +31,6 @@ from robustpolish.signals.raw import (
 # Shares of the sampling time.
 _ROUNDING = 1e-3  # stamps this close to a uniform grid are one, rounded
 _JITTER = 0.3  # more than this is a clock without a rate of its own
-# Shares of the record.
-_MISSING = 0.02  # more than this is no lost sample here and there
 _UNRESOLVED = 0.1  # of a channel's own size: between the samples it is a guess
 _LATEST = 1e30  # s; squares of later times overflow
 _LONG_PART = 20  # samples; shorter parts between gaps are not worth reading
@@ -125,7 +124,7 @@ def uniform_time(time: Vector, name: str = "time") -> UniformTime:
     with np.errstate(over="ignore"):
         counts = np.maximum(np.rint(steps / step), 1)
     missing = float(np.sum(counts)) + 1 - time.size
-    if missing > max(_MISSING * time.size, 1):
+    if missing > max(MISSING * time.size, 1):
         return _irregular(time, steps)
     # With many rounded stamps the median is a rounded step: fit a line through all of them.
     number, since = np.concatenate([[0.0], np.cumsum(counts)]), time - time[0]

@@ -34,6 +34,7 @@ from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plots.poles import plot_poles
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 from robustpolish.synthesis.proofs import bounded_real
+from robustpolish.synthesis.proofs.bounded_real import LARGE
 
 # The norm that a loop achieves, computed, confirmed on a frequency grid, and rounded.
 
@@ -42,7 +43,6 @@ from robustpolish.synthesis.proofs import bounded_real
 # fewer, where that takes no time, every norm is.
 _PRECISE_STATES = 24
 _ALWAYS_PRECISE = 12
-_LARGE = 60
 # How much, relative, the norm may change when the loop's matrices are rounded to doubles.
 _ROUNDING = 1e-2
 
@@ -114,7 +114,7 @@ def _norm_and_grid(
 
 def _norm(system: control.StateSpace, precise: bool) -> HinfNorm:
     """Return the norm; a proof in balls follows, so that none is needed for large loops."""
-    if system.nstates > _LARGE and not system.dt:
+    if system.nstates > LARGE and not system.dt:
         A, B, C, D = (np.asarray(M) for M in (system.A, system.B, system.C, system.D))
         value, where, settled = bounded_real.estimate_norm(A, B, C, D)
         upper = value * (1 + 1e-6) if settled else np.inf

@@ -326,8 +326,6 @@ def _remove_modes(problem: Task, candidate: Candidate, limit: float, budget: Bud
 
 # With more states than this the equations take so long that fewer are tried first.
 TRUNCATED_STATES = 100
-# A relative change of the norm by states that were left out which is none.
-HARMLESS = 3e-4
 # Of controllers that are refused one after the other ever more are skipped, for neighbours fail
 # alike.
 _TRIALS = (0, 1, 2, 3, 5, 8, 12, 17, 23, 30, 40, 55, 75)
@@ -432,7 +430,7 @@ class PartSearch:
             seen = best and check_candidate(whole, best.controller, best.claimed, best.origin, work)
             if not (best and seen):
                 return False
-            if abs(seen.achieved - best.achieved) > HARMLESS * best.achieved:
+            if abs(seen.achieved - best.achieved) > SETTLED * best.achieved:
                 return False
             searches[0].remarks.append(remark)
         if work.exhausted:

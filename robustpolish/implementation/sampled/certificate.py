@@ -29,7 +29,7 @@ from robustpolish.implementation.sampled.induced_norm import (
     peak_frequency,
 )
 from robustpolish.implementation.sampled.induced_norm import hamiltonian as double_hamiltonian
-from robustpolish.implementation.sampled.lifting import Phase, ScaledMap
+from robustpolish.implementation.sampled.lifting import DOUBLINGS, Phase, ScaledMap
 from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.balls import Ball, BallSystem, hamiltonian, is_definite
 from robustpolish.linear.systems import as_state_space
@@ -177,7 +177,6 @@ _TERMS = 40
 _SMALL = 0.25
 _POWER_SPARE_BITS = 160
 _POWER_MARGINS = (1e-12, 1e-10, 1e-8, 1e-6, 1e-4)
-_DOUBLINGS = 60
 
 
 class PowerSection(NamedTuple):
@@ -217,7 +216,7 @@ def average_power(loop: ScaledMap) -> tuple[float, float] | None:
             return None
         high = ((flow.J + (Q * upper).trace()) / flint.arb(h)).sqrt().upper()
         S = W
-        for _ in range(_DOUBLINGS):
+        for _ in range(DOUBLINGS):
             grown = balls.symmetric(S + A * S * A.transpose())
             done = (Q * (grown - S)).trace() < 1e-14 * (Q * grown).trace()
             S, A = grown, A * A
@@ -362,7 +361,7 @@ def _dissipating(section: BallSection, storage: Matrix, margin: float) -> Matrix
 def _lyapunov_sum(through: Matrix, rest: Matrix) -> Matrix | None:
     """Return the sum of T'^k R T^k: Newton's step on the Riccati equation."""
     total, power = rest, through
-    for _ in range(_DOUBLINGS):
+    for _ in range(DOUBLINGS):
         added = power.T @ total @ power
         total, power = total + added, power @ power
         if not np.isfinite(total).all():

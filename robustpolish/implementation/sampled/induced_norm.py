@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from robustpolish.base.arrays import NOTHING, ROUNDING, Matrix
-from robustpolish.implementation.sampled.lifting import Phase, ScaledMap
+from robustpolish.implementation.sampled.lifting import DOUBLINGS, Phase, ScaledMap
 from robustpolish.linear.arithmetic.exact import FloatRangeError
 from robustpolish.linear.stability import square_root
 
@@ -140,9 +140,6 @@ def _first_step(H: Matrix) -> tuple[Matrix, Matrix, Matrix]:
     return -inverse.T @ F22.T, (G + G.T) / 2, (Q + Q.T) / 2
 
 
-_DOUBLINGS = 60
-
-
 @dataclass(frozen=True)
 class GainTest:
     """Whether the gain of a loop lies below gamma, and what shows it.
@@ -213,7 +210,7 @@ def check_gain(loop: ScaledMap, gamma: float, margin: float = 0.0) -> GainTest:
     if margin:
         level = margin * max(float(np.linalg.norm(section.Q, 2)), 1e-300)
         section = section._replace(Q=section.Q + level * np.eye(len(section.Q)))
-    for stage in range(_DOUBLINGS):
+    for stage in range(DOUBLINGS):
         twice = joined(section, section)
         if not isinstance(twice, EnergySection):
             return GainTest(gamma, False, None, len(loop.phases) + 1, stage, twice)

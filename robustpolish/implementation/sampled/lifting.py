@@ -132,6 +132,10 @@ def _without_line_delay(wiring: Wiring, line: int) -> Wiring:
 # follow the start of the flow, zeta(0) = L s[k], and after it s[k+1] = M zeta(h) + N s[k].
 
 
+DOUBLINGS = 60
+"""Of a series in powers of a stable matrix: 2**60 terms."""
+
+
 class Phase(NamedTuple):
     """A stretch of `length` seconds of zeta' = A zeta + B w, z = C zeta + D w."""
 

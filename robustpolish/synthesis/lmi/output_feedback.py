@@ -31,6 +31,10 @@ from robustpolish.synthesis.riccati.gamma import normalise
 # is the same in all states.
 
 
+# With more states the change of variables has too many unknowns.
+LMI_STATES = 14
+
+
 def balanced_states(
     plant: PlantMatrices, X: Matrix, Y: Matrix, gamma: float, least: tuple[float, float]
 ) -> PlantMatrices | None:

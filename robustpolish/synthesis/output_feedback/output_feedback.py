@@ -320,8 +320,6 @@ class RegularisedRiccati(Engine):
 # the solution of one being the unit of the next.
 
 
-# Inequalities for more states take longer than a call of "auto" is expected to.
-LMI_STATES = 14
 # By how much the axis is moved where there are a price and a noise too.
 _SHIFTS = (0.0, 1e-5, 1e-7)
 # What counts as small in X and XY (:func:`balanced_states`), one choice after the other: no single
@@ -358,7 +356,7 @@ class LmiHinf(_LmiEngine):
     @staticmethod
     def is_useful(problem: Task, earlier: Sequence[Engine]) -> bool:
         """Tell whether a small plant is left for which no limit of the gain explains the norm."""
-        small = problem.plant.nx <= LMI_STATES
+        small = problem.plant.nx <= lmi.LMI_STATES
         return not earlier or (small and not any(engine.falling for engine in earlier))
 
     def search(self) -> None:

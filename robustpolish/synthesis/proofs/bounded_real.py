@@ -160,7 +160,7 @@ BITS = 240
 """Precision of the balls; more where that does not suffice for a proof."""
 # More states than this are solved for in doubles and refined: at most so often, as long as each
 # step is that much smaller than the one before, until one is so small beside the solution.
-_REFINED, _REFINEMENTS, _PROGRESS = 60, 12, 1e-3
+_REFINEMENTS, _PROGRESS = 12, 1e-3
 
 
 def enclose_loop(plant: GeneralizedPlant, controller: Any, bits: int = BITS) -> BallSystem:
@@ -249,7 +249,7 @@ def _refined_solution(M: Ball, B: Ball) -> Ball:
 
     On many states it takes a small part of the time of a solution in balls.
     """
-    if M.nrows() <= _REFINED or not B.ncols():
+    if M.nrows() <= LARGE or not B.ncols():
         return M.solve(B)
     factors, pivots, singular = lapack.zgetrf(balls.midpoint(M))
     X, rest, before = flint.acb_mat(B.nrows(), B.ncols()), B, math.inf
@@ -377,7 +377,7 @@ Kind = Literal["bounded_real", "gramian", "lyapunov"]
 SLACK = (1e-5, 2e-4, 9e-4)
 """How far above a computed norm, relative, the bounds lie that are tried, in this order."""
 # From so many states on the tightest is left out, because a trial takes long.
-_LARGE = 60
+LARGE = 60
 _PASSES = 3
 
 
@@ -457,7 +457,7 @@ def prove_computed_norm(
     if not (level < gain < np.inf and abs(other.value - gain) <= AGREE * gain):
         return None
     achieved, frequency = max((gain, exact.frequency), (other.value, other.frequency))
-    slack = SLACK[loop.A.nrows() > _LARGE]
+    slack = SLACK[loop.A.nrows() > LARGE]
     proof = prove_hinf(loop, achieved * (1 + slack), slack)
     return proof and ProvenNorm(proof, achieved, rate(frequency, step))
 
@@ -537,7 +537,7 @@ def _candidates(loop: BallSystem, slack: float) -> Iterator[tuple[Matrix, Ball, 
     if n == 0 or margin <= 0:
         return
     output = _output_size(loop)
-    shares = (0.3,) if n > _LARGE else (0.3, 0.01)
+    shares = (0.3,) if n > LARGE else (0.3, 0.01)
     for alpha in (share * slack * margin for share in shares):
         extra = 1e-6 * alpha * output * np.eye(n)
         start = solve_lyapunov(A + alpha * np.eye(n), C.T @ C + extra)
@@ -689,7 +689,7 @@ def tightest_proof(
         if found is None or found.bound > achieved * (1 + TIGHT):
             found = _first(prove_h2(enclose(b), discrete, bits=b) for b in precisions) or found
     else:
-        tried = SLACK[states > _LARGE :]
+        tried = SLACK[states > LARGE :]
         found = _first(prove_hinf(loop, achieved * (1 + slack), slack) for slack in tried)
         if found is None and precisions:
             gain, where = precise_peak(loop, angle(frequency or 0.0, step))

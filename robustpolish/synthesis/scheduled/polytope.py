@@ -34,9 +34,8 @@ from robustpolish.synthesis.lmi.program import (
 )
 from robustpolish.synthesis.problem.matrices import NAMES, Controller, PlantMatrices
 from robustpolish.synthesis.problem.preflight import ScaledPlant, scale_plant, with_control_penalty
+from robustpolish.synthesis.proofs.bounded_real import BITS
 
-WORK = 100_000.0
-"""Steps that one design for a polytope may take."""
 ACCURACY = 1e-9
 """Of the solver, in scaled units, in which entries of the plant are about one."""
 
@@ -565,10 +564,6 @@ def affine_warps(system: Lft) -> tuple[float, ...] | None:
     if power.any() or max(map(abs, bends), default=0.0) >= 1:
         return None
     return tuple(0.0 if abs(bend) <= ROUNDING else bend for bend in bends)
-
-
-BITS = 240
-"""Precision of the balls in which loops are connected and proofs are checked."""
 
 
 # How far above the smallest bound proofs are tried: near it no strict inequality is left.

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from robustpolish.base.arrays import AGREE
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import (
+    WORK,
     Budget,
     DeadlineError,
     enforce_deadline,
@@ -503,7 +504,7 @@ def robust_state_feedback(
                 'Use norm="hinf", or filter z.',
             )
     refuse_uncontrollable_vertices(whole)
-    budget = Budget(polytopes.WORK, time_limit)
+    budget = Budget(WORK, time_limit)
     programs = ProgramSolver(backend, solver, budget, polytopes.ACCURACY)
     make = (
         polytopes.LyapunovFamily.common

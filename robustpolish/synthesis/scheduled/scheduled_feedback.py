@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
-from robustpolish.base.budget import Budget, progress_bar, single_threaded_blas
+from robustpolish.base.budget import WORK, Budget, progress_bar, single_threaded_blas
 from robustpolish.base.checks import described, instance_of, invalid, known_keys, positive
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.errors import SolverError
@@ -365,7 +365,7 @@ def scheduled_feedback(
         raise invalid("measurement_noise", measurement_noise, "none for state feedback", remedy)
     limits = _rates(whole, rates)
     robust_state_feedback.refuse_uncontrollable_vertices(whole)
-    budget = Budget(polytopes.WORK, time_limit)
+    budget = Budget(WORK, time_limit)
     programs = ProgramSolver(backend, solver, budget, polytopes.ACCURACY)
     with progress_bar("Designing for all corners"):
         scaled, vertices = polytopes.scaled_vertices(whole)

@@ -14,7 +14,13 @@ from scipy import linalg
 
 from robustpolish.base.arrays import SAME
 from robustpolish.base.arrays import AnyMatrix as Matrix
-from robustpolish.base.budget import Budget, enforce_deadline, progress_bar, single_threaded_blas
+from robustpolish.base.budget import (
+    WORK,
+    Budget,
+    enforce_deadline,
+    progress_bar,
+    single_threaded_blas,
+)
 from robustpolish.base.checks import described, invalid, positive
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.linear.norms.h2 import h2_norm
@@ -39,9 +45,6 @@ from robustpolish.synthesis.state_feedback.riccati import (
     state_norm_lower_bound,
 )
 
-# Steps that one design may take, a few milliseconds each. A bound on the gain of the brush's plant
-# takes 13 000 of them, everything else on it less than 1 000, and one program for 40 states 15 000.
-_WORK = 1e5
 # What is fixed has been refused, and no engine of a static gain asks for ranks of D12 and D21.
 _SOLVABLE = preflight.SolvabilityCheck((), 0, 0, True, True)
 
@@ -166,7 +169,7 @@ def state_feedback(
         shown = described(f"a region together with {other}")
         remedy = "Leave one of them out; a Disk bounds the gain as well."
         raise invalid("pole_region", shown, "method='lmi' and no gain_bound", remedy)
-    budget = Budget.with_certificate_reserve(_WORK, time_limit)
+    budget = Budget.with_certificate_reserve(WORK, time_limit)
     wanted = certificate.NormTarget.checked(gamma)
     whole = preflight.with_control_penalty(plant, control_weight).with_full_state()
     _refuse_infeasible(whole, norm)
@@ -288,7 +291,7 @@ _PRICES = tuple(10.0**k for k in range(3, -9, -1))
 _STARTING_PRICES = tuple(10.0**k for k in range(4, -10, -1))
 # A norm that moves by less than this share from price to price has reached its limit, if the gain
 # grows by less than the factor: norms can rest on a plateau.
-_CONVERGED, _GAIN_CONVERGED = 3e-4, 1.2
+_GAIN_CONVERGED = 1.2
 # Starts from which each search under a bound on the gain is run.
 _BOUND_STARTS = 2
 # Steps of one descent on the true norm.
@@ -618,13 +621,13 @@ class StateSearch(driver.Engine):
             # Only below it can a norm have reached its limit: above it is the norm of no control.
             if price <= 1e-4 and len(rungs) > 1:
                 before = rungs[-2]
-                same_norm = before.achieved < now.achieved * (1 + _CONVERGED)
+                same_norm = before.achieved < now.achieved * (1 + driver.SETTLED)
                 settled = same_norm and self._size(now.F) < _GAIN_CONVERGED * self._size(before.F)
             if settled:
                 break
         if not rungs:
             return None
-        least = min(each.achieved for each in rungs) * (1 + max(engine.tolerance, _CONVERGED))
+        least = min(each.achieved for each in rungs) * (1 + max(engine.tolerance, driver.SETTLED))
         smallest = min((g for g in rungs if g.achieved <= least), key=lambda g: self._size(g.F))
         over = settled or self.budget.over
         status = "suboptimal" if over else self._limit(rungs, smallest)

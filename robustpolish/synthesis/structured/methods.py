@@ -12,7 +12,13 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustpolish.base.budget import Budget, enforce_deadline, progress_bar, single_threaded_blas
+from robustpolish.base.budget import (
+    WORK,
+    Budget,
+    enforce_deadline,
+    progress_bar,
+    single_threaded_blas,
+)
 from robustpolish.base.checks import described, instance_of, invalid, one_of, positive, whole_number
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.linear.norms.h2 import h2_norm
@@ -72,7 +78,7 @@ class StructuredOptions:
         """Check the arguments that all methods share, and start the clock of the safety net."""
         one_of("norm", norm, ("hinf", "h2"))
         seconds = positive("time_limit", time_limit, "s")
-        budget = Budget.with_certificate_reserve(effort * search.WORK, seconds)
+        budget = Budget.with_certificate_reserve(effort * WORK, seconds)
         return cls(budget, seed, positive("target", target, zero=True))
 
 

@@ -32,9 +32,6 @@ from robustpolish.synthesis.problem import matrices, preflight
 
 TIME_LIMIT = 300.0
 """Seconds of the safety net, if the caller names none."""
-WORK = 1e5
-"""Work of one design, in H-infinity norms of small loops (half a millisecond each): within a minute
-on an idle machine. AC3 and the mixed designs of 12 states need most of it."""
 CEILINGS = (1e5, 3e3, 1e2, 1e1)
 """Largest entry of a controller in scaled units; an infimum beyond it counts as not attained. The
 next one is used where a controller at the one before cannot be certified, as on plants with

@@ -18,6 +18,7 @@ from robustpolish.base.checks import described, invalid
 from robustpolish.errors import InfeasibleError
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import Norm
+from robustpolish.synthesis.lmi.output_feedback import LMI_STATES
 from robustpolish.synthesis.nonsmooth import descent
 from robustpolish.synthesis.nonsmooth.measures import FrobeniusMeasure, RegionMeasure, norm_measure
 from robustpolish.synthesis.problem.matrices import (
@@ -340,9 +341,6 @@ class ObserverStructure(search.ControllerStructure):
 
 # Controllers under several specifications at once: static or of full order.
 
-# With more states the change of variables of a full-order controller has too many unknowns.
-INEQUALITY_STATES = 14
-
 
 @dataclass(frozen=True, eq=False)
 class MixedStructure(search.ControllerStructure):
@@ -414,7 +412,7 @@ class MixedStructure(search.ControllerStructure):
         measured = np.array_equal(plant.C2, np.eye(plant.nx)) and not (
             plant.D21.any() or plant.D22.any()
         )
-        small = plant.nx <= INEQUALITY_STATES
+        small = plant.nx <= LMI_STATES
         if small and not plant.is_discrete and (order or measured):
             first = partial(starts.inequality, specifications, regions, order, self.solver, to_free)
             proposals = first, *proposals
