@@ -18,7 +18,7 @@ from robustpolish.base.arrays import AnyArray, Array, Vector
 from robustpolish.base.checks import misfit, one_of
 from robustpolish.base.results import Card, Displayed, Table, estimate, tables
 from robustpolish.errors import InvalidInputError
-from robustpolish.identification.frequency import fit
+from robustpolish.identification.frequency import lines as spectral
 from robustpolish.identification.observer.kalman import ABOVE_FLOOR, rounding, white_noise
 from robustpolish.identification.record import poles_of, require_time_data
 from robustpolish.machines.effects.kind import GROUND
@@ -375,7 +375,7 @@ class RecordLook(Displayed):
     data: xr.Dataset
     channels: dict[str, dict[str, Any]]
     sampling: dict[str, float]
-    modes: dict[str, tuple[fit.Resonance, ...]]
+    modes: dict[str, tuple[spectral.Resonance, ...]]
     response: xr.DataArray | None
     loop: Literal["yes", "no sign", "not known"]
     holds: dict[str, str]
@@ -532,13 +532,13 @@ def look(
     notes = [*data.notes, *(f"{n}: no unit, taken as m" for n in moved if not data[n].units)]
     notes += ["no channel is known as an input by its unit or name"] * (not sources)
     draft = response = None
-    modes: dict[str, list[fit.Resonance]] = {}
+    modes: dict[str, list[spectral.Resonance]] = {}
     try:
         if moved:
             draft = draft_model(data, sources, moved)
             notes += draft.notes
             modes["draft"] = [
-                fit.Resonance(f, np.nan, float(-p.real) / f / (2 * np.pi) + 0.0, np.nan, p)
+                spectral.Resonance(f, np.nan, float(-p.real) / f / (2 * np.pi) + 0.0, np.nan, p)
                 for p in sorted(poles_of(draft.model), key=abs)
                 for f in [float(abs(p)) / (2 * np.pi)]
                 if p.imag > 0
@@ -547,7 +547,7 @@ def look(
             response = estimate_frequency_response(data, sources, ends)
             seen = response["coherence"].max(["output", "input"])
             chance = 1 - _CHANCE ** (1 / (response.attrs["averages"] - len(sources)))
-            found = fit.measured_resonances(fit.measured_response(None, response))
+            found = spectral.measured_resonances(spectral.measured_response(None, response))
             modes["response"] = [m for m in found if seen.interp(frequency=m.frequency) > chance]
         elif ends:
             modes["motion"] = _own_modes(data, ends)
@@ -637,7 +637,7 @@ def _roles(
     return sources, meant if outputs is None else list(outputs)
 
 
-def _own_modes(data: xr.Dataset, names: Sequence[str]) -> list[fit.Resonance]:
+def _own_modes(data: xr.Dataset, names: Sequence[str]) -> list[spectral.Resonance]:
     """Return the peaks of the outputs' own correlation, as it decays like free motion.
 
     G. H. James, T. G. Carne, J. P. Lauffer, Sandia report SAND92-1666 (1993). An exponential
@@ -650,9 +650,9 @@ def _own_modes(data: xr.Dataset, names: Sequence[str]) -> list[fit.Resonance]:
     correlation = np.fft.irfft(np.abs(np.fft.rfft(rows, 2 * n)) ** 2)[:, :count]
     curves = np.fft.rfft(correlation * window, 2 * count).T[1:, :, None]
     frequency = np.arange(1, count + 1) / (2 * count * dt)
-    found = fit.measured_response(None, labelled_response(frequency, curves, names, ["own"]))
+    found = spectral.measured_response(None, labelled_response(frequency, curves, names, ["own"]))
     modes = []
-    for mode in fit.measured_resonances(found):
+    for mode in spectral.measured_resonances(found):
         decay = mode.damping * mode.frequency + np.log(_FADED) / (2 * np.pi * count * dt)  # Hz
         size = float(np.hypot(decay, mode.frequency * np.sqrt(1 - mode.damping**2)))
         modes += [mode._replace(frequency=size, damping=float(decay) / size)] * bool(decay > 0)
