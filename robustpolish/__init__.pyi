@@ -91,12 +91,6 @@ from .identification.tell_apart import (
 from .identification.trial import (
     try_effect as try_effect,
 )
-from .linear.controllability import (
-    controllability as controllability,
-)
-from .linear.controllability import (
-    observability as observability,
-)
 from .linear.modes import (
     modes as modes,
 )
@@ -105,9 +99,6 @@ from .linear.norms.h2 import (
 )
 from .linear.norms.hinf import (
     hinf_norm as hinf_norm,
-)
-from .linear.norms.hinf import (
-    singular_values as singular_values,
 )
 from .loading import (
     load as load,
@@ -279,7 +270,6 @@ __all__ = [
     "compare",
     "compare_controllers",
     "compare_methods",
-    "controllability",
     "datasets",
     "design_machine",
     "diagnose",
@@ -302,7 +292,6 @@ __all__ = [
     "mixed_sensitivity",
     "mixed_state_feedback",
     "modes",
-    "observability",
     "observer_feedback",
     "output_feedback",
     "passive_feedback",
@@ -325,7 +314,6 @@ __all__ = [
     "signals",
     "simulate",
     "simulation",
-    "singular_values",
     "state_feedback",
     "static_output_feedback",
     "structured_output_feedback",

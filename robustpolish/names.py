@@ -59,7 +59,9 @@ def namespace(file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]],
         if name not in places:
             raise AttributeError(f"module {Path(file).stem!r} of robustpolish has no {name!r}")
         module, original = places[name]
-        return getattr(import_module(f"robustpolish.{module}"), original)
+        found = getattr(import_module(f"robustpolish.{module}"), original)
+        vars(sys.modules[f"robustpolish.{Path(file).stem}"])[name] = found
+        return found
 
     return get, lambda: names, names
 

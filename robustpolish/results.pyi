@@ -40,10 +40,10 @@ from .identification.free_runs import (
 from .identification.free_runs import (
     RecordError as RecordError,
 )
-from .identification.frequency.amplitudes import (
+from .identification.frequency.comparison import (
     AmplitudeDependence as AmplitudeDependence,
 )
-from .identification.frequency.amplitudes import (
+from .identification.frequency.comparison import (
     AmplitudeMode as AmplitudeMode,
 )
 from .identification.frequency.comparison import (
@@ -73,20 +73,8 @@ from .implementation.sampled.certificate import (
 from .implementation.sampled_design import (
     SampledDesign as SampledDesign,
 )
-from .linear.controllability import (
-    Feasibility as Feasibility,
-)
-from .linear.controllability import (
-    ModeTest as ModeTest,
-)
-from .linear.controllability import (
-    PbhTest as PbhTest,
-)
 from .linear.delay_stability import (
     DelayStability as DelayStability,
-)
-from .linear.modes import (
-    AxisZero as AxisZero,
 )
 from .linear.modes import (
     Mode as Mode,
@@ -96,6 +84,9 @@ from .linear.modes import (
 )
 from .linear.norms.h2 import (
     H2Norm as H2Norm,
+)
+from .linear.norms.hinf import (
+    AxisZero as AxisZero,
 )
 from .linear.norms.hinf import (
     HinfNorm as HinfNorm,
@@ -114,6 +105,15 @@ from .linear.scaling import (
 )
 from .linear.scaling import (
     Scaling as Scaling,
+)
+from .linear.stability import (
+    Feasibility as Feasibility,
+)
+from .linear.stability import (
+    ModeTest as ModeTest,
+)
+from .linear.stability import (
+    PbhTest as PbhTest,
 )
 from .linear.stability import (
     Stability as Stability,

@@ -10,12 +10,6 @@ from .closed_loop.sampled_loops import (
 from .closed_loop.simulate import (
     simulate as simulate,
 )
-from .linear.delayed_systems import (
-    DelayedSystem as DelayedSystem,
-)
-from .linear.delayed_systems import (
-    DelayLine as DelayLine,
-)
 from .linear.response import (
     Response as Response,
 )
@@ -24,6 +18,12 @@ from .linear.response import (
 )
 from .linear.response import (
     linear_response as linear_response,
+)
+from .linear.systems import (
+    DelayedSystem as DelayedSystem,
+)
+from .linear.systems import (
+    DelayLine as DelayLine,
 )
 from .machines.simulation import (
     NonlinearResponse as NonlinearResponse,

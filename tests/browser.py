@@ -44,7 +44,6 @@ for (const e of all) {
 return [all.length, found];
 """
 
-
 # What a reader has to scroll sideways: on a phone wide tables of numbers may ask for it, the rest
 # may not.
 _SCROLLED = """

@@ -9,7 +9,7 @@ from scipy import signal
 import robustpolish as rp
 from robustpolish.implementation import certify_sampled, emulated, plant_at_samples
 from robustpolish.linear import prescale, scale_system, stability, zeros_on_axis
-from robustpolish.simulation import linear_response
+from robustpolish.linear.response import linear_response
 
 # One system, G = 3 (s + 4)/((s + 1)(s^2 + s + 9)), in all forms; and held at samples.
 ZEROS, POLES, GAIN = [-4.0], [-1.0, *np.roots([1, 1, 9])], 3.0
@@ -17,7 +17,6 @@ NUM, DEN = GAIN * np.poly(ZEROS), np.poly(POLES)
 SS = control.ss(control.tf(NUM, DEN), inputs="u", outputs="y")
 HELD = control.c2d(SS, 0.1)
 HELD_TF = control.tf(HELD)
-
 SYSTEMS = {
     "tf": control.tf(NUM, DEN),
     "zpk": control.zpk(ZEROS, POLES, GAIN),
@@ -54,8 +53,9 @@ FUNCTIONS = {
     "h2_norm": lambda G: rp.h2_norm(G).value,
     "modes": lambda G: rp.modes(G).natural_frequencies_hz,
     "stability": lambda G: stability(G).margin,
-    "singular_values": lambda G: rp.singular_values(G, [0.0, 0.7]).values,
-    "controllability": lambda G: [len(rp.controllability(G).modes), len(rp.observability(G).modes)],
+    "singular_values": lambda G: rp.linear.singular_values(G, [0.0, 0.7]).values,
+    "controllability": lambda G: len(rp.linear.controllability(G).modes),
+    "observability": lambda G: len(rp.linear.observability(G).modes),
     "zeros_on_axis": lambda G: len(zeros_on_axis(G)),
     "prescale": lambda G: prescale(G).system.nstates,
     "scale_system": lambda G: scale_system(G)[0].nstates,

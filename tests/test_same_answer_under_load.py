@@ -57,7 +57,6 @@ for case in all_cases():
 assert len(answers) == len(chosen), list(answers)
 print(json.dumps(answers))
 """
-
 DEMO = """
 import json
 import numpy as np

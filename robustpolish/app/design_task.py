@@ -25,8 +25,8 @@ from robustpolish.base.checks import (
     whole_number,
 )
 from robustpolish.base.results import Card, Displayed, quantities
+from robustpolish.linear.systems import as_state_space
 from robustpolish.machines.mechanical.model import MechanicalModel
-from robustpolish.plants.blocks import as_state_space
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.weights import mixed_sensitivity, weight
 

@@ -16,7 +16,7 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from robustpolish.base import texts
+from robustpolish.base import results
 from robustpolish.base.results import Table, shown
 from robustpolish.plots.time import plot_panels
 
@@ -122,12 +122,12 @@ def _templates() -> jinja2.Environment:
         "numbers": _numbers,
         "us": lambda seconds: f"{1e6 * seconds:.3g} µs",
     }
-    return texts.templates("robustpolish.app.templates", filters)
+    return results.templates("robustpolish.app.templates", filters)
 
 
 def paragraphs(block: str, **values: Any) -> tuple[str, ...]:
-    """Return the paragraphs of a block of ``texts.jinja`` with values filled in."""
-    return texts.paragraphs(_templates().get_template("texts.jinja"), block, **values)
+    """Return the paragraphs of a block of ``results.jinja`` with values filled in."""
+    return results.paragraphs(_templates().get_template("results.jinja"), block, **values)
 
 
 def render_html(report: Report, version: str) -> str:

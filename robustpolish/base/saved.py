@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from robustpolish.base.arrays import AGREE
 from robustpolish.base.atomic_writes import new_file
 from robustpolish.base.checks import invalid, is_whole, misfit
 from robustpolish.base.input_files import FileSpec, check_tree, text
@@ -20,8 +21,6 @@ from robustpolish.base.versions import __version__
 FORMAT = 1
 """Raised when an older version of the package could not read the files any more."""
 
-NORM_TOLERANCE = 1e-6
-"""How far, relative, a norm computed anew may lie from the one in a file."""
 
 _SAVED = FileSpec("path", "a file", "Save one with .save(path).", 200_000_000)
 
@@ -254,7 +253,8 @@ def confirm_norm(fields: Fields, certificate: Any, remedy: str) -> float:
         shown = f"a controller without a valid certificate: {certificate.reasons[0]}"
         raise misfit(fields.where, shown, "a controller that keeps its promise", remedy)
     told = fields.number("achieved")
-    if not math.isclose(told, certificate.achieved, rel_tol=NORM_TOLERANCE):
+    # How far, relative, a norm computed anew may lie from the one in a file.
+    if not math.isclose(told, certificate.achieved, rel_tol=AGREE):
         shown = f"a norm of {told:.6g} for a loop that has {certificate.achieved:.6g}"
         raise misfit(f"{fields.where}: achieved", shown, "the norm of the loop", remedy)
     return told

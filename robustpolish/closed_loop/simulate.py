@@ -14,6 +14,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from robustpolish.base.arrays import SAME
 from robustpolish.base.checks import instance_of, invalid, one_of
 from robustpolish.base.results import Card, Displayed, Table, bears_prefix, prefix_power, prefixed
 from robustpolish.base.sweep import sweep
@@ -154,9 +155,6 @@ def loop_with_units(
 
 
 SAME_LOAD = "every row is driven by the same disturbance"
-
-_ROUNDING = 1e-9
-"""Percent below which two runs of the same differ by rounding alone."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -359,7 +357,8 @@ def tabulate(
     )
     with np.errstate(invalid="ignore", divide="ignore"):
         improvement = np.where(deviation[0] > 0, 100 * (1 - deviation / deviation[0]), np.nan)
-    improvement[np.abs(improvement) < _ROUNDING] = 0.0
+    # Percent below which two runs of the same differ by rounding alone.
+    improvement[np.abs(improvement) < SAME] = 0.0
     effort, effort_unit = _efforts(responses, controls)
     units = {responses[rows[0]][name].attrs.get("units", "") for name in signals}
     table = xr.Dataset(

@@ -34,14 +34,11 @@ from .free_runs import (
 from .free_runs import (
     RecordError as RecordError,
 )
-from .frequency.amplitudes import (
+from .frequency.comparison import (
     AmplitudeDependence as AmplitudeDependence,
 )
-from .frequency.amplitudes import (
+from .frequency.comparison import (
     AmplitudeMode as AmplitudeMode,
-)
-from .frequency.amplitudes import (
-    amplitude_dependence as amplitude_dependence,
 )
 from .frequency.comparison import (
     FrequencyComparison as FrequencyComparison,
@@ -51,6 +48,9 @@ from .frequency.comparison import (
 )
 from .frequency.comparison import (
     PairError as PairError,
+)
+from .frequency.comparison import (
+    amplitude_dependence as amplitude_dependence,
 )
 from .look import (
     RecordLook as RecordLook,

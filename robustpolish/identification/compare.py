@@ -34,7 +34,7 @@ from robustpolish.identification.sanity import sanity_warnings
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plots.time import plot_before_and_after, plot_overlay, plot_response
 from robustpolish.signals.frequency_response import holds_frequency_response
-from robustpolish.signals.quality import sampling_time
+from robustpolish.signals.raw import sampling_time
 
 # Result of a comparison.
 

@@ -14,19 +14,9 @@ from matplotlib.axes import Axes
 
 from robustpolish.base.arrays import Array
 from robustpolish.base.checks import described, invalid
-from robustpolish.base.results import Card, Displayed, Table, estimate, plus_minus
+from robustpolish.base.results import Card, Displayed, Table, estimate, plus_minus, tables
 from robustpolish.base.saved import Fields, read_saved, write_saved
-from robustpolish.base.texts import tables
-from robustpolish.identification.findings import (
-    Entry,
-    ForceMap,
-    FoundEffect,
-    IndistinguishablePair,
-    Ledger,
-    RankedCandidate,
-    Value,
-    learned_laws_of,
-)
+from robustpolish.identification import findings
 from robustpolish.identification.fit.result import Fitted
 from robustpolish.machines.effects.effect import Effect, lookup
 from robustpolish.machines.effects.learned_law import LearnedLaw
@@ -79,11 +69,12 @@ def content(found: Diagnosis) -> dict[str, Any]:
     }
 
 
-def ledger_from(fields: Fields) -> Ledger:
+def ledger_from(fields: Fields) -> findings.Ledger:
     """Return the errors of every step in a file."""
-    ledger = Ledger(
+    ledger = findings.Ledger(
         tuple(
-            Entry(e.text("step"), e.numbers("nrmse"), _model(e)) for e in fields.tables("ledger")
+            findings.Entry(e.text("step"), e.numbers("nrmse"), _model(e))
+            for e in fields.tables("ledger")
         ),
         fields.numbers("noise_floor"),
     )
@@ -108,11 +99,11 @@ def diagnosis_from(fields: Fields) -> Diagnosis:
         verdict=fields.text("verdict", VERDICTS),
         model=MechanicalModel.from_toml(_text(fields)),
         effects=tuple(
-            FoundEffect(**_kind(e), parameters=_read_values(e.table("parameters")))
+            findings.FoundEffect(**_kind(e), parameters=_read_values(e.table("parameters")))
             for e in fields.tables("effects")
         ),
         candidates=tuple(
-            RankedCandidate(
+            findings.RankedCandidate(
                 **_kind(c),
                 nrmse_held_out=c.number("nrmse_held_out"),
                 score=c.number("score"),
@@ -124,7 +115,7 @@ def diagnosis_from(fields: Fields) -> Diagnosis:
             for c in fields.tables("candidates")
         ),
         indistinguishable=tuple(
-            IndistinguishablePair(
+            findings.IndistinguishablePair(
                 _effect(c.table("first")), _effect(c.table("second")), c.text("experiment")
             )
             for c in fields.tables("indistinguishable")
@@ -154,7 +145,7 @@ def _model(entry: Fields) -> MechanicalModel | None:
     return MechanicalModel.from_toml(_text(entry))
 
 
-def _map(table: Fields) -> ForceMap:
+def _map(table: Fields) -> findings.ForceMap:
     dims, units = ("displacement", "velocity"), table.texts("units")
     axes = {dim: table.array(dim, None) for dim in dims}
     size = [axis.size for axis in axes.values()]
@@ -163,7 +154,9 @@ def _map(table: Fields) -> ForceMap:
     for key, unit in zip((*dims, "force"), units, strict=True):
         surface[key].attrs["units"] = unit
     first, second = table.texts("at")
-    return ForceMap((first, second), surface, table.number("size"), table.number("follows"))
+    return findings.ForceMap(
+        (first, second), surface, table.number("size"), table.number("follows")
+    )
 
 
 def _covariance(fields: Fields) -> xr.DataArray | None:
@@ -176,15 +169,15 @@ def _covariance(fields: Fields) -> xr.DataArray | None:
     return xr.DataArray(values, {"parameter": keys, "other": keys}, ("parameter", "other"))
 
 
-def _read_values(table: Fields) -> dict[str, Value]:
+def _read_values(table: Fields) -> dict[str, findings.Value]:
     found = {key: table.table(key) for key in table}
     return {
-        key: Value(item.number("value"), item.number("stderr"), item.text("unit"))
+        key: findings.Value(item.number("value"), item.number("stderr"), item.text("unit"))
         for key, item in found.items()
     }
 
 
-def _place(effect: Effect | RankedCandidate) -> dict[str, Any]:
+def _place(effect: Effect | findings.RankedCandidate) -> dict[str, Any]:
     return {**_what(effect), "parameters": dict(effect.parameters)}
 
 
@@ -192,7 +185,7 @@ def _effect(table: Fields) -> Effect:
     return Effect(**_kind(table), parameters=table.numbers("parameters"))
 
 
-def _table_of(item: ForceMap) -> dict[str, Any]:
+def _table_of(item: findings.ForceMap) -> dict[str, Any]:
     keys = ("displacement", "velocity", "force")
     return {
         "at": item.at,
@@ -203,7 +196,7 @@ def _table_of(item: ForceMap) -> dict[str, Any]:
     }
 
 
-def _what(item: Effect | FoundEffect | RankedCandidate) -> dict[str, Any]:
+def _what(item: Effect | findings.FoundEffect | findings.RankedCandidate) -> dict[str, Any]:
     """Return the kind by name with its place, and what it is if no catalogue knows it."""
     own = {} if item.own is None else {"own": own_table(item.own)}
     return {"kind": item.kind, "at": item.at, **own}
@@ -220,7 +213,7 @@ def _kind(table: Fields) -> dict[str, Any]:
     return {"kind": kind.kind, "at": at, "own": Effect.of(kind, at).own}
 
 
-def _values(values: Mapping[str, Value]) -> dict[str, dict[str, Any]]:
+def _values(values: Mapping[str, findings.Value]) -> dict[str, dict[str, Any]]:
     """Return numbers with their standard errors and units."""
     return {key: dict(vars(value)) for key, value in values.items()}
 
@@ -236,7 +229,9 @@ def _finite(value: Any) -> Any:
     return value
 
 
-def _kind_and_place(effect: Effect | FoundEffect | RankedCandidate) -> dict[str, Any]:
+def _kind_and_place(
+    effect: Effect | findings.FoundEffect | findings.RankedCandidate,
+) -> dict[str, Any]:
     return {"kind": effect.kind, "at": list(effect.at)}
 
 
@@ -274,7 +269,7 @@ def _wrap(text: str) -> list[str]:
     return textwrap.wrap(text, 88, initial_indent=" " * 3, subsequent_indent=" " * 6)
 
 
-def shown_parameters(effect: FoundEffect) -> Mapping[str, Value]:
+def shown_parameters(effect: findings.FoundEffect) -> Mapping[str, findings.Value]:
     """Return the numbers that tell something about an effect: the coefficients of a law do not."""
     return {} if effect.definition.over else effect.parameters
 
@@ -343,19 +338,19 @@ class Diagnosis(Fitted, Displayed):
 
     verdict: str
     model: MechanicalModel
-    effects: tuple[FoundEffect, ...]
-    candidates: tuple[RankedCandidate, ...]
-    indistinguishable: tuple[IndistinguishablePair, ...]
-    ledger: Ledger
+    effects: tuple[findings.FoundEffect, ...]
+    candidates: tuple[findings.RankedCandidate, ...]
+    indistinguishable: tuple[findings.IndistinguishablePair, ...]
+    ledger: findings.Ledger
     missing_force: Array
     sites: tuple[tuple[str, ...], ...]
-    parameters: Mapping[str, Value] = field(default_factory=dict)
+    parameters: Mapping[str, findings.Value] = field(default_factory=dict)
     covariance: xr.DataArray | None = None
     reasons: tuple[str, ...] = ()
     reproducible: bool = True
     time: Array = field(default_factory=lambda: np.zeros(0))
     notes: tuple[str, ...] = ()
-    maps: tuple[ForceMap, ...] = ()
+    maps: tuple[findings.ForceMap, ...] = ()
     status: str = "complete"
 
     @property
@@ -366,7 +361,7 @@ class Diagnosis(Fitted, Displayed):
     @property
     def laws(self) -> tuple[LearnedLaw, ...]:
         """The learned laws of the model, each with its curve, its words and its picture."""
-        return learned_laws_of(self.model, self.covariance)
+        return findings.learned_laws_of(self.model, self.covariance)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, as the command line writes it.

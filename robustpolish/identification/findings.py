@@ -12,8 +12,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from robustpolish.base.checks import one_of
-from robustpolish.base.results import Card, Displayed, Table, quantities
-from robustpolish.base.texts import tables
+from robustpolish.base.results import Card, Displayed, Table, quantities, tables
 from robustpolish.machines.effects.effect import Effect, lookup
 from robustpolish.machines.effects.kind import EffectKind
 from robustpolish.machines.effects.learned_law import LearnedLaw

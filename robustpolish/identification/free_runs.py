@@ -13,7 +13,6 @@ from scipy.stats import t as student
 from robustpolish.base.arrays import Array
 from robustpolish.base.checks import described, invalid
 from robustpolish.base.results import Table
-from robustpolish.identification.observer.missing_force import best_observer_run, smoothed_motion
 from robustpolish.identification.observer.runs import (
     InitialState,
     RecordRun,
@@ -25,8 +24,10 @@ from robustpolish.identification.observer.runs import (
 )
 from robustpolish.identification.observer.starts import (
     StartFit,
+    best_observer_run,
     doubling_lengths,
     fitted_start,
+    smoothed_motion,
     state_sizes,
     visible_sizes,
 )

@@ -27,8 +27,7 @@ from robustpolish.machines.mechanical.parts import Input, Output
 from robustpolish.machines.simulation import IntersampleLines, lines, raw_outputs, signals
 from robustpolish.signals.forces import decimate
 from robustpolish.signals.frequency_response import holds_frequency_response
-from robustpolish.signals.quality import sampling_time
-from robustpolish.signals.raw import same_kind
+from robustpolish.signals.raw import same_kind, sampling_time
 from robustpolish.signals.read import read_measurement
 
 # Concatenation of several records in one dataset, each with its name and its own time.

@@ -20,12 +20,8 @@ from robustpolish.identification.compare import Comparison
 from robustpolish.identification.findings import ForceMap
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.observer.kalman import force_sites
-from robustpolish.identification.observer.missing_force import (
-    SmoothedMotion,
-    motion_of,
-    smoothed_motion,
-)
 from robustpolish.identification.observer.runs import StartedPiece, free_run, rest
+from robustpolish.identification.observer.starts import SmoothedMotion, motion_of, smoothed_motion
 from robustpolish.identification.record import record_of
 from robustpolish.machines.mechanical.data import port_row
 from robustpolish.machines.mechanical.model import MechanicalModel

@@ -31,7 +31,7 @@ from robustpolish.identification.residual_tests import (
 )
 from robustpolish.linear.modes import modes
 from robustpolish.plots.residuals import plot_residual_analysis, plot_residual_map, plot_surface
-from robustpolish.signals.quality import sampling_time
+from robustpolish.signals.raw import sampling_time
 
 # A place where the error is this many times denser than on average is worth a sentence.
 _DENSE = 2.0

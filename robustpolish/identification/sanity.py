@@ -12,12 +12,12 @@ import xarray as xr
 from scipy.signal import csd, welch
 
 from robustpolish.base.arrays import Vector
-from robustpolish.base.texts import tables
+from robustpolish.base.results import tables
 from robustpolish.identification.record import poles_of
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import ACCELERATION, FORCE, Output
 from robustpolish.machines.simulation import simulate_model
-from robustpolish.signals.quality import clipped_plateaus, marked_runs, sampling_time
+from robustpolish.signals.raw import clipped_plateaus, marked_runs, sampling_time
 
 # Thresholds of warnings; a false alarm costs more than one that is missing.
 

@@ -14,14 +14,9 @@ from robustpolish.base.checks import instance_of, invalid, misfit, one_of, posit
 from robustpolish.errors import InvalidInputError
 from robustpolish.implementation.realization import emulated
 from robustpolish.implementation.sampled import certificate
-from robustpolish.implementation.sampled.lifting import (
-    named_like,
-    period_map,
-    scaled,
-    without_loop_delay,
-)
-from robustpolish.linear.systems import as_state_space, is_system
-from robustpolish.plants.blocks import matrices_of, named_system, static_controller
+from robustpolish.implementation.sampled.lifting import period_map, scaled, without_loop_delay
+from robustpolish.linear.systems import as_state_space, is_system, named_like, named_system
+from robustpolish.plants.blocks import matrices_of, static_controller
 from robustpolish.plants.plant import GeneralizedPlant
 
 MOST_PERIODS = 200

@@ -15,9 +15,9 @@ from scipy.sparse.csgraph import connected_components
 from robustpolish.base.arrays import Array, Matrix, Vector
 from robustpolish.base.checks import invalid, misfit, one_of, positive
 from robustpolish.implementation.sampled.certificate import Norm, SampledCertificate, certificate_of
-from robustpolish.implementation.sampled.induced_norm import square_root
-from robustpolish.implementation.sampled.lifting import border_scale, named_like
-from robustpolish.linear.systems import of_roots
+from robustpolish.linear.scaling import border_scale
+from robustpolish.linear.stability import square_root
+from robustpolish.linear.systems import named_like, of_roots
 from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 

@@ -10,10 +10,10 @@ import control
 import numpy as np
 from scipy import linalg
 
-from robustpolish.base.arrays import Matrix, Vector
-from robustpolish.implementation.sampled.induced_norm import square_root
-from robustpolish.implementation.sampled.lifting import border_scale, named_like
-from robustpolish.linear.norms.h2 import lyapunov_solution
+from robustpolish.base.arrays import NOTHING, Matrix, Vector
+from robustpolish.linear.scaling import border_scale
+from robustpolish.linear.stability import lyapunov_solution, square_root
+from robustpolish.linear.systems import named_like
 from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 
@@ -147,8 +147,6 @@ def from_factor(matrices: Parts, back: str, inputs: int, outputs: int) -> Parts:
 
 # Controllers of a given order that may stand for a longer one.
 
-_NOTHING = 1e-30
-
 
 class ReducedCandidate(NamedTuple):
     """A shorter controller, and how it came about."""
@@ -235,7 +233,7 @@ def balancing_projection(way: WeightedGramians) -> tuple[Matrix, Matrix, Vector]
     reach, see = square_root(way.reach), square_root(way.see)
     U, values, Vt = np.linalg.svd(see.T @ reach)
     kept = values > values.max(initial=0.0) * 1e-13
-    kept &= values > _NOTHING
+    kept &= values > NOTHING
     size = np.sqrt(values[kept])
     T = reach @ Vt.T[:, kept] / size
     Ti = (see @ U[:, kept] / size).T

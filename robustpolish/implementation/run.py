@@ -11,7 +11,7 @@ import control
 import numpy as np
 import xarray as xr
 
-from robustpolish.base.arrays import Array, Matrix, Vector
+from robustpolish.base.arrays import AGREE, Array, Matrix, Vector
 from robustpolish.base.checks import described, instance_of, invalid, misfit
 from robustpolish.implementation.sampled.lifting import split_delay
 from robustpolish.linear.response import first_order_hold
@@ -20,8 +20,6 @@ from robustpolish.plants.plant import GeneralizedPlant
 
 # The plant of a sampled loop through many periods at once, from the start of each to its end.
 
-_SAME = 1e-6
-"""Part of a step below which the control's change falls onto the grid."""
 
 _Step = tuple[Matrix, Matrix, Matrix]
 
@@ -58,7 +56,8 @@ class PeriodFlow:
         """Divide a period, and discretise its parts."""
         whole, rest = split_delay(period, delay)
         step = period / count
-        cut = int(rest / step + _SAME)
+        # Part of a step below which the control's change falls onto the grid.
+        cut = int(rest / step + AGREE)
         left = rest - cut * step
         if cut == count:
             whole, cut, left = whole + 1, 0, 0.0
@@ -67,7 +66,7 @@ class PeriodFlow:
         A = np.zeros((n + ny, n + ny))
         A[:n, :n] = plant.A
         B = np.block([[plant.B1, plant.B2], [plant.D21 / period, np.zeros((ny, plant.nu))]])
-        split = left > _SAME * step
+        split = left > AGREE * step
         lengths = (step, left, step - left) if split else (step,)
         steps = tuple(first_order_hold(A, B, length) for length in lengths)
         return cls(plant, count, whole, cut, steps, left if split else 0.0)
@@ -177,7 +176,7 @@ def sampled_run(
     period = float(controller.dt)
     count = _steps(period, time)
     step = period / count
-    total = max(1, math.floor((time[-1] - time[0]) / step + _SAME)) + 1
+    total = max(1, math.floor((time[-1] - time[0]) / step + AGREE)) + 1
     grid = step * np.arange(total)
     flow = PeriodFlow.of(plant, period, count, delay)
     # whole periods, w staying as it is at the end: what lies beyond is thrown away again
@@ -253,7 +252,7 @@ def _steps(period: float, time: Vector) -> int:
     if time.size < 2:
         raise misfit("disturbance", "a single sample", "two or more", "Simulate a longer time.")
     ratio = period / (time[-1] - time[0]) * (time.size - 1)
-    count = max(1, round(ratio)) if abs(ratio - round(ratio)) < _SAME * ratio else math.ceil(ratio)
+    count = max(1, round(ratio)) if abs(ratio - round(ratio)) < AGREE * ratio else math.ceil(ratio)
     count *= max(1, math.ceil(LEAST_STEPS / count))
     if count > MOST_STEPS:
         want = f"at most {MOST_STEPS} samples per period of {period:.6g} s"

@@ -48,14 +48,10 @@ from robustpolish.implementation.realization import (
 from robustpolish.implementation.realization import anti_windup as anti_windup_gain
 from robustpolish.implementation.run import sampled_run
 from robustpolish.implementation.sampled import certificate as certificates
-from robustpolish.implementation.sampled.lifting import (
-    beyond_a_period,
-    period_map,
-    without_loop_delay,
-)
+from robustpolish.implementation.sampled import lifting
 from robustpolish.linear.norms.hinf import singular_values
 from robustpolish.linear.stability import stability
-from robustpolish.plants.blocks import named_system
+from robustpolish.linear.systems import named_system
 from robustpolish.plants.plant import (
     GeneralizedPlant,
     check_size,
@@ -705,7 +701,7 @@ def plant_at_samples(
     """
     checked_plant(plant)
     period = positive("period", period, "s")
-    plant, own = without_loop_delay(plant)
+    plant, own = lifting.without_loop_delay(plant)
     delay = checked_delay(positive("delay", delay, "s", zero=True) + own, period)
     if plant.delays:
         shown = ", ".join(f"{name} {duration(each)}" for name, each in plant.delays.items())
@@ -719,11 +715,11 @@ def plant_at_samples(
         plant.measurement_names,
         plant.control_names,
     )
-    found = period_map(plant, still, period, delay)
+    found = lifting.period_map(plant, still, period, delay)
     through = found.transition()
     A, B = found.N0 + found.M @ through @ found.L0, found.Nu + found.M @ through @ found.Lu
     if not np.isfinite(A).all() or not np.isfinite(B).all():
-        raise beyond_a_period(period)
+        raise lifting.beyond_a_period(period)
     # Averages of noise are states of the loop, but none of the plant.
     kept = np.r_[: plant.nx, plant.nx + len(found.noisy) : len(A)]
     ages = range(1, 1 + (len(kept) - plant.nx) // plant.nu)

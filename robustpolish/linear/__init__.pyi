@@ -1,25 +1,16 @@
-from .arithmetic.rational import is_positive_definite as is_positive_definite
-from .controllability import Feasibility as Feasibility
-from .controllability import ModeTest as ModeTest
-from .controllability import PbhTest as PbhTest
-from .controllability import controllability as controllability
-from .controllability import is_detectable as is_detectable
-from .controllability import is_stabilizable as is_stabilizable
-from .controllability import observability as observability
+from .arithmetic.exact import is_positive_definite as is_positive_definite
 from .delay_stability import DelayStability as DelayStability
 from .delay_stability import delay_stability as delay_stability
-from .delayed_systems import DelayedSystem as DelayedSystem
-from .delayed_systems import DelayLine as DelayLine
-from .modes import AxisZero as AxisZero
 from .modes import Mode as Mode
 from .modes import Modes as Modes
 from .modes import modes as modes
-from .modes import zeros_on_axis as zeros_on_axis
 from .norms.h2 import H2Norm as H2Norm
 from .norms.h2 import h2_norm as h2_norm
+from .norms.hinf import AxisZero as AxisZero
 from .norms.hinf import HinfNorm as HinfNorm
 from .norms.hinf import hinf_norm as hinf_norm
 from .norms.hinf import singular_values as singular_values
+from .norms.hinf import zeros_on_axis as zeros_on_axis
 from .norms.lmi import LmiCheck as LmiCheck
 from .norms.lmi import h2_norm_lmi as h2_norm_lmi
 from .norms.lmi import hinf_norm_lmi as hinf_norm_lmi
@@ -33,8 +24,17 @@ from .scaling import Scaling as Scaling
 from .scaling import decoupled_blocks as decoupled_blocks
 from .scaling import prescale as prescale
 from .scaling import scale_system as scale_system
+from .stability import Feasibility as Feasibility
+from .stability import ModeTest as ModeTest
+from .stability import PbhTest as PbhTest
 from .stability import Stability as Stability
+from .stability import controllability as controllability
+from .stability import is_detectable as is_detectable
+from .stability import is_stabilizable as is_stabilizable
+from .stability import observability as observability
 from .stability import stability as stability
+from .systems import DelayedSystem as DelayedSystem
+from .systems import DelayLine as DelayLine
 
 __all__ = [
     "AxisZero",

@@ -10,18 +10,11 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from scipy import linalg
 
-from robustpolish.base.arrays import AnyArray, AnyMatrix, AnyVector, Matrix, Vector
+from robustpolish.base.arrays import SAME, AnyArray, AnyMatrix, AnyVector, Matrix, Vector
 from robustpolish.base.checks import instance_of
 from robustpolish.base.results import Card, Displayed, quantities
-from robustpolish.linear.arithmetic.powers_of_two import refuse_extreme
-from robustpolish.linear.delayed_systems import (
-    MOST_ORDER,
-    DelayedSystem,
-    DelayLine,
-    pade,
-    pade_sections,
-    resolvent_response,
-)
+from robustpolish.linear import systems
+from robustpolish.linear.arithmetic.exact import refuse_extreme
 from robustpolish.linear.norms.hinf import around_resonances
 from robustpolish.plots.poles import plot_poles
 
@@ -42,8 +35,6 @@ MOST_SIZE = 700
 # least number. More are taken per radian of delay at the highest frequency where a root can be
 # unstable; polynomials need pi per wavelength.
 _NODES, _NODES_PER_RADIAN = 20, 1.5
-# Smallest over largest singular value of the characteristic matrix at what counts as a root.
-_RESIDUAL = 1e-9
 # Newton steps; from the eigenvalues three are enough. How far, relative to its size and the unit of
 # rate, they may move a start.
 _NEWTON, _MOVED = 12, 0.1
@@ -147,7 +138,8 @@ def _root(ports: Ports, delays: Vector, start: complex) -> complex | None:
     if not np.isfinite(T).all() or abs(s - start) > _MOVED * (1 + abs(start)):
         return None
     sizes = np.linalg.svd(T, compute_uv=False)
-    return s if sizes[-1] <= _RESIDUAL * sizes[0] else None
+    # Smallest over largest singular value of the characteristic matrix at what counts as a root.
+    return s if sizes[-1] <= SAME * sizes[0] else None
 
 
 def _characteristic(ports: Ports, delays: Vector, s: complex) -> tuple[AnyMatrix, AnyMatrix]:
@@ -180,13 +172,9 @@ MOST_POINTS = 200_000
 """Points beyond which the count is given up: 5 s for 30 states."""
 # How far the count may lie from a whole number.
 _WHOLE = 0.05
-# A determinant that comes so near to zero is a root on the axis, as far as doubles tell.
-_LEAST = 1e-9
-# How near to the axis, relative to its size, no eigenvalue of a Pade model may lie.
-_AXIS = 1e-9
 
 
-def count_unstable(system: DelayedSystem) -> tuple[int | None, str, float]:
+def count_unstable(system: systems.DelayedSystem) -> tuple[int | None, str, float]:
     """Count the characteristic roots to the right of the axis.
 
     Parameters
@@ -231,7 +219,8 @@ def count_unstable(system: DelayedSystem) -> tuple[int | None, str, float]:
         value = np.insert(value, at + 1, loop.value(new))
     heard = np.flatnonzero(gain >= _QUIET)
     highest = float(omega[heard[-1]]) if heard.size else 0.0
-    if np.abs(value).min() < _LEAST:
+    # A determinant that comes so near to zero is a root on the axis, as far as doubles tell.
+    if np.abs(value).min() < SAME:
         return None, "a root lies on the axis, as far as can be told", highest
     # Between quiet neighbours the phase is known by itself: no eigenvalue passes zero.
     own = loop.quiet_phase(omega)
@@ -249,17 +238,17 @@ class _Loop(NamedTuple):
 
     closed: Ports
     ports: Ports
-    lines: tuple[DelayLine, ...]
+    lines: tuple[systems.DelayLine, ...]
 
     @classmethod
-    def of(cls, system: DelayedSystem) -> _Loop | None:
+    def of(cls, system: systems.DelayedSystem) -> _Loop | None:
         """Choose Pade orders whose model is well posed and has no pole on the axis."""
         A, B, C, D = system.ports()
         names = [line.name for line in system.lines]
         for more in range(6):
-            orders = [min(line.order + more, MOST_ORDER) for line in system.lines]
-            lines = tuple(map(DelayLine, names, system.seconds.tolist(), orders))
-            Ap, Bp, Cp, Dp = pade_sections(lines)
+            orders = [min(line.order + more, systems.MOST_ORDER) for line in system.lines]
+            lines = tuple(map(systems.DelayLine, names, system.seconds.tolist(), orders))
+            Ap, Bp, Cp, Dp = systems.pade_sections(lines)
             back = np.eye(len(D)) - Dp @ D
             if np.linalg.cond(back) > 1e8:
                 continue
@@ -268,7 +257,8 @@ class _Loop(NamedTuple):
             x, p = inner @ Dp @ C, inner @ Cp
             whole = np.block([[A + B @ x, B @ p], [Bp @ (C + D @ x), Ap + Bp @ D @ p]])
             poles = np.linalg.eigvals(whole)
-            if (np.abs(poles.real) > _AXIS * np.abs(poles).max(initial=0.0)).all():
+            # How near to the axis, relative to its size, no eigenvalue of a Pade model may lie.
+            if (np.abs(poles.real) > SAME * np.abs(poles).max(initial=0.0)).all():
                 into = np.vstack([B @ inner, Bp @ D @ inner])
                 closed = whole, into, np.hstack([C + D @ x, D @ p]), D @ inner
                 return cls(closed, (A, B, C, D), lines)
@@ -278,18 +268,21 @@ class _Loop(NamedTuple):
         """Return exact delays and their Pade models, shape (k, lines)."""
         s = 1j * omega
         exact = [np.exp(-s * line.seconds) for line in self.lines]
-        models = [resolvent_response(*pade(d.seconds, d.order), s)[:, 0, 0] for d in self.lines]
+        models = [
+            systems.resolvent_response(*systems.pade(d.seconds, d.order), s)[:, 0, 0]
+            for d in self.lines
+        ]
         return np.stack(exact, axis=1), np.stack(models, axis=1)
 
     def value(self, omega: Vector) -> AnyVector:
         """Return the determinant, which is 1 at rest and turns about zero for each root."""
-        M = resolvent_response(*self.closed, 1j * omega)
+        M = systems.resolvent_response(*self.closed, 1j * omega)
         exact, models = self.factors(omega)
         return np.linalg.det(np.eye(M.shape[1]) - M * (exact - models)[:, None, :])
 
     def gain(self, omega: Vector) -> Vector:
         """Return the largest gain through the lines that any phases could make, in any units."""
-        size = np.abs(resolvent_response(*self.ports, 1j * omega))
+        size = np.abs(systems.resolvent_response(*self.ports, 1j * omega))
         found = np.full(omega.size, np.inf)
         finite = np.isfinite(size).all(axis=(1, 2))
         if finite.any():
@@ -298,7 +291,7 @@ class _Loop(NamedTuple):
 
     def quiet_phase(self, omega: Vector) -> Vector:
         """Return the determinant's phase where the gain is below 1, and anything elsewhere."""
-        H = resolvent_response(*self.ports, 1j * omega)
+        H = systems.resolvent_response(*self.ports, 1j * omega)
         H = np.where(np.isfinite(H), H, 0)
         exact, model = (
             np.angle(1 - np.linalg.eigvals(H * factors[:, None, :])).sum(axis=1)
@@ -391,7 +384,7 @@ class DelayStability(Displayed):
         return Card(self.verdict, (quantities(*rows),), (self.reason,))
 
 
-def delay_stability(system: DelayedSystem) -> DelayStability:
+def delay_stability(system: systems.DelayedSystem) -> DelayStability:
     r"""Decide whether a system with delays is stable.
 
     The roots to the right of the axis are counted by the argument principle: those of the Pade
@@ -438,7 +431,7 @@ def delay_stability(system: DelayedSystem) -> DelayStability:
     ['stable', 'unstable']
     """
     remedy = "Use plant.delayed_loop(controller), or build a DelayedSystem."
-    instance_of("system", system, DelayedSystem, "a DelayedSystem", remedy)
+    instance_of("system", system, systems.DelayedSystem, "a DelayedSystem", remedy)
     refuse_extreme("system", dict(zip("ABCD", system.matrices, strict=True)))
     ports = system.ports()
     if not system.lines:

@@ -12,30 +12,26 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
+from scipy import linalg
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from robustpolish.base.arrays import Matrix, Vector
+from robustpolish.base.arrays import EPS, Matrix, Vector
 from robustpolish.base.checks import described, invalid, matrix, positive, square
 from robustpolish.base.results import Card, Displayed, Table, quantities
-from robustpolish.linear.arithmetic.powers_of_two import (
+from robustpolish.linear.arithmetic.exact import (
     FloatRangeError,
+    power_of_two,
     range_errors_as_input_errors,
     refuse_extreme,
     refuse_out_of_range,
-    scaled,
-)
-from robustpolish.linear.arithmetic.realisation import (
-    Realisation,
-    named_like,
-    power_of_two,
-    realisation,
     rescaled,
+    scaled,
     size,
     state_scales,
     typical_rate,
 )
-from robustpolish.linear.stability import EPS
+from robustpolish.linear.systems import Realisation, named_like, realisation
 from robustpolish.plots.charts import plot_bars
 from robustpolish.plots.frequency import plot_over_frequency
 
@@ -326,7 +322,7 @@ def prescale(system: control.StateSpace, band: Sequence[float] | None = None) ->
         if best >= before - 1e-6:
             break
     A, B, C = model.A * scales / scales[:, None], model.B / scales[:, None], model.C * scales
-    found = named_like(model.source, A, B, C, model.D)
+    found = named_like(model.source, (A, B, C, model.D), model.source.dt)
     left, right = np.diag(1 / scales), np.diag(scales)
     return Prescaled(found, left, right, frequency, accuracy(one), accuracy(scales))
 
@@ -497,7 +493,7 @@ class Scaling(Displayed):
             remedy = "Scale this system with scale_system."
             raise invalid("system", described(shown), want, remedy)
         scaled = in_units(model, self)
-        return named_like(model.source, scaled.A, scaled.B, scaled.C, scaled.D)
+        return named_like(model.source, (*scaled.matrices.values(),), model.source.dt)
 
     def state_gain(self, gain: ArrayLike, inputs: Sequence[int] | None = None) -> Vector:
         """Map a state feedback u_s = F_s x_s to u = F x, F = U F_s T^-1 (thesis 10.60).
@@ -563,7 +559,7 @@ class Scaling(Displayed):
         Y = self.outputs[_chosen("outputs", outputs, self.outputs.size)]
         B = self.time * matrix("controller.B", K.B, (K.states, Y.size)) / Y
         C = U[:, None] * matrix("controller.C", K.C, (U.size, K.states))
-        return named_like(K.source, self.time * K.A, B, C, U[:, None] * K.D / Y)
+        return named_like(K.source, (self.time * K.A, B, C, U[:, None] * K.D / Y), K.source.dt)
 
 
 def scale_system(
@@ -684,3 +680,28 @@ def _grouped(argument: str, groups: Groups | None, count: int) -> list[NDArray[n
     if len(seen) != len(set(seen)):
         raise invalid(argument, groups, "groups without common signals", "Name each once.")
     return [g for g in given if g.size] + [np.array([i]) for i in range(count) if i not in seen]
+
+
+def border_scale(A: Matrix, reach: Vector, seen: Vector) -> Vector:
+    """Return powers of two that balance A with all inputs and all outputs as one more state.
+
+    Parameters
+    ----------
+    A : ndarray, shape (n, n)
+    reach, seen : ndarray, shape (n,)
+        Sizes of the rows of B and of the columns of C.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    n = A.shape[0]
+    size = np.zeros((n + 1, n + 1))
+    size[:n, :n], size[:n, n], size[n, :n] = np.abs(A), reach, seen
+    if not n or not np.isfinite(size).all():
+        return np.ones(n)
+    # SciPy casts permutation indices that were never set, and may complain about their values.
+    with np.errstate(invalid="ignore"):
+        _, (scale, _) = linalg.matrix_balance(size, permute=False, separate=True)
+    found = np.asarray(scale, dtype=float)
+    return found[:n] / found[n]

@@ -12,13 +12,12 @@ from typing import Any, Literal
 import control
 import numpy as np
 
-from robustpolish.base.arrays import AnyArray, AnyVector, Vector
+from robustpolish.base.arrays import EPS, SAME, AnyArray, AnyVector, Vector
 from robustpolish.base.checks import instance_of, invalid, misfit, whole_number
 from robustpolish.linear.delay_stability import delay_stability
-from robustpolish.linear.delayed_systems import DelayedSystem, resolvent_response
 from robustpolish.linear.norms.hinf import HinfNorm
 from robustpolish.linear.stability import Stability, stability
-from robustpolish.linear.systems import is_system
+from robustpolish.linear.systems import DelayedSystem, is_system, resolvent_response
 from robustpolish.loops.response import (
     DelayedLoop,
     DelayedResponse,
@@ -363,7 +362,7 @@ class Loop(BreakableLoop):
     def well_posed(self) -> bool:
         """Tell whether the algebraic part of the loop has a solution."""
         D, Dk = self.plant_matrices[3], self.controller_matrices[3]
-        return bool(np.linalg.cond(np.eye(D.shape[1]) - Dk @ D) < 1 / np.finfo(float).eps)
+        return bool(np.linalg.cond(np.eye(D.shape[1]) - Dk @ D) < 1 / EPS)
 
 
 def from_to(
@@ -496,9 +495,6 @@ def _timing(dt: float | bool | None) -> str:
 
 # The loop of a plant that is known at measured frequencies only.
 
-_AT_REST = 1e-9
-"""Poles of a controller this near to the boundary, over the first measured frequency, are on it."""
-
 
 @dataclass(frozen=True, eq=False)
 class MeasuredLoop(BreakableLoop):
@@ -586,7 +582,9 @@ class MeasuredLoop(BreakableLoop):
         poles: Any = np.linalg.eigvals(self.controller.A).astype(complex)
         dt = self.dt
         rates = np.abs(poles) - 1 if dt else poles.real
-        edge = _AT_REST * (1.0 if dt else float(self.omega[0]))
+        # Poles of a controller this near to the boundary, over the first measured frequency, are on
+        # it.
+        edge = SAME * (1.0 if dt else float(self.omega[0]))
         beyond = int((rates > edge).sum()) + self.unstable_poles
         resting = int((np.abs(poles - (1 if dt else 0)) <= edge).sum())
         one = np.eye(self.K.shape[1])

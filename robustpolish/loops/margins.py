@@ -12,12 +12,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from scipy.optimize import minimize
 
-from robustpolish.base.arrays import AnyMatrix, Vector
+from robustpolish.base.arrays import SAME, AnyMatrix, Vector
 from robustpolish.base.results import Card, Displayed, Table, quantities
-from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
-from robustpolish.linear.delayed_systems import resolvent_response
-from robustpolish.linear.norms.hinf import cayley, hamiltonian
+from robustpolish.linear.arithmetic.exact import rescaled
+from robustpolish.linear.norms.hinf import cayley
 from robustpolish.linear.stability import eigensystem
+from robustpolish.linear.systems import Realisation, hamiltonian, realisation, resolvent_response
 from robustpolish.loops.disk_margins import DelayedIntervals, DiskMargin, decibel, disk_of
 from robustpolish.loops.loop import Loop, MeasuredLoop, Place
 from robustpolish.loops.pictures import plot_loops
@@ -33,8 +33,6 @@ from robustpolish.robust.scalings import balanced
 
 _PEAK_SLACK = 1e-3
 MOST_INTERVALS = 400
-# An interval this narrow, relative to its frequency, proves nothing.
-_NARROW = 1e-9
 # Powers of the smooth stand-in of the largest singular value: rough, then sharp.
 _POWERS = (4, 32)
 # Where one signal does not act back on another, their scales drift apart for ever.
@@ -156,11 +154,12 @@ def scaled_peak(
             lower, frequency = value, omega
         first, last = around(omega, scales, lower * (1 + _PEAK_SLACK))
         if math.isinf(first):  # nothing is known of the end of the axis
-            covered, first = False, size / _NARROW
-        elif last - first <= _NARROW * omega:
+            # An interval this narrow, relative to its frequency, proves nothing.
+            covered, first = False, size / SAME
+        elif last - first <= SAME * omega:
             covered = covered and omega in (0.0, math.inf)
-            last = max(omega * (1 + _NARROW), _NARROW * size)
-            first = min(omega * (1 - _NARROW), size / _NARROW)
+            last = max(omega * (1 + SAME), SAME * size)
+            first = min(omega * (1 - SAME), size / SAME)
         if first > low:
             bare.append((low, first))
         if last < high:
@@ -209,7 +208,7 @@ def _inside(low: float, high: float, size: float) -> float:
     if high == math.inf:
         return math.inf
     if low == 0:
-        return 0.0 if high > _NARROW * size else high / 2
+        return 0.0 if high > SAME * size else high / 2
     return math.sqrt(low) * math.sqrt(high)
 
 

@@ -12,7 +12,7 @@ import control
 import numpy as np
 import xarray as xr
 
-from robustpolish.base.arrays import AnyVector, Array, Vector
+from robustpolish.base.arrays import SAME, AnyVector, Array, Vector
 from robustpolish.implementation.certify_sampled import last_stable
 from robustpolish.implementation.realization import integration_rule
 from robustpolish.implementation.run import disturbance_columns
@@ -121,8 +121,6 @@ def _bandwidth(
 
 # The search goes down from this many samples per time constant of the fastest pole.
 _MOST_SAMPLES = 300.0
-# An eigenvalue this far outside the unit circle is rounding.
-_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -211,7 +209,8 @@ def lowest_stable_rate(loop: Loop, computation_samples: int) -> float:
 
     def stable(period: float) -> bool:
         poles = sampled_poles(loop, period, computation_samples)
-        return bool(np.abs(poles).max() < 1 + _ROUNDING)
+        # An eigenvalue this far outside the unit circle is rounding.
+        return bool(np.abs(poles).max() < 1 + SAME)
 
     shortest = 1 / (_MOST_SAMPLES * float(rates.max()))
     if not stable(shortest):

@@ -14,17 +14,21 @@ import numpy as np
 import scipy.linalg as sla
 from scipy.optimize import brentq, minimize_scalar
 
-from robustpolish.base.arrays import AnyArray, AnyVector, Array, Matrix, Vector
-from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
-from robustpolish.linear.delayed_systems import DelayedSystem, resolvent_response
-from robustpolish.linear.norms.hinf import HinfNorm, cayley, frequency_grid, hamiltonian, hinf_norm
+from robustpolish.base.arrays import ROUNDING, AnyArray, AnyVector, Array, Matrix, Vector
+from robustpolish.linear.arithmetic.exact import rescaled
+from robustpolish.linear.norms.hinf import HinfNorm, cayley, frequency_grid, hinf_norm
 from robustpolish.linear.stability import eigensystem
+from robustpolish.linear.systems import (
+    DelayedSystem,
+    Realisation,
+    hamiltonian,
+    realisation,
+    resolvent_response,
+)
 
 _BATCH = 1024
 # Up to so many states an elimination at every frequency is quick.
 _ELIMINATED_STATES = 24
-# A logarithm of a gain, or a sine of a phase, that is rounding.
-_NOTHING = 1e-12
 # A crossing of the negative axis below 160 dB or above them is rounding of the response.
 _SMALLEST_GAIN = 1e-8
 _HALF_POWER = 1 / math.sqrt(2)
@@ -325,7 +329,8 @@ def roots(
     looked = looked[looked <= highest]
     omega = np.unique(np.concatenate([looked, np.sqrt(looked[1:]) * np.sqrt(looked[:-1])]))
     values = function(omega)
-    flat = np.abs(values) <= _NOTHING
+    # A logarithm of a gain, or a sine of a phase, that is rounding.
+    flat = np.abs(values) <= ROUNDING
     if flat.all():  # zero everywhere
         return [float(omega[0]), float(omega[-1])]
 

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from robustpolish.base.arrays import AnyArray, Matrix, Vector
+from robustpolish.base.arrays import EPS, AnyArray, Matrix, Vector
 from robustpolish.base.checks import described, invalid, is_whole, matrix, misfit, state_space
 from robustpolish.linear.systems import as_state_space, is_system, named_system
 
@@ -200,7 +200,7 @@ def closed_loop(
     Ak, Bk, Ck, Dk = (np.asarray(M) for M in (K.A, K.B, K.C, K.D))
     loop = np.eye(plant.nu) - Dk @ plant.D22
     condition = np.linalg.cond(loop) if loop.size and np.isfinite(loop).all() else 1.0
-    if condition > 1 / np.finfo(float).eps:
+    if condition > 1 / EPS:
         shown = described(f"a loop matrix I - Dk D22 with condition {condition:.1e}")
         remedy = "Change the controller's feedthrough or the plant's D22."
         raise invalid("controller", shown, "a well-posed loop", remedy)

@@ -13,19 +13,10 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustpolish.base.checks import (
-    described,
-    instance_of,
-    invalid,
-    matrix,
-    one_of,
-    positive,
-    square,
-    state_space,
-)
+from robustpolish.base import checks
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.base.saved import Fields, read_saved, write_saved
-from robustpolish.linear.delayed_systems import DelayLine
+from robustpolish.linear.systems import DelayLine
 from robustpolish.plants import blocks
 from robustpolish.plants.wired import WiredPlant, Wiring
 
@@ -61,15 +52,15 @@ def plant_from(fields: Fields) -> GeneralizedPlant:
         counts.append(count)
         if not 0 <= count <= available:
             want = f"a whole number from 0 to {available}"
-            raise invalid(f"{fields.where}: {key}", count, want, edited)
+            raise checks.invalid(f"{fields.where}: {key}", count, want, edited)
     lines = tuple(
         DelayLine(line.text("name"), line.number("seconds"), line.whole("order"))
         for line in (fields.tables("lines") if "lines" in fields else ())
     )
     ports = min(system.noutputs - counts[0], system.ninputs - counts[1])
     if len(lines) > ports:
-        shown = described(f"{len(lines)} delay lines and {ports} signals for them")
-        raise invalid(f"{fields.where}: lines", shown, "one per pair", edited)
+        shown = checks.described(f"{len(lines)} delay lines and {ports} signals for them")
+        raise checks.invalid(f"{fields.where}: lines", shown, "one per pair", edited)
     facts: dict[str, Any] = {key: fields.numbers(key) for key in _FACTS if key in fields}
     ny, nu = counts
     named = {name: units.text(name) for name in units}
@@ -95,15 +86,15 @@ def system_from(fields: Fields) -> control.StateSpace:
     shapes = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
     matrices = [fields.array(name, *shape) for name, shape in shapes.items()]
     for name, entries in zip(shapes, matrices, strict=True):
-        matrix(f"{fields.where}: {name}", entries)
+        checks.matrix(f"{fields.where}: {name}", entries)
     for key, names in (("inputs", inputs), ("outputs", outputs), ("states", states)):
         dotted = key != "states" and any("." in name for name in names)
         if dotted or len(set(names)) < len(names):
             want, remedy = "different names, of signals without dots", "The file was edited."
-            raise invalid(f"{fields.where}: {key}", names, want, remedy)
+            raise checks.invalid(f"{fields.where}: {key}", names, want, remedy)
     dt = True if fields.raw("dt") is True else fields.number("dt")
     if not 0 <= dt < math.inf:
-        raise invalid(f"{fields.where}: dt", dt, "0, or a sampling time in s", "Correct it.")
+        raise checks.invalid(f"{fields.where}: dt", dt, "0, or a sampling time in s", "Correct it.")
     return blocks.named_system(matrices, dt, inputs, outputs, states)
 
 
@@ -123,8 +114,8 @@ def check_size(fields: Fields, *systems: control.StateSpace) -> None:
         float(np.abs(np.asarray(M)).max(initial=0.0)) for s in systems for M in (s.A, s.B, s.C, s.D)
     )
     if largest > _SQUARED:
-        shown, remedy = described(f"an entry of size {largest:g}"), "The file was edited."
-        raise invalid(fields.where, shown, "entries whose squares are finite", remedy)
+        shown, remedy = checks.described(f"an entry of size {largest:g}"), "The file was edited."
+        raise checks.invalid(fields.where, shown, "entries whose squares are finite", remedy)
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -235,7 +226,7 @@ class GeneralizedPlant(WiredPlant, Displayed):
     ) -> None:
         whole: Any
         if isinstance(system, control.StateSpace):
-            whole = state_space("system", system)
+            whole = checks.state_space("system", system)
         elif (whole := blocks.as_response("system", system)) is None:
             whole = blocks.as_state_space("system", system)
         whole, ny, nu = blocks.sorted_signals(whole, measurements, controls)
@@ -249,18 +240,20 @@ class GeneralizedPlant(WiredPlant, Displayed):
         own["_wiring"] = wiring
         for key in ("units", *_FACTS):
             given = facts.get(key) or {}
-            instance_of(key, given, Mapping, "a mapping of names", "Write {name: value}.")
+            checks.instance_of(key, given, Mapping, "a mapping of names", "Write {name: value}.")
             own[key] = MappingProxyType(dict(given))
         for name, value in own.items():
             object.__setattr__(self, name, value)
         unknown = [name for name in self.units if name not in _labels(system)]
         if unknown:
             want = "names of signals or states"
-            raise invalid("units", unknown[0], want, "Check its spelling.")
+            raise checks.invalid("units", unknown[0], want, "Check its spelling.")
         for argument in ("limits", "rate_limits"):
             for name, value in own[argument].items():
-                one_of(argument, name, self.control_names, "It has to be the name of a control.")
-                positive((argument, name), value)
+                checks.one_of(
+                    argument, name, self.control_names, "It has to be the name of a control."
+                )
+                checks.positive((argument, name), value)
 
     @classmethod
     def _made(cls, *parts: Any, **more: Any) -> GeneralizedPlant:
@@ -445,10 +438,10 @@ class GeneralizedPlant(WiredPlant, Displayed):
         InvalidInputError
             If a matrix does not fit the others, or a list of names its matrix.
         """
-        A = square("A", A)
+        A = checks.square("A", A)
         nx = A.shape[0]
-        B1, B2 = matrix("B1", B1, (nx, None)), matrix("B2", B2, (nx, None))
-        C1, C2 = matrix("C1", C1, (None, nx)), matrix("C2", C2, (None, nx))
+        B1, B2 = checks.matrix("B1", B1, (nx, None)), checks.matrix("B2", B2, (nx, None))
+        C1, C2 = checks.matrix("C1", C1, (None, nx)), checks.matrix("C2", C2, (None, nx))
         nw, nu, nz, ny = B1.shape[1], B2.shape[1], C1.shape[0], C2.shape[0]
 
         z, y, w, u = slice(nz), slice(nz, None), slice(nw), slice(nw, None)
@@ -456,7 +449,7 @@ class GeneralizedPlant(WiredPlant, Displayed):
         D = np.zeros((nz + ny, nw + nu))
         for name, (given, rows, columns) in zip(_MATRICES[5:], parts, strict=True):
             if given is not None:
-                D[rows, columns] = matrix(name, given, D[rows, columns].shape)
+                D[rows, columns] = checks.matrix(name, given, D[rows, columns].shape)
         ins = [
             *_names("disturbances", disturbances, nw, "w"),
             *_names("controls", controls, nu, "u"),
@@ -517,9 +510,9 @@ class GeneralizedPlant(WiredPlant, Displayed):
         """Return the plant with other names; its matrices are those of the Pade models."""
         for name in changes:
             if name in (*_MATRICES, "dt"):
-                shown = described("a change of a plant with delays")
+                shown = checks.described("a change of a plant with delays")
                 remedy = "Change the plant before with_delay(...), or take plant.without_delays()."
-                raise invalid(name, shown, "changes of names and units only", remedy)
+                raise checks.invalid(name, shown, "changes of names and units only", remedy)
             if name not in _GROUPS:
                 raise TypeError(f"replace() got an unexpected keyword argument {name!r}")
         old = self._signal_names()
@@ -621,14 +614,16 @@ class GeneralizedPlant(WiredPlant, Displayed):
         -------
         control.StateSpace
         """
-        return self.with_full_state().closed_loop(matrix("gain", gain, (self.nu, self.nx)))
+        return self.with_full_state().closed_loop(checks.matrix("gain", gain, (self.nu, self.nx)))
 
     def with_full_state(self) -> GeneralizedPlant:
         """Return the same plant with y = x, for state feedback."""
         if self._wiring is not None:
-            shown = described("delays, which have infinitely many states")
+            shown = checks.described("delays, which have infinitely many states")
             remedy = "Use an output feedback, or take plant.without_delays() with its Pade states."
-            raise invalid("plant", shown, "a plant without delays for state feedback", remedy)
+            raise checks.invalid(
+                "plant", shown, "a plant without delays for state feedback", remedy
+            )
         names = [f"measured_{name}" for name in self.states]
         D21, D22 = np.zeros((self.nx, self.nw)), np.zeros((self.nx, self.nu))
         return self.replace(C2=np.eye(self.nx), D21=D21, D22=D22, measurements=names)
@@ -752,5 +747,5 @@ def _names(argument: str, given: Sequence[str] | None, count: int, letter: str) 
     if given is None:
         return [f"{letter}{i + 1}" for i in range(count)]
     if isinstance(given, str) or len(given) != count or len(set(given)) != count:
-        raise invalid(argument, given, f"{count} different names", "Name each signal once.")
+        raise checks.invalid(argument, given, f"{count} different names", "Name each signal once.")
     return list(given)

@@ -10,8 +10,8 @@ import control
 import numpy as np
 
 from robustpolish.base.checks import described, invalid, positive, whole_number
-from robustpolish.linear.delayed_systems import in_a_row
-from robustpolish.plants.blocks import as_state_space, named_system
+from robustpolish.linear.arithmetic.exact import LARGEST
+from robustpolish.linear.systems import as_state_space, in_a_row, named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import Wiring, bilinear, single_filter, state_names
 
@@ -155,8 +155,6 @@ def _with_outputs(
 # A weight between a gain at low and a gain at high frequencies.
 
 MOST_ORDER = 10
-# Gains and frequencies beyond it, or below its inverse, have squares that no double holds.
-_LARGEST = 1e100
 
 
 def weight(
@@ -230,8 +228,8 @@ def weight(
         shown = described("an infinite gain at high frequencies")
         raise invalid("high", shown, "a finite one", "Such a weight is no state-space system.")
     hertz = positive("crossover_hz", crossover_hz, "Hz")
-    if not 1 / _LARGEST <= hertz <= _LARGEST:
-        want = f"a frequency from {1 / _LARGEST:g} to {_LARGEST:g} Hz"
+    if not 1 / LARGEST <= hertz <= LARGEST:
+        want = f"a frequency from {1 / LARGEST:g} to {LARGEST:g} Hz"
         raise invalid("crossover_hz", crossover_hz, want, "Check its unit.")
     whole_number("order", order, 1, MOST_ORDER, "Take fewer.")
     if not (low > 1 > high or low < 1 < high):
@@ -270,7 +268,7 @@ def _gain(argument: str, value: Any) -> float:
         number = math.nan
     if not number >= 0:
         raise invalid(argument, value, "a gain of at least 0", "Pass a ratio, not decibels.")
-    if number not in (0.0, math.inf) and not 1 / _LARGEST <= number <= _LARGEST:
-        want = f"0, a gain from {1 / _LARGEST:g} to {_LARGEST:g}, or infinity"
+    if number not in (0.0, math.inf) and not 1 / LARGEST <= number <= LARGEST:
+        want = f"0, a gain from {1 / LARGEST:g} to {LARGEST:g}, or infinity"
         raise invalid(argument, value, want, "Pass a ratio, not decibels.")
     return number

@@ -18,14 +18,7 @@ from numpy.typing import ArrayLike
 
 from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import described, instance_of, invalid, misfit, positive, whole_number
-from robustpolish.linear.delayed_systems import (
-    DelayedSystem,
-    DelayLine,
-    Section,
-    frequencies,
-    in_a_row,
-    resolvent_response,
-)
+from robustpolish.linear import systems
 from robustpolish.plants import blocks
 from robustpolish.signals.frequency_response import labelled_response, ratio_unit
 
@@ -51,7 +44,7 @@ class Wiring(blocks.PlantBlocks):
     system: control.StateSpace
     measurements: int
     controls: int
-    lines: tuple[DelayLine, ...] = ()
+    lines: tuple[systems.DelayLine, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
 
     def series(self, side: Side, at: int, filter: control.StateSpace, label: str) -> Wiring:
@@ -81,7 +74,7 @@ class Wiring(blocks.PlantBlocks):
         states = [*self.states, *_new_names(label, k, self.states)]
         return self._with(_seen_from(side, (whole, B, C, D)), states=states)
 
-    def delayed(self, side: Side, at: int, line: DelayLine) -> Wiring:
+    def delayed(self, side: Side, at: int, line: systems.DelayLine) -> Wiring:
         """Lead an input or an output through a delay line.
 
         Parameters
@@ -184,12 +177,12 @@ class Wiring(blocks.PlantBlocks):
         """Return the plant from (w, u) to (z, y) with Pade approximations for its delays."""
         return self.with_ports_last().pade_model() if self.lines else self.system
 
-    def with_ports_last(self) -> DelayedSystem:
+    def with_ports_last(self) -> systems.DelayedSystem:
         """Return the plant from (w, u) to (z, y) with its delays."""
         k, w, z = len(self.lines), self.nw, self.nz
         ins = [*range(w - k), *range(w, w + self.nu), *range(w - k, w)]
         outs = [*range(z - k), *range(z, z + self.ny), *range(z - k, z)]
-        return DelayedSystem(blocks.chosen_signals(self.system, outs, ins), self.lines)
+        return systems.DelayedSystem(blocks.chosen_signals(self.system, outs, ins), self.lines)
 
     def arrays(self) -> Matrices:
         """Copy A, B, C and D as floats of consistent shapes."""
@@ -269,7 +262,7 @@ def lag(
     order = 1 if order is None else order
     remedy = "Pass another lag as dynamics=, a delay with_delay."
     order = whole_number("order", order, 1, MOST_ORDER, remedy)
-    A, B, C, D = in_a_row(_sections(order, damping))
+    A, B, C, D = systems.in_a_row(_sections(order, damping))
     rate = 2 * math.pi * hertz
     if not dt:
         return blocks.named_system((A * rate, B * rate, C, D), 0, ["u"], ["y"], state_names(len(A)))
@@ -328,10 +321,10 @@ def single_filter(argument: str, value: Any, dt: float | bool) -> control.StateS
     return system
 
 
-def _sections(order: int, damping: float | None) -> list[Section]:
+def _sections(order: int, damping: float | None) -> list[systems.Section]:
     """Return lags of first and second order, in units of the bandwidth."""
     one = np.ones((1, 1))
-    found: list[Section] = [(-one, one, one, 0.0)] if order % 2 else []
+    found: list[systems.Section] = [(-one, one, one, 0.0)] if order % 2 else []
     for k in range(order // 2):
         zeta = math.sin(math.pi * (2 * k + 1) / (2 * order)) if damping is None else damping
         # |G| = 1 / sqrt(2) at 1: w^2 + ... solved for the natural frequency.
@@ -615,7 +608,7 @@ class WiredPlant(blocks.PlantBlocks):
         ({'x': 0.001}, 5)
         """
         seconds = positive("seconds", seconds, "s", zero=True)
-        line = DelayLine("signal", seconds or 1.0, order)  # which checks the order
+        line = systems.DelayLine("signal", seconds or 1.0, order)  # which checks the order
         names = [name] if isinstance(name, str) or not isinstance(name, Sequence) else list(name)
         wiring, delays = self.wiring, dict(self.delays)
         for one in names:
@@ -629,7 +622,7 @@ class WiredPlant(blocks.PlantBlocks):
             delays[one] = delays.get(one, 0.0) + seconds
         return self.rewired(wiring, delays=delays)
 
-    def delayed_loop(self, controller: blocks.GivenController) -> DelayedSystem:
+    def delayed_loop(self, controller: blocks.GivenController) -> systems.DelayedSystem:
         """Connect u = K y and return the loop with its delays as they are.
 
         Parameters
@@ -658,7 +651,7 @@ class WiredPlant(blocks.PlantBlocks):
         [True, False]
         """
         whole = self.wiring
-        return DelayedSystem(
+        return systems.DelayedSystem(
             blocks.closed_loop(whole, blocks.controller_system(whole, controller)), whole.lines
         )
 
@@ -691,13 +684,13 @@ class WiredPlant(blocks.PlantBlocks):
         >>> print(response.sel(output="y", input="u").round(3).values)
         [ 1.   +0.j    -0.025+0.155j]
         """
-        hertz = frequencies("frequency", frequency)
+        hertz = systems.frequencies("frequency", frequency)
         omega = 2 * np.pi * hertz
         if isinstance(self.system, control.FrequencyResponseData):
             values = blocks.interpolate_response(self.system, omega)
         elif self.is_discrete:
             step = 1.0 if self.dt is True else float(self.dt)
-            values = resolvent_response(*self.wiring.arrays(), np.exp(1j * omega * step))
+            values = systems.resolvent_response(*self.wiring.arrays(), np.exp(1j * omega * step))
         else:
             values = self.wiring.with_ports_last().response(omega)
         ins, outs = list(self.system.input_labels), list(self.system.output_labels)

@@ -19,7 +19,7 @@ from math import cos, sin, sqrt
 import numpy as np
 from scipy.integrate import RK45
 
-from robustpolish.base.arrays import Array
+from robustpolish.base.arrays import ROUNDING, Array
 from robustpolish.base.jit import njit
 from robustpolish.polishing.surfaces.spline import BEND, expansion
 from robustpolish.polishing.tool_path import evaluate_path
@@ -89,8 +89,6 @@ def inside_step(slopes, start, step, fraction, first, state):  # pragma: no cove
 
 # Attitude angles of the disc, from its axis and angular velocity.
 
-_LEVEL = 1e-12  # tilt [rad] below which precession has no direction and is reported as at rest
-
 
 def tilt_angles(axis: Array, turning: Array) -> tuple[Array, Array, Array, Array]:
     """Tilts about x and y and their rates: the two-angle disc.
@@ -135,11 +133,12 @@ def euler_angles(axis: Array, turning: Array) -> tuple[Array, Array, Array, Arra
     kx, ky, kz = axis.T
     sine = np.hypot(kx, ky)
     theta = np.arctan2(sine, kz)
-    psi = np.unwrap(np.where(sine > _LEVEL, np.arctan2(kx, -ky), 0.0))
+    # tilt [rad] below which precession has no direction and is reported as at rest
+    psi = np.unwrap(np.where(sine > ROUNDING, np.arctan2(kx, -ky), 0.0))
     node = np.stack([np.cos(psi), np.sin(psi), np.zeros_like(psi)], axis=1)
     theta_rate = np.einsum("ni,ni->n", turning, node)
     across = np.einsum("ni,ni->n", turning, np.cross(axis, node))
-    psi_rate = np.divide(across, sine, out=np.zeros_like(sine), where=sine > _LEVEL)
+    psi_rate = np.divide(across, sine, out=np.zeros_like(sine), where=sine > ROUNDING)
     return theta, psi, theta_rate, psi_rate
 
 

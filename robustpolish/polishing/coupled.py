@@ -11,7 +11,7 @@ import xarray as xr
 from scipy import optimize
 from scipy.linalg import expm, matrix_balance
 
-from robustpolish.base.arrays import Matrix, Vector
+from robustpolish.base.arrays import EPS, SAME, Matrix, Vector
 from robustpolish.base.checks import described, invalid
 from robustpolish.base.jit import njit
 from robustpolish.errors import SolverError
@@ -20,8 +20,6 @@ from robustpolish.polishing.brush import parameters_from_attributes, tool_veloci
 from robustpolish.polishing.parameters import BrushParameters
 
 # Linear machine from contact forces to the displacement of the joint.
-
-_INSTANT = 1e-9  # share of a force's effect within a step that counts as none
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +62,8 @@ class LinearMachine:
     def __post_init__(self) -> None:
         at_once = np.abs(self.C @ self.B)
         usual = np.abs(self.C) @ np.abs(self.B)
-        if np.any(at_once > _INSTANT * usual):
+        # share of a force's effect within a step that counts as none
+        if np.any(at_once > SAME * usual):
             shown = described("a loop in which a force sets the brush in motion without delay")
             expected = "a brush with a mass, so that force changes its acceleration"
             raise invalid("design", shown, expected, "Give the place where the brush hangs a mass.")
@@ -88,7 +87,7 @@ class LinearMachine:
         """
         # Balanced, for springs of 1e8 N/m and dampers of 1e-2 N s/m stand side by side.
         balanced, (scaling, _) = matrix_balance(self.A, permute=False, separate=True)
-        if np.linalg.cond(balanced) > 1.0 / np.finfo(float).eps:
+        if np.linalg.cond(balanced) > 1.0 / EPS:
             shown = described("a loop that does not come to rest under a steady force")
             expected = "one without a pole at zero"
             raise invalid("design", shown, expected, "Add a stiffness to what can drift away.")

@@ -27,11 +27,11 @@ from robustpolish.implementation.realization import emulated
 from robustpolish.implementation.sampled.certificate import SampledCertificate
 from robustpolish.implementation.sampled_design import SampledDesign, plant_at_samples
 from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.linear.systems import named_system
 from robustpolish.loops.analysis import LoopAnalysis, model_analysis
 from robustpolish.loops.disk_margins import DiskMargin, disk_of
 from robustpolish.loops.loop import Loop, loop_of
 from robustpolish.loops.requirements import LoopRequirements
-from robustpolish.plants.blocks import named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.polishing.air_bearing import (
     AirBearingParameters,

@@ -13,7 +13,7 @@ import flint
 import numpy as np
 import scipy.linalg as sla
 
-from robustpolish.base.arrays import AnyMatrix, AnyVector, Matrix, Vector
+from robustpolish.base.arrays import ROUNDING, SAME, SUMMED, AnyMatrix, AnyVector, Matrix, Vector
 from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic import balls
 from robustpolish.robust.branch_and_bound import (
@@ -136,11 +136,9 @@ _ON_AXIS = 1e-4
 # Newton steps that bring the pole to the axis, how near is enough, and how far they may go: of
 # stiff loops the eigenvalues of the problem have few digits.
 _NEWTON = 8
-_SETTLED = 1e-14
 _CLOSE = 1e-2
 # Corners of the box of real numbers that are looked at: all of up to six numbers.
 _CORNERS = 32
-_FARTHEST = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,7 +233,7 @@ def _along(loop: LoopModel, inverse: Matrix, deltas: Vector) -> Iterator[RayCros
     operator = np.kron(C, np.eye(n)) @ X + np.kron(D, np.eye(n))
     values = np.linalg.eigvals(operator)
     # Sizes beyond this many times the nearest are rounding, or of no interest.
-    large = np.abs(values) > _FARTHEST * np.abs(values).max(initial=0.0)
+    large = np.abs(values) > SAME * np.abs(values).max(initial=0.0)
     real = values[large & (np.abs(values.imag) <= _REAL * np.abs(values))].real
 
     def mode(k: float) -> tuple[complex, float, AnyVector] | None:
@@ -257,7 +255,7 @@ def _along(loop: LoopModel, inverse: Matrix, deltas: Vector) -> Iterator[RayCros
         """Return the mode on the axis at a number k of the ray, if there is one."""
         found = mode(k)
         for _ in range(_NEWTON):
-            if found is None or not abs(found[1]) > 0 or abs(found[0].real) < _SETTLED * loop.rate:
+            if found is None or not abs(found[1]) > 0 or abs(found[0].real) < SUMMED * loop.rate:
                 break
             step = -found[0].real / found[1]
             nearer = mode(k + step) if abs(step) < _CLOSE * abs(k) else None
@@ -378,10 +376,6 @@ _BESIDE_END = 1e-6
 _FAR = 1e3
 # Part of the gap that branching aims at, which need not stop at the last moment.
 _AIM = 0.5
-# Relative difference of sizes that are the same but for rounding.
-_EQUAL = 1e-9
-# Imaginary parts of values at rest that are nothing but rounding, relative.
-_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -483,7 +477,8 @@ def _settled(loop: LoopModel, fixed: tuple[bool, ...] | None, found: Bounds) -> 
         frequency = loop.frequency(witness.at)
         moves = loop.start(frequency)[1] and math.isfinite(frequency)
         near = _from_witness(loop, fixed, witness, witness.at, moves)
-        if near is None or near.size >= witness.size * (1 - _EQUAL):
+        # Relative difference of sizes that are the same but for rounding.
+        if near is None or near.size >= witness.size * (1 - SAME):
             break
         if not moves and _is_real(witness) and not _is_real(near):
             break
@@ -592,11 +587,12 @@ def _from_peak(
 
 def _is_real(witness: Witness) -> bool:
     """Say whether all values are real but for rounding."""
-    return all(np.abs(np.imag(d)).max() <= _ROUNDING * witness.size for d in witness.deltas)
+    # Imaginary parts of values at rest that are nothing but rounding, relative.
+    return all(np.abs(np.imag(d)).max() <= ROUNDING * witness.size for d in witness.deltas)
 
 
 def _better(one: Witness | None, other: Witness | None) -> Witness | None:
     """Return the smaller one; the first of equals, which is the one at rest or at infinity."""
     if one is None or other is None:
         return one or other
-    return one if one.size <= other.size * (1 + _EQUAL) else other
+    return one if one.size <= other.size * (1 + SAME) else other

@@ -15,10 +15,10 @@ import flint
 import numpy as np
 from scipy.optimize import nnls
 
-from robustpolish.base.arrays import AnyArray, Matrix, Vector
+from robustpolish.base.arrays import SOLVED, AnyArray, Matrix, Vector
 from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic.balls import identity, part, precision
-from robustpolish.linear.arithmetic.rational import fraction
+from robustpolish.linear.arithmetic.exact import fraction
 from robustpolish.robust.loop_model import (
     BITS,
     DeltaStructure,
@@ -99,8 +99,6 @@ def square(low: float, high: float, degree: int) -> AnyArray:
 # Regions of real parameters and frequencies, with polynomials over each of them.
 
 _UNIT = 2.0**-53
-# What quotients and sums of doubles may be off beside the bounds that are counted, relative.
-_ROUNDING = 1e-13
 # Balls are taken so many times larger, for their weights not to count as length.
 _CHEAP = 1e3
 
@@ -128,7 +126,9 @@ class ParameterNorm:
     def least(self, low: Vector, high: Vector) -> float:
         """Return a size below that of all numbers of a box."""
         nearest = np.maximum(np.maximum(low, -high), 0.0)
-        return self.size(nearest) * (1 - _ROUNDING)
+        # What quotients and sums of doubles may be off beside the bounds that are counted,
+        # relative.
+        return self.size(nearest) * (1 - SOLVED)
 
 
 def _cut(low: Vector, high: Vector, axis: int) -> tuple[Vector, Vector]:
@@ -188,9 +188,9 @@ class Region:
             return np.zeros(self.rows.shape[1:])
         N, off = self.rows[1:], float(np.linalg.norm(self.errors[1:]))
         if min(ny, nu) == 1:
-            return np.linalg.norm(N, axis=0) * (1 + _ROUNDING) + off
+            return np.linalg.norm(N, axis=0) * (1 + SOLVED) + off
         matrices = np.moveaxis(N, 0, -1).reshape(*N.shape[1:], ny, nu)
-        return np.linalg.norm(matrices, 2, axis=(-2, -1)) * (1 + _ROUNDING) + off
+        return np.linalg.norm(matrices, 2, axis=(-2, -1)) * (1 + SOLVED) + off
 
     def halved(self, axis: int) -> tuple[Region, Region]:
         """Return both halves across an axis."""
@@ -217,7 +217,7 @@ class Region:
             own = square(float(self.low[axis]), float(self.high[axis]), shape[axis] - 1)
             total = total + own.reshape([-1 if i == axis else 1 for i in range(len(shape))])
         reach = np.maximum(np.abs(self.low), np.abs(self.high))[list(together)]
-        return total - _ROUNDING * (radius * radius + float(reach @ reach))
+        return total - SOLVED * (radius * radius + float(reach @ reach))
 
     def crosses(self, together: tuple[int, ...], radius: float) -> bool:
         """Say whether a ball ends within the box."""
@@ -255,7 +255,7 @@ def bound(
         left of P in the direction that proves it, or P and the balls if there is none.
     """
     P, norms = region.rows[0], region.norms
-    error = float(region.errors[0]) + _ROUNDING * float(np.abs(P).max())
+    error = float(region.errors[0]) + SOLVED * float(np.abs(P).max())
     wanted = norms.ravel() if norms.any() else np.ones(P.size)
     balls = [region.ball(g, radius) for g in parameter_norm.together if region.crosses(g, radius)]
     if any(ball.min() > 0 for ball in balls):
@@ -272,13 +272,13 @@ def bound(
     excess = np.real(np.conj(y) * P)
     for ball, weight in zip(balls, weights[2:], strict=True):
         excess = excess + unit * _CHEAP * weight / length / np.abs(ball).max() * ball
-    sure = excess - error - _ROUNDING * np.abs(excess)
+    sure = excess - error - SOLVED * np.abs(excess)
     if not (sure > 0).all():
         return 0.0, curved
     if not norms.any():
         return math.inf, ()
     used = norms > 0
-    size = float((sure[used] / norms[used]).min()) * (1 - _ROUNDING)
+    size = float((sure[used] / norms[used]).min()) * (1 - SOLVED)
     return size, (excess - aim * norms,)
 
 
@@ -633,7 +633,7 @@ def _size(
 ) -> tuple[float, float, int]:
     """Return a size of the other blocks that is proven for a box, where, and the intervals."""
     low, high = box
-    reach = (high - low) / 2 + _ROUNDING * np.maximum(np.abs(low), np.abs(high))
+    reach = (high - low) / 2 + SOLVED * np.maximum(np.abs(low), np.abs(high))
     part = moved(loop, real, (low + high) / 2, reach)
     if part is None or np.linalg.eigvals(part.model.A).real.max() >= 0:
         return 0.0, math.nan, 0

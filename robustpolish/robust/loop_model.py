@@ -12,10 +12,11 @@ from typing import Any, Literal
 import flint
 import numpy as np
 
-from robustpolish.base.arrays import AnyArray, AnyMatrix, Matrix, Vector
+from robustpolish.base.arrays import ROUNDING, SOLVED, AnyArray, AnyMatrix, Matrix, Vector
 from robustpolish.base.checks import described, invalid
 from robustpolish.linear.arithmetic.balls import ball, cayley, midpoint, precision, scaled
-from robustpolish.linear.arithmetic.realisation import Realisation, power_of_two, size, typical_rate
+from robustpolish.linear.arithmetic.exact import power_of_two, size, typical_rate
+from robustpolish.linear.systems import Realisation
 from robustpolish.plants.uncertain.lft import RealElement, UncertainBlock
 from robustpolish.plants.uncertain.system import UncertainSystem
 
@@ -208,9 +209,6 @@ def check_shape(M_shape: tuple[int, int], structure: DeltaStructure) -> None:
 
 # A node that acts one way only would get smaller for ever: by a factor of e in each two steps.
 _STEPS = 28
-_SETTLED = 1e-13
-# Directions that matter less than this, relative, are left as the first guess has them.
-_FLAT = 1e-12
 
 
 def equilibrate(sizes: Matrix) -> Vector:
@@ -258,7 +256,7 @@ def equilibrate(sizes: Matrix) -> Vector:
             if moved:
                 y, value, squares = y + length * step, after, trial
             length /= 2
-        if not moved or np.abs(step).max() < _SETTLED:
+        if not moved or np.abs(step).max() < SOLVED:
             break
     return np.exp(y - y.mean())
 
@@ -273,7 +271,8 @@ def _squares(logs: Matrix, used: AnyArray, y: Vector) -> tuple[float, Matrix]:
 
 
 def _solved(matrix: Matrix, right: Vector) -> Vector:
-    return np.linalg.lstsq(matrix, right, rcond=_FLAT)[0].astype(float)
+    # Directions that matter less than this, relative, are left as the first guess has them.
+    return np.linalg.lstsq(matrix, right, rcond=ROUNDING)[0].astype(float)
 
 
 # Canonical units of a loop: doubles for searches, and balls that enclose their rounding.

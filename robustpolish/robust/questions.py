@@ -14,11 +14,10 @@ import xarray as xr
 from matplotlib.axes import Axes
 from scipy.optimize import minimize
 
-from robustpolish.base.arrays import AnyMatrix, Vector
+from robustpolish.base.arrays import SAME, AnyMatrix, Vector
 from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import described, instance_of, invalid, positive
-from robustpolish.base.results import Card, Displayed, quantities
-from robustpolish.base.texts import tables
+from robustpolish.base.results import Card, Displayed, quantities, tables
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.linear.stability import stability
 from robustpolish.plants.uncertain.lft import ComplexElement, RealElement, constant, product
@@ -248,8 +247,6 @@ def system_at_witness(
 
 # Bounds and witness in the units of the system, and their status.
 
-# Of the gap, which is a difference of nearly equal numbers.
-_ROUNDING = 1e-9
 
 _SAYS = tables(__file__)["status"]
 
@@ -315,7 +312,8 @@ def bound_status(found: Bounds, gap: float) -> Outcome:
         return "incomplete"
     if found.witness is None:
         return "no witness"
-    return "bracketed" if found.gap <= gap * (1 + _ROUNDING) else "wide"
+    # Of the gap, which is a difference of nearly equal numbers.
+    return "bracketed" if found.gap <= gap * (1 + SAME) else "wide"
 
 
 def critical_frequency_of(loop: LoopModel, found: Bounds) -> float:

@@ -28,7 +28,7 @@ from scipy.linalg import cho_factor, cho_solve
 from robustpolish.base.arrays import AnyArray, AnyMatrix, Matrix, Vector
 from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic import balls
-from robustpolish.linear.arithmetic.realisation import Realisation
+from robustpolish.linear.systems import Realisation
 from robustpolish.robust.loop_model import DeltaStructure, LoopModel
 
 Box = tuple[NDArray[np.intp], AnyArray, AnyArray]

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from robustpolish.base.arrays import AnyMatrix
 from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import described, invalid, positive
-from robustpolish.base.results import Card, quantities
-from robustpolish.base.texts import tables
+from robustpolish.base.results import Card, quantities, tables
 from robustpolish.linear.arithmetic.balls import complex_ball, precision
-from robustpolish.plants.blocks import as_state_space, matrices_of
+from robustpolish.linear.systems import as_state_space
+from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.robust import questions, scalings
 from robustpolish.robust.bounds import EVERYWHERE, GAP, bounds

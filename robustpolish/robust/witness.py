@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.optimize import minimize
 
-from robustpolish.base.arrays import AnyArray, AnyMatrix, AnyVector, Matrix, Vector
+from robustpolish.base.arrays import ROUNDING, AnyArray, AnyMatrix, AnyVector, Matrix, Vector
 from robustpolish.robust.loop_model import DeltaBlock, DeltaStructure
 from robustpolish.robust.scalings import Inequality, ScaledBound
 
@@ -58,16 +58,14 @@ def all_pass(value: AnyMatrix, omega: float, step: float = 0.0) -> control.State
     return control.StateSpace(joined.A, joined.B, joined.C, joined.D, dt)
 
 
-# A phase nearer to 0 or 180 degrees is rounding, and a lag for it would be absurdly fast or slow.
-_REAL = 1e-12
-
-
 def _turned_phase(values: AnyVector, x: float, discrete: bool) -> tuple[Matrix, ...]:
     """Return A, B, C and D of a diagonal system: of each entry gain 1 and its phase at x."""
     found: list[tuple[Any, ...]] = []
     for entry in values:
         phase = math.atan2(entry.imag, entry.real)
-        if abs(entry) == 0 or abs(math.sin(phase)) < _REAL or not 0 < x < math.inf:
+        # A phase nearer to 0 or 180 degrees is rounding, and a lag for it would be absurdly fast or
+        # slow.
+        if abs(entry) == 0 or abs(math.sin(phase)) < ROUNDING or not 0 < x < math.inf:
             gain = np.eye(1) * (-1.0 if math.cos(phase) < 0 else 1.0)
             found.append((np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), gain))
             continue

@@ -25,14 +25,14 @@ from .frequency_response import (
 from .frequency_response import (
     read_frequency_response as read_frequency_response,
 )
-from .quality import (
+from .raw import (
     check_sampling as check_sampling,
-)
-from .quality import (
-    sampling_time as sampling_time,
 )
 from .raw import (
     same_kind as same_kind,
+)
+from .raw import (
+    sampling_time as sampling_time,
 )
 from .raw import (
     to_si as to_si,

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, firwin, kaiserord, sosfiltfilt, upfirdn
 
 from robustpolish.base.checks import invalid, is_whole, misfit, positive
-from robustpolish.signals.quality import sampling_time
+from robustpolish.signals.raw import sampling_time
 from robustpolish.signals.read import read_measurement
 
 FLAT = 0.8

@@ -15,18 +15,9 @@ from scipy.signal import csd, get_window
 
 from robustpolish.base.checks import invalid, misfit, one_of, positive
 from robustpolish.base.input_files import FileSpec, file_size
-from robustpolish.base.texts import tables
+from robustpolish.base.results import tables
 from robustpolish.errors import InvalidInputError
-from robustpolish.signals.quality import numeric, sampling_time
-from robustpolish.signals.raw import (
-    RECORD,
-    RawResponse,
-    RawTable,
-    is_count,
-    is_time,
-    split_header,
-    to_si,
-)
+from robustpolish.signals import raw
 from robustpolish.signals.read import TEXT, UNIVERSAL, read_frd, read_object
 from robustpolish.signals.readers.csv import csv_headers, read_csv
 from robustpolish.signals.readers.instruments import read_uff_responses, uff_holds_responses_only
@@ -53,7 +44,7 @@ def is_frequency(name: str) -> bool:
     return text == _LETTER or text.casefold() in _NAMES["hertz"] + _NAMES["angular"]
 
 
-def responses_of(table: RawTable) -> list[RawResponse]:
+def responses_of(table: raw.RawTable) -> list[raw.RawResponse]:
     """Sort the columns of a table into responses, coherences and variances.
 
     Parameters
@@ -80,7 +71,7 @@ def responses_of(table: RawTable) -> list[RawResponse]:
     unit = table.units.get(axis, "") or ("rad/s" if axis.casefold() in _NAMES["angular"] else "Hz")
     if axis not in table.units and unit == "Hz" and axis.casefold() not in ("hz", "f"):
         table.notes.append(f"{axis} has no unit: read in Hz")
-    frequency = numeric(axis, table.columns[axis])
+    frequency = raw.numeric(axis, table.columns[axis])
     pairs: dict[str, dict[str, str]] = {}
     for name in table.columns:
         if name != axis:
@@ -91,24 +82,24 @@ def responses_of(table: RawTable) -> list[RawResponse]:
         output, _, source = (end.strip() for end in pair.partition("/"))
         ends = (output or "output", source or "input", frequency)
         values, of = _joined(pair, parts, table)
-        found.append(RawResponse(*ends, values, of, frequency_unit=unit))
+        found.append(raw.RawResponse(*ends, values, of, frequency_unit=unit))
         for kind in ("coherence", "variance"):
             if kind in parts:
-                curve = numeric(parts[kind], table.columns[parts[kind]])
-                found.append(RawResponse(*ends, curve, kind=kind, frequency_unit=unit))
+                curve = raw.numeric(parts[kind], table.columns[parts[kind]])
+                found.append(raw.RawResponse(*ends, curve, kind=kind, frequency_unit=unit))
     return found
 
 
-def _with_pairs(table: RawTable) -> RawTable:
+def _with_pairs(table: raw.RawTable) -> raw.RawTable:
     """Return the table with strokes as those of pairs: x/V is a response, not x in volts."""
     heads = {name: header for header, name in table.headers.items()}
-    whole = RawTable(notes=table.notes)
+    whole = raw.RawTable(notes=table.notes)
     for name, values in table.columns.items():
         head, unit = heads.get(name, name), table.units.get(name)
-        pair, _ = split_header(head)
+        pair, _ = raw.split_header(head)
         if pair != name and not is_frequency(name) and name.casefold() not in _PART:
             # a line of units may have said more than the stroke
-            unit = None if unit == split_header(head, fraction=True)[1] else unit
+            unit = None if unit == raw.split_header(head, fraction=True)[1] else unit
             whole.add(head, values, unit)
         else:
             whole.add(name, values, unit)
@@ -132,16 +123,18 @@ def _meaning(name: str, is_complex: bool) -> tuple[str, str]:
     return (found["pair"] or "").strip(), _PART[found["part"].casefold()]
 
 
-def _joined(pair: str, parts: dict[str, str], table: RawTable) -> tuple[np.ndarray, str]:
+def _joined(pair: str, parts: dict[str, str], table: raw.RawTable) -> tuple[np.ndarray, str]:
     """Return the complex values of a pair, and their unit."""
     units = {part: table.units.get(name, "") for part, name in parts.items()}
     if "complex" in parts:
         return np.asarray(table.columns[parts["complex"]], dtype=complex), units["complex"]
-    columns = {part: numeric(name, table.columns[name]) for part, name in parts.items()}
+    columns = {part: raw.numeric(name, table.columns[name]) for part, name in parts.items()}
     if {"real", "imag"} <= set(parts):
         imag = columns["imag"]
         if units["imag"] and units["imag"] != units["real"]:
-            scale = to_si(np.ones(1), units["imag"])[0] / to_si(np.ones(1), units["real"])[0]
+            scale = (
+                raw.to_si(np.ones(1), units["imag"])[0] / raw.to_si(np.ones(1), units["real"])[0]
+            )
             imag = imag * scale
         return columns["real"] + 1j * imag, units["real"]
     if {"magnitude", "phase"} <= set(parts):
@@ -153,7 +146,9 @@ def _joined(pair: str, parts: dict[str, str], table: RawTable) -> tuple[np.ndarr
             size, unit = 10 ** (size / 20), decibels[1].strip("() ")
         if not units["phase"]:
             table.notes.append(f"{parts['phase']} has no unit: read in degrees")
-        angle, _ = to_si(columns["phase"], units["phase"] or "deg", f"unit of {parts['phase']!r}")
+        angle, _ = raw.to_si(
+            columns["phase"], units["phase"] or "deg", f"unit of {parts['phase']!r}"
+        )
         return size * np.exp(1j * angle), unit
     shown, want = ", ".join(parts.values()), "real and imaginary part, or magnitude and phase"
     remedy = "Export the missing one: a magnitude alone does not say enough."
@@ -391,7 +386,7 @@ def estimate_frequency_response(
     u, y = (_columns(data, each) for each in (sources, ends))
     if method != "H1" and len(u) > 1:
         raise misfit("method", f"{len(u)} inputs for {method}", "one input, or H1", "Choose H1.")
-    samples, dt = data.sizes["time"], sampling_time(data)
+    samples, dt = data.sizes["time"], raw.sampling_time(data)
     length = max(samples // _SEGMENTS, 8)
     if segment is not None:
         length = round(positive("segment", segment, "s") / dt)
@@ -469,7 +464,7 @@ def _independent(samples: int, length: int, step: int, window: str) -> float:
 
 # Frequency responses from files and objects, checked, in SI units.
 
-_FILE = FileSpec("frequency response", "a file", "Check the path.", RECORD.largest)
+_FILE = FileSpec("frequency response", "a file", "Check the path.", raw.RECORD.largest)
 
 Names = Sequence[str] | Mapping[str, str]
 
@@ -587,12 +582,12 @@ def holds_frequency_response(source: Any) -> bool:
     if suffix in UNIVERSAL:
         return uff_holds_responses_only(path)
     # The head of a text table names frequencies first, and no time.
-    names = [split_header(head, fraction=True)[0] for head in heads]
-    named = [name for name in names if not is_count(name)]
-    return len(named) > 1 and is_frequency(named[0]) and not any(map(is_time, named))
+    names = [raw.split_header(head, fraction=True)[0] for head in heads]
+    named = [name for name in names if not raw.is_count(name)]
+    return len(named) > 1 and is_frequency(named[0]) and not any(map(raw.is_time, named))
 
 
-def _curves(source: Any, max_bytes: float | None) -> tuple[list[RawResponse], list[str]]:
+def _curves(source: Any, max_bytes: float | None) -> tuple[list[raw.RawResponse], list[str]]:
     if (found := read_frd(source)) is not None:
         return found, []
     if (table := read_object(source)) is not None:
@@ -632,7 +627,9 @@ def _renames(argument: str, known: list[str], names: Names | None) -> dict[str, 
     return dict(zip(known, map(str, names), strict=True))
 
 
-def _assembled(curves: list[RawResponse], units: str | Mapping[str, str] | None) -> xr.DataArray:
+def _assembled(
+    curves: list[raw.RawResponse], units: str | Mapping[str, str] | None
+) -> xr.DataArray:
     """Put the curves into one array over frequency, output and input."""
     first, what = _hertz(curves[0]), "frequency response"
     if not first.size:
@@ -662,7 +659,7 @@ def _assembled(curves: list[RawResponse], units: str | Mapping[str, str] | None)
         layers.setdefault(curve.kind, np.full(size, np.nan))[:, k, j] = curve.values
         if curve.kind == "response":
             unit = units if isinstance(units, str) else given.get(pair, curve.unit)
-            factor, names[k, j] = to_si(np.ones(1), unit, f"unit of {pair!r}")
+            factor, names[k, j] = raw.to_si(np.ones(1), unit, f"unit of {pair!r}")
             factors[k, j] = factor[0]
     values = layers.pop("response") * factors
     if VARIANCE in layers:
@@ -670,9 +667,9 @@ def _assembled(curves: list[RawResponse], units: str | Mapping[str, str] | None)
     return labelled_response(first, values, outputs, inputs, names, beside=layers)
 
 
-def _hertz(curve: RawResponse) -> np.ndarray:
+def _hertz(curve: raw.RawResponse) -> np.ndarray:
     what, frequency = "unit of the frequency", np.asarray(curve.frequency, dtype=float)
-    values, unit = to_si(frequency, curve.frequency_unit, what)
+    values, unit = raw.to_si(frequency, curve.frequency_unit, what)
     if unit not in ("Hz", "rad/s"):
         raise invalid(what, unit, "Hz or rad/s", "Correct the header.")
     return values / (2 * np.pi) if unit == "rad/s" else values

@@ -13,15 +13,19 @@ import xarray as xr
 from robustpolish.base.arrays import Vector
 from robustpolish.base.checks import instance_of, invalid, misfit, positive
 from robustpolish.base.input_files import file_size
-from robustpolish.signals.quality import (
+from robustpolish.signals.raw import (
+    RECORD,
+    RawResponse,
+    RawTable,
     check_finite,
     check_not_clipped,
     ends_without_values,
     fill_gaps,
+    is_count,
     numeric,
     share_at_limit,
+    to_si,
 )
-from robustpolish.signals.raw import RECORD, RawResponse, RawTable, is_count, to_si
 from robustpolish.signals.readers.arrays import read_npz, read_wav, table_of
 from robustpolish.signals.readers.csv import read_csv
 from robustpolish.signals.readers.instruments import read_tdms, read_uff

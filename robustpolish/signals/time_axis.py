@@ -14,19 +14,23 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PchipInterpolator, make_interp_spline
 
-from robustpolish.base.arrays import Vector
+from robustpolish.base.arrays import SAME, Vector
 from robustpolish.base.checks import invalid, misfit
-from robustpolish.signals.quality import LONGEST_GAP, check_finite, numeric
-from robustpolish.signals.raw import RawTable, rank_as_time, to_si
+from robustpolish.signals.raw import (
+    LONGEST_GAP,
+    MISSING,
+    RawTable,
+    check_finite,
+    numeric,
+    rank_as_time,
+    to_si,
+)
 
 # A uniform time axis: irregular clocks resampled with a note, long gaps refused.
 
 # Shares of the sampling time.
 _ROUNDING = 1e-3  # stamps this close to a uniform grid are one, rounded
 _JITTER = 0.3  # more than this is a clock without a rate of its own
-_NO_STEP = 1e-9  # less than this is the same time: no curve through both is a signal
-# Shares of the record.
-_MISSING = 0.02  # more than this is no lost sample here and there
 _UNRESOLVED = 0.1  # of a channel's own size: between the samples it is a guess
 _LATEST = 1e30  # s; squares of later times overflow
 _LONG_PART = 20  # samples; shorter parts between gaps are not worth reading
@@ -120,7 +124,7 @@ def uniform_time(time: Vector, name: str = "time") -> UniformTime:
     with np.errstate(over="ignore"):
         counts = np.maximum(np.rint(steps / step), 1)
     missing = float(np.sum(counts)) + 1 - time.size
-    if missing > max(_MISSING * time.size, 1):
+    if missing > max(MISSING * time.size, 1):
         return _irregular(time, steps)
     # With many rounded stamps the median is a rounded step: fit a line through all of them.
     number, since = np.concatenate([[0.0], np.cumsum(counts)]), time - time[0]
@@ -167,7 +171,8 @@ def _check_rising(time: Vector, name: str) -> None:
     if not largest < _LATEST:
         raise misfit(name, f"{largest:.3g} s", "a time in s", "Check its unit.")
     steps = np.diff(time)
-    falls = np.flatnonzero(steps <= _NO_STEP * max(float(np.median(steps)), 0.0))
+    # less than this is the same time: no curve through both is a signal
+    falls = np.flatnonzero(steps <= SAME * max(float(np.median(steps)), 0.0))
     if falls.size:
         i = int(falls[0]) + 1
         shown = f"{time[i]:.9g} s after {time[i - 1]:.9g} s, at sample {i}"

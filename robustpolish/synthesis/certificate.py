@@ -14,24 +14,27 @@ import control
 import flint
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from robustpolish.base.arrays import Matrix
 from robustpolish.base.budget import check_deadline, single_threaded_blas
 from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.errors import InfeasibleError
 from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.balls import BallSystem
-from robustpolish.linear.arithmetic.powers_of_two import refuse_extreme
+from robustpolish.linear.arithmetic.exact import refuse_extreme
 from robustpolish.linear.delay_stability import DelayStability, delay_stability
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import HinfNorm, hinf_norm, singular_values
 from robustpolish.linear.stability import stability
-from robustpolish.plants.blocks import GivenController, controller_system, named_system
+from robustpolish.linear.systems import named_system
+from robustpolish.plants.blocks import GivenController, controller_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plots.poles import plot_poles
-from robustpolish.synthesis.problem.pole_regions import PoleRegion, boundaries
+from robustpolish.synthesis.problem.pole_regions import PoleRegion
 from robustpolish.synthesis.proofs import bounded_real
+from robustpolish.synthesis.proofs.bounded_real import LARGE
 
 # The norm that a loop achieves, computed, confirmed on a frequency grid, and rounded.
 
@@ -40,7 +43,6 @@ from robustpolish.synthesis.proofs import bounded_real
 # fewer, where that takes no time, every norm is.
 _PRECISE_STATES = 24
 _ALWAYS_PRECISE = 12
-_LARGE = 60
 # How much, relative, the norm may change when the loop's matrices are rounded to doubles.
 _ROUNDING = 1e-2
 
@@ -112,7 +114,7 @@ def _norm_and_grid(
 
 def _norm(system: control.StateSpace, precise: bool) -> HinfNorm:
     """Return the norm; a proof in balls follows, so that none is needed for large loops."""
-    if system.nstates > _LARGE and not system.dt:
+    if system.nstates > LARGE and not system.dt:
         A, B, C, D = (np.asarray(M) for M in (system.A, system.B, system.C, system.D))
         value, where, settled = bounded_real.estimate_norm(A, B, C, D)
         upper = value * (1 + 1e-6) if settled else np.inf
@@ -701,3 +703,32 @@ def unreachable_norm_error(
         f"gamma: no controller has {wanted.in_words()}. The {norm_in_words(norm)} norm of every "
         f"stabilising controller's loop is at least {bound:.6g}, {how}. Ask for more than that."
     )
+
+
+def checked_regions(
+    argument: str, given: PoleRegion | Sequence[PoleRegion] | None
+) -> tuple[PoleRegion, ...]:
+    """Return one region, several or none as a tuple.
+
+    Raises
+    ------
+    InvalidInputError
+        If one of them is no region.
+    """
+    several = given if isinstance(given, Sequence) else () if given is None else (given,)
+    for region in several:
+        if not isinstance(region, PoleRegion):
+            shown = described(type(region).__name__)
+            raise invalid(argument, shown, "HalfPlane, Disk or Sector", "Build one of these.")
+    return tuple(several)
+
+
+def violated_regions(regions: Sequence[PoleRegion], poles: ArrayLike) -> list[str]:
+    """Say of each region that some of the poles miss that they do."""
+    return [f"a pole lies outside {region}" for region in regions if not region.contains(poles)]
+
+
+def boundaries(regions: PoleRegion | Sequence[PoleRegion]) -> dict[str, tuple[Matrix, Matrix]]:
+    """Return L and M of each region by a name that tells its numbers, to be drawn."""
+    several = checked_regions("regions", regions)
+    return {f"outside {region}": (region.L, region.M) for region in several}

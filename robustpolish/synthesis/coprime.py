@@ -9,27 +9,19 @@ import control
 import numpy as np
 from scipy import linalg
 
+from robustpolish.base.arrays import EPS
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.checks import described, invalid, one_of
 from robustpolish.errors import SolverError
-from robustpolish.implementation.sampled.lifting import border_scale
-from robustpolish.linear.arithmetic.powers_of_two import refuse_extreme
+from robustpolish.linear.arithmetic.exact import refuse_extreme
 from robustpolish.linear.norms.hinf import hinf_norm
-from robustpolish.plants.blocks import (
-    GivenController,
-    as_state_space,
-    controller_system,
-    matrices_of,
-)
+from robustpolish.linear.scaling import border_scale
+from robustpolish.linear.systems import as_state_space
+from robustpolish.plants.blocks import GivenController, controller_system, matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import exact_delays
-from robustpolish.synthesis.problem.matrices import (
-    SystemMatrices,
-    cayley,
-    in_series,
-)
+from robustpolish.synthesis.problem import matrices
 from robustpolish.synthesis.problem.preflight import check_solvability
-from robustpolish.synthesis.riccati.gamma import solve_riccati
 
 
 class Coprime(NamedTuple):
@@ -45,7 +37,7 @@ class Coprime(NamedTuple):
         I + D'D and I + DD'.
     """
 
-    plant: SystemMatrices
+    plant: matrices.SystemMatrices
     X: Matrix
     Z: Matrix
     S: Matrix
@@ -63,24 +55,24 @@ class Coprime(NamedTuple):
         _, B, C, D = self.plant
         return -np.linalg.solve(self.S, D.T @ C + B.T @ self.X)
 
-    def right(self) -> SystemMatrices:
+    def right(self) -> matrices.SystemMatrices:
         """Return [N; M] with G = N M^-1 and N~N + M~M = I."""
         A, B, C, D = self.plant
         F, root = self.state_gain, _inverse_root(self.S)
-        return SystemMatrices(
+        return matrices.SystemMatrices(
             A + B @ F, B @ root, np.vstack([C + D @ F, F]), np.vstack([D @ root, root])
         )
 
-    def left(self) -> SystemMatrices:
+    def left(self) -> matrices.SystemMatrices:
         """Return [-M, N] with G = M^-1 N and N N~ + M M~ = I."""
         A, B, C, D = self.plant
         H = -np.linalg.solve(self.R, (B @ D.T + self.Z @ C.T).T).T
         root = _inverse_root(self.R)
-        return SystemMatrices(
+        return matrices.SystemMatrices(
             A + H @ C, np.hstack([-H, B + H @ D]), root @ C, np.hstack([-root, root @ D])
         )
 
-    def controller(self, gamma: float) -> SystemMatrices:
+    def controller(self, gamma: float) -> matrices.SystemMatrices:
         """Return the central controller of u = K y for a gamma above the optimal one.
 
         Skogestad, Postlethwaite, "Multivariable Feedback Control", equations (9.65) to (9.71).
@@ -89,7 +81,7 @@ class Coprime(NamedTuple):
         F, n = self.state_gain, len(self.X)
         L = (1 - gamma**2) * np.eye(n) + self.X @ self.Z
         into = gamma**2 * np.linalg.solve(L.T, self.Z @ C.T)
-        return SystemMatrices(A + B @ F + into @ (C + D @ F), into, B.T @ self.X, -D.T)
+        return matrices.SystemMatrices(A + B @ F + into @ (C + D @ F), into, B.T @ self.X, -D.T)
 
 
 def coprime(plant: GeneralizedPlant) -> Coprime:
@@ -118,25 +110,25 @@ def coprime(plant: GeneralizedPlant) -> Coprime:
         if len(A) and np.linalg.cond(np.eye(len(A)) + A) > 1e12:
             shown = described("a discrete-time plant with a pole at z = -1")
             raise invalid("plant", shown, "one without", "Shift it, or take the continuous plant.")
-        A, B, C, D = cayley(A, B, C, D)
+        A, B, C, D = matrices.cayley(A, B, C, D)
     into, out = np.abs(B).max(axis=1, initial=0), np.abs(C).max(axis=0, initial=0)
     t = border_scale(A, into, out)
     A, B, C = A * t / t[:, None], B / t[:, None], C * t
     S, R = np.eye(B.shape[1]) + D.T @ D, np.eye(len(C)) + D @ D.T
-    if max(np.linalg.cond(S), np.linalg.cond(R)) > 1 / np.finfo(float).eps:
+    if max(np.linalg.cond(S), np.linalg.cond(R)) > 1 / EPS:
         raise SolverError(
             "The normalised coprime factors are lost in rounding: the plant passes its inputs on "
             f"directly with gains up to {np.abs(D).max():.3g}. Choose other units for the signals."
         )
     own = A - B @ np.linalg.solve(S, D.T @ C)
     into, out = B @ np.linalg.solve(S, B.T), C.T @ np.linalg.solve(R, C)
-    X, Z = solve_riccati(own, -into, out), solve_riccati(own.T, -out, into)
+    X, Z = matrices.solve_riccati(own, -into, out), matrices.solve_riccati(own.T, -out, into)
     if X is None or Z is None:
         raise SolverError(
             "The Riccati equations of the normalised coprime factors could not be solved: a mode "
             "is almost uncontrollable or unobservable. Reduce the plant to the modes that matter."
         )
-    return Coprime(SystemMatrices(A, B, C, D), X, Z, S, R)
+    return Coprime(matrices.SystemMatrices(A, B, C, D), X, Z, S, R)
 
 
 def loop_plant(argument: str, plant: Any) -> GeneralizedPlant:
@@ -151,9 +143,9 @@ def loop_plant(argument: str, plant: Any) -> GeneralizedPlant:
     return plant
 
 
-def consistent_matrices(system: control.StateSpace) -> SystemMatrices:
+def consistent_matrices(system: control.StateSpace) -> matrices.SystemMatrices:
     """Return the matrices of a system with consistent shapes."""
-    return SystemMatrices(*matrices_of(system))
+    return matrices.SystemMatrices(*matrices_of(system))
 
 
 def _inverse_root(S: Matrix) -> Matrix:
@@ -294,7 +286,7 @@ def nu_gap(first: Plant, second: Plant) -> float:
     one, other = coprime(P1), coprime(P2)
     if not _has_zero_winding(one, other):
         return 1.0
-    gap = in_series(one.right(), other.left())
+    gap = matrices.in_series(one.right(), other.left())
     value = hinf_norm(control.StateSpace(*gap, 0, remove_useless_states=False)).value
     return float(min(value, 1.0))
 
@@ -313,8 +305,8 @@ def _has_zero_winding(one: Coprime, other: Coprime) -> bool:
     """Tell whether the determinant has as many zeros as poles to the right of the axis."""
     right, (A, B, C, D) = one.right(), other.right()
     # Its response on the axis is the conjugate transpose.
-    para = SystemMatrices(-A.T, -C.T, B.T, D.T)
-    A, B, C, D = in_series(right, para)
+    para = matrices.SystemMatrices(-A.T, -C.T, B.T, D.T)
+    A, B, C, D = matrices.in_series(right, para)
     antistable = len(para.A)
     size = np.linalg.svd(D, compute_uv=False)
     if size[-1] <= 1e-12 * max(size[0], 1.0):

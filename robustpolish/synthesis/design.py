@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from robustpolish.base import saved
+from robustpolish.base.arrays import AGREE
 from robustpolish.base.budget import Budget
 from robustpolish.base.checks import described, instance_of, invalid, one_of, positive
 from robustpolish.base.results import Card, Displayed, Table, quantities
@@ -556,7 +557,7 @@ def design_from(fields: saved.Fields) -> Design:
     told = saved.confirm_norm(fields, certificate, _REMEDY)
     known = "lower_bound" in fields and fields.raw("lower_bound") is not None
     bound = fields.number("lower_bound") if known else None
-    if bound is not None and bound > told * (1 + saved.NORM_TOLERANCE):
+    if bound is not None and bound > told * (1 + AGREE):
         shown = described(f"{bound:.6g} for a loop that has {told:.6g}")
         raise invalid(f"{fields.where}: lower_bound", shown, "at most the norm", _REMEDY)
     details = _decode_table(fields.table("details"))

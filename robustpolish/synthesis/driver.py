@@ -2,21 +2,22 @@
 
 State feedback is the same task with y = x and a static gain. Every part of the plant that shares
 no signal with the others is searched alone by the engines of
-:class:`~robustpolish.synthesis.engine.Engine`; one certified controller is chosen for it, and the
+:class:`~robustpolish.synthesis.driver.Engine`; one certified controller is chosen for it, and the
 whole is certified afresh in the plant's own units.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar
 
 import control
 import numpy as np
-from scipy import linalg
 
+from robustpolish.base.arrays import ROUNDING
 from robustpolish.base.budget import Budget, DeadlineError, partial_deadline, step_cost
 from robustpolish.base.checks import instance_of, one_of, positive
 from robustpolish.errors import SolverError
@@ -24,31 +25,275 @@ from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis import certificate as certificates
+from robustpolish.synthesis.certificate import ANY_NORM, Certificate, Norm, NormTarget
 from robustpolish.synthesis.design import Design
-from robustpolish.synthesis.engine import (
-    AS_GOOD_AS_ZERO,
-    COSTLY_STATES,
-    SETTLED,
-    Candidate,
-    Engine,
-    Settings,
-    Task,
-    check_candidate,
-)
 from robustpolish.synthesis.lmi.program import BACKENDS
-from robustpolish.synthesis.problem import preflight
-from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
+from robustpolish.synthesis.problem import matrices, preflight
+from robustpolish.synthesis.problem.pole_regions import PoleRegion
+from robustpolish.synthesis.problem.preflight import ScaledPlant
+from robustpolish.synthesis.proofs.bounded_real import estimate_norm
 from robustpolish.synthesis.riccati.gamma import (
     LowerBound,
     estimated_lower_bound,
     is_out_of_reach,
     lower_bound,
 )
-from robustpolish.synthesis.state_feedback.riccati import (
-    cancel_feedthrough,
-    h2_lower_bound,
-    no_finite_h2_norm,
-)
+from robustpolish.synthesis.state_feedback import riccati
+
+# The protocol of the engines of feedback synthesis: the task of one part, and what they find.
+
+
+# Rungs of the ladder of regularisations: half decades, for gamma falls by at most a third from one
+# to the next where it settles. Below 3e-9 rounding decides (AC12, ROC10).
+EPSILONS = tuple(10.0 ** (-k / 2) for k in range(2, 18))
+# By how much the axis is moved, over the plant's unit of frequency, where D12 and D21 have full
+# rank and zeros lie on it: as much as the norm allows, for the poles keep this distance. It has to
+# be less than that of the slowest weight, whose poles nothing moves.
+SHIFTS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+# A relative fall of the norm that is none.
+SETTLED = 3e-4
+# A norm that two decades of the ladder have lowered to less than this share falls on.
+FALLING = 0.9
+# More states than this make every check of a loop take long, so that fewer are made.
+COSTLY_STATES = 24
+# An infimum that is approached without end counts as zero below this share of the norm at the start
+# of the descent; smaller norms would cost gain for nothing (AC1, UWV).
+AS_GOOD_AS_ZERO = 1e-6
+# A ladder ends within this share of the tolerance above the lower bound. The rest of the tolerance
+# buys smaller gains and fewer states.
+_NEAR = 0.25
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the user asks of the engines.
+
+    Attributes
+    ----------
+    norm, method, backend, solver, tolerance, wanted
+        As in the public functions.
+    engines : tuple of type
+        Called one after the other until the goal is reached.
+    full_state : bool
+        State feedback: y = x, and a static gain is wanted.
+    regions : tuple of PoleRegion
+        Where the closed-loop poles have to lie, in the plant's unit of time.
+    gain_bound : float or None
+        Bound on the largest singular value of a static gain, in the plant's units.
+    reference : float
+        A norm of the whole plant beside which one that falls without end counts as zero.
+    relaxations : tuple of float
+        Factors on the tolerance of the engines, the next one where no controller of the one before
+        could be certified.
+    """
+
+    norm: Norm
+    method: str
+    backend: str
+    solver: str | None
+    tolerance: float
+    wanted: NormTarget = ANY_NORM
+    engines: tuple[type[Engine], ...] = ()
+    full_state: bool = False
+    regions: tuple[PoleRegion, ...] = ()
+    gain_bound: float | None = None
+    reference: float = 0.0
+    relaxations: tuple[float, ...] = (1.0,)
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One part of a plant as the engines see it.
+
+    Attributes
+    ----------
+    plant : PlantMatrices
+        Scaled, without D22; without D11 for the H2 norm.
+    norm : {"hinf", "h2"}
+    regular : bool
+        Whether D12 and D21 have full rank.
+    tolerance : float
+        How far above the infimum, relative, is good enough.
+    bound : LowerBound or None
+        A norm below which no controller comes, in scaled units; None if none is known.
+    wanted : NormTarget
+        What was asked for, in scaled units.
+    scaled : ScaledPlant or None
+        The units of the part, for state feedback.
+    """
+
+    plant: matrices.PlantMatrices
+    norm: Norm
+    regular: bool
+    tolerance: float
+    bound: LowerBound | None
+    wanted: NormTarget = ANY_NORM
+    scaled: ScaledPlant | None = None
+
+    @property
+    def goal(self) -> float:
+        """The norm below which smaller ones are worth nothing; zero if the infimum is unknown."""
+        return self.wanted.limited(self._above_bound(0.99))
+
+    @property
+    def near(self) -> float:
+        """The norm at which a search may end; zero if the infimum is unknown."""
+        return self.wanted.limited(self._above_bound(_NEAR))
+
+    @property
+    def asked(self) -> float:
+        """A norm above the infimum that was asked for and will do; zero if none was."""
+        asked = self.wanted.enough
+        return asked if asked > self._above_bound(1.0) else 0.0
+
+    def _above_bound(self, share: float) -> float:
+        """Return the norm that lies by a share of the tolerance above the lower bound."""
+        return 0.0 if self.bound is None else self.bound.value * (1 + share * self.tolerance)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A controller that stabilises the scaled plant.
+
+    Attributes
+    ----------
+    controller : Controller
+        For the plant without D22, its states balanced.
+    achieved : float
+        The norm of its loop, computed from the loop.
+    claimed : float
+        The bound that its method promised.
+    origin : str
+        The method, and the setting that made it.
+    """
+
+    controller: matrices.Controller
+    achieved: float
+    claimed: float
+    origin: str
+
+    @property
+    def gain(self) -> float:
+        """Largest entry of the controller's matrices, in scaled units."""
+        return self.controller.gain
+
+    @property
+    def order(self) -> int:
+        """Number of the controller's states."""
+        return len(self.controller.A)
+
+    @property
+    def keeps_claim(self) -> bool:
+        """Whether the loop keeps the promise."""
+        return self.achieved <= self.claimed * (1 + 1e-3)
+
+    @property
+    def promise(self) -> float:
+        """What the method claimed; LQG promises no number, so that its norm is its claim."""
+        return self.claimed if np.isfinite(self.claimed) else self.achieved
+
+
+class Engine(ABC):
+    """One search for controllers of one part, and what it has found.
+
+    Attributes
+    ----------
+    settings : Settings
+    problem : Task
+    budget : Budget
+    method, backend : str
+        Who searched, as designs tell it.
+    candidates : list of Candidate
+        Every controller whose loop was checked and stable.
+    history : list of dict
+        One entry for every step.
+    falling : bool
+        Whether the norm was still falling when the search met a limit of gain or accuracy.
+    remarks : list of str
+        What the user should know, such as a solver's false claim.
+    bound : LowerBound or None
+        A norm that no controller falls below, where the engine looked for it.
+    constrained : bool
+        Whether a demand of which the bound knows nothing keeps a norm from being called optimal.
+    """
+
+    method = "riccati"
+    backend = "scipy"
+
+    def __init__(self, settings: Settings, problem: Task, budget: Budget) -> None:
+        self.settings, self.problem, self.budget = settings, problem, budget
+        self.candidates: list[Candidate] = []
+        self.history: list[dict[str, Any]] = []
+        self.remarks: list[str] = []
+        self.falling = self.constrained = False
+        self.bound: LowerBound | None = None
+
+    @staticmethod
+    def is_useful(problem: Task, earlier: Sequence[Engine]) -> bool:
+        """Tell whether a search is of use after those of other engines that missed the goal."""
+        return True
+
+    @abstractmethod
+    def search(self) -> None:
+        """Look for controllers with a small norm."""
+
+    def objections(
+        self, K: control.StateSpace, proof: Certificate, promised: float
+    ) -> Sequence[str]:
+        """Tell what else a certified controller in the plant's units breaks."""
+        return ()
+
+    @property
+    def best(self) -> float:
+        """The smallest norm of a checked loop; infinite if there is none."""
+        return min((c.achieved for c in self.candidates), default=np.inf)
+
+    def checked(self, K: matrices.Controller, claimed: float, origin: str) -> Candidate | None:
+        """Return a controller with the norm of its loop; None if it does not stabilise."""
+        return check_candidate(self.problem, K, claimed, origin, self.budget)
+
+
+def check_candidate(
+    problem: Task, K: matrices.Controller, claimed: float, origin: str, budget: Budget
+) -> Candidate | None:
+    """Balance a controller and check its loop; None if it does not stabilise."""
+    if not all(np.isfinite(M).all() for M in K):
+        return None
+    K = matrices.balanced(K)
+    states = problem.plant.nx + len(K.A)
+    # Beyond so many states of a loop its norm comes from its modes, at the expense of a step on
+    # the plant.
+    modal = states > 100 and problem.norm == "hinf"
+    budget.spend(step_cost(problem.plant.nx if modal else states))
+    achieved = _loop_norm(problem.plant, K, problem.norm)
+    return Candidate(K, achieved, claimed, origin) if np.isfinite(achieved) else None
+
+
+def _loop_norm(plant: matrices.PlantMatrices, K: matrices.Controller, norm: Norm) -> float:
+    """Return the norm from w to z; infinite if the loop is not stable.
+
+    The result guides a search. It is certified once the search is over.
+    """
+    loop = matrices.close(plant, K)
+    if not all(np.isfinite(M).all() for M in loop):
+        return np.inf
+    poles: Any = np.linalg.eigvals(loop.A) if loop.A.size else np.zeros(0)
+    margin = 1 - np.abs(poles) if plant.discrete else -poles.real
+    if margin.min(initial=1.0) <= 0:
+        return np.inf
+    if 0 in loop.D.shape:
+        return 0.0
+    if norm == "hinf" and not plant.discrete:
+        found = estimate_norm(*loop)
+        # Up to so many states of a loop an exact norm is quick where doubles cannot tell.
+        if found.settled or len(loop.A) > 16:
+            return found.value
+    system = control.StateSpace(*loop, plant.discrete)
+    if norm == "h2":
+        return float(h2_norm(system, tolerance=1e-3).value)
+    proven = hinf_norm(system, tolerance=1e-6)
+    return float(proven.value) if proven.stable else np.inf
+
 
 # Fewer modes of a controller while the norm of its loop stays below a limit.
 
@@ -62,7 +307,7 @@ def _remove_modes(problem: Task, candidate: Candidate, limit: float, budget: Bud
     """
     costly = candidate.order > COSTLY_STATES
     while candidate.order and not budget.over:
-        shorter = _without_many_modes if costly else _without_one_mode
+        shorter = matrices.without_many_modes if costly else matrices.without_one_mode
         for K in shorter(candidate.controller, problem.norm == "hinf"):
             if budget.over:
                 return candidate
@@ -77,63 +322,10 @@ def _remove_modes(problem: Task, candidate: Candidate, limit: float, budget: Bud
     return candidate
 
 
-def _without_many_modes(K: Controller, hold: bool) -> Iterator[Controller]:
-    """Propose controllers without the fastest half, quarter or eighth of their modes."""
-    speeds = np.sort(np.abs(np.linalg.eigvals(K.A)))
-    n = len(speeds)
-    for count in (n // 2, n // 4, n // 8):
-        # Between two speeds, so that no pair is torn apart.
-        bound = float(np.sqrt(speeds[n - count] * speeds[n - count - 1])) if count < n else 0.0
-        yield from _truncate_modes(K, lambda v, b=bound: np.abs(v) > b, hold)
-
-
-def _without_one_mode(K: Controller, hold: bool) -> Iterator[Controller]:
-    """Propose controllers with one mode less: without the fastest, without the weakest."""
-    values, vectors = np.linalg.eig(K.A)
-    fastest = np.abs(values).max()
-    yield from _truncate_modes(K, lambda v: np.abs(v) > 0.9 * fastest, hold)
-    try:
-        left = np.linalg.inv(vectors)
-    except np.linalg.LinAlgError:
-        return
-    # What a mode adds to the response.
-    damping = np.maximum(np.abs(np.real(values)), 1e-12 * fastest)
-    size = np.linalg.norm(K.C @ vectors, axis=0) * np.linalg.norm(left @ K.B, axis=1) / damping
-    weakest = values[np.argmin(size)]
-    if size.min() <= 1e-2 * size.max():
-        pair = np.array([weakest, weakest.conjugate()])
-        yield from _truncate_modes(K, lambda v: np.abs(v - pair).min() <= 1e-9 * fastest, False)
-
-
-def _truncate_modes(
-    K: Controller, removed: Callable[[Any], Any], hold: bool
-) -> Iterator[Controller]:
-    """Split off the modes that `removed` selects and drop them, or hold them at rest."""
-    try:
-        T, Z, kept = linalg.schur(  # type: ignore[misc]
-            K.A, output="real", sort=lambda re, im: not removed(np.array(complex(re, im)))
-        )
-        n = len(T)
-        if kept == n:
-            return
-        slow, fast = slice(0, kept), slice(kept, n)
-        X = linalg.solve_sylvester(T[slow, slow], -T[fast, fast], -T[slow, fast])
-        B, C = Z.T @ K.B, K.C @ Z
-        B_slow, C_fast = B[slow] - X @ B[fast], C[:, fast] + C[:, slow] @ X
-        D = K.D
-        if hold:
-            D = D - C_fast @ np.linalg.solve(T[fast, fast], B[fast])
-    except (linalg.LinAlgError, ValueError):
-        return
-    yield Controller(T[slow, slow], B_slow, C[:, slow], D)
-
-
 # The search on one decoupled part: scaled, shortened where it is large, solved, chosen.
 
 # With more states than this the equations take so long that fewer are tried first.
 TRUNCATED_STATES = 100
-# A relative change of the norm by states that were left out which is none.
-HARMLESS = 3e-4
 # Of controllers that are refused one after the other ever more are skipped, for neighbours fail
 # alike.
 _TRIALS = (0, 1, 2, 3, 5, 8, 12, 17, 23, 30, 40, 55, 75)
@@ -156,10 +348,6 @@ class ChosenController(NamedTuple):
     def achieved(self) -> float:
         """The certified norm; infinite without a certificate."""
         return np.inf if self.certificate is None else self.certificate.achieved
-
-
-ROUNDING = 1e-12
-"""Share of the norm with almost no control below which a norm is nothing but rounding."""
 
 
 class PartSearch:
@@ -210,8 +398,8 @@ class PartSearch:
         work = self.budget.share(0.7)
         inner = np.zeros((plant.nu, plant.ny))
         if norm == "h2" and not settings.full_state:
-            plant, inner = cancel_feedthrough(plant)
-            bound = h2_lower_bound(plant)
+            plant, inner = riccati.cancel_feedthrough(plant)
+            bound = riccati.h2_lower_bound(plant)
         elif not settings.full_state:
             # How finely the lower bound is searched, as a share of the tolerance.
             accuracy = 0.03 * min(settings.tolerance, 1e-2)
@@ -242,7 +430,7 @@ class PartSearch:
             seen = best and check_candidate(whole, best.controller, best.claimed, best.origin, work)
             if not (best and seen):
                 return False
-            if abs(seen.achieved - best.achieved) > HARMLESS * best.achieved:
+            if abs(seen.achieved - best.achieved) > SETTLED * best.achieved:
                 return False
             searches[0].remarks.append(remark)
         if work.exhausted:
@@ -392,6 +580,7 @@ class PartSearch:
 
     def _status(self, achieved: float) -> preflight.Status:
         bound = self.problem.bound
+        # Share of the norm with almost no control below which a norm is nothing but rounding.
         most = ROUNDING * self.settings.reference / self.unit
         near = bound is not None and achieved <= most + bound.value * (1 + self.problem.tolerance)
         near = near and not any(engine.constrained for engine in self.searches)
@@ -427,8 +616,8 @@ class PartSearch:
 
 
 def _truncated_plant(
-    plant: PlantMatrices, tolerance: float, accuracy: float, budget: Budget
-) -> tuple[PlantMatrices, LowerBound, str] | None:
+    plant: matrices.PlantMatrices, tolerance: float, accuracy: float, budget: Budget
+) -> tuple[matrices.PlantMatrices, LowerBound, str] | None:
     """Leave out what hardly counts; None unless the bound holds for the whole plant too."""
     short = preflight.truncated(plant)
     if short is None:
@@ -596,13 +785,13 @@ def design_by_parts(
     keys: list[_Key | None] = []
     for piece in parts:
         P = piece.plant
-        keys.append(PlantMatrices.of(P).fingerprint if P.nu and P.ny else None)
+        keys.append(matrices.PlantMatrices.of(P).fingerprint if P.nu and P.ny else None)
         if P.nu and P.ny:
             problems.append((keys[-1] or (), P.nx**2 + 1, P))
             continue
         preflight.refuse_unstable(P)
         if settings.norm == "h2" and not P.is_discrete and P.D11.any():
-            raise no_finite_h2_norm()
+            raise riccati.no_finite_h2_norm()
     norm, full_state, wanted = settings.norm, settings.full_state, settings.wanted
     # Norms of parts add up for the H2 norm, so that only a single one can be told.
     own = (

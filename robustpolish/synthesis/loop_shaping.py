@@ -12,18 +12,14 @@ import control
 import numpy as np
 from scipy import linalg
 
+from robustpolish.base.arrays import SAME
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.arrays import AnyVector as Vector
 from robustpolish.base.budget import Budget, single_threaded_blas
 from robustpolish.base.checks import described, invalid, is_whole, misfit, positive
 from robustpolish.errors import SolverError
-from robustpolish.implementation.reduction import (
-    balancing_projection,
-    from_factor,
-    own_gramians,
-)
-from robustpolish.linear.delayed_systems import resolvent_response
-from robustpolish.plants.blocks import as_state_space, named_system
+from robustpolish.implementation import reduction
+from robustpolish.linear.systems import as_state_space, named_system, resolvent_response
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import single_filter
 from robustpolish.synthesis.certificate import Certificate, certify
@@ -68,15 +64,15 @@ def reduce_in_gap_metric(K: control.StateSpace, order: int) -> SystemMatrices:
         If the factors could not be computed or truncated.
     """
     factors = coprime(loop_plant("controller", K)).right()
-    ways = own_gramians("right coprime", factors, False, "right")
+    ways = reduction.own_gramians("right coprime", factors, False, "right")
     if not ways:
         raise SolverError("The controller's coprime factors could not be balanced; reduce less.")
-    T, Ti, _ = balancing_projection(ways[0])
+    T, Ti, _ = reduction.balancing_projection(ways[0])
     if order > T.shape[1]:
         raise SolverError(f"The controller has fewer than {order} states that matter.")
     left, right = Ti[:order], T[:, :order]
     short = left @ factors.A @ right, left @ factors.B, factors.C @ right, factors.D
-    found = SystemMatrices(*from_factor(short, "right", K.ninputs or 0, K.noutputs or 0))
+    found = SystemMatrices(*reduction.from_factor(short, "right", K.ninputs or 0, K.noutputs or 0))
     return cayley_back(found) if K.isdtime(strict=True) else found
 
 
@@ -98,8 +94,6 @@ _FAINTEST = 1e-8
 # Poles on the axis, which no stable factor can have, are moved by this share of the lower end of
 # the band: 1e-4 of the gain at that end.
 _SHIFT = 1e-2
-# Poles this near to the axis, over the largest pole or the lower end of the band, are on it.
-_ON_AXIS = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,7 +255,8 @@ def target_weight(plant: SystemMatrices, wanted: TargetLoop) -> SystemMatrices:
         low = math.tan(low * step_of(wanted.dt) / 2)
     poles = np.linalg.eigvals(square.A)
     size = max(low, float(np.abs(poles).max(initial=0.0)))
-    if (np.abs(poles.real) <= _ON_AXIS * size).any():
+    # Poles this near to the axis, over the largest pole or the lower end of the band, are on it.
+    if (np.abs(poles.real) <= SAME * size).any():
         square = square._replace(A=square.A - _SHIFT * low * np.eye(len(poles)))
     inverse = _inverted(_mirrored(square), level)
     back = cayley_back(inverse) if wanted.dt else inverse

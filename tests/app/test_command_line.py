@@ -213,8 +213,6 @@ def test_each_stage_is_a_line_where_no_bar_is_drawn(capsys):
 
 
 MISSING = "missing.json"
-
-
 COMMANDS = {
     "brush": ("brush",),
     "compare": ("compare", "missing.csv", "--model", "missing.toml"),

@@ -24,8 +24,6 @@ performance = { low = 10.0, crossover_hz = 3.0, high = 0.5 }
 effort = 1e-5
 """
 )
-
-
 COMMANDS = {
     "norms": "norms --model machine.toml --json out.json",
     "margins": "margins --design design.json --plot picture.png",

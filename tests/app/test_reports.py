@@ -29,7 +29,7 @@ from robustpolish.app.documents import (
 from robustpolish.app.html import Picture, Report, Section, render_html
 from robustpolish.base.results import Table
 from robustpolish.identification.compare import step_runs
-from robustpolish.identification.observer.missing_force import SmoothedMotion
+from robustpolish.identification.observer.starts import SmoothedMotion
 from robustpolish.identification.residual_tests import force_maps
 from robustpolish.identification.tell_apart import tell_apart
 from robustpolish.machines.effects.effect import lookup

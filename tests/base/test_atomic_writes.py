@@ -12,11 +12,9 @@ import pytest
 from robustpolish.base import atomic_writes as renames
 from robustpolish.base.atomic_writes import (
     check_new_file,
-    exchange,
     new_file,
     new_folder,
     remove_stale_stages,
-    rename_noreplace,
     replace_folder,
     stage,
     write_file,
@@ -135,41 +133,6 @@ def folder(path, text):
     path.mkdir()
     (path / "a.txt").write_text(text)
     return path
-
-
-def test_a_name_that_is_taken_stays(way, tmp_path):
-    old, new = folder(tmp_path / "old", "1"), folder(tmp_path / "new", "2")
-    with pytest.raises(FileExistsError):
-        rename_noreplace(new, old)
-    (tmp_path / "c").write_text("2")
-    (tmp_path / "d").write_text("3")
-    with pytest.raises(FileExistsError):
-        rename_noreplace(tmp_path / "c", tmp_path / "d")
-    assert (old / "a.txt").read_text() == "1"
-    assert (tmp_path / "d").read_text() == "3"
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux exchanges")
-def test_folders_are_exchanged(tmp_path):
-    first, second = folder(tmp_path / "1", "1"), folder(tmp_path / "2", "2")
-    assert exchange(first, second)
-    assert [(path / "a.txt").read_text() for path in (first, second)] == ["2", "1"]
-    with pytest.raises(FileNotFoundError):
-        exchange(first, tmp_path / "3")
-
-
-def test_a_file_moves_where_nothing_can_be_linked(monkeypatch, tmp_path):
-    def refuses(*_):
-        raise OSError(errno.EPERM, "no links")
-
-    monkeypatch.setattr(renames, "_system_call", lambda: None)
-    monkeypatch.setattr(renames.os, "link", refuses)
-    (tmp_path / "c").write_text("2")
-    rename_noreplace(tmp_path / "c", tmp_path / "d")
-    assert (tmp_path / "d").read_text() == "2"
-    (tmp_path / "c").write_text("3")
-    with pytest.raises(FileExistsError):
-        rename_noreplace(tmp_path / "c", tmp_path / "d")
 
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="folders cannot be locked")

@@ -10,9 +10,7 @@ from benchmarks.sweeps import controlled
 from tests.base import sweep_functions as functions
 
 distributed = pytest.importorskip("distributed", reason="needs the extra [cluster]")
-
 NUMBERS = {"a": list(range(40))}
-
 pytestmark = [
     pytest.mark.long,
     # Dask says so when a worker is killed, which is what is tried here

@@ -22,8 +22,6 @@ from robustpolish.base.input_files import (
 from robustpolish.errors import InvalidInputError
 
 WANTED = FileSpec("path", "a file", "Check the path.", 100)
-
-
 READERS = {
     "load": (rp.load, ".json"),
     "load a model": (rp.load, ".toml"),

@@ -14,7 +14,6 @@ from robustpolish.base.budget import Budget
 from robustpolish.base.jit import checksum, njit
 
 PACKAGE = Path(robustpolish.__file__).parent
-
 CALLEE = """
 from robustpolish.base.jit import njit
 FACTOR = {factor}

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import robustpolish as rp
-from robustpolish.plants.blocks import named_system
+from robustpolish.linear.systems import named_system
 
 NAMES = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
 # Every fifth plant is absurd.

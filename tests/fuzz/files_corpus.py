@@ -22,9 +22,7 @@ Corpus = dict[str, bytes]
 TIME = np.arange(24) / 1000
 FORCE = 2.0 * np.sin(300 * TIME)
 MOTION = 1e-3 * np.cos(200 * TIME)
-
 _MACHINE = machine("every_part")
-
 _TASK = machine("task")
 
 

@@ -16,7 +16,6 @@ TYPES = ("GeneralizedPlant", "StateSpace", "UncertainSystem", "DelayedSystem", "
 PARAMETERS = ("plants", "forward", "upper", "first", "M")
 # Seconds that a search may take here; the promise is this and one second.
 TIME_LIMIT = 1.0
-
 NAMESPACES = ("uncertain", "linear", "implementation", "simulation", "polishing", "synthesis")
 """Where functions of plants stand besides the top."""
 
@@ -153,7 +152,7 @@ CHEAP = {
     "channel": lambda g: rp.channel(
         g.plant, g.plant.disturbance_names[:1], g.plant.performance_names[:1]
     ),
-    "controllability": lambda g: rp.controllability(g.system),
+    "controllability": lambda g: rp.linear.controllability(g.system),
     "delay_stability": _delayed,
     "feedback": lambda g: rp.feedback(g.square(), 0.5),
     "given_controller": lambda g: rp.given_controller(g.plant, g.gain(), _norm(g)),
@@ -170,7 +169,7 @@ CHEAP = {
         g.square(), np.zeros((g.square().ninputs,) * 2)
     ),
     "nu_gap": lambda g: rp.uncertain.nu_gap(g.square(), g.square(1.1)),
-    "observability": lambda g: rp.observability(g.system),
+    "observability": lambda g: rp.linear.observability(g.system),
     "observer_controller": lambda g: rp.synthesis.observer_controller(
         g.plant, np.zeros((g.plant.nu, g.plant.nx)), np.zeros((g.plant.nx, g.plant.ny))
     ),
@@ -183,7 +182,7 @@ CHEAP = {
     "scale_system": lambda g: rp.linear.scale_system(g.system),
     "series": lambda g: rp.uncertain.series(g.uncertain(), np.eye(g.system.noutputs)),
     "simulate": _simulate,
-    "singular_values": lambda g: rp.singular_values(g.system),
+    "singular_values": lambda g: rp.linear.singular_values(g.system),
     "stability": lambda g: rp.linear.stability(g.system),
     "uncertain_system": lambda g: rp.uncertain.system(g.plant.A, g.plant.B2, g.plant.C2),
 }

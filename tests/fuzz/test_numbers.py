@@ -13,7 +13,6 @@ NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 EDGES = st.sampled_from([0.0, -1.0, 1.0, 0.5, 5e-324, 1e-160, 1e160, 1.7e308, -1.7e308])
 ANY = st.one_of(EDGES, NUMBERS)
 LAG = rp.GeneralizedPlant.from_matrices([[-1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
-
 SCALARS = {
     "disk": lambda a, b, c: rp.Disk(a, b),
     "delay line": lambda a, b, c: rp.simulation.DelayLine("x", a),
@@ -36,8 +35,6 @@ SCALARS = {
     "uncertain_real in percent": lambda a, b, c: rp.uncertain.real("k", a, percent=b),
     "weight": rp.weight,
 }
-
-
 pytestmark = pytest.mark.usefixtures("overflows_are_expected")
 
 
@@ -65,7 +62,8 @@ def test_systems_of_two_states(n):
         [[n[0], n[1]], [n[2], n[3]]], [[n[4]], [n[5]]], [[n[6], n[7]]], [[n[8]]], 0,
         remove_useless_states=False,
     )  # fmt: skip
-    for function in (rp.hinf_norm, rp.h2_norm, rp.linear.stability, rp.modes, rp.controllability):
+    linear = (rp.linear.stability, rp.linear.controllability)
+    for function in (rp.hinf_norm, rp.h2_norm, rp.modes, *linear):
         try:
             found = function(system)
         except rp.RobustPolishError:

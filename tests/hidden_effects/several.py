@@ -33,7 +33,6 @@ PLAN = (
     *("two",) * 30, *("three",) * 10, *("nothing",) * 5, *("numbers",) * 5,
 )  # fmt: skip
 NUMBERS_OF_EFFECTS = ("one effect", "two effects", "three effects", "nothing missing")
-
 FAMILIES = (
     ("coulomb_friction", "stribeck_friction", "elastic_coulomb_friction", "lugre_friction",
      "bouc_wen_hysteresis"),

@@ -15,8 +15,8 @@ from robustpolish.identification.observer.kalman import (
     riccati,
     scales_of,
 )
-from robustpolish.identification.observer.missing_force import smooth
 from robustpolish.identification.observer.runs import StartedPiece, free_run, reproducibility, rest
+from robustpolish.identification.observer.starts import smooth
 from robustpolish.identification.record import record_of
 from tests.identification.oscillators import PLACE, RATE, oscillator, record
 

@@ -7,7 +7,7 @@ import xarray as xr
 
 import robustpolish as rp
 from robustpolish.identification.sanity import sanity_warnings
-from robustpolish.simulation import linear_response
+from robustpolish.linear.response import linear_response
 from tests.hidden_effects.cases import Case, model_of, one, records
 from tests.hidden_effects.catalogue import all_cases
 from tests.hidden_effects.drawn import drawn_cases

@@ -12,7 +12,6 @@ from robustpolish.implementation.realization import anti_windup, control_limits,
 from tests.implementation.designs import sampled_servo, static_gain, two_by_two
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
-
 DESIGNS = {"servo": sampled_servo, "two by two": two_by_two, "gain": static_gain}
 
 

@@ -15,7 +15,7 @@ from robustpolish.implementation.realization import (
     realized,
     roundoff_bound,
 )
-from tests.implementation.designs import sampled_servo, two_by_two
+from tests.implementation.designs import sampled_servo
 from tests.reference.examples import servo_design
 
 
@@ -43,12 +43,6 @@ def test_multiple_poles_and_unstable_ones_do_no_harm(form):
     jordan = np.array([[1.0, 1.0, 0.0], [0, 1.0, 1.0], [0, 0, 0.3]])
     K = control.ss(jordan, [[0], [1.0], [1]], [[1.0, 0, 1]], [[0.0]], 1.0)
     np.testing.assert_allclose(responses(realized(K, form)), responses(K), rtol=1e-8)
-
-
-def test_modes_are_blocks_of_one_or_two():
-    K = realized(sampled_servo().controller, "modal")
-    for i in range(K.nstates):
-        assert np.count_nonzero(K.A[i]) <= 2
 
 
 def test_single_precision_is_stated_and_sections_lose_less():
@@ -129,15 +123,6 @@ def test_a_strictly_proper_controller_gets_an_observer():
     assert not anti_windup(K, "none").L.any()
     with pytest.raises(rp.InvalidInputError, match="anti_windup"):
         anti_windup(K, "hanus?")
-
-
-def test_it_is_the_response_of_the_system():
-    for sampled in (sampled_servo(), two_by_two()):
-        K = sampled.controller
-        y = np.random.default_rng(0).normal(size=(500, K.ninputs))
-        expected = control.forced_response(K, inputs=y.T).outputs.reshape(K.noutputs, -1).T
-        found = controller_outputs(K, y)
-        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10)
 
 
 # Controllers imitated at samples, plants at samples, and the longest period by hand.

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.linear.controllability import (
+from robustpolish.linear.stability import (
     controllability,
     is_detectable,
     is_stabilizable,

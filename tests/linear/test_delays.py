@@ -7,7 +7,7 @@ from scipy.special import lambertw
 
 import robustpolish as rp
 from robustpolish.linear.delay_stability import count_unstable
-from robustpolish.linear.delayed_systems import MOST_ORDER, pade
+from robustpolish.linear.systems import MOST_ORDER, pade
 
 # Stability against what is known in closed form.
 

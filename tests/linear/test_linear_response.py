@@ -77,8 +77,6 @@ def test_bad_input_is_named(change, argument):
 
 
 T = np.linspace(0, 4, 401)
-
-
 LAGS = [tuple(np.array([[v]]) for v in (-rate, 1.0, 1.0, 0.5)) for rate in (1.0, 3.0)]
 
 

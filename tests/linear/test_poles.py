@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.linear.modes import modes, zeros_on_axis
-from robustpolish.linear.stability import (
-    stability,
-)
+from robustpolish.linear.modes import modes
+from robustpolish.linear.norms.hinf import zeros_on_axis
+from robustpolish.linear.stability import stability
 from robustpolish.polishing.air_bearing import AirBearingParameters, air_bearing
 
 # The stability decision at and around the boundary.

@@ -23,12 +23,7 @@ from robustpolish.machines.effects.formula_language import (
     specification_from,
 )
 from robustpolish.machines.effects.kind import Motion
-from robustpolish.machines.effects.user_defined import (
-    FormulaLaw,
-    candidates,
-    own_kind,
-    own_table,
-)
+from robustpolish.machines.effects.user_defined import FormulaLaw, candidates, own_kind, own_table
 from robustpolish.machines.simulation import simulate_model
 from tests import made_up
 

@@ -15,13 +15,7 @@ from robustpolish.linear.response import linear_response
 from robustpolish.machines.effects import effect as effect_module
 from robustpolish.machines.effects.effect import register
 from robustpolish.machines.effects.kind import EffectKind, Parameter
-from robustpolish.machines.simulation import (
-    lines,
-    measured,
-    raw_outputs,
-    signals,
-    simulate_model,
-)
+from robustpolish.machines.simulation import lines, measured, raw_outputs, signals, simulate_model
 
 # Runs of models with effects over samples.
 GROUND = ("x", "ground")

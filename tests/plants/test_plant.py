@@ -8,7 +8,7 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError, SolverError
-from robustpolish.plants.blocks import as_state_space
+from robustpolish.linear.systems import as_state_space
 from robustpolish.plants.linearization import linearize
 
 

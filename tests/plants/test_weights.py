@@ -103,11 +103,7 @@ def two_by_two():
 
 
 W1 = rp.weight(50.0, 0.05, 0.5)
-
-
 W2 = control.tf([1.0, 1.0], [0.1, 10.0])
-
-
 W3 = rp.weight(0.2, 2.0, 30.0)
 
 

@@ -11,11 +11,7 @@ from robustpolish.plants.wired import lag
 
 
 HERTZ = np.array([0.3, 2.0, 17.0])
-
-
 S = 2j * np.pi * HERTZ
-
-
 PADE3 = np.polynomial.Polynomial([120.0, -60.0, 12.0, -1.0])
 
 

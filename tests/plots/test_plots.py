@@ -205,8 +205,6 @@ def test_the_waterfall_falls_from_level_to_level():
 
 
 X, Y = np.linspace(0, 0.03, 7), np.linspace(0, 0.02, 5)
-
-
 MAP = xr.DataArray(np.add.outer(X, Y), {"x": X, "y": Y}, ("x", "y"), "depth", {"units": "m"})
 
 
@@ -471,8 +469,6 @@ def test_a_correlation_shows_the_smallest_lags_with_their_band():
 
 
 LINES = np.linspace(1.0, 10.0, 50)
-
-
 RESPONSE = xr.DataArray(1 / (25.0 - LINES**2 + 0.5j * LINES), {"frequency": LINES}, "frequency")
 
 
@@ -515,11 +511,7 @@ def test_gains_with_the_norm_marked():
 
 
 OMEGA = np.geomspace(0.01, 100, 400)
-
-
 VALUES = 1 / (1j * OMEGA * (1j * OMEGA + 1))
-
-
 LOOP = {"u": xr.DataArray(VALUES, {"frequency": OMEGA}, "frequency")}
 
 
@@ -602,11 +594,7 @@ def test_discrete_poles_come_with_the_unit_circle():
 
 
 SPEEDS = np.array([0.0, 100.0, 200.0])
-
-
 HZ = np.array([[10.0, 10.0, 5.0], [9.0, 11.0, 5.0], [8.0, 12.0, 5.0]])
-
-
 WHIRL = np.array([[0.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
 
 

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.errors import RobustPolishWarning, SolverError
+from robustpolish.errors import SolverError
 from robustpolish.polishing.coupled import (
     LinearMachine,
     brush_at_rest,
     guided_brush,
     integrate_coupled,
-    run_coupled,
 )
 from robustpolish.polishing.surfaces.surface import Surface
 
@@ -52,19 +51,6 @@ def test_impulses_and_momentum_of_the_machine(guided):
 
 
 # Coupled runs: the rigid limit, complaints, and what the check says.
-
-
-def test_passes_agree_and_are_counted(guided):
-    good = springs()
-    _, states, check = run_coupled(guided, good, tolerance=1e-3, max_passes=4)
-    assert (check["converged"], check["passes"]) == (1, 2)
-    assert states.shape == (401, 6)
-    with pytest.warns(RobustPolishWarning, match="passes differ"):
-        run_coupled(guided, good, tolerance=1e-14, max_passes=2)
-    A = good.A.copy()
-    A[1::2, 1::2] = 2e5 * np.eye(3)  # unstable
-    with pytest.raises(SolverError, match="swing up"):
-        run_coupled(guided, LinearMachine(A, good.B, good.g, good.C), tolerance=1e-3, max_passes=2)
 
 
 # The disc at rest.

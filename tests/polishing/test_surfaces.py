@@ -86,7 +86,6 @@ NOT_SMOOTH = {
     7: "text",
 }  # fmt: skip
 
-
 # Moulds from grids.
 
 SIDE = np.linspace(-30.0, 30.0, 61)  # mm

@@ -17,7 +17,6 @@ ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared" / "data"
 PLACE = ("x", "ground")
 KEYS = ("A", "B1", "B", "C1", "C", "D11", "D12", "D21")
-
 s = control.tf("s")
 
 

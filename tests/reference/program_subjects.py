@@ -26,7 +26,6 @@ from . import examples as ex
 from .plain import digest, keys
 
 Cases = Iterator[tuple[str, Callable[[], Any]]]
-
 MACHINE = machine("slide")
 CUBIC = """
 [[effect]]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.plants.blocks import named_system
+from robustpolish.linear.systems import named_system
 from tests.fuzz.plants import try_plant
 
 # Plants of the fuzz by seed and number that once broke these functions.
@@ -25,8 +25,6 @@ DRAWN = [
 HUGE = (1e160, 1e300, 1e308)
 TINY = (1e-160, 1e-310, 5e-324)
 NAMES = ("A", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
-
-
 pytestmark = pytest.mark.usefixtures("overflows_are_expected")
 
 
@@ -84,7 +82,8 @@ def test_one_absurd_matrix(name, value):
     whole = absurd.system
     for function in (rp.hinf_norm, rp.h2_norm, rp.modes, rp.linear.stability,
     rp.linear.scale_system, rp.linear.prescale,
-                     rp.controllability, rp.observability, rp.singular_values):  # fmt: skip
+                     rp.linear.controllability, rp.linear.observability,
+                     rp.linear.singular_values):  # fmt: skip
         ends_well(function, whole)
     ends_well(rp.certify, absurd, [[-0.1]])
     if value in (1e160, 1e308, 5e-324):

@@ -17,8 +17,6 @@ from robustpolish.signals.frequency_response import (
 from robustpolish.signals.raw import RawTable
 
 LINES = np.array([1.0, 2.0, 4.0, 8.0])
-
-
 VALUES = np.array([2.0, 3j, -1.0, -0.5j]) * 1e-6
 
 
@@ -229,8 +227,6 @@ def test_a_stroke_stands_in_a_pair_unless_it_cannot():
 
 
 DT = 1e-2
-
-
 B, A = [0.0, 0.5, 0.3], [1.0, -0.6, 0.3]  # well damped: nothing leaks
 
 

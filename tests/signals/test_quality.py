@@ -6,7 +6,7 @@ import xarray as xr
 from scipy import signal
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.signals.quality import (
+from robustpolish.signals.raw import (
     check_not_clipped,
     check_sampling,
     ends_without_values,
@@ -14,11 +14,7 @@ from robustpolish.signals.quality import (
 )
 
 TIME = np.arange(20000) / 1000
-
-
 RANDOM = np.random.default_rng(0)
-
-
 NOISE = RANDOM.standard_normal(TIME.size)
 
 
@@ -33,11 +29,7 @@ def _quantised(values, bits):
 
 
 SINE = np.sin(2 * np.pi * 3.3 * TIME)
-
-
 SQUARE = np.repeat(RANDOM.choice([-1.0, 1.0], 500), 40)
-
-
 HAMMER = np.zeros(TIME.size)
 
 
@@ -87,8 +79,6 @@ def test_clipped_signals_are_refused(name, level, sides):
 
 
 TIME_GAPS = np.arange(1000) / 1000
-
-
 SIGNAL = np.sin(2 * np.pi * 5 * TIME_GAPS)
 
 

@@ -591,14 +591,8 @@ def texts(values, form="{!r}"):
 
 
 T, F, X = texts(TIME * 1e3), texts(FORCE / 1e3), texts(MOTION * 1e6)
-
-
 CLOCK = [f"{int(t // 1000) + 30:02d}.{round(t) % 1000:03d}" for t in TIME * 1e3]
-
-
 DAY = ["2024-05-03"] * TIME.size
-
-
 HEAD = """\
 Data Logger GL-840, serial no. 12345
 Firmware,2.31
@@ -607,8 +601,6 @@ Channels,3
 
 Remarks: spring changed, 2 kg added
 """
-
-
 LVM = """\
 LabVIEW Measurement\t
 Writer_Version\t2
@@ -633,8 +625,6 @@ X0\t0.0000000000000000E+0\t0.0000000000000000E+0\t
 Delta_X\t1.000000E-3\t1.000000E-3\t
 ***End_of_Header***\t\t\t
 """
-
-
 FILES = {
     "logger": HEAD + "Time (ms),F (kN),x (um)\n" + rows(T, F, X),
     "logger with a line of units": HEAD + "Time,F,x\nms,kN,um\n" + rows(T, F, X),

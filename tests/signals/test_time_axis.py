@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 
 from robustpolish.errors import InvalidInputError
-from robustpolish.signals.time_axis import (
-    ClockTimes,
-    clock_times,
-    is_clock_text,
-    uniform_time,
-)
+from robustpolish.signals.time_axis import ClockTimes, clock_times, is_clock_text, uniform_time
 
 GRID = np.arange(2000) * 1e-3
 
@@ -51,8 +46,6 @@ def test_jitter_is_resampled():
 
 
 RANDOM = np.random.default_rng(1)
-
-
 IRREGULAR = {
     "a tenth lost": GRID[RANDOM.random(2000) < 0.9],
     "a loop that sleeps": np.cumsum(1e-3 * (1 + 0.8 * RANDOM.random(2000))),
@@ -108,8 +101,6 @@ def test_refused(case):
 
 
 SECONDS = [0.0, 0.001, 1.5, 3600.0]
-
-
 WRITTEN = {
     "ISO": ["2024-05-03T12:00:00.000", "2024-05-03T12:00:00.001", "2024-05-03T12:00:01.5",
             "2024-05-03T13:00:00"],

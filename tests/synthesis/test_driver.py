@@ -11,7 +11,7 @@ from output_tasks import unstable_lag
 import robustpolish as rp
 from robustpolish.base.budget import Budget
 from robustpolish.synthesis import driver
-from robustpolish.synthesis.engine import Candidate, Engine, Settings
+from robustpolish.synthesis.driver import Candidate, Engine, Settings
 from robustpolish.synthesis.problem.matrices import Controller
 from robustpolish.synthesis.problem.preflight import check_solvability
 from tests.times import computing_time
@@ -122,19 +122,6 @@ def test_a_large_plant_gets_a_short_controller():
     assert design.status == "suboptimal"
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("HARMLESS", -1.0), ("is_out_of_reach", lambda plant, gamma: False)],
-    ids=["it does harm", "the bound does not hold"],
-)
-def test_all_states_are_searched_where_fewer_will_not_do(name, value, monkeypatch):
-    monkeypatch.setattr(driver, "TRUNCATED_STATES", 79)
-    monkeypatch.setattr(driver, name, value)
-    design = priced_rod()
-    assert design.certificate.valid
-    assert "Hankel" not in design.message
-
-
 # No call hangs: every method ends soon after its time, on a plant that is too large for it.
 
 
@@ -142,7 +129,6 @@ LIMIT = 1.0
 # Seconds of computing, which a busy machine does not change: the limit with a second for what
 # cannot be cut, and 1 s to start and end a process with a solver. Without limits: minutes.
 ALLOWED = LIMIT + 2.0
-
 PLANT = flexible_structure(20)
 CALLS = {
     "state, lmi": lambda: rp.state_feedback(PLANT, method="lmi", time_limit=LIMIT),

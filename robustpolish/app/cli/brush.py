@@ -8,15 +8,7 @@ from typing import Any
 import click
 import numpy as np
 
-from robustpolish.app.cli.options import (
-    FILE,
-    brush_options,
-    mechanical_model,
-    option,
-    result_options,
-    split_names,
-    stages,
-)
+from robustpolish.app.cli import options
 from robustpolish.base.atomic_writes import new_file
 from robustpolish.polishing.air_bearing import FORCES
 from robustpolish.polishing.coupled_loops import brush_record
@@ -33,24 +25,26 @@ _PATH = "a .csv file with columns x, y and perhaps t."
 
 
 @click.command()
-@brush_options
-@option("--mould", f"What is polished instead of the trough: {_MOULD}", _THERE)
-@option("--path", f"Where the tool goes instead of circling: {_PATH}", _THERE)
-@option("--unit", "Of the files of mould and path.", click.Choice(["m", "mm", "um"]), "mm")
-@option("--speed", "In m/s along the mould, of a path without times.", float)
-@option("--model", _MODEL, click.Path())
-@option("--sensors", "Of the model's outputs, with --model.", default="x,y,z", metavar="X,Y")
-@option("--noise", "Of a sensor, in m, with --model; 20 nm by default.", float)
-@option("--seed", "Of that noise.", default=0)
-@option("--out", "Save all signals: a .csv or .nc (netCDF) file.", FILE)
-@result_options
+@options.brush_options
+@options.option("--mould", f"What is polished instead of the trough: {_MOULD}", _THERE)
+@options.option("--path", f"Where the tool goes instead of circling: {_PATH}", _THERE)
+@options.option("--unit", "Of the files of mould and path.", click.Choice(["m", "mm", "um"]), "mm")
+@options.option("--speed", "In m/s along the mould, of a path without times.", float)
+@options.option("--model", _MODEL, click.Path())
+@options.option(
+    "--sensors", "Of the model's outputs, with --model.", default="x,y,z", metavar="X,Y"
+)
+@options.option("--noise", "Of a sensor, in m, with --model; 20 nm by default.", float)
+@options.option("--seed", "Of that noise.", default=0)
+@options.option("--out", "Save all signals: a .csv or .nc (netCDF) file.", options.FILE)
+@options.result_options
 def brush(
     run: int, simulator: Any, duration: float, mould: str | None, path: str | None, unit: Any,
     speed: float | None, model: str | None, sensors: str, noise: float | None, seed: int,
     out: str | None, force: bool,
 ) -> tuple[Any, ...]:  # fmt: skip
     """Simulate the brush on its mould and show the forces with which it disturbs the tool."""
-    machine = None if model is None else mechanical_model(model)
+    machine = None if model is None else options.mechanical_model(model)
     with ExitStack() as places:
         # The place is claimed first: nothing is simulated that could not be saved.
         draft = places.enter_context(new_file(out, force, (".csv", ".nc"))) if out else None
@@ -59,13 +53,13 @@ def brush(
             read = Mould.from_csv if mould.lower().endswith(".csv") else Mould.from_stl
             surface = read(mould, unit=unit)
         course = ToolPath.from_csv(path, unit=unit, speed=speed, over=surface) if path else None
-        tell = places.enter_context(stages("Polishing"))
+        tell = places.enter_context(options.stages("Polishing"))
         tell(f"Simulating {duration:g} s of run {run} ({simulator}) ...")
         signals = simulate_brush(simulator, run, duration, surface=surface, path=course)
         if machine is not None:
             tell("Recording the machine ...")
             signals = brush_record(
-                signals, machine, sensors=split_names(sensors), noise=noise, seed=seed
+                signals, machine, sensors=options.split_names(sensors), noise=noise, seed=seed
             )
         if draft is not None and draft.suffix == ".csv":
             over_time = [name for name in signals.data_vars if signals[name].dims == ("time",)]

@@ -13,12 +13,7 @@ from numpy.typing import NDArray
 
 from robustpolish.base.arrays import Array
 from robustpolish.base.budget import parallel_map
-from robustpolish.identification.fit.parameters import (
-    FreeParameter,
-    free_parameters,
-    joint_priors,
-    with_fixed_force_scale,
-)
+from robustpolish.identification.fit import parameters
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.observer.runs import (
     Chains,
@@ -78,7 +73,7 @@ class Fit:
     errors: Array
     sigma: Array
     information: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    free: Sequence[FreeParameter] = ()
+    free: Sequence[parameters.FreeParameter] = ()
     sensitivity: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
@@ -106,7 +101,7 @@ class Residuals:
         model: MechanicalModel,
         pieces: Sequence[StartedPiece],
         runner: Runner,
-        free: Sequence[FreeParameter],
+        free: Sequence[parameters.FreeParameter],
         start_sizes: Array | None = None,
     ) -> None:
         self.model, self.pieces, self.runner = model, tuple(pieces), runner
@@ -119,7 +114,7 @@ class Residuals:
         self.upper = np.array([f.upper for f in free]) / self.scale
         self.prior = np.array([f.scale / f.prior for f in free])
         self.centre = np.array([f.centre / f.scale for f in free])
-        self.joint = joint_priors(model, self.free) * self.scale
+        self.joint = parameters.joint_priors(model, self.free) * self.scale
         self.x = np.array([f.start for f in free]) / self.scale
         self.keys = keys = [f.key for f in free]
         self.chains = Chains(model)
@@ -551,7 +546,7 @@ def homotopy(
     """
     stages: list[Fit] = []
     kept: Fit | None = None
-    first = with_fixed_force_scale(model, reference)
+    first = parameters.with_fixed_force_scale(model, reference)
     model = first
     for span in spans if model.free else spans[-1:]:  # what is imposed cannot go astray
         windows = windows_from_stage(model, prepared, pieces, span, kept, known)
@@ -580,7 +575,7 @@ def residuals_of(
     reference: MechanicalModel,
 ) -> Residuals:
     """Return the residuals of a model's runs over pieces, those numbers free that are not held."""
-    free = free_parameters(model, prepared.scales.bandwidth, prepared.policy, reference)
+    free = parameters.free_parameters(model, prepared.scales.bandwidth, prepared.policy, reference)
     free = [number for number in free if number.key not in prepared.held]
     sizes = prepared.sizes(model) if pieces[0].start.vector.size else None
     return Residuals(model, pieces, prepared.runner(model), free, sizes)

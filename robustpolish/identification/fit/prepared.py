@@ -17,8 +17,7 @@ from scipy.signal import welch
 from robustpolish.base.arrays import Array
 from robustpolish.base.budget import Budget
 from robustpolish.base.checks import described, invalid
-from robustpolish.identification.observer import kalman
-from robustpolish.identification.observer.missing_force import SmoothedMotion, smooth
+from robustpolish.identification.observer import kalman, starts
 from robustpolish.identification.observer.runs import (
     InitialState,
     RecordRun,
@@ -26,12 +25,6 @@ from robustpolish.identification.observer.runs import (
     StartedPiece,
     free_run,
     rest,
-)
-from robustpolish.identification.observer.starts import (
-    fitted_start,
-    fitted_starts,
-    state_sizes,
-    visible_sizes,
 )
 from robustpolish.identification.policy import NEGLIGIBLE, STRONG, Policy
 from robustpolish.identification.record import (
@@ -374,8 +367,8 @@ def _residual_bandwidth(model: MechanicalModel, record: Record) -> float:
     """Return the frequency in Hz below which most of what the linear model leaves over lies."""
     run = free_run(linear_model(model), record)
     still = rest(run.model)
-    sizes = visible_sizes(run, record, still) if still.vector.size else np.zeros(0)
-    error = run.all_errors([StartedPiece(record, fitted_start(run, record, [still], sizes))])
+    sizes = starts.visible_sizes(run, record, still) if still.vector.size else np.zeros(0)
+    error = run.all_errors([StartedPiece(record, starts.fitted_start(run, record, [still], sizes))])
     if not np.isfinite(error).all():
         return 0.0
     spectra = (_spectrum(e, record.dt) for e in error.T)
@@ -478,7 +471,7 @@ class PreparedRecord:
     held_out: list[StartedPiece]
     everything: list[StartedPiece]
     windows: list[StartedPiece]
-    linear_motion: SmoothedMotion
+    linear_motion: starts.SmoothedMotion
     short: int
     repeats: Repeats | None = None
     held: frozenset[str] = frozenset()
@@ -603,13 +596,13 @@ class PreparedRecord:
             few, before = min(2 * few, most), after
         return most
 
-    def motion(self, model: MechanicalModel, record: Record) -> SmoothedMotion:
+    def motion(self, model: MechanicalModel, record: Record) -> starts.SmoothedMotion:
         """Return the smoothed motion along the record or a part of it."""
-        return smooth(model, record, self.scales, _FOLLOWING)
+        return starts.smooth(model, record, self.scales, _FOLLOWING)
 
     def sizes(self, model: MechanicalModel) -> Array:
         """Return the sizes of a model's states, internal ones included."""
-        return state_sizes(model, self.motion_sizes)
+        return starts.state_sizes(model, self.motion_sizes)
 
     def run_with_fitted_starts(
         self, model: MechanicalModel, pieces: Sequence[StartedPiece]
@@ -633,16 +626,16 @@ class PreparedRecord:
         """
         sizes = self.sizes(run.model)
         if run.linear or not sizes.size:
-            return fitted_starts(run, pieces, sizes)
+            return starts.fitted_starts(run, pieces, sizes)
         linear = linear_model(run.model)
         none = rest(linear).internal
         bare = [StartedPiece(p.record, InitialState(p.start.state, none)) for p in pieces]
-        straight = fitted_starts(self.runner(linear).run(linear), bare, self.motion_sizes)
+        straight = starts.fitted_starts(self.runner(linear).run(linear), bare, self.motion_sizes)
         others = [
             StartedPiece(piece.record, InitialState(other.start.state, piece.start.internal))
             for piece, other in zip(pieces, straight, strict=True)
         ]
-        return fitted_starts(run, pieces, sizes, others)
+        return starts.fitted_starts(run, pieces, sizes, others)
 
 
 def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedRecord:
@@ -656,7 +649,7 @@ def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedR
     try:
         if 0 < _OUT_OF_PROPORTION * moving < np.max(scales.force):
             raise np.linalg.LinAlgError
-        motion = smooth(linear, record, scales, _FOLLOWING)
+        motion = starts.smooth(linear, record, scales, _FOLLOWING)
     except np.linalg.LinAlgError as error:
         shown = f"motions of {scales.amplitude:.3g} with forces of {np.max(scales.force):.3g}"
         remedy = "Check the units of the columns, and the model's masses and stiffnesses."
@@ -716,7 +709,7 @@ def has_integrator(model: MechanicalModel, length: float) -> bool:
     return bool(np.min(np.abs(poles_of(model)), initial=np.inf) * length < 1)
 
 
-def _motion_sizes(model: MechanicalModel, motion: SmoothedMotion) -> Array:
+def _motion_sizes(model: MechanicalModel, motion: starts.SmoothedMotion) -> Array:
     """Return the size of each free displacement and velocity."""
     free = model.matrices.free
     sizes = np.concatenate([np.std(motion.q[free], axis=1), np.std(motion.v[free], axis=1)])

@@ -14,12 +14,7 @@ from scipy.signal import find_peaks, peak_prominences
 
 from robustpolish.base.arrays import AnyArray, Array
 from robustpolish.base.checks import described, invalid, misfit
-from robustpolish.machines.mechanical.linear import (
-    linear_system,
-    response_values,
-    sensor_gains,
-    signal_gains,
-)
+from robustpolish.machines.mechanical import linear
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.signals.frequency_response import ratio_unit, read_frequency_response
 from robustpolish.signals.raw import same_kind
@@ -100,7 +95,7 @@ class MeasuredResponse:
         notes : list of str
         """
         dt = self.data.attrs.get("sampling_time")
-        values, notes = response_values(model, self.frequency, None, dt)
+        values, notes = linear.response_values(model, self.frequency, None, dt)
         return self.chosen(model, values), notes
 
     def chosen(self, model: MechanicalModel, values: AnyArray) -> AnyArray:
@@ -263,11 +258,11 @@ def model_resonances(model: MechanicalModel, measured: MeasuredResponse) -> tupl
     tuple of Resonance
         From low to high frequency.
     """
-    (A, B, C, _), _ = linear_system(model)
+    (A, B, C, _), _ = linear.linear_system(model)
     poles, right = np.linalg.eig(A)
     left = np.linalg.pinv(right)
     residues = np.einsum("ok,ki->koi", C @ right, left @ B)
-    residues = residues * sensor_gains(model)[:, None] * signal_gains(model)
+    residues = residues * linear.sensor_gains(model)[:, None] * linear.signal_gains(model)
     signals = model.matrices.sources
     columns = [signals.index(name) for name in model.input_names]
     shapes = measured.chosen(model, residues[:, :, columns])

@@ -20,7 +20,7 @@ import numpy as np
 from robustpolish.base.arrays import Array
 from robustpolish.identification.fit.least_squares import short_window_log_error
 from robustpolish.identification.fit.prepared import PreparedRecord
-from robustpolish.identification.observer.missing_force import SmoothedMotion, motion_of
+from robustpolish.identification.observer.starts import SmoothedMotion, motion_of
 from robustpolish.identification.policy import STRONG
 from robustpolish.identification.record import Record
 from robustpolish.identification.search.score import ScoredModel, nats, simplest_of_best

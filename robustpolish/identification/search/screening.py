@@ -18,7 +18,7 @@ from robustpolish.identification.fit.least_squares import independent_errors
 from robustpolish.identification.fit.parameters import free_parameters, is_guessed
 from robustpolish.identification.fit.prepared import PreparedRecord, has_integrator
 from robustpolish.identification.observer.kalman import FREE, Level, LinearObserver, force_sites
-from robustpolish.identification.observer.missing_force import SmoothedMotion, known_forces
+from robustpolish.identification.observer.starts import SmoothedMotion, known_forces
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.record import Record
 from robustpolish.machines.effects.effect import Effect, kinds

@@ -26,8 +26,8 @@ from scipy.io import savemat
 from robustpolish.base.arrays import Array, Matrix, Vector
 from robustpolish.base.atomic_writes import new_file, write_file
 from robustpolish.base.checks import invalid, one_of, whole_number
+from robustpolish.base.results import templates
 from robustpolish.base.saved import write_saved
-from robustpolish.base.texts import templates
 from robustpolish.base.versions import __version__
 from robustpolish.errors import MissingDependencyError, SolverError
 from robustpolish.implementation.realization import SAMPLES, SinglePrecision, controller_outputs

@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustpolish.base.arrays import Matrix
-from robustpolish.implementation.sampled.lifting import Phase, ScaledMap
-from robustpolish.linear.arithmetic.powers_of_two import FloatRangeError
+from robustpolish.base.arrays import NOTHING, ROUNDING, Matrix
+from robustpolish.implementation.sampled.lifting import DOUBLINGS, Phase, ScaledMap
+from robustpolish.linear.arithmetic.exact import FloatRangeError
+from robustpolish.linear.stability import square_root
 
 # Stretches of a loop as maps of state and energy, joined by doubling, in doubles.
 #
@@ -139,12 +140,6 @@ def _first_step(H: Matrix) -> tuple[Matrix, Matrix, Matrix]:
     return -inverse.T @ F22.T, (G + G.T) / 2, (Q + Q.T) / 2
 
 
-_DOUBLINGS = 60
-_SETTLED = 1e-12
-_NOTHING = 1e-30
-"""Below this part of what the matrices suggest a norm counts as zero."""
-
-
 @dataclass(frozen=True)
 class GainTest:
     """Whether the gain of a loop lies below gamma, and what shows it.
@@ -215,14 +210,14 @@ def check_gain(loop: ScaledMap, gamma: float, margin: float = 0.0) -> GainTest:
     if margin:
         level = margin * max(float(np.linalg.norm(section.Q, 2)), 1e-300)
         section = section._replace(Q=section.Q + level * np.eye(len(section.Q)))
-    for stage in range(_DOUBLINGS):
+    for stage in range(DOUBLINGS):
         twice = joined(section, section)
         if not isinstance(twice, EnergySection):
             return GainTest(gamma, False, None, len(loop.phases) + 1, stage, twice)
         change = np.linalg.norm(twice.Q - section.Q)
         section = twice
-        settled = change <= _SETTLED * np.linalg.norm(section.Q)
-        if settled and section.size < math.sqrt(_SETTLED):
+        settled = change <= ROUNDING * np.linalg.norm(section.Q)
+        if settled and section.size < math.sqrt(ROUNDING):
             return GainTest(gamma, True, section.Q)
     # Neither settled nor refuted: gamma is nearer to the norm than doubles can tell.
     return GainTest(gamma, False)
@@ -257,8 +252,9 @@ def bracket(
     factor = 2.0
     while low.gamma == 0.0:
         factor **= 2
-        test = check_gain(loop, max(high.gamma / factor, start * _NOTHING))
-        if test.below and test.gamma <= start * _NOTHING:
+        # Below this part of what the matrices suggest a norm counts as zero.
+        test = check_gain(loop, max(high.gamma / factor, start * NOTHING))
+        if test.below and test.gamma <= start * NOTHING:
             return low, test
         low, high = (low, test) if test.below else (test, high)
     while high.gamma > low.gamma * (1 + tolerance):
@@ -305,9 +301,3 @@ def _gains(section: EnergySection, angles: np.ndarray) -> np.ndarray:
     shifted = np.exp(1j * angles)[:, None, None] * np.eye(len(section.A)) - section.A
     states = np.linalg.solve(shifted, np.broadcast_to(reach, (angles.size, *reach.shape)))
     return np.linalg.svd(see @ states, compute_uv=False)[:, 0]
-
-
-def square_root(M: Matrix, floor: float = 0.0) -> Matrix:
-    """Return R with R R' = M, symmetric, eigenvalues raised to a share of the largest."""
-    values, vectors = np.linalg.eigh((M + M.T) / 2)
-    return vectors * np.sqrt(np.maximum(values, floor * values[-1:]))

@@ -11,17 +11,16 @@ import control
 import numpy as np
 from scipy import linalg
 
-from robustpolish.base.arrays import Matrix, Vector
+from robustpolish.base.arrays import ROUNDING, SAME, Matrix, Vector
 from robustpolish.base.checks import misfit
 from robustpolish.errors import InvalidInputError
-from robustpolish.plants.blocks import matrices_of, named_system
+from robustpolish.linear.scaling import border_scale
+from robustpolish.linear.systems import named_system
+from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import Wiring
 
 # Delays of the plant that every signal round a sampled loop meets, taken as they are.
-
-_SAME = 1e-12
-"""Delays that differ by less than this part of one are the same."""
 
 
 def without_loop_delay(plant: GeneralizedPlant) -> tuple[GeneralizedPlant, float]:
@@ -56,7 +55,9 @@ def without_loop_delay(plant: GeneralizedPlant) -> tuple[GeneralizedPlant, float
             continue
         last = {chain[-1]: delay for chain, delay in zip(chains, delays, strict=True)}
         # Of each chain that is longer than the others one line stays, with what it has more.
-        kept = {i: delay - common for i, delay in last.items() if delay - common > _SAME * common}
+        kept = {
+            i: delay - common for i, delay in last.items() if delay - common > ROUNDING * common
+        }
         lines = tuple(
             replace(line, seconds=kept.get(i, line.seconds)) for i, line in enumerate(wiring.lines)
         )
@@ -124,36 +125,15 @@ def _without_line_delay(wiring: Wiring, line: int) -> Wiring:
 # A controller of other matrices with the same signals.
 
 
-def named_like(
-    system: control.StateSpace, matrices: Any, dt: float | bool | None
-) -> control.StateSpace:
-    """Return the system of these matrices with the inputs and outputs of another.
-
-    Parameters
-    ----------
-    system : control.StateSpace
-        Gives the names, those of its states only if there are as many.
-    matrices : sequence of ndarray
-    dt : float, True or None
-
-    Returns
-    -------
-    control.StateSpace
-    """
-    n = len(matrices[0])
-    states = system.state_labels if n == system.nstates else [f"x[{i}]" for i in range(n)]
-    time = 0 if dt is None else dt
-    return named_system(matrices, time, system.input_labels, system.output_labels, states)
-
-
 # One period of a sampled loop: the flow between two samples, and what happens at a sample.
 #
 # At t = k h the state s[k] holds the plant's states, the averages of measurement noise over the
 # last period, the controls that the delay still holds back, and the controller's states. From it
 # follow the start of the flow, zeta(0) = L s[k], and after it s[k+1] = M zeta(h) + N s[k].
 
-SAME_INSTANT = 1e-9
-"""Instants nearer to each other than this part of a period are one: clocks are not better."""
+
+DOUBLINGS = 60
+"""Of a series in powers of a stable matrix: 2**60 terms."""
 
 
 class Phase(NamedTuple):
@@ -242,9 +222,10 @@ def split_delay(period: float, delay: float) -> tuple[int, float]:
     >>> split_delay(0.1, 0.3)
     (3, 0.0)
     """
-    whole = math.floor(delay / period + SAME_INSTANT)
+    # Instants nearer to each other than this part of a period are one: clocks are not better.
+    whole = math.floor(delay / period + SAME)
     rest = delay - whole * period
-    return whole, rest if rest > SAME_INSTANT * period else 0.0
+    return whole, rest if rest > SAME * period else 0.0
 
 
 def period_map(
@@ -380,28 +361,3 @@ def scaled(found: PeriodMap) -> ScaledMap:
     sample = border_scale(back, np.abs(M).max(axis=1), np.abs(L).max(axis=0))
     rows = sample[:, None]
     return ScaledMap(found, flow, sample, phases, L * sample, N * sample / rows, M / rows)
-
-
-def border_scale(A: Matrix, reach: Vector, seen: Vector) -> Vector:
-    """Return powers of two that balance A with all inputs and all outputs as one more state.
-
-    Parameters
-    ----------
-    A : ndarray, shape (n, n)
-    reach, seen : ndarray, shape (n,)
-        Sizes of the rows of B and of the columns of C.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
-    n = A.shape[0]
-    size = np.zeros((n + 1, n + 1))
-    size[:n, :n], size[:n, n], size[n, :n] = np.abs(A), reach, seen
-    if not n or not np.isfinite(size).all():
-        return np.ones(n)
-    # SciPy casts permutation indices that were never set, and may complain about their values.
-    with np.errstate(invalid="ignore"):
-        _, (scale, _) = linalg.matrix_balance(size, permute=False, separate=True)
-    found = np.asarray(scale, dtype=float)
-    return found[:n] / found[n]

@@ -16,8 +16,8 @@ from typing import Any
 import flint
 import numpy as np
 
+from robustpolish.base.arrays import SOLVED, SUMMED, Vector
 from robustpolish.base.arrays import AnyMatrix as Matrix
-from robustpolish.base.arrays import Vector
 from robustpolish.base.budget import check_deadline, now
 
 Ball = Any  # flint.arb_mat or flint.acb_mat; python-flint ships no stubs for them
@@ -361,8 +361,6 @@ def adjoint(matrix: Ball) -> Ball:
 # What holds at one frequency and is singular at eigenvalues on the axis alone holds up to the
 # nearest of these. Gershgorin discs in a basis of eigenvectors, in balls, enclose all of them.
 
-# What the ends of discs are moved outwards, relative, for their rounding to doubles.
-_ROUNDING = 1e-14
 # Relative length of an interval that is worth eigenvectors of more digits.
 _SHORT = 0.1
 
@@ -404,7 +402,8 @@ def interval_without_eigenvalues(H: Ball, omega: float) -> tuple[float, float] |
 def _clear(centres: Matrix, radii: Vector, omega: float) -> tuple[float, float] | None:
     """Return the frequencies around one that no disc touches."""
     near = np.abs(np.real(centres)) <= radii
-    reach = radii[near] + _ROUNDING * np.abs(centres[near])
+    # What the ends of discs are moved outwards, relative, for their rounding to doubles.
+    reach = radii[near] + SUMMED * np.abs(centres[near])
     heights = np.imag(centres)[near]
     low, high = heights - reach, heights + reach
     if not np.isfinite(low).all() or ((low <= omega) & (omega <= high)).any():
@@ -425,16 +424,13 @@ def gershgorin_discs(H: Ball, basis: Ball) -> tuple[Matrix, Vector]:
     for i in range(n):
         rest = sum((abs(turned[i, j]) for j in range(n) if j != i), flint.arb(0))
         rest += abs(turned[i, i] - turned[i, i].mid())
-        radii[i] = float(rest.abs_upper()) * (1 + _ROUNDING)
-    return centres, radii + _ROUNDING * np.abs(centres)
+        radii[i] = float(rest.abs_upper()) * (1 + SUMMED)
+    return centres, radii + SUMMED * np.abs(centres)
 
 
 # Positive definite matrices: decided for rational numbers, proven for balls, real or complex.
 
 
-# Beside the strongest direction, doubles see those above this; a pass of the proof of definiteness
-# brings up the weaker ones by its inverse, about so many bits.
-_WEAK = 1e-13
 _BITS_PER_PASS = 40
 
 
@@ -481,9 +477,11 @@ def is_definite(matrix: Any) -> bool:
         if not np.isfinite(centre).all():
             return False
         values, vectors = np.linalg.eigh((centre + centre.T) / 2)
-        if values[0] < -100 * _WEAK * values[-1]:
+        # Beside the strongest direction, doubles see those above this; a pass of the proof of
+        # definiteness brings up the weaker ones by its inverse, about so many bits.
+        if values[0] < -100 * SOLVED * values[-1]:
             return False
-        G = ball((vectors / np.sqrt(np.maximum(values, _WEAK * values[-1]))).T)
+        G = ball((vectors / np.sqrt(np.maximum(values, SOLVED * values[-1]))).T)
         turned = G * turned * G.transpose()
         rest = magnitude(identity(n) - turned)
         # The factor covers the rounding errors of the sums, which are taken in doubles.

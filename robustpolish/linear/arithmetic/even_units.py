@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from robustpolish.base.jit import njit
-from robustpolish.linear.arithmetic.powers_of_two import MOST_EXPONENT, nearest_exponent
+from robustpolish.linear.systems import MOST_EXPONENT, nearest_exponent
 
 # Squares of numbers between these neither overflow nor vanish.
 _SMALL, _BIG = 1e-140, 1e140

@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import control
 import numpy as np
-import scipy.linalg as sla
 from flint import arb, arb_mat
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from robustpolish.base.arrays import Matrix
+from robustpolish.base.arrays import EPS, Matrix
 from robustpolish.base.budget import check_deadline, single_threaded_blas
 from robustpolish.base.checks import invalid, positive, source_of
 from robustpolish.base.results import Card, Displayed, quantities
+from robustpolish.linear.arithmetic import exact
 from robustpolish.linear.arithmetic.balls import precision
-from robustpolish.linear.arithmetic.powers_of_two import bracket
-from robustpolish.linear.arithmetic.rational import EXACT_STATES, ExactModel, identity
-from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
 from robustpolish.linear.norms.hinf import singular_values
-from robustpolish.linear.norms.modal_form import ModalForm, modal_form
+from robustpolish.linear.norms.modal_peak import ModalForm, modal_form
 from robustpolish.linear.scaling import parts
-from robustpolish.linear.stability import EPS, eigensystem, stability_of, stable_part
+from robustpolish.linear.stability import eigensystem, lyapunov_solution, stability_of, stable_part
+from robustpolish.linear.systems import Realisation, realisation
 from robustpolish.plots.frequency import plot_gains
 
 # The square of the H2 norm with bounds, in double precision or in ball arithmetic.
@@ -110,16 +107,7 @@ def _residual(model: Realisation, X: ExtendedArray) -> tuple[ExtendedArray, Matr
     return residual, grain * float(2 * (2 * A.shape[0] + B.shape[1]) * _WIDE)
 
 
-def lyapunov_solution(A: Matrix, Q: Matrix, discrete: bool) -> Matrix:
-    """Return X = X' with A X + X A' + Q = 0, or A X A' - X + Q = 0 in discrete time."""
-    with warnings.catch_warnings():  # bad conditioning shows in the residual
-        warnings.simplefilter("ignore")
-        solve = sla.solve_discrete_lyapunov if discrete else sla.solve_continuous_lyapunov
-        X = solve(A, Q if discrete else -Q)
-    return (X + X.T) / 2
-
-
-def exact_h2_energy(model: ExactModel) -> EnergyBounds:
+def exact_h2_energy(model: exact.ExactModel) -> EnergyBounds:
     """Enclose the same number to double precision, whatever the damping."""
     bits = 192 if model.states <= 40 else 448
     while True:
@@ -137,14 +125,14 @@ def exact_h2_energy(model: ExactModel) -> EnergyBounds:
         bits *= 2
 
 
-def _energy_ball(model: ExactModel) -> arb:
+def _energy_ball(model: exact.ExactModel) -> arb:
     """Sum the series of the Gramian X = M X M' + B B' by doubling: X <- X + M X M', M <- M M."""
     M, B, C, direct = *map(arb_mat, (model.A, model.B, model.C)), arb(0)
     X = B * B.transpose()
     if model.discrete:
         direct = _square_size(arb_mat(model.D))
     else:  # by s = (z + 1)/(z - 1), where the Gramian stays the same
-        one = identity(model.states)
+        one = exact.identity(model.states)
         M, B = (arb_mat(model.A - one).solve(side) for side in (arb_mat(model.A + one), B))
         X = B * B.transpose() * 2
     seen = (C * X * C.transpose()).trace() + direct
@@ -362,7 +350,7 @@ def h2_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> H2Norm:
 def _part_norm(model: Realisation, tolerance: float) -> H2Norm:
     spectrum, stable = None, True
     if model.states:
-        model = rescaled(model)
+        model = exact.rescaled(model)
         spectrum = eigensystem(model.A)
         verdict = stability_of(model, spectrum)
         if verdict.verdict == "unstable":
@@ -383,21 +371,21 @@ def _part_norm(model: Realisation, tolerance: float) -> H2Norm:
     if spectrum is not None and model.states > MODAL_FROM and not model.discrete:
         form = modal_form(model, spectrum, True)
         found = None if form is None else modal_energy(form)
-        widest = tolerance if model.states <= EXACT_STATES else max(tolerance, 1e-6)
+        widest = tolerance if model.states <= exact.EXACT_STATES else max(tolerance, 1e-6)
         if found is not None and found.width <= widest:
             return _in_units(model, found, "sum over pairs of modes, rounding errors enclosed")
     found = h2_energy(model, tolerance)
     text = "trace of the controllability Gramian, its residual checked"
     hopeless = math.isinf(found.width)
-    if hopeless or (found.width > tolerance and model.states <= EXACT_STATES):
-        found = exact_h2_energy(ExactModel.of(model))
+    if hopeless or (found.width > tolerance and model.states <= exact.EXACT_STATES):
+        found = exact_h2_energy(exact.ExactModel.of(model))
         text = "trace of the controllability Gramian, in ball arithmetic"
     return _in_units(model, found, text)
 
 
 def _in_units(model: Realisation, found: EnergyBounds, reason: str) -> H2Norm:
     value, lower, upper = map(math.sqrt, (found.square, found.lower, found.upper))
-    known = bracket(value, lower, upper, model.gain * math.sqrt(model.time))
+    known = exact.bracket(value, lower, upper, model.gain * math.sqrt(model.time))
     return H2Norm(*known, True, reason)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import isqrt
@@ -18,25 +18,24 @@ from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize_scalar
 
-from robustpolish.base.arrays import Array, Vector
+from robustpolish.base.arrays import AGREE, EPS, Vector
 from robustpolish.base.budget import check_deadline, single_threaded_blas
 from robustpolish.base.checks import described, invalid, positive, source_of
 from robustpolish.base.results import Card, Displayed, quantities
-from robustpolish.linear.arithmetic import balls, rational
+from robustpolish.linear.arithmetic import balls
+from robustpolish.linear.arithmetic import exact as rational
 from robustpolish.linear.arithmetic.balls import block
-from robustpolish.linear.arithmetic.powers_of_two import bracket
-from robustpolish.linear.arithmetic.realisation import Realisation, realisation, rescaled
-from robustpolish.linear.delayed_systems import resolvent_response
-from robustpolish.linear.norms.modal_form import Peak, modal_form
-from robustpolish.linear.scaling import parts
+from robustpolish.linear.arithmetic.exact import bracket, rescaled
+from robustpolish.linear.norms.modal_peak import Peak, modal_form
+from robustpolish.linear.scaling import equilibrating_scales, in_units, parts
 from robustpolish.linear.stability import (
-    EPS,
     Eigensystem,
     eigensystem,
     positive_roots,
     stability_of,
     stable_part,
 )
+from robustpolish.linear.systems import Realisation, hamiltonian, realisation, resolvent_response
 from robustpolish.plots.frequency import plot_gains
 
 # Frequencies that show what a system does: an even background, and points at every resonance.
@@ -120,7 +119,7 @@ def singular_values(
     >>> import control
     >>> import robustpolish as rp
     >>> lag = control.ss([[-2.0]], [[2.0]], [[1.0]], 0)
-    >>> gains = rp.singular_values(lag, [0.0, 1 / 3.141592653589793])
+    >>> gains = rp.linear.singular_values(lag, [0.0, 1 / 3.141592653589793])
     >>> [round(float(gain), 6) for gain in gains.isel(singular_value=0)]
     [1.0, 0.707107]
     """
@@ -301,25 +300,6 @@ def _seeds(poles: NDArray[np.complex128]) -> Vector:
     return np.unique(np.concatenate([[0.0, np.inf], radius, np.abs(poles.imag), resonance]))
 
 
-@np.errstate(over="ignore", invalid="ignore")
-def hamiltonian(model: Realisation, gamma: float) -> Array | None:
-    """Return the matrix whose imaginary eigenvalues are crossings; None at the gain of D.
-
-    Entries beyond doubles are infinite.
-    """
-    A, B, C, D = model.A, model.B, model.C, model.D
-    if not D.any():
-        return np.block([[A, B @ B.T / gamma], [-(C.T @ C) / gamma, -A.T]])
-    R = gamma * gamma * np.eye(B.shape[1]) - D.T @ D
-    try:
-        X = np.linalg.solve(R, np.hstack([D.T @ C, B.T]))
-    except np.linalg.LinAlgError:
-        return None
-    RDC, RB = X[:, : A.shape[0]], X[:, A.shape[0] :]
-    closed = A + B @ RDC
-    return np.block([[closed, gamma * B @ RB], [-(C.T @ (C + D @ RDC)) / gamma, -closed.T]])
-
-
 @np.errstate(over="ignore", invalid="ignore")  # what has no size has no near eigenvalues
 def _crossings(model: Realisation, gamma: float) -> Vector:
     H = hamiltonian(model, gamma)
@@ -348,7 +328,7 @@ EXACT_AT_MOST = 80
 # Widths of brackets that are accepted from modal coordinates: beyond EXACT_ALWAYS, beyond
 # EXACT_AT_MOST where nothing else would prove any, and of estimates, which the Hamiltonian test
 # could narrow.
-_WIDE, _WIDEST, _ESTIMATED = 1e-6, 1e-2, 1e-6
+_WIDEST = 1e-2
 # Gains of so many signals per state are quicker by the Hamiltonian matrix.
 _SIGNALS = 4
 
@@ -358,7 +338,7 @@ _MOST_BETWEEN = 12
 _MOST_CLIMBING = 24
 
 
-def in_units(found: Peak, model: Realisation) -> Peak:
+def peak_in_units(found: Peak, model: Realisation) -> Peak:
     """Bring a peak back from the scaled units of a model."""
     known = bracket(found.gain, found.lower, found.upper, model.gain)
     return Peak(found.frequency * model.time, *known, found.proof)
@@ -388,7 +368,7 @@ def certified_peak(
         poles = np.linalg.eigvals(search.A).astype(complex)
     frequency, gain = peak(search, poles, tolerance)
     if not exact or model.states > EXACT_ALWAYS:
-        found = in_units(_estimated(search, frequency, gain, tolerance), search)
+        found = peak_in_units(_estimated(search, frequency, gain, tolerance), search)
         if not exact or found.upper <= (1 + max(tolerance, 1e-6)) * found.lower:
             return found
         if model.states > EXACT_AT_MOST:  # in ball arithmetic, where doubles leave it uncertain
@@ -409,9 +389,9 @@ def _modal(model: Realisation, spectrum: Eigensystem, tolerance: float, exact: b
     # Imports Numba, which takes as long as all the rest together.
     from robustpolish.linear.norms.modal_peak import modal_peak
 
-    widest = _WIDE if model.states <= EXACT_AT_MOST else _WIDEST
+    widest = AGREE if model.states <= EXACT_AT_MOST else _WIDEST
     if not exact:
-        widest = _ESTIMATED
+        widest = AGREE
     elif model.states <= EXACT_ALWAYS:
         widest = tolerance
     found = modal_peak(form, tolerance, max(tolerance, widest))
@@ -720,5 +700,116 @@ def _part_norm(model: Realisation, tolerance: float, exact: bool) -> HinfNorm:
 def _in_units(model: Realisation, found: Peak) -> HinfNorm:
     if model.discrete:
         found = found._replace(frequency=2 * math.atan(found.frequency) / model.step)
-    frequency, gain, lower, upper, proof = in_units(found, model)
+    frequency, gain, lower, upper, proof = peak_in_units(found, model)
     return HinfNorm(gain, frequency, lower, upper, True, f"proof: {proof}")
+
+
+@dataclass(frozen=True)
+class AxisZero:
+    """An invariant zero on or near the stability boundary.
+
+    Attributes
+    ----------
+    frequency : float
+        In rad/s, at least 0 (in discrete time the angle over the sampling time).
+    distance : float
+        Size of a relative change of the scaled matrices that puts a zero exactly
+        on the boundary there: the smallest singular value that the normal rank leaves.
+    """
+
+    frequency: float
+    distance: float
+
+
+def zeros_on_axis(system: control.StateSpace, *, tolerance: float = 1e-9) -> tuple[AxisZero, ...]:
+    r"""Find where on the stability boundary the system matrix loses rank.
+
+    The matrix (A - lambda I, B; C, D) has its normal rank except at the invariant zeros. Those
+    of (A, B2, C1, D12) and of (A, B1, C2, D21) on the imaginary axis (unit circle) break
+    the assumptions of Riccati-based synthesis. Candidates are the generalised eigenvalues of the
+    matrix, squared by two random compressions; each is then moved along the boundary to the least
+    smallest singular value. It counts if that is within the tolerance and far below its
+    surroundings. Zeros at infinity (a rank-deficient D)
+    are not listed.
+
+    Parameters
+    ----------
+    system : control.StateSpace
+        The channel in question, continuous or discrete.
+    tolerance : float, optional
+        Largest relative distance that counts, in scaled units.
+
+    Returns
+    -------
+    tuple of AxisZero
+        By frequency; a pair counts once.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is no ``StateSpace``, not finite, or the tolerance is not positive.
+
+    Examples
+    --------
+    >>> import control
+    >>> from robustpolish.linear import zeros_on_axis
+    >>> notch = control.ss([[0, 1], [-1, -1]], [[0], [1]], [[3, -1]], 1)  # (s^2 + 4)/(s^2 + s + 1)
+    >>> [round(zero.frequency, 6) for zero in zeros_on_axis(notch)]
+    [2.0]
+    """
+    tolerance = positive("tolerance", tolerance)
+    model = realisation("system", system)
+    if 0 in model.D.shape:
+        return ()
+    m, p = model.B.shape[1], model.C.shape[0]
+    each = [np.array([i]) for i in range(m)], [np.array([i]) for i in range(p)]
+    scaled = in_units(model, equilibrating_scales(model, *each))
+    M = np.block([[scaled.A, scaled.B], [scaled.C, scaled.D]])
+    N = np.zeros(M.shape)
+    N[: scaled.states, : scaled.states] = np.eye(scaled.states)
+    rng, size = np.random.default_rng(0), float(np.linalg.norm(M, 2))
+    points = rng.standard_normal(3) + 1j * rng.standard_normal(3)
+    ranks = [np.linalg.matrix_rank(M - s * N, tol=100 * EPS * max(size, 1)) for s in points]
+    rank = int(max(ranks))
+
+    def smallest(angle: float) -> float:
+        """Return the last singular value of the normal rank, relative to the matrices."""
+        point = complex(np.exp(1j * angle)) if scaled.discrete else 1j * angle
+        singular = np.linalg.svd(M - point * N, compute_uv=False)
+        return float(singular[rank - 1]) / max(size, 1e-300)
+
+    rng, starts = np.random.default_rng(1), [0.0]
+    for _ in range(2):
+        left, right = (rng.standard_normal(shape) for shape in ((rank, len(M)), (len(M.T), rank)))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            values = np.asarray(sla.eigvals(left @ M @ right, left @ N @ right))
+        values = values[np.isfinite(values) & (np.abs(values) < 1e3 * max(size, 1))]
+        starts += list(np.abs(np.angle(values) if scaled.discrete else np.imag(values)))
+    found: list[AxisZero] = []
+    for start in starts:
+        angle, distance = _descended(smallest, start)
+        frequency = angle * scaled.time / scaled.step
+        # Beside a zero the rank is full, unlike in the decay towards a zero at infinity.
+        width = 0.03 * angle if angle else 0.03
+        beside = min(smallest(abs(angle - width)), smallest(angle + width))
+        known = any(math.isclose(frequency, zero.frequency, rel_tol=1e-6) for zero in found)
+        if distance <= min(tolerance, 1e-3 * beside) and not known:
+            found.append(AxisZero(float(frequency), distance))
+    return tuple(sorted(found, key=lambda zero: zero.frequency))
+
+
+def _descended(smallest: Callable[[float], float], start: float) -> tuple[float, float]:
+    """Minimise along the boundary by shrinking steps around the start."""
+    angle, value = start, smallest(start)
+    step = 0.1 * start if start else 0.01
+    for _ in range(120):
+        reached, trial = min((smallest(x), x) for x in (abs(angle - step), angle + step))
+        if reached < value:
+            angle, value = trial, reached
+        else:
+            step *= 0.5
+        if step <= EPS * max(angle, 1e-3):
+            break
+    # What rounding alone tells from zero is zero.
+    at_rest = smallest(0.0)
+    return (0.0, at_rest) if at_rest <= max(2 * value, 10 * EPS) else (angle, value)

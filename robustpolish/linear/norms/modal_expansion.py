@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from robustpolish.base.arrays import EPS, ROUNDING
 from robustpolish.base.jit import njit
-from robustpolish.linear.stability import EPS
 
 # Pieces of the frequency axis that are as long as the distance to the nearest pole lets them.
 
@@ -116,8 +116,6 @@ ORDER = 8
 """Number of terms."""
 # Half lengths over the distance to the nearest pole; beyond, the series are not used.
 _LONGEST = 0.55
-# An error this small beside the gain that is sought may be bounded more coarsely.
-_COARSE = 1e-12
 
 
 @njit(cache=True, error_model="numpy")
@@ -236,7 +234,8 @@ def _error_of_modes(modes, nearest, weight, gain):  # type: ignore[no-untyped-de
         most = max(most, w[i])
         coarse += E * modes.shown[i] * modes.rows[i]
     coupled = coarse * most  # the row sums stand for the rows
-    if not coupled <= _COARSE * gain:
+    # An error this small beside the gain that is sought may be bounded more coarsely.
+    if not coupled <= ROUNDING * gain:
         coupled = 0.0
         alone = modes.coupling.shape[0] == 1
         for i in range(n):

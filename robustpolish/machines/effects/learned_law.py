@@ -17,8 +17,7 @@ from scipy.stats import chi2
 
 from robustpolish.base.arrays import Array
 from robustpolish.base.checks import invalid
-from robustpolish.base.results import Card, Displayed, plus_minus, quantities
-from robustpolish.base.texts import tables
+from robustpolish.base.results import Card, Displayed, plus_minus, quantities, tables
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.formula_language import PostfixProgram, read_formula
 from robustpolish.machines.effects.spline_law import coefficients_of, knot_error_bound, spline_basis

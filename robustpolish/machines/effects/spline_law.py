@@ -31,7 +31,7 @@ import numpy as np
 
 from robustpolish.base.arrays import Array
 from robustpolish.base.jit import njit
-from robustpolish.base.texts import tables
+from robustpolish.base.results import tables
 from robustpolish.machines.effects.evaluate import machine_code
 from robustpolish.machines.effects.kind import EffectKind, Law, Parameter, Steepness, Values
 

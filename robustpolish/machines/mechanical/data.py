@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from robustpolish.base.arrays import Array, Matrix
 from robustpolish.base.checks import invalid, one_of
+from robustpolish.linear.systems import named_system
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import GROUND, Motion
 from robustpolish.machines.mechanical.equations import (
@@ -47,7 +48,6 @@ from robustpolish.machines.mechanical.parts import (
     imposed_by,
     mass_matrix,
 )
-from robustpolish.plants.blocks import named_system
 
 # Mass, damping and stiffness matrices of a mechanical model, and its state space.
 

@@ -21,7 +21,7 @@ from robustpolish.base.checks import closest_name_remedy, described, invalid, mi
 from robustpolish.base.results import Card, Table
 from robustpolish.errors import RobustPolishWarning
 from robustpolish.linear.arithmetic.dual_numbers import plus, times
-from robustpolish.linear.delayed_systems import resolvent_response
+from robustpolish.linear.systems import resolvent_response
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import SignalSlope
 from robustpolish.machines.mechanical.data import (

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import chdtri
 
-from robustpolish.base.arrays import Matrix
+from robustpolish.base.arrays import ROUNDING, SUMMED, Matrix
 from robustpolish.base.checks import described, invalid, is_whole, matrix, misfit, one_of, positive
 from robustpolish.base.results import Card, Displayed, Table
 from robustpolish.plants.uncertain import lft as algebra
@@ -266,11 +266,6 @@ def _table(rows: list[list[UncertainSystem]]) -> UncertainSystem:
 
 # `uncertain_ellipsoid`: several real numbers that are known together, as a fit knows them.
 
-# Eigenvalue of a matrix of correlations below which a combination of numbers is certain.
-_CERTAIN = 1e-12
-# Relative size of an entry of L that is nothing but rounding, and would cost a copy of a direction.
-_ROUNDING = 1e-14
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Ellipsoid(Displayed, Mapping[str, UncertainSystem]):
@@ -500,14 +495,17 @@ def _root(P: Matrix, confidence: float) -> Matrix:
     if sizes.min() < -1e-9:
         shown = described(f"an eigenvalue of {sizes.min():.3g} of the correlations")
         raise invalid("covariance", shown, "a positive semidefinite matrix", remedy)
-    kept = sizes > _CERTAIN
+    # Eigenvalue of a matrix of correlations below which a combination of numbers is certain.
+    kept = sizes > ROUNDING
     root = axes[:, kept] * np.sqrt(sizes[kept])
     upper = np.linalg.qr(root.T)[1]
     upper *= np.where(np.diagonal(upper) < 0, -1.0, 1.0)[:, None]
     radius = np.sqrt(chdtri(int(kept.sum()), 1 - confidence)) if kept.any() else 0.0
     lower = upper.T
     sizes = np.linalg.norm(lower, axis=1, keepdims=True)
-    lower = np.where(np.abs(lower) <= _ROUNDING * sizes, 0.0, lower)
+    # Relative size of an entry of L that is nothing but rounding, and would cost a copy of a
+    # direction.
+    lower = np.where(np.abs(lower) <= SUMMED * sizes, 0.0, lower)
     return radius * units[:, None] * lower
 
 

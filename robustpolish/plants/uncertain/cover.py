@@ -13,13 +13,13 @@ from matplotlib.axes import Axes
 from numpy.polynomial import chebyshev
 from scipy.optimize import linprog
 
-from robustpolish.base.arrays import AnyArray, AnyVector, Matrix, Vector
+from robustpolish.base.arrays import SAME, AnyArray, AnyVector, Matrix, Vector
 from robustpolish.base.checks import described, invalid, one_of, whole_number
 from robustpolish.base.results import Card, Displayed, quantities
-from robustpolish.linear.arithmetic.powers_of_two import refuse_extreme
+from robustpolish.linear.arithmetic.exact import refuse_extreme
 from robustpolish.linear.norms.hinf import frequency_grid
-from robustpolish.linear.systems import of_roots
-from robustpolish.plants.blocks import as_response, as_state_space
+from robustpolish.linear.systems import as_state_space, of_roots
+from robustpolish.plants.blocks import as_response
 from robustpolish.plants.uncertain.build import uncertain_dynamics
 from robustpolish.plants.uncertain.system import UncertainSystem, as_uncertain
 from robustpolish.plots.frequency import plot_gains
@@ -203,10 +203,6 @@ _BACKGROUND = 300
 _FINER = 5
 # Decades beyond the slowest and the fastest pole or zero.
 _BEYOND_FAMILY = 2.0
-# Relative difference of frequencies that are the same.
-_SAME = 1e-9
-# What is left of a difference that a relative error cannot make, relative to the plant.
-_LEFT = 1e-9
 # Relative distance from a pole at which a response stands for the one there.
 _BESIDE = 1e-8
 # Real part over size below which a pole counts as one on the axis, on neither side.
@@ -298,7 +294,8 @@ def errors(family: PlantFamily, nominal: AnyArray, kind: Kind, refuse: bool = Tr
         left = nominal @ error - difference
     gains = np.linalg.norm(error, 2, axis=(-2, -1))
     size = np.linalg.norm(family.responses, 2, axis=(-2, -1))
-    gains[np.linalg.norm(left, 2, axis=(-2, -1)) > _LEFT * size] = np.inf
+    # What is left of a difference that a relative error cannot make, relative to the plant.
+    gains[np.linalg.norm(left, 2, axis=(-2, -1)) > SAME * size] = np.inf
     if refuse and not np.isfinite(gains).all():
         where = family.omega[np.argwhere(~np.isfinite(gains))[0][1]]
         other = "input" if kind == "output" else "output"
@@ -321,8 +318,9 @@ def _of_responses(
     omega = np.asarray(measured[0].omega, dtype=float)[order]
     values = []
     for i, item in enumerate(measured):
+        # Relative difference of frequencies that are the same.
         same = len(item.omega) == omega.size and np.allclose(
-            np.sort(item.omega), omega, rtol=_SAME, atol=0
+            np.sort(item.omega), omega, rtol=SAME, atol=0
         )
         if not same:
             shown = described("another list of frequencies than that of the first")

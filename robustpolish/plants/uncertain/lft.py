@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy.linalg import block_diag
 
-from robustpolish.base.arrays import Matrix
+from robustpolish.base.arrays import SAME, SOLVED, SUMMED, Matrix
 from robustpolish.base.checks import described, invalid
 
 # Uncertain elements: real numbers, complex numbers, and dynamics of bounded gain.
@@ -286,9 +286,6 @@ def real_number(argument: str, value: Any) -> float:
 
 # Ellipsoids of real elements: physical numbers, and points drawn from them.
 
-# Relative size of what is left of numbers that no point of the ellipsoid's space has.
-_OUTSIDE = 1e-9
-
 
 def groups(blocks: Iterable[UncertainBlock]) -> list[list[RealElement]]:
     """Return the elements of each group."""
@@ -352,7 +349,8 @@ def point_of(known: Directions, values: Mapping[str, Any]) -> dict[str, float]:
     slopes, changes = slopes / units[:, None], changes / units
     deltas = np.linalg.pinv(slopes, rcond=1e-12) @ changes
     left = np.abs(slopes @ deltas - changes).max(initial=0.0)
-    if left > _OUTSIDE * np.abs(changes).max(initial=1.0):
+    # Relative size of what is left of numbers that no point of the ellipsoid's space has.
+    if left > SAME * np.abs(changes).max(initial=1.0):
         shown = described(", ".join(values))
         remedy = "What is certain cannot be changed: leave it out, or give fewer numbers."
         raise invalid("values", shown, "numbers that the ellipsoid can have together", remedy)
@@ -381,8 +379,6 @@ def drawn(members: Sequence[RealElement], random: np.random.Generator) -> dict[s
 _NEW = 1e-10
 # Relative size of a direction that is nothing but rounding of the largest.
 _ROUNDING = 1e-15
-# Relative size of a coupling that may be rounding of others.
-_FAINT = 1e-13
 
 
 def _invariant_subspace(start: Matrix, steps: Matrix) -> Matrix:
@@ -414,12 +410,6 @@ def _beyond(candidates: Matrix, basis: Matrix) -> Matrix:
         fresh = np.column_stack([fresh, direction])
         left = left - np.outer(direction, direction @ left)
     return fresh
-
-
-# Relative size below which a matrix that has to be inverted counts as singular.
-_SINGULAR = 1e-13
-# Relative size of a sum of products below which nothing but rounding is left of it.
-_CANCELLED = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
@@ -640,7 +630,8 @@ def _block_reduced(one: Lft, index: int) -> Lft:
     # Powers of two make each copy as easily moved as seen: units have no say. One that is only
     # seen by rounding must not be made as visible as the others.
     into, out, scale = np.linalg.norm(enter, axis=1), np.linalg.norm(leave, axis=0), np.ones(copies)
-    used = (into > _FAINT * into.max(initial=0.0)) & (out > _FAINT * out.max(initial=0.0))
+    # Relative size of a coupling that may be rounding of others.
+    used = (into > SOLVED * into.max(initial=0.0)) & (out > SOLVED * out.max(initial=0.0))
     scale[used] = np.exp2(np.round(np.log2(into[used] / out[used]) / 2))
     own = whole[z][:, w].reshape(copies, q, copies, p).transpose(1, 3, 0, 2)
     steps = own.reshape(-1, copies, copies) * scale[None, None, :] / scale[None, :, None]
@@ -659,7 +650,7 @@ def _block_reduced(one: Lft, index: int) -> Lft:
     size = np.abs(left) @ np.abs(whole) @ np.abs(right)
     whole = left @ whole @ right
     # What cancels is zero: its rounding would look like a coupling to the next reduction.
-    whole[np.abs(whole) <= _CANCELLED * size] = 0.0
+    whole[np.abs(whole) <= SUMMED * size] = 0.0
     fewer = UncertainBlock(block.element, basis.shape[1])
     n = one.F.shape[0] - block.columns + fewer.columns
     m = one.F.shape[1] - block.rows + fewer.rows
@@ -675,7 +666,8 @@ def _diagonal(*parts: Any) -> Matrix:
 
 def _inverted(M: Matrix, what: str, which: str) -> Any:
     sizes = np.linalg.svd(M, compute_uv=False)
-    if sizes.size and not sizes[-1] > _SINGULAR * sizes[0]:
+    # Relative size below which a matrix that has to be inverted counts as singular.
+    if sizes.size and not sizes[-1] > SOLVED * sizes[0]:
         shown = described(f"a singular matrix for {what}")
         raise invalid("system", shown, f"an invertible {which}", "Check its direct feedthrough.")
     return np.linalg.inv(M)

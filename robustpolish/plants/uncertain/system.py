@@ -10,20 +10,11 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
+from robustpolish.base import checks
 from robustpolish.base.arrays import Matrix
-from robustpolish.base.checks import (
-    closest_name_remedy,
-    described,
-    invalid,
-    is_whole,
-    matrix,
-    misfit,
-    one_of,
-    whole_number,
-)
 from robustpolish.base.results import Card, Displayed, Table
-from robustpolish.linear.systems import is_system
-from robustpolish.plants.blocks import as_state_space, matrices_of, named_system
+from robustpolish.linear.systems import as_state_space, is_system, named_system
+from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.uncertain import lft as algebra
 from robustpolish.plants.uncertain.lft import (
     ComplexElement,
@@ -46,7 +37,7 @@ def substitute(system: Lft, values: Mapping[str, Any]) -> Lft:
     for name in values:
         if name not in known:
             want = f"names among {', '.join(known)}"
-            raise invalid("values", name, want, closest_name_remedy(name, known))
+            raise checks.invalid("values", name, want, checks.closest_name_remedy(name, known))
     for name, value in values.items():
         index = [block.element.name for block in system.blocks].index(name)
         block = system.blocks[index]
@@ -60,13 +51,13 @@ def normalised(element: Element, value: Any, dt: Any) -> Lft:
         return constant(np.array([[element.delta(value)]]))
     if not isinstance(value, control.LTI) and np.any(np.imag(value)):
         remedy = "A complex number is no real system: pass one that has this value at a frequency."
-        raise invalid(element.name, value, "a real number or a stable system", remedy)
+        raise checks.invalid(element.name, value, "a real number or a stable system", remedy)
     plain = value if isinstance(value, control.LTI) else np.real(value)
     system = as_lft(as_state_space(element.name, plain, dt))
     if system.shape != element.shape:
-        shown = described(f"{system.shape[0]} x {system.shape[1]}")
+        shown = checks.described(f"{system.shape[0]} x {system.shape[1]}")
         wanted = f"{element.shape[0]} x {element.shape[1]}"
-        raise invalid(element.name, shown, wanted, "Check its inputs and outputs.")
+        raise checks.invalid(element.name, shown, wanted, "Check its inputs and outputs.")
     if isinstance(element, ComplexElement):
         radius, J = element.radius, system.J - element.nominal
         return Lft(system.F, system.G, system.H / radius, J / radius, system.states, (), system.dt)
@@ -275,7 +266,7 @@ class UncertainSystem(Displayed):
         if self.blocks:
             shown = f"uncertain {', '.join(b.element.name for b in self.blocks)}"
             remedy = "Take its .nominal, or ask worst_case_gain or robust_stability."
-            raise misfit("system", shown, "a system without uncertain blocks", remedy)
+            raise checks.misfit("system", shown, "a system without uncertain blocks", remedy)
         return as_state_space("system", _certain(self.matrices))
 
     def at(self, values: Mapping[str, Any]) -> Any:
@@ -300,7 +291,9 @@ class UncertainSystem(Displayed):
             If a name is unknown, or the loop through a value is not well posed.
         """
         if not isinstance(values, Mapping):
-            raise invalid("values", values, "a mapping of names to values", 'Write {"k": 11}.')
+            raise checks.invalid(
+                "values", values, "a mapping of names to values", 'Write {"k": 11}.'
+            )
         return _certain(substitute(self.matrices, values))
 
     def sample(self, n: int = 1, *, seed: int = 0) -> list[Any]:
@@ -318,7 +311,7 @@ class UncertainSystem(Displayed):
         list of control.StateSpace, ndarray or float
             Each within the bounds.
         """
-        whole_number("n", n, 1, remedy="Pass how many to draw.")
+        checks.whole_number("n", n, 1, remedy="Pass how many to draw.")
         random = np.random.default_rng(seed)
         return [self.at(random_values(self.matrices, random)) for _ in range(n)]
 
@@ -367,14 +360,14 @@ class UncertainSystem(Displayed):
         InvalidInputError
             If the sizes do not fit, or the loop is not well posed.
         """
-        one_of("sign", sign, (-1, 1))
+        checks.one_of("sign", sign, (-1, 1))
         ny, nu = self.shape
         back = as_uncertain("other", other).matrices
         if back.shape == (1, 1) != (nu, ny) and nu == ny > 0:
             back = block_diagonal([back] * ny)
         if back.shape != (nu, ny):
-            shown = described(f"{back.shape[0]} x {back.shape[1]}")
-            raise invalid("other", shown, f"{nu} x {ny}", "Check its inputs and outputs.")
+            shown = checks.described(f"{back.shape[0]} x {back.shape[1]}")
+            raise checks.invalid("other", shown, f"{nu} x {ny}", "Check its inputs and outputs.")
         both = block_diagonal([self.matrices, back])
         loop = np.zeros((nu + ny, ny + nu))
         loop[:nu, ny:], loop[nu:, :ny] = sign * np.eye(nu), np.eye(ny)
@@ -408,9 +401,9 @@ class UncertainSystem(Displayed):
         nu, ny = (p2 if nu == -1 else nu), (m2 if ny == -1 else ny)
         p1, m1 = self.shape
         if not (0 <= nu <= min(m1, p2) and 0 <= ny <= min(p1, m2)):
-            shown = described(f"{nu} inputs and {ny} outputs to join")
+            shown = checks.described(f"{nu} inputs and {ny} outputs to join")
             expected = f"at most {min(m1, p2)} and {min(p1, m2)}"
-            raise invalid("other", shown, expected, "Check its inputs and outputs.")
+            raise checks.invalid("other", shown, expected, "Check its inputs and outputs.")
         both = block_diagonal([self.matrices, lower])
         loop = np.zeros((m1 + m2, p1 + p2))
         loop[m1 - nu : m1, p1 : p1 + nu] = np.eye(nu)
@@ -474,8 +467,8 @@ class UncertainSystem(Displayed):
         return self._with(other, _quotient, turned=True)
 
     def __pow__(self, power: int) -> UncertainSystem:
-        if not is_whole(power):
-            raise invalid("power", power, "a whole number", "Other powers are not rational.")
+        if not checks.is_whole(power):
+            raise checks.invalid("power", power, "a whole number", "Other powers are not rational.")
         base = self.matrices if power >= 0 else algebra.inverse(self.matrices)
         result = constant(np.eye(self.ninputs))
         for _ in range(abs(int(power))):
@@ -484,7 +477,7 @@ class UncertainSystem(Displayed):
 
     def __getitem__(self, key: Any) -> UncertainSystem:
         if not isinstance(key, tuple) or len(key) != 2:
-            raise invalid("key", key, "rows and columns", "Write system[0, :].")
+            raise checks.invalid("key", key, "rows and columns", "Write system[0, :].")
         ny, nu = self.shape
         rows = _chosen(key[0], list(self.output_labels))
         columns = _chosen(key[1], list(self.input_labels))
@@ -520,11 +513,13 @@ def as_uncertain(argument: str, value: Any) -> UncertainSystem:
     if (isinstance(value, np.ndarray) and value.dtype == object) or _nested(value):
         return UncertainSystem(block_matrix(argument, value))
     if np.iscomplexobj(value) and not isinstance(value, control.LTI):
-        raise invalid(argument, value, _OPERANDS, "Matrices are real: use uncertain_complex.")
+        raise checks.invalid(
+            argument, value, _OPERANDS, "Matrices are real: use uncertain_complex."
+        )
     if is_system(value):
         return UncertainSystem(as_lft(as_state_space(argument, value)))
     plain: Any = np.atleast_2d(value) if isinstance(value, list | tuple | np.ndarray) else value
-    return UncertainSystem(constant(matrix(argument, plain)))
+    return UncertainSystem(constant(checks.matrix(argument, plain)))
 
 
 def block_matrix(argument: str, value: Any) -> Lft:
@@ -535,18 +530,18 @@ def block_matrix(argument: str, value: Any) -> Lft:
     if table.ndim == 1 and not any(isinstance(row, list | tuple | np.ndarray) for row in table):
         table = table.reshape(1, -1)
     if table.ndim != 2 or 0 in table.shape:
-        shown = described(f"shape {table.shape}")
-        raise invalid(argument, shown, "rows of equal length", "Check its rows and columns.")
+        shown = checks.described(f"shape {table.shape}")
+        raise checks.invalid(argument, shown, "rows of equal length", "Check its rows and columns.")
     ny, nu = table.shape
     certain = np.array([[_number(entry) for entry in row] for row in table], dtype=object)
-    result = constant(matrix(argument, certain.tolist()))
+    result = constant(checks.matrix(argument, certain.tolist()))
     for i, j in np.ndindex(ny, nu):
         entry = table[i, j]
         if _number(entry) == 0.0 and isinstance(entry, UncertainSystem | control.LTI):
             one = as_uncertain(argument, entry)
             if one.shape != (1, 1):
-                shown = described(f"an entry of shape {one.shape}")
-                raise invalid(argument, shown, "single entries", "Join blocks with append.")
+                shown = checks.described(f"an entry of shape {one.shape}")
+                raise checks.invalid(argument, shown, "single entries", "Join blocks with append.")
             column, row = constant(np.eye(ny)[:, [i]]), constant(np.eye(nu)[[j]])
             result = algebra.total(result, product(product(column, one.matrices), row))
     return result
@@ -582,7 +577,7 @@ def _chosen(key: Any, labels: list[str]) -> list[int]:
         return np.atleast_1d(np.arange(len(labels))[key]).tolist()
     except IndexError:
         known = f"positions below {len(labels)} or names among {', '.join(labels)}"
-        raise invalid("key", key, known, "Correct the index.") from None
+        raise checks.invalid("key", key, known, "Correct the index.") from None
 
 
 def _certain(one: Lft) -> Any:

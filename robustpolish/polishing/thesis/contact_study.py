@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from scipy import optimize
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 
-from robustpolish.base.arrays import Matrix, Vector
+from robustpolish.base.arrays import ROUNDING, Matrix, Vector
 from robustpolish.base.budget import progress_bar
 from robustpolish.base.checks import described, invalid, one_of, positive, whole_number
 from robustpolish.base.results import Card, Displayed, Table
@@ -689,8 +689,6 @@ def most_impulse(impulse: Vector, interval: float) -> float:
 
 # Static contact: resultant forces on the edge of the friction cone (section 7.2).
 
-_PARALLEL = 1e-12  # sine of the angle between two forces below which they cannot balance a third
-
 
 @dataclass(frozen=True)
 class ResultantForces:
@@ -842,7 +840,8 @@ def resultant_forces(
 
 def _ratio(upper: float, lower: float, name: str) -> float:
     """Divide, or say which elevation makes the balance impossible."""
-    found = upper / lower if abs(lower) > _PARALLEL else inf
+    # sine of the angle between two forces below which they cannot balance a third
+    found = upper / lower if abs(lower) > ROUNDING else inf
     if abs(found) == inf:
         shown = described("forces that are parallel to each other, as on a level surface")
         expected = "an elevation at which they can balance the polishing force"

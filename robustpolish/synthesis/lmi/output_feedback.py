@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import linalg
 
+from robustpolish.base.arrays import EPS
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.synthesis.certificate import Norm
 from robustpolish.synthesis.lmi.program import (
@@ -28,6 +29,10 @@ from robustpolish.synthesis.riccati.gamma import normalise
 # with slow and fast poles. The two Riccati equations bound them: R <= gamma inv(X) and S <= gamma
 # inv(Y), so that states in which X and Y are balanced suit R and S too. What the inequalities say
 # is the same in all states.
+
+
+# With more states the change of variables has too many unknowns.
+LMI_STATES = 14
 
 
 def balanced_states(
@@ -409,7 +414,7 @@ def reconstruct(plant: PlantMatrices, found: LmiVariables) -> Controller | None:
     """Undo the change of variables, with a balanced factorisation M N' = I - XY."""
     P, (X, Y, Ah, Bh, Ch, D) = plant, found
     U, s, Vt = np.linalg.svd(np.eye(len(X)) - X @ Y)
-    if s[-1] <= np.finfo(float).eps * s[0]:
+    if s[-1] <= EPS * s[0]:
         return None
     root = np.sqrt(s)
     M, N = U * root, Vt.T * root

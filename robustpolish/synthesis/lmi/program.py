@@ -9,13 +9,13 @@ sequence of semidefinite programs, and K follows from P by one more.
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import signal
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from importlib import import_module
 from multiprocessing import Pipe
 from typing import Any
 
@@ -26,7 +26,7 @@ from scipy import linalg, sparse
 from robustpolish.base.arrays import AnyMatrix, Matrix
 from robustpolish.base.budget import Budget
 from robustpolish.base.checks import one_of
-from robustpolish.errors import RobustPolishError
+from robustpolish.errors import MissingDependencyError, RobustPolishError
 from robustpolish.synthesis.backends.parent_watch import exit_with_parent
 from robustpolish.synthesis.problem.matrices import PlantMatrices, cayley
 
@@ -278,7 +278,6 @@ def run_with_time_limit(call: Callable[[], Any], seconds: float) -> Any:
 
 Integers = NDArray[np.integer]
 
-BACKENDS = ("cvxpy", "picos")
 # An interior-point iteration on more unknowns takes too long for the clock to be looked at.
 _QUICK_UNKNOWNS = 500
 # Work of a program in steps: a fixed share, and the cube of its unknowns over those that cost as
@@ -429,6 +428,126 @@ class SemidefiniteProgram:
         return Affine(shape, np.zeros(size), linear)
 
 
+# Semidefinite programs through cvxpy: Clarabel by default, others by name.
+
+
+def solve_by_cvxpy(
+    form: ConicForm, solver: str | None, tolerance: float, time_limit: float
+) -> tuple[NDArray[np.float64] | None, str]:
+    """Solve a conic form; return the variables, or None, and the solver's status."""
+    try:
+        import cvxpy as cp
+    except ImportError as error:
+        raise MissingDependencyError(
+            "backend: cvxpy is not installed. Install it with `pip install cvxpy clarabel`."
+        ) from error
+
+    name = (solver or "CLARABEL").upper()
+    one_of("solver", name, cp.installed_solvers())
+    x = cp.Variable(form.objective.size)
+    constraints: list[Any] = [
+        cp.PSD(cp.reshape(G @ x + h, (size, size), order="F")) for size, G, h in form.psd if size
+    ]
+    constraints += [G @ x + h >= 0 for G, h in form.nonnegative]
+    constraints += [G @ x + h == 0 for G, h in form.zero]
+    problem = cp.Problem(cp.Minimize(form.objective @ x), constraints)
+    with warnings.catch_warnings():
+        # "Solution may be inaccurate": the status says so, and callers verify.
+        warnings.simplefilter("ignore")
+        try:
+            problem.solve(
+                solver=name,
+                ignore_dpp=True,
+                **_cvxpy_options(name, tolerance, time_limit, form.prescaled),
+            )
+        except cp.SolverError as error:
+            return None, f"failed: {error}"
+    return (None if x.value is None else np.array(x.value)), str(problem.status)
+
+
+def _cvxpy_options(
+    name: str, tolerance: float, time_limit: float, prescaled: bool
+) -> dict[str, Any]:
+    # SCS knows no infinite time.
+    seconds = min(max(time_limit, 1e-3), 1e9)
+    if name == "CLARABEL":
+        return {
+            **dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance),
+            # Where progress ends, the last iterate is wanted, not an error: callers verify.
+            "reduced_tol_gap_abs": 1e-2,
+            "reduced_tol_gap_rel": 1e-2,
+            "reduced_tol_feas": 1e-3,
+            "max_iter": 200,
+            "equilibrate_enable": not prescaled,
+            # More threads would add up in another order, and give other bits.
+            "max_threads": 1,
+            "direct_solve_method": "qdldl",
+            "time_limit": seconds,
+        }
+    if name == "SCS":
+        accuracy = {"eps_abs": tolerance, "eps_rel": tolerance}
+        return {**accuracy, "max_iters": 100_000, "time_limit_secs": seconds}
+    known = ("abstol", "reltol", "feastol") if name == "CVXOPT" else ()
+    return dict.fromkeys(known, tolerance)
+
+
+# Semidefinite programs through picos: CVXOPT by default. Both are GPL, hence optional.
+
+
+def solve_by_picos(
+    form: ConicForm, solver: str | None, tolerance: float, time_limit: float
+) -> tuple[NDArray[np.float64] | None, str]:
+    """Solve a conic form; return the variables, or None, and the solver's status."""
+    try:
+        import picos
+    except ImportError as error:
+        raise MissingDependencyError(
+            "backend: picos is not installed. Install it with `pip install picos cvxopt`, "
+            "or choose backend='cvxpy'."
+        ) from error
+
+    name = (solver or "cvxopt").lower()
+    one_of("solver", name, picos.available_solvers())
+    x = picos.RealVariable("x", form.objective.size)
+    problem = picos.Problem(primals=None, verbosity=0, max_iterations=100)
+    for size, G, h in form.psd:
+        if not size:
+            continue  # nothing is semidefinite
+        entries: Any = picos.Constant(sparse.csc_matrix(G)) * x + picos.Constant(h)
+        problem.add_constraint(entries.reshaped((size, size)) >> 0)
+    for G, h in form.nonnegative:
+        problem.add_constraint(picos.Constant(sparse.csc_matrix(G)) * x + picos.Constant(h) >= 0)
+    for G, h in form.zero:
+        problem.add_constraint(picos.Constant(sparse.csc_matrix(G)) * x + picos.Constant(h) == 0)
+    problem.set_objective("min", picos.Constant(form.objective.reshape(1, -1)) * x)
+    if math.isfinite(time_limit) and name != "cvxopt":
+        problem.options.timelimit = max(1, round(time_limit))
+    budget = Budget(seconds=time_limit)
+    status = "failed"
+    # CVXOPT breaks down, and loses its iterate, where it cannot reach the tolerance; how near to
+    # rounding that is differs between processors.
+    for eased in (10.0**power * tolerance for power in range(6)):
+        for kind in ("abs_prim_fsb", "abs_dual_fsb", "abs_ipm_opt"):
+            problem.options[f"{kind}_tol"] = problem.options[f"rel{kind[3:]}_tol"] = eased
+        try:
+            solution = problem.solve(solver=name)
+        except (picos.SolutionFailure, ArithmeticError, ValueError) as error:
+            status = f"failed: {error}"
+        else:
+            if x.value is not None:
+                values = np.array(x.value, dtype=float).ravel()
+                return values, str(solution.claimedStatus)
+            status = str(solution.claimedStatus)
+        if budget.late:
+            break
+    return None, status
+
+
+# Both libraries are imported late: picos is optional, and cvxpy takes a second to load.
+_SOLVE = {"cvxpy": solve_by_cvxpy, "picos": solve_by_picos}
+BACKENDS = tuple(_SOLVE)
+
+
 @dataclass(frozen=True)
 class ProgramSolver:
     """Who solves the programs of one search, and how much work they may be.
@@ -464,9 +583,7 @@ class ProgramSolver:
         if self.budget.over:
             return SemidefiniteSolution(None, "no work left", 0.0)
         self.budget.spend(_WORK * (1 + (program.unknowns / _ALL_OVERHEAD) ** 3))
-        one_of("backend", self.backend, BACKENDS)
-        # Imported late: picos is optional and GPL, and cvxpy takes a second to load.
-        run = import_module(f"robustpolish.synthesis.backends.{self.backend}_backend").solve
+        run = _SOLVE[one_of("backend", self.backend, BACKENDS)]
         form, seconds, clock = program.conic_form(), self.budget.seconds_left, Budget()
         x, status = None, "numbers beyond doubles"
         if form.finite:

@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
+from robustpolish.base.arrays import SAME, Vector
 from robustpolish.base.arrays import AnyMatrix as Matrix
-from robustpolish.base.arrays import Vector
 from robustpolish.base.budget import step_cost
-from robustpolish.linear.arithmetic.realisation import Realisation
-from robustpolish.linear.delayed_systems import resolvent_response
-from robustpolish.linear.norms.hinf import cayley, hamiltonian
+from robustpolish.linear.norms.hinf import cayley
+from robustpolish.linear.systems import Realisation, hamiltonian, resolvent_response
 from robustpolish.synthesis.nonsmooth.descent import ActivePiece, Measure
 from robustpolish.synthesis.problem.matrices import PlantMatrices, StaticLoop, close_static_loop
 
@@ -118,9 +117,6 @@ Complex = NDArray[Any]
 # Eigenvectors pay from so many states on: a frequency then takes n instead of n^3 operations. On
 # fewer states everything is overhead.
 _MODAL_STATES = 12
-# So far a response from eigenvectors may be from that of a linear solve. Loops with eigenvectors
-# that are nearly parallel are worse, and take linear solves.
-_MODAL_ERROR = 1e-9
 
 
 class LoopResponse:
@@ -180,7 +176,9 @@ class LoopResponse:
         with np.errstate(over="ignore", invalid="ignore"):
             top = points[[int(np.argmax(_largest(self._summed(points))))]]
             summed, solved = self._summed(top), self._solved(top)
-            return bool(np.linalg.norm(summed - solved) <= _MODAL_ERROR * np.linalg.norm(solved))
+            # So far a response from eigenvectors may be from that of a linear solve. Loops with
+            # eigenvectors that are nearly parallel are worse, and take linear solves.
+            return bool(np.linalg.norm(summed - solved) <= SAME * np.linalg.norm(solved))
 
     def crossings(self, level: float) -> Vector:
         """Frequencies at which a singular value equals `level`, increasing."""

@@ -23,7 +23,7 @@ from robustpolish.synthesis import driver
 from robustpolish.synthesis.backends.slycot_backend import synthesise
 from robustpolish.synthesis.certificate import Gamma, Norm, NormTarget, norm_in_words
 from robustpolish.synthesis.design import Design
-from robustpolish.synthesis.engine import (
+from robustpolish.synthesis.driver import (
     AS_GOOD_AS_ZERO,
     COSTLY_STATES,
     EPSILONS,
@@ -37,13 +37,7 @@ from robustpolish.synthesis.engine import (
 )
 from robustpolish.synthesis.lmi import output_feedback as lmi
 from robustpolish.synthesis.lmi.program import ProgramSolver, SemidefiniteProgram
-from robustpolish.synthesis.problem.matrices import (
-    Controller,
-    PlantMatrices,
-    regularise,
-    shifted,
-    with_penalty_and_noise,
-)
+from robustpolish.synthesis.problem import matrices
 from robustpolish.synthesis.problem.preflight import (
     SolvabilityCheck,
     check_solvability,
@@ -62,12 +56,7 @@ from robustpolish.synthesis.riccati.gamma import (
     search_gamma,
 )
 from robustpolish.synthesis.state_feedback.riccati import lqg
-from robustpolish.synthesis.structured.methods import (
-    StructuredOptions,
-    checked_order,
-    design_fixed_order,
-    refuse_with_order,
-)
+from robustpolish.synthesis.structured import methods
 from robustpolish.synthesis.structured.search import TIME_LIMIT
 
 # H-infinity output feedback by Riccati equations on a ladder of regularised plants.
@@ -113,7 +102,7 @@ class Lqg(Engine):
 
     def _solved(self, epsilon: float) -> bool:
         self.budget.spend(step_cost(self.problem.plant.nx))
-        K = lqg(regularise(self.problem.plant, epsilon))
+        K = lqg(matrices.regularise(self.problem.plant, epsilon))
         candidate = None if K is None else self.checked(K, np.inf, f"riccati, {epsilon:.1e}")
         if candidate is not None:
             self.candidates.append(candidate)
@@ -125,16 +114,16 @@ class Lqg(Engine):
 class Regularisation(NamedTuple):
     """How a plant is changed so that its equations have a solution.
 
-    ``epsilon`` is the price, noise and disturbance of :func:`regularise`, ``shift`` by how much the
-    axis is moved to the left; see :func:`shifted`.
+    ``epsilon`` is the price, noise and disturbance of ``matrices.regularise``, ``shift`` by how
+    much the axis is moved to the left; see ``matrices.shifted``.
     """
 
     epsilon: float
     shift: float = 0.0
 
-    def normalised(self, plant: PlantMatrices) -> NormalisedPlant:
+    def normalised(self, plant: matrices.PlantMatrices) -> NormalisedPlant:
         """Change a plant and bring it into the coordinates of the equations."""
-        return normalise(shifted(regularise(plant, self.epsilon), self.shift))
+        return normalise(matrices.shifted(matrices.regularise(plant, self.epsilon), self.shift))
 
 
 _AXIS = tuple(Regularisation(0.0, shift) for shift in (0.0, *SHIFTS))
@@ -331,8 +320,6 @@ class RegularisedRiccati(Engine):
 # the solution of one being the unit of the next.
 
 
-# Inequalities for more states take longer than a call of "auto" is expected to.
-LMI_STATES = 14
 # By how much the axis is moved where there are a price and a noise too.
 _SHIFTS = (0.0, 1e-5, 1e-7)
 # What counts as small in X and XY (:func:`balanced_states`), one choice after the other: no single
@@ -347,7 +334,7 @@ class _RegularisedSolution(NamedTuple):
 
     epsilon: float
     shift: float
-    plant: PlantMatrices
+    plant: matrices.PlantMatrices
     gamma: float
     solution: Attempt
 
@@ -369,7 +356,7 @@ class LmiHinf(_LmiEngine):
     @staticmethod
     def is_useful(problem: Task, earlier: Sequence[Engine]) -> bool:
         """Tell whether a small plant is left for which no limit of the gain explains the norm."""
-        small = problem.plant.nx <= LMI_STATES
+        small = problem.plant.nx <= lmi.LMI_STATES
         return not earlier or (small and not any(engine.falling for engine in earlier))
 
     def search(self) -> None:
@@ -455,12 +442,12 @@ class LmiHinf(_LmiEngine):
 
     def _solved(
         self,
-        plant: PlantMatrices,
+        plant: matrices.PlantMatrices,
         near: lmi.ProjectedSolution | None,
         gamma: float,
         goal: float,
         rung: _RegularisedSolution,
-    ) -> tuple[PlantMatrices, lmi.ProjectedSolution] | None:
+    ) -> tuple[matrices.PlantMatrices, lmi.ProjectedSolution] | None:
         """Solve at a gamma, in units of `goal`, beside a known solution, if there is one.
 
         Returns the plant and the solution in better states; None unless the controller keeps gamma.
@@ -487,7 +474,9 @@ class LmiHinf(_LmiEngine):
         return after[0], lmi.ProjectedSolution(sizes, sizes, gamma)
 
 
-def _feasible(plant: PlantMatrices, gamma: float, budget: Budget) -> Iterator[_RegularisedSolution]:
+def _feasible(
+    plant: matrices.PlantMatrices, gamma: float, budget: Budget
+) -> Iterator[_RegularisedSolution]:
     """Yield regularised plants whose equations have solutions at a gamma, the strongest first."""
     pairs = [(epsilon, shift) for epsilon in EPSILONS for shift in _SHIFTS]
     if has_full_rank(plant):
@@ -495,7 +484,7 @@ def _feasible(plant: PlantMatrices, gamma: float, budget: Budget) -> Iterator[_R
     for epsilon, shift in pairs:
         if budget.over:
             return
-        regular = shifted(with_penalty_and_noise(plant, epsilon), shift)
+        regular = matrices.shifted(matrices.with_penalty_and_noise(plant, epsilon), shift)
         budget.spend(step_cost(plant.nx))
         solution = normalise(regular).halves.attempt(gamma)
         if solution.feasible:
@@ -503,7 +492,7 @@ def _feasible(plant: PlantMatrices, gamma: float, budget: Budget) -> Iterator[_R
 
 
 def _optimal(
-    plant: PlantMatrices, epsilon: float, start: float, budget: Budget
+    plant: matrices.PlantMatrices, epsilon: float, start: float, budget: Budget
 ) -> _RegularisedSolution | None:
     """Return a regularised plant a little above the optimum of its equations.
 
@@ -511,7 +500,7 @@ def _optimal(
     """
     best: _RegularisedSolution | None = None
     for shift in _SHIFTS:
-        regular = shifted(with_penalty_and_noise(plant, epsilon), shift)
+        regular = matrices.shifted(matrices.with_penalty_and_noise(plant, epsilon), shift)
         halves = normalise(regular).halves
         bracket = search_gamma(halves, start, _ABOVE_OPTIMUM - 1, budget)
         gamma = np.inf if bracket is None else bracket.upper * _ABOVE_OPTIMUM
@@ -569,7 +558,7 @@ class LmiH2(_LmiEngine):
             for (K,) in lmi.well_conditioned_controllers([frame], "h2", impose, self.solver):
                 self._keep(K, bound)
 
-    def _keep(self, K: Controller | None, bound: float) -> None:
+    def _keep(self, K: matrices.Controller | None, bound: float) -> None:
         candidate = None if K is None else self.checked(K, bound, "lmi")
         if candidate is not None:
             self.candidates.append(candidate)
@@ -592,7 +581,7 @@ class Slycot(Engine):
     def search(self) -> None:
         """Run the routine in a process of its own, which the safety net ends."""
         problem = self.problem
-        P = regularise(problem.plant, 0.0 if problem.regular else SLYCOT_EPSILON)
+        P = matrices.regularise(problem.plant, 0.0 if problem.regular else SLYCOT_EPSILON)
         routine = "SB10AD" if problem.norm == "hinf" else "SB10HD"
         answer = synthesise(routine, (P.nx, P.nu, P.ny), P.system, self.budget.seconds_left)
         self.budget.update_late()
@@ -601,7 +590,7 @@ class Slycot(Engine):
             return
         claimed = np.inf if answer.gamma is None else answer.gamma
         self.history.append({"gamma": claimed, "regularised": not problem.regular})
-        candidate = self.checked(Controller(*answer.controller), claimed, routine)
+        candidate = self.checked(matrices.Controller(*answer.controller), claimed, routine)
         if candidate is None:
             self.remarks.append(f"The controller of {routine} does not stabilise the plant.")
             return
@@ -616,7 +605,7 @@ class Slycot(Engine):
 Method = Literal["auto", "riccati", "lmi", "slycot"]
 
 # The order in which each method calls the engines. To add one, write a subclass of
-# :class:`~robustpolish.synthesis.engine.Engine` in a file of its own and name it here.
+# :class:`~robustpolish.synthesis.driver.Engine` in a file of its own and name it here.
 
 ENGINES: Mapping[str, Mapping[str, tuple[type[Engine], ...]]] = {
     "hinf": {
@@ -777,16 +766,16 @@ def output_feedback(
     wanted = NormTarget.checked(gamma)
     whole = with_measurement_noise(with_control_penalty(plant, control_weight), measurement_noise)
     if order is not None:
-        most = checked_order(order)
-        refuse_with_order(method, gamma)
-        orders = StructuredOptions.checked(norm, seconds, 0, effort=effort)
+        most = methods.checked_order(order)
+        methods.refuse_with_order(method, gamma)
+        orders = methods.StructuredOptions.checked(norm, seconds, 0, effort=effort)
         options: Any = {"backend": backend, "solver": solver, "tolerance": tolerance}
         try:
             limit = min(60.0, seconds / 2)
             full = output_feedback(whole, norm, effort=effort, time_limit=limit, **options)
         except SolverError:
             full = None  # nothing proven: few states may do where this found nothing
-        return design_fixed_order(plant, whole, most, full, norm, tolerance, orders)
+        return methods.design_fixed_order(plant, whole, most, full, norm, tolerance, orders)
     plant = whole
     settings = Settings(norm, method, backend, solver, tolerance, wanted, ENGINES[norm][method])
     # Steps on the size of the plant that a call may spend at least: a search over gamma of a

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from robustpolish.base.arrays import EPS
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.checks import invalid
-from robustpolish.implementation.sampled.lifting import border_scale
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.linear.scaling import border_scale
 from robustpolish.plants.plant import GeneralizedPlant
 
 # Parts of a plant's disturbances and performance outputs, by name.
@@ -539,7 +540,7 @@ class StaticLoop:
         """Whether all poles are inside, by more than rounding errors of the eigenvalues."""
         if self.A.size == 0 or not np.isfinite(self.A).all():
             return self.A.size == 0
-        blur = 10 * np.finfo(float).eps * float(np.linalg.norm(self.A, 2))
+        blur = 10 * EPS * float(np.linalg.norm(self.A, 2))
         size = np.abs(self.poles) - 1 if self.plant.discrete else self.poles.real
         return bool(np.max(size) < -blur)
 
@@ -557,7 +558,7 @@ def close_static_loop(plant: PlantMatrices, K: Matrix) -> StaticLoop | None:
         left, right = np.eye(len(K)) - K @ plant.D22, np.eye(K.shape[1]) - plant.D22 @ K
         # Both are singular for the same K, but rounding may show it in one of them only.
         for end in (left, right):
-            if not np.isfinite(end).all() or np.linalg.cond(end) > 1 / np.finfo(float).eps:
+            if not np.isfinite(end).all() or np.linalg.cond(end) > 1 / EPS:
                 return None
         T, ends = np.linalg.solve(left, K), (np.linalg.inv(left), np.linalg.inv(right))
     loop = plant.with_inner_loop(T)
@@ -595,3 +596,142 @@ def controller_loop(order: int, left: Matrix, right: Matrix, discrete: bool) -> 
     still = zero((0, 0)), zero((0, columns)), zero((0, nu)), zero((rows, 0)), zero((ny, 0))
     gain = PlantMatrices(*still, zero((rows, columns)), left, right, zero((ny, nu)), discrete)
     return augmented(gain, order)
+
+
+def solve_riccati(A: Matrix, R: Matrix, Q: Matrix) -> Matrix | None:
+    r"""Return the stabilising solution of A'X + XA + XRX + Q = 0.
+
+    Parameters
+    ----------
+    A, R, Q : ndarray, shape (n, n)
+        R and Q symmetric, of any sign.
+
+    Returns
+    -------
+    ndarray or None
+        X symmetric with A + R X stable; None if the Hamiltonian has eigenvalues on the
+        axis, to working accuracy, or if no such X exists.
+    """
+    n = A.shape[0]
+    if n == 0:
+        return np.zeros((0, 0))
+    if not (np.isfinite(A).all() and np.isfinite(R).all() and np.isfinite(Q).all()):
+        return None
+    H, scale, weight = balanced_hamiltonian(A, R, Q)
+    if not np.isfinite(H).all():
+        return None
+    try:
+        _, U, stable = linalg.schur(H, sort="lhp")  # type: ignore[misc]
+    except linalg.LinAlgError:
+        return None
+    if stable != n:
+        return None
+    upper, lower = U[:n, :n], U[n:, :n]
+    # A subspace that holds eigenvalues of the axis, pushed to the left by rounding, is
+    # not Lagrangian: its X would not be symmetric.
+    product = upper.T @ lower
+    if np.abs(product - product.T).max() > 1e-6:
+        return None
+    # LAPACK itself: SciPy would warn of a singular matrix, which is an answer here.
+    getrf: Any = linalg.get_lapack_funcs("getrf", (upper,))
+    lu, pivots, info = getrf(upper)
+    singular = np.linalg.svd(upper, compute_uv=False)
+    if info > 0 or singular[-1] <= np.finfo(float).tiny:
+        return None
+    X = linalg.lu_solve((lu, pivots), lower.T, trans=1).T
+    X = (X + X.T) / 2 * weight / scale / scale[:, None]
+    return X if np.isfinite(X).all() else None
+
+
+def balanced_hamiltonian(A: Matrix, R: Matrix, Q: Matrix) -> tuple[Matrix, Matrix, float]:
+    """Return a Hamiltonian that powers of two even out without breaking its structure, and these.
+
+    Returns
+    -------
+    H : ndarray, shape (2n, 2n)
+    scale : ndarray, shape (n,)
+        State scaling x = diag(scale) x_new.
+    weight : float
+        Factor between the two halves: R is multiplied and Q divided by it.
+    """
+    n = A.shape[0]
+    size = np.abs(np.block([[A, R], [Q, A.T]]))
+    np.fill_diagonal(size, 0)
+    logs = np.log2(balancing_scale(size))
+    scale = np.exp2(np.round((logs[:n] - logs[n:]) / 2))
+    r = np.abs(R / scale[:, None] / scale[None, :]).max()
+    q = np.abs(Q * scale[:, None] * scale[None, :]).max()
+    weight = float(np.exp2(np.round(np.log2(q / r) / 2))) if r > 0 and q > 0 else 1.0
+    A, R, Q = A * scale / scale[:, None], R / scale / scale[:, None], Q * scale * scale[:, None]
+    return np.block([[A, R * weight], [-Q / weight, -A.T]]), scale, weight
+
+
+def solve_lyapunov(A: Matrix, Q: Matrix) -> Matrix | None:
+    """Return X of A'X + XA + Q = 0 for a stable A; None where numbers are not finite.
+
+    Where eigenvalues lie on the axis, to working accuracy, LAPACK moves them: X is then no more
+    than a start.
+    """
+    if A.shape[0] == 0:
+        return np.zeros((0, 0))
+    if not (np.isfinite(A).all() and np.isfinite(Q).all()):
+        return None
+    T, U = linalg.schur(A.T, output="real")  # type: ignore[misc]
+    # dtrsyl scales the right-hand side down where it would overflow.
+    trsyl: Any = linalg.get_lapack_funcs("trsyl", (T, Q))
+    Y, scale, info = trsyl(T, T, -U.T @ Q @ U, tranb="T")
+    if info < 0 or scale == 0 or not np.isfinite(Y).all():
+        return None
+    X = U @ (Y / scale) @ U.T
+    return (X + X.T) / 2 if np.isfinite(X).all() else None
+
+
+def without_many_modes(K: Controller, hold: bool) -> Iterator[Controller]:
+    """Propose controllers without the fastest half, quarter or eighth of their modes."""
+    speeds = np.sort(np.abs(np.linalg.eigvals(K.A)))
+    n = len(speeds)
+    for count in (n // 2, n // 4, n // 8):
+        # Between two speeds, so that no pair is torn apart.
+        bound = float(np.sqrt(speeds[n - count] * speeds[n - count - 1])) if count < n else 0.0
+        yield from _truncate_modes(K, lambda v, b=bound: np.abs(v) > b, hold)
+
+
+def without_one_mode(K: Controller, hold: bool) -> Iterator[Controller]:
+    """Propose controllers with one mode less: without the fastest, without the weakest."""
+    values, vectors = np.linalg.eig(K.A)
+    fastest = np.abs(values).max()
+    yield from _truncate_modes(K, lambda v: np.abs(v) > 0.9 * fastest, hold)
+    try:
+        left = np.linalg.inv(vectors)
+    except np.linalg.LinAlgError:
+        return
+    # What a mode adds to the response.
+    damping = np.maximum(np.abs(np.real(values)), 1e-12 * fastest)
+    size = np.linalg.norm(K.C @ vectors, axis=0) * np.linalg.norm(left @ K.B, axis=1) / damping
+    weakest = values[np.argmin(size)]
+    if size.min() <= 1e-2 * size.max():
+        pair = np.array([weakest, weakest.conjugate()])
+        yield from _truncate_modes(K, lambda v: np.abs(v - pair).min() <= 1e-9 * fastest, False)
+
+
+def _truncate_modes(
+    K: Controller, removed: Callable[[Any], Any], hold: bool
+) -> Iterator[Controller]:
+    """Split off the modes that `removed` selects and drop them, or hold them at rest."""
+    try:
+        T, Z, kept = linalg.schur(  # type: ignore[misc]
+            K.A, output="real", sort=lambda re, im: not removed(np.array(complex(re, im)))
+        )
+        n = len(T)
+        if kept == n:
+            return
+        slow, fast = slice(0, kept), slice(kept, n)
+        X = linalg.solve_sylvester(T[slow, slow], -T[fast, fast], -T[slow, fast])
+        B, C = Z.T @ K.B, K.C @ Z
+        B_slow, C_fast = B[slow] - X @ B[fast], C[:, fast] + C[:, slow] @ X
+        D = K.D
+        if hold:
+            D = D - C_fast @ np.linalg.solve(T[fast, fast], B[fast])
+    except (linalg.LinAlgError, ValueError):
+        return
+    yield Controller(T[slow, slow], B_slow, C[:, slow], D)

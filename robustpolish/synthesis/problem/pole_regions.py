@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -270,35 +269,6 @@ class Sector(PoleRegion):
         Sector(damping=0.5, apex=-0.01)
         """
         return Sector(self.damping, self.apex * seconds)
-
-
-def checked_regions(
-    argument: str, given: PoleRegion | Sequence[PoleRegion] | None
-) -> tuple[PoleRegion, ...]:
-    """Return one region, several or none as a tuple.
-
-    Raises
-    ------
-    InvalidInputError
-        If one of them is no region.
-    """
-    several = given if isinstance(given, Sequence) else () if given is None else (given,)
-    for region in several:
-        if not isinstance(region, PoleRegion):
-            shown = described(type(region).__name__)
-            raise invalid(argument, shown, "HalfPlane, Disk or Sector", "Build one of these.")
-    return tuple(several)
-
-
-def violated_regions(regions: Sequence[PoleRegion], poles: ArrayLike) -> list[str]:
-    """Say of each region that some of the poles miss that they do."""
-    return [f"a pole lies outside {region}" for region in regions if not region.contains(poles)]
-
-
-def boundaries(regions: PoleRegion | Sequence[PoleRegion]) -> dict[str, tuple[Matrix, Matrix]]:
-    """Return L and M of each region by a name that tells its numbers, to be drawn."""
-    several = checked_regions("regions", regions)
-    return {f"outside {region}": (region.L, region.M) for region in several}
 
 
 def _finite(argument: str, value: float) -> None:

@@ -13,17 +13,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
-from robustpolish.base.arrays import AnyMatrix, Array, Matrix
+from robustpolish.base.arrays import EPS, AnyMatrix, Array, Matrix
 from robustpolish.base.checks import described, invalid
 from robustpolish.errors import InfeasibleError
 from robustpolish.implementation.reduction import balancing_projection, own_gramians
-from robustpolish.linear.arithmetic import powers_of_two
-from robustpolish.linear.arithmetic.rational import EXACT_STATES, ExactModel, to_float
-from robustpolish.linear.arithmetic.realisation import realisation
-from robustpolish.linear.controllability import controllability
-from robustpolish.linear.modes import AxisZero, zeros_on_axis
+from robustpolish.linear.arithmetic import exact
+from robustpolish.linear.arithmetic.exact import EXACT_STATES, ExactModel, to_float
+from robustpolish.linear.norms.hinf import AxisZero, zeros_on_axis
 from robustpolish.linear.scaling import decoupled_blocks
-from robustpolish.plants.blocks import matrices_of, named_system
+from robustpolish.linear.stability import controllability
+from robustpolish.linear.systems import named_system, realisation
+from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import NOISE_PREFIX
 from robustpolish.synthesis.problem.matrices import (
@@ -273,18 +273,18 @@ def scale_plant(plant: GeneralizedPlant) -> ScaledPlant:
     """
     nx, nw, nu, nz, ny = plant.nx, plant.nw, plant.nu, plant.nz, plant.ny
     given = {name: getattr(plant, name) for name in NAMES}
-    with powers_of_two.range_errors_as_input_errors("plant", given):
+    with exact.range_errors_as_input_errors("plant", given):
         time = 1.0 if plant.is_discrete else _unit_of_time(plant.A)
         S = np.block(
             [
-                [powers_of_two.scaled(M, time) for M in (plant.A, plant.B1, plant.B2)],
+                [exact.scaled(M, time) for M in (plant.A, plant.B1, plant.B2)],
                 [plant.C1, plant.D11, plant.D12],
                 [plant.C2, plant.D21, plant.D22],
             ]
         )
         left, right = _balance(S, nx, nw, nz)
-        S = powers_of_two.scaled(S, left[:, None], right)
-        powers_of_two.refuse_out_of_range(S)
+        S = exact.scaled(S, left[:, None], right)
+        exact.refuse_out_of_range(S)
     matrices = (S[:nx, :nx], S[:nx, nx:], S[nx:, :nx], S[nx:, nx:])
     whole = plant.system
     names = (whole.input_labels, whole.output_labels, whole.state_labels)
@@ -399,7 +399,7 @@ def _unit_of_time(A: Matrix) -> float:
     """Return the power of two next to the geometric mean of the time constants."""
     size = np.abs(np.linalg.eigvals(A)) if A.size else np.zeros(0)
     # Modes at zero, up to rounding, say nothing about the time scale.
-    size = size[size > size.max(initial=0.0) * math.sqrt(np.finfo(float).eps)]
+    size = size[size > size.max(initial=0.0) * math.sqrt(EPS)]
     if not size.size:
         largest = float(np.abs(A).max(initial=0.0))
         return 1 / float(_power_of_two(largest)) if largest > 0 else 1.0

@@ -10,21 +10,20 @@ from typing import Any, Literal, NamedTuple
 
 import flint
 import numpy as np
+from scipy import linalg
 from scipy.linalg import lapack as _lapack
 
+from robustpolish.base.arrays import AGREE, EPS, NOTHING, SAME, AnyArray, Array, Vector
 from robustpolish.base.arrays import AnyMatrix as Matrix
-from robustpolish.base.arrays import Array
 from robustpolish.base.budget import check_deadline
 from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.balls import Ball, BallSystem, bounded_real, is_definite
-from robustpolish.linear.arithmetic.realisation import Realisation, size
-from robustpolish.linear.norms.hinf import hamiltonian
-from robustpolish.linear.norms.modal_form import Peak, modal_form
+from robustpolish.linear.arithmetic.exact import size
+from robustpolish.linear.norms.modal_peak import Peak, modal_form
 from robustpolish.linear.stability import eigensystem
+from robustpolish.linear.systems import Realisation, hamiltonian, resolvent_response
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.problem.matrices import balancing_scale
-from robustpolish.synthesis.proofs.frequency_response import responses
-from robustpolish.synthesis.riccati.gamma import solve_lyapunov, solve_riccati
+from robustpolish.synthesis.problem.matrices import balancing_scale, solve_lyapunov, solve_riccati
 
 # Estimates.
 
@@ -161,7 +160,7 @@ BITS = 240
 """Precision of the balls; more where that does not suffice for a proof."""
 # More states than this are solved for in doubles and refined: at most so often, as long as each
 # step is that much smaller than the one before, until one is so small beside the solution.
-_REFINED, _REFINEMENTS, _PROGRESS, _EXACT = 60, 12, 1e-3, 1e-30
+_REFINEMENTS, _PROGRESS = 12, 1e-3
 
 
 def enclose_loop(plant: GeneralizedPlant, controller: Any, bits: int = BITS) -> BallSystem:
@@ -242,7 +241,7 @@ def rounding_level(loop: BallSystem, cancelled: float = 0.0) -> float:
     slowest = poles.min() if poles.size else 0.0
     seen = np.linalg.norm(C) + cancelled
     gain = np.linalg.norm(B) * seen / slowest if slowest > 0 else 0.0
-    return float(10 * np.finfo(float).eps * max(A.shape[0], 1) * (gain + np.linalg.norm(D)))
+    return float(10 * EPS * max(A.shape[0], 1) * (gain + np.linalg.norm(D)))
 
 
 def _refined_solution(M: Ball, B: Ball) -> Ball:
@@ -250,7 +249,7 @@ def _refined_solution(M: Ball, B: Ball) -> Ball:
 
     On many states it takes a small part of the time of a solution in balls.
     """
-    if M.nrows() <= _REFINED or not B.ncols():
+    if M.nrows() <= LARGE or not B.ncols():
         return M.solve(B)
     factors, pivots, singular = lapack.zgetrf(balls.midpoint(M))
     X, rest, before = flint.acb_mat(B.nrows(), B.ncols()), B, math.inf
@@ -260,7 +259,7 @@ def _refined_solution(M: Ball, B: Ball) -> Ball:
         if singular or not size <= _PROGRESS * before:
             break
         X = (X + flint.acb_mat(X.nrows(), X.ncols(), step.ravel().tolist())).mid()
-        if size <= _EXACT * float(np.linalg.norm(balls.midpoint(X))):
+        if size <= NOTHING * float(np.linalg.norm(balls.midpoint(X))):
             return X
         rest, before = B - M * X, size
     return M.solve(B)
@@ -378,11 +377,8 @@ Kind = Literal["bounded_real", "gramian", "lyapunov"]
 SLACK = (1e-5, 2e-4, 9e-4)
 """How far above a computed norm, relative, the bounds lie that are tried, in this order."""
 # From so many states on the tightest is left out, because a trial takes long.
-_LARGE = 60
+LARGE = 60
 _PASSES = 3
-# How well, relative, what doubles find and what the enclosed loop has must agree to be believed.
-_AGREE = 1e-6
-_ACCURACY = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -450,16 +446,18 @@ def prove_computed_norm(
         matrices = each.doubles
         if 0 in matrices[3].shape or not all(np.isfinite(M).all() for M in matrices):
             return None
-        seen.append(estimate_norm(*matrices, _ACCURACY))
+        seen.append(estimate_norm(*matrices, SAME))
     exact, other = seen
     if not (exact.settled and other.settled):
         return None
     with balls.precision(BITS):
         gain = gain_at(loop, exact.frequency)
-    if not (level < gain < np.inf and abs(other.value - gain) <= _AGREE * gain):
+    # How well, relative, what doubles find and what the enclosed loop has must agree to be
+    # believed.
+    if not (level < gain < np.inf and abs(other.value - gain) <= AGREE * gain):
         return None
     achieved, frequency = max((gain, exact.frequency), (other.value, other.frequency))
-    slack = SLACK[loop.A.nrows() > _LARGE]
+    slack = SLACK[loop.A.nrows() > LARGE]
     proof = prove_hinf(loop, achieved * (1 + slack), slack)
     return proof and ProvenNorm(proof, achieved, rate(frequency, step))
 
@@ -539,7 +537,7 @@ def _candidates(loop: BallSystem, slack: float) -> Iterator[tuple[Matrix, Ball, 
     if n == 0 or margin <= 0:
         return
     output = _output_size(loop)
-    shares = (0.3,) if n > _LARGE else (0.3, 0.01)
+    shares = (0.3,) if n > LARGE else (0.3, 0.01)
     for alpha in (share * slack * margin for share in shares):
         extra = 1e-6 * alpha * output * np.eye(n)
         start = solve_lyapunov(A + alpha * np.eye(n), C.T @ C + extra)
@@ -691,7 +689,7 @@ def tightest_proof(
         if found is None or found.bound > achieved * (1 + TIGHT):
             found = _first(prove_h2(enclose(b), discrete, bits=b) for b in precisions) or found
     else:
-        tried = SLACK[states > _LARGE :]
+        tried = SLACK[states > LARGE :]
         found = _first(prove_hinf(loop, achieved * (1 + slack), slack) for slack in tried)
         if found is None and precisions:
             gain, where = precise_peak(loop, angle(frequency or 0.0, step))
@@ -723,3 +721,45 @@ def _relaxed_proof(
     if achieved <= level:
         for factor in (1.0, 1e3):
             yield prove_hinf(loop, level * factor, 0.1)
+
+
+# The frequency response of a loop at many frequencies, from one Schur form of its state matrix.
+#
+# With A triangular a frequency takes n^2 steps instead of n^3.
+
+
+# For more frequencies at once the Schur form pays.
+_FEW = 4
+
+
+def responses(A: Matrix, B: Matrix, C: Matrix, D: Matrix, frequencies: Vector) -> AnyArray:
+    """Return D + C (i x - A)^-1 B at every frequency x.
+
+    Parameters
+    ----------
+    A, B, C, D : ndarray
+    frequencies : ndarray, shape (k,)
+        In rad/s; they may be infinite.
+
+    Returns
+    -------
+    ndarray of complex, shape (k, p, m)
+        Not finite at a pole.
+    """
+    n, k, m = len(A), len(frequencies), B.shape[1]
+    finite = np.isfinite(frequencies)
+    if k <= _FEW:
+        few = np.tile(D.astype(complex), (k, 1, 1))
+        few[finite] = resolvent_response(A, B, C, D, 1j * frequencies[finite])
+        return few
+    found: Any = linalg.schur(A, output="complex") if n else (A, A)
+    triangle, Q = found
+    inverse = np.zeros((n, k), complex)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse[:, finite] = 1 / (1j * frequencies[finite] - np.diag(triangle)[:, None])
+        # (i x - triangle) X = into, from the last state to the first at all frequencies at once.
+        into, X = np.conj(Q.T) @ B, np.zeros((n, k * m), complex)
+        for i in range(n - 1, -1, -1):
+            row = triangle[i, i + 1 :] @ X[i + 1 :]
+            X[i] = ((row.reshape(k, m) + into[i]) * inverse[i][:, None]).ravel()
+        return D + (C @ Q) @ X.reshape(n, k, m).transpose(1, 0, 2)

@@ -2,30 +2,266 @@
 
 Where some control has no price or some measurement no noise they are those of
 :mod:`robustpolish.synthesis.riccati.gamma`. In double precision they say where the infimum may
-be; what is claimed of it is proven by :mod:`robustpolish.synthesis.riccati.lower_bound`.
+be; what is claimed of it is proven by :mod:`robustpolish.synthesis.riccati.gamma`.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
+import flint
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg
 
+from robustpolish.base.arrays import NOTHING, ROUNDING, SAME, Vector
 from robustpolish.base.arrays import AnyMatrix as Matrix
-from robustpolish.base.arrays import Vector
-from robustpolish.base.budget import Budget, step_cost
+from robustpolish.base.budget import Budget, DeadlineError, check_deadline, step_cost
+from robustpolish.linear.arithmetic.balls import (
+    Ball,
+    UndecidedError,
+    ball,
+    block,
+    has_eigenvalue_below,
+    identity,
+    independent_first,
+    is_surely_not_semidefinite,
+    part,
+    precision,
+    riccati_terms,
+    stabilising_solution,
+    zeros,
+)
 from robustpolish.synthesis.problem.matrices import (
     Controller,
     PlantMatrices,
-    balancing_scale,
     regularise,
     shifted,
+    solve_riccati,
 )
-from robustpolish.synthesis.riccati.lower_bound import PROVABLE_STATES, PROVEN, proven_lower_bound
+
+# Lower bounds of the H-infinity norm, proven in long arithmetic.
+#
+# Whether the Riccati equations fail is decided by numbers that doubles cannot hold: prices of 1e-12
+# beside one, zeros beside the axis. With hundreds of digits nothing is decided by rounding.
+
+
+# The H-infinity problem over a disc inside the right half plane, in long arithmetic.
+#
+# A loop that is stable has its largest gain over the right half plane on the axis (maximum
+# principle), so that its gain over a disc inside is no larger. What no controller reaches over the
+# disc none reaches at all: a bound there is a bound for the plant.
+#
+# Zeros on the axis and at infinity lie outside the disc. A bilinear map takes the disc to the half
+# plane, so that in the new plant no zeros are on the axis, and D12 and D21 have full rank wherever
+# some control does not depend on the others: the Riccati equations exist. Infinity costs many
+# digits, for a price on u that comes after k integrations has the size 1 / radius^k in D12.
+#
+# Controls that all depend on others (more controls than outputs) can be chosen freely. They set a
+# part of the state at will, which is then a control of the rest, until none is left: Stoorvogel,
+# "The singular H-infinity control problem with dynamic measurement feedback", SIAM J. Control and
+# Optimization 29 (1991) 160-184.
+
+
+# Real numbers at which the circle meets the real axis, over the plant's unit of frequency. Rounding
+# moves double zeros on the axis by 1e-8, and weights have poles at 1e-5. Bounds fall by about
+# _SLOWER over the slowest and the fastest over _FASTER.
+_SLOWER, _FASTER = 1e-8, 1e8
+
+
+@dataclass(frozen=True, eq=False)
+class PreciseRiccati:
+    """The equation of the controls, or of the measurements transposed, enclosed in balls.
+
+    Attributes
+    ----------
+    A, B1, B2, C, D11, D12 : flint.arb_mat
+        D12 of full column rank.
+    basis : flint.arb_mat
+        X of the plant is basis' X basis.
+    """
+
+    A: Ball
+    B1: Ball
+    B2: Ball
+    C: Ball
+    D11: Ball
+    D12: Ball
+    basis: Ball
+
+    def is_below_floor(self, gamma: Any) -> bool:
+        """Tell whether the feedthrough alone surely forces a larger norm than gamma."""
+        D, free = self.D12, self.D11.transpose() * self.D11
+        if D.ncols():
+            cross = D.transpose() * self.D11
+            free -= cross.transpose() * (D.transpose() * D).inv() * cross
+        # A coupling has to be larger than gamma by so much, relative.
+        return has_eigenvalue_below(-1 * free, -(gamma**2) * (1 + SAME))
+
+    def solution(self, gamma: Any) -> Ball | None:
+        """Return the stabilising X; None if there is none, or none that is semidefinite."""
+        B, D = block([[self.B1, self.B2]]), block([[self.D11, self.D12]])
+        price, Ct = D.transpose() * D, self.C.transpose()
+        for i in range(self.B1.ncols()):
+            price[i, i] -= gamma**2
+        X = stabilising_solution(*riccati_terms(self.A, B, Ct * self.C, Ct * D, price))
+        if X is None or is_surely_not_semidefinite(X):
+            return None
+        return self.basis.transpose() * X * self.basis
+
+
+@dataclass(frozen=True, eq=False)
+class PreciseRiccatiPair:
+    """Both equations over the disc, and the feedthrough's on their own, which infinity adds."""
+
+    halves: tuple[PreciseRiccati, PreciseRiccati]
+    at_infinity: tuple[PreciseRiccati, PreciseRiccati]
+
+    @classmethod
+    def of(cls, plant: PlantMatrices) -> PreciseRiccatiPair:
+        """Take a continuous plant; its D22 plays no part."""
+        P = [ball(getattr(plant, name)) for name in ("A", "B1", "B2", "C1", "C2")]
+        D = [ball(getattr(plant, name)) for name in ("D11", "D12", "D21")]
+        nothing = (zeros(0, 0), *(zeros(0, M.ncols()) for M in P[1:3]))
+        blank = (*nothing, *(zeros(M.nrows(), 0) for M in P[3:]))
+        return cls(_halves(*_mapped(*P, *D)), _halves(*blank, *D))
+
+    def is_out_of_reach(self, gamma: float) -> bool:
+        """Tell whether surely no controller has a norm of gamma or less.
+
+        Raises
+        ------
+        UndecidedError, ZeroDivisionError
+            If the digits do not suffice.
+        """
+        level = flint.arb(gamma)
+        if any(half.is_below_floor(level) for half in (*self.at_infinity, *self.halves)):
+            return True
+        X = self.halves[0].solution(level)
+        Y = None if X is None else self.halves[1].solution(level)
+        if X is None or Y is None:
+            return True
+        return has_eigenvalue_below(-1 * (X * Y), -(level**2) * (1 + SAME))
+
+
+def _mapped(
+    A: Ball, B1: Ball, B2: Ball, C1: Ball, C2: Ball, D11: Ball, D12: Ball, D21: Ball
+) -> tuple[Ball, ...]:
+    """Put s = beside + p / (1 + p / beyond), which takes Re p > 0 to the disc."""
+    share = 1 / flint.arb(_FASTER)
+    moved = A - identity(A.nrows()) * _SLOWER
+    back = (identity(A.nrows()) - moved * share).inv()
+    B1, B2 = back * B1, back * B2
+    direct = D11 + C1 * B1 * share, D12 + C1 * B2 * share, D21 + C2 * B1 * share
+    return (back * moved, B1, B2, C1 * back, C2 * back, *direct)
+
+
+def _halves(
+    A: Ball, B1: Ball, B2: Ball, C1: Ball, C2: Ball, D11: Ball, D12: Ball, D21: Ball
+) -> tuple[PreciseRiccati, PreciseRiccati]:
+    turned = [M.transpose() for M in (A, C1, C2, B1, D11, D21)]
+    return _reduced(A, B1, B2, C1, D11, D12), _reduced(*turned)
+
+
+def _reduced(A: Ball, B1: Ball, B2: Ball, C: Ball, D11: Ball, D12: Ball) -> PreciseRiccati:
+    """Replace controls that D12 does not see by the states that they set at will."""
+    basis = identity(A.nrows())
+    while True:
+        turn, used = independent_first(block([[B2], [D12]]))
+        turn = part(turn, columns=slice(0, used))
+        B2, D12 = B2 * turn, D12 * turn
+        turn, priced = independent_first(D12)
+        if priced == D12.ncols():
+            return PreciseRiccati(A, B1, B2, C, D11, D12, basis)
+        first, rest = slice(0, priced), slice(priced, None)
+        B2, D12 = B2 * turn, part(D12 * turn, columns=first)
+        turn, free = independent_first(part(B2, columns=rest).transpose())
+        # The last of the new states are those that these controls do not move.
+        into = turn.transpose()
+        back = into.inv()
+        left, right = part(into, slice(free, None)), part(back, columns=slice(free, None))
+        at_will = part(back, columns=slice(0, free))
+        B2 = left * block([[part(B2, columns=first), A * at_will]])
+        D12 = block([[D12, C * at_will]])
+        A, B1, C = left * A * right, left * B1, C * right
+        basis = left * basis
+
+
+PROVABLE_STATES = 20
+"""Up to so many states a bound is proven; the work grows with their fourth power.
+
+At 10 states a norm takes 0.1 s, at 20 states 1 to 5 s, and three norms are the least."""
+
+PROVEN = "by Riccati equations in long arithmetic"
+"""How a bound is known that holds for every controller."""
+
+
+# Precisions that are tried where the digits do not suffice: most plants need the first.
+_BITS = (768, 1536, 3072)
+# How far below and above a guess is tried first, in tolerances, and by what factor the step grows
+# where the guess was wrong.
+_FIRST, _WIDENING = 0.5, 8.0
+# Norms that are tried at most; most plants need three, a guess wrong by 1e40 needs 30.
+_STEPS = 40
+# Smaller bounds, in scaled units, are as good as zero, and larger ones as good as infinite.
+_MOST = 1e30
+
+
+def proven_lower_bound(plant: PlantMatrices, guess: float, tolerance: float) -> float:
+    """Return a norm that surely no controller reaches, as large as that can be proven.
+
+    Parameters
+    ----------
+    plant : PlantMatrices
+        Scaled, continuous, without D22.
+    guess : float
+        Where the infimum may be. A wrong one takes longer.
+    tolerance : float
+        How much, relative, may be given away.
+
+    Returns
+    -------
+    float
+        Zero where nothing could be proven in the time there is.
+    """
+    bits, known = list(_BITS), None
+
+    def is_out_of_reach(gamma: float) -> bool:
+        """Tell whether surely no controller has this norm, in as many bits as norms have needed."""
+        nonlocal known
+        while bits:
+            with precision(bits[0]):
+                try:
+                    known = known or PreciseRiccatiPair.of(plant)
+                    return known.is_out_of_reach(gamma)
+                except (UndecidedError, ZeroDivisionError):
+                    bits.pop(0)
+                    known = None
+        return False
+
+    lower, upper = 0.0, math.inf
+    step = _FIRST * tolerance
+    trial = max(guess, NOTHING) / (1 + step)
+    for _ in range(_STEPS):
+        try:
+            check_deadline()
+            out_of_reach = is_out_of_reach(trial)
+        except DeadlineError:
+            break
+        lower, upper = (trial, upper) if out_of_reach else (lower, trial)
+        if upper <= max(lower * (1 + tolerance), NOTHING) or lower >= _MOST:
+            break
+        if lower > 0 and upper < math.inf:
+            trial = math.sqrt(lower * upper)
+            continue
+        # Beside the guess first, then ever farther.
+        trial = lower * (1 + step) ** 2 if lower else upper / (1 + step)
+        step *= _WIDENING
+    # Share of the bound: the nearer a norm lies to the infimum, the more digits it takes.
+    return lower * (1 - SAME)
+
 
 # Riccati and Lyapunov equations, solved so that failure is seen.
 #
@@ -33,96 +269,6 @@ from robustpolish.synthesis.riccati.lower_bound import PROVABLE_STATES, PROVEN, 
 # optimum of an H-infinity problem, and wants a definite quadratic term. The solver here balances
 # the Hamiltonian with a scaling that keeps its structure, orders its real Schur form and answers
 # None when the stable subspace is no graph.
-
-_MOST_ASYMMETRY = 1e-6
-
-
-def solve_riccati(A: Matrix, R: Matrix, Q: Matrix) -> Matrix | None:
-    r"""Return the stabilising solution of A'X + XA + XRX + Q = 0.
-
-    Parameters
-    ----------
-    A, R, Q : ndarray, shape (n, n)
-        R and Q symmetric, of any sign.
-
-    Returns
-    -------
-    ndarray or None
-        X symmetric with A + R X stable; None if the Hamiltonian has eigenvalues on the
-        axis, to working accuracy, or if no such X exists.
-    """
-    n = A.shape[0]
-    if n == 0:
-        return np.zeros((0, 0))
-    if not (np.isfinite(A).all() and np.isfinite(R).all() and np.isfinite(Q).all()):
-        return None
-    H, scale, weight = balanced_hamiltonian(A, R, Q)
-    if not np.isfinite(H).all():
-        return None
-    try:
-        _, U, stable = linalg.schur(H, sort="lhp")  # type: ignore[misc]
-    except linalg.LinAlgError:
-        return None
-    if stable != n:
-        return None
-    upper, lower = U[:n, :n], U[n:, :n]
-    # A subspace that holds eigenvalues of the axis, pushed to the left by rounding, is
-    # not Lagrangian: its X would not be symmetric.
-    product = upper.T @ lower
-    if np.abs(product - product.T).max() > _MOST_ASYMMETRY:
-        return None
-    # LAPACK itself: SciPy would warn of a singular matrix, which is an answer here.
-    getrf: Any = linalg.get_lapack_funcs("getrf", (upper,))
-    lu, pivots, info = getrf(upper)
-    singular = np.linalg.svd(upper, compute_uv=False)
-    if info > 0 or singular[-1] <= np.finfo(float).tiny:
-        return None
-    X = linalg.lu_solve((lu, pivots), lower.T, trans=1).T
-    X = (X + X.T) / 2 * weight / scale / scale[:, None]
-    return X if np.isfinite(X).all() else None
-
-
-def balanced_hamiltonian(A: Matrix, R: Matrix, Q: Matrix) -> tuple[Matrix, Matrix, float]:
-    """Return a Hamiltonian that powers of two even out without breaking its structure, and these.
-
-    Returns
-    -------
-    H : ndarray, shape (2n, 2n)
-    scale : ndarray, shape (n,)
-        State scaling x = diag(scale) x_new.
-    weight : float
-        Factor between the two halves: R is multiplied and Q divided by it.
-    """
-    n = A.shape[0]
-    size = np.abs(np.block([[A, R], [Q, A.T]]))
-    np.fill_diagonal(size, 0)
-    logs = np.log2(balancing_scale(size))
-    scale = np.exp2(np.round((logs[:n] - logs[n:]) / 2))
-    r = np.abs(R / scale[:, None] / scale[None, :]).max()
-    q = np.abs(Q * scale[:, None] * scale[None, :]).max()
-    weight = float(np.exp2(np.round(np.log2(q / r) / 2))) if r > 0 and q > 0 else 1.0
-    A, R, Q = A * scale / scale[:, None], R / scale / scale[:, None], Q * scale * scale[:, None]
-    return np.block([[A, R * weight], [-Q / weight, -A.T]]), scale, weight
-
-
-def solve_lyapunov(A: Matrix, Q: Matrix) -> Matrix | None:
-    """Return X of A'X + XA + Q = 0 for a stable A; None where numbers are not finite.
-
-    Where eigenvalues lie on the axis, to working accuracy, LAPACK moves them: X is then no more
-    than a start.
-    """
-    if A.shape[0] == 0:
-        return np.zeros((0, 0))
-    if not (np.isfinite(A).all() and np.isfinite(Q).all()):
-        return None
-    T, U = linalg.schur(A.T, output="real")  # type: ignore[misc]
-    # dtrsyl scales the right-hand side down where it would overflow.
-    trsyl: Any = linalg.get_lapack_funcs("trsyl", (T, Q))
-    Y, scale, info = trsyl(T, T, -U.T @ Q @ U, tranb="T")
-    if info < 0 or scale == 0 or not np.isfinite(Y).all():
-        return None
-    X = U @ (Y / scale) @ U.T
-    return (X + X.T) / 2 if np.isfinite(X).all() else None
 
 
 # The central H-infinity controller from two Riccati equations.
@@ -350,10 +496,6 @@ Gains = NDArray[Any]
 # Relative sizes of noise on a measurement, or of a price on a control, that count as none. Its
 # inverse squared enters the equations, so the largest that keeps the plant is taken.
 _NOISELESS = (1e-7, 1e-9, 1e-11)
-# Relative size of what a measurement without noise sees that counts as nothing.
-_UNSEEN = 1e-9
-# Size of an entry beside the largest one that is nothing but rounding (ROC6 in other units).
-_ROUNDING = 1e-12
 # What was dropped may change the gain from u to z, relative to itself, by so much: ten times less
 # than searches resolve.
 _CHANGED = 3e-5
@@ -382,7 +524,8 @@ def reduced_riccati_pair(plant: PlantMatrices) -> RiccatiPair | None:
         # Frequencies all over those of the plant, in the right half plane, away from both axes.
         rates = np.abs(np.linalg.eigvals(A))
         fastest = float(rates.max(initial=0.0)) or 1.0
-        slowest = float(rates[rates > _UNSEEN * fastest].min(initial=fastest))
+        # Relative size of what a measurement without noise sees that counts as nothing.
+        slowest = float(rates[rates > SAME * fastest].min(initial=fastest))
         points = np.geomspace(slowest / _BEYOND, fastest * _BEYOND, _POINTS) * (0.6 + 0.8j)
         # What the controls do to z there, each control its own. Every reduction keeps it: the new
         # controls follow from the old ones, and z from the new.
@@ -392,7 +535,7 @@ def reduced_riccati_pair(plant: PlantMatrices) -> RiccatiPair | None:
         true = C @ _states(points, A, B2 @ controls) + D12
         size = np.linalg.norm(true, axis=1, keepdims=True)
         unit = np.where(size > 0, size, 1.0)
-        inverse = np.linalg.pinv(true / unit, _UNSEEN)
+        inverse = np.linalg.pinv(true / unit, SAME)
         for noiseless in _NOISELESS:
             equation, gain = _reduced_by(noiseless, P, points, controls)
             change = (gain - true) / unit @ inverse
@@ -454,7 +597,7 @@ class _PricedSystem(NamedTuple):
         B2, D12 = B2 @ turn.T, D12 @ turn.T
         controls = turn @ controls
         W, reach, _ = np.linalg.svd(B2[:, priced:])
-        free = int((reach > _UNSEEN).sum())
+        free = int((reach > SAME).sum())
         states = _states(points, A, B2 @ controls) if free else controls
         B2, D12, controls = B2[:, :priced], D12[:, :priced], controls[:, :priced]
         if not free:
@@ -466,7 +609,9 @@ class _PricedSystem(NamedTuple):
         D12 = np.hstack([D12, C @ at_will])
         A, B1, C = left.T @ A @ left, left.T @ self.B1, C @ left
         basis = left if basis is None else basis @ left
-        nothing = _ROUNDING * max(np.abs(A).max(initial=0), np.abs(C).max(initial=0))
+        # Size of an entry beside the largest one that is nothing but rounding (ROC6 in other
+        # units).
+        nothing = ROUNDING * max(np.abs(A).max(initial=0), np.abs(C).max(initial=0))
         return _PricedSystem(A, B1, B2, C, D12, controls, basis, nothing)
 
 

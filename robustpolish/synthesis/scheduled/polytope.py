@@ -17,6 +17,7 @@ import flint
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robustpolish.base.arrays import ROUNDING
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.checks import described, instance_of, invalid, is_whole, misfit
 from robustpolish.linear.arithmetic import balls
@@ -33,9 +34,8 @@ from robustpolish.synthesis.lmi.program import (
 )
 from robustpolish.synthesis.problem.matrices import NAMES, Controller, PlantMatrices
 from robustpolish.synthesis.problem.preflight import ScaledPlant, scale_plant, with_control_penalty
+from robustpolish.synthesis.proofs.bounded_real import BITS
 
-WORK = 100_000.0
-"""Steps that one design for a polytope may take."""
 ACCURACY = 1e-9
 """Of the solver, in scaled units, in which entries of the plant are about one."""
 
@@ -43,8 +43,6 @@ ACCURACY = 1e-9
 _MOST_NUMBERS = 6
 # Corners of rates that programs hold themselves: those of two slow numbers.
 _CORNERS = 4
-# Entries below this beside the others are what rounding leaves of a zero.
-_ROUNDING = 1e-12
 
 # Parameter-dependent Lyapunov matrices: one for all vertices, one for each, or affine in numbers.
 
@@ -519,7 +517,8 @@ def require_equal(whole: Polytope, names: Sequence[str]) -> Polytope:
     for name, matrix in equal.items():
         size = max(float(np.abs(getattr(p, name)).max(initial=0.0)) for p in whole.plants)
         for p in whole.plants:
-            if np.abs(getattr(p, name) - matrix).max(initial=0.0) > _ROUNDING * size:
+            # Entries below this beside the others are what rounding leaves of a zero.
+            if np.abs(getattr(p, name) - matrix).max(initial=0.0) > ROUNDING * size:
                 remedy = (
                     "Put a fast lag before the controls: plant * "
                     "rp.uncertain.append(np.eye(nw), lag)."
@@ -559,16 +558,12 @@ def affine_warps(system: Lft) -> tuple[float, ...] | None:
             if i == j:
                 bends.append(float(np.trace(part)) / len(z))
                 part = part - bends[-1] * np.eye(len(z))
-            reaches[i, j] = np.abs(part).max(initial=0.0) > _ROUNDING * size
+            reaches[i, j] = np.abs(part).max(initial=0.0) > ROUNDING * size
     # No path leads from a number back to it if powers of the pattern vanish.
     power = np.linalg.matrix_power(reaches.astype(float), len(slices))
     if power.any() or max(map(abs, bends), default=0.0) >= 1:
         return None
-    return tuple(0.0 if abs(bend) <= _ROUNDING else bend for bend in bends)
-
-
-BITS = 240
-"""Precision of the balls in which loops are connected and proofs are checked."""
+    return tuple(0.0 if abs(bend) <= ROUNDING else bend for bend in bends)
 
 
 # How far above the smallest bound proofs are tried: near it no strict inequality is left.

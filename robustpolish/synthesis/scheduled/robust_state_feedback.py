@@ -12,8 +12,10 @@ import xarray as xr
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
+from robustpolish.base.arrays import AGREE
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import (
+    WORK,
     Budget,
     DeadlineError,
     enforce_deadline,
@@ -155,9 +157,6 @@ _TURN_ROOMS = (0.1, 0.01, 0.001)
 _WORTHWHILE = 1e-3
 # The same where an answer only serves for coordinates.
 _ROOM = 0.3
-# A bound exceeded by more is broken: the smallest gains lie at the edge of inequalities whose
-# numbers span twenty decades, and on some processors rounding carries them over it by 1e-3.
-_BROKEN = 1e-6
 # Halvings of the polytope's size when it is told for which part of it there is a gain.
 _SHRINKINGS = 5
 BACK_OFFS = (0.01, 0.03, 0.1)
@@ -216,7 +215,10 @@ class GainSearch:
                 # Rounding may carry the loop at a vertex over the bound.
                 pairs = zip(self.plants, again.gains, strict=True)
                 norms = [state_gain_norm(p, F, self.specification.norm) for p, F in pairs]
-                if max(norms) > again.claimed * (1 + _BROKEN):
+                # A bound exceeded by more is broken: the smallest gains lie at the edge of
+                # inequalities whose numbers span twenty decades, and on some processors rounding
+                # carries them over it by 1e-3.
+                if max(norms) > again.claimed * (1 + AGREE):
                     break
                 smaller = again
             if smaller is not None:
@@ -502,7 +504,7 @@ def robust_state_feedback(
                 'Use norm="hinf", or filter z.',
             )
     refuse_uncontrollable_vertices(whole)
-    budget = Budget(polytopes.WORK, time_limit)
+    budget = Budget(WORK, time_limit)
     programs = ProgramSolver(backend, solver, budget, polytopes.ACCURACY)
     make = (
         polytopes.LyapunovFamily.common

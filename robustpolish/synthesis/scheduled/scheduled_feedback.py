@@ -14,13 +14,14 @@ from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
 from robustpolish.base.arrays import AnyMatrix as Matrix
-from robustpolish.base.budget import Budget, progress_bar, single_threaded_blas
+from robustpolish.base.budget import WORK, Budget, progress_bar, single_threaded_blas
 from robustpolish.base.checks import described, instance_of, invalid, known_keys, positive
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.errors import SolverError
 from robustpolish.linear.norms.hinf import singular_values
 from robustpolish.linear.response import uniform_step, varying_response
-from robustpolish.plants.blocks import SignalChoice, matrices_of, named_system
+from robustpolish.linear.systems import named_system
+from robustpolish.plants.blocks import SignalChoice, matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.system import UncertainSystem
 from robustpolish.plots.frequency import plot_gains
@@ -33,11 +34,7 @@ from robustpolish.synthesis.lmi.program import Affine, ProgramSolver, Semidefini
 from robustpolish.synthesis.problem.matrices import Controller, PlantMatrices
 from robustpolish.synthesis.problem.preflight import ScaledPlant, with_measurement_noise
 from robustpolish.synthesis.scheduled import polytope as polytopes
-from robustpolish.synthesis.scheduled.robust_state_feedback import (
-    BACK_OFFS,
-    GainSearch,
-    refuse_uncontrollable_vertices,
-)
+from robustpolish.synthesis.scheduled import robust_state_feedback
 
 # `ScheduledDesign`: a controller that follows measured numbers, and what is proven of it.
 
@@ -267,7 +264,7 @@ def scheduled_controllers(
         for p, v in zip(plants, unknowns, strict=True):
             program.positive(-bounded_real(loop_terms(p, v), square))
 
-    return controllers_near_optimum(plants, impose, solver, BACK_OFFS)
+    return controllers_near_optimum(plants, impose, solver, robust_state_feedback.BACK_OFFS)
 
 
 @single_threaded_blas
@@ -367,15 +364,15 @@ def scheduled_feedback(
         remedy = "Name measurements=, or leave it out."
         raise invalid("measurement_noise", measurement_noise, "none for state feedback", remedy)
     limits = _rates(whole, rates)
-    refuse_uncontrollable_vertices(whole)
-    budget = Budget(polytopes.WORK, time_limit)
+    robust_state_feedback.refuse_uncontrollable_vertices(whole)
+    budget = Budget(WORK, time_limit)
     programs = ProgramSolver(backend, solver, budget, polytopes.ACCURACY)
     with progress_bar("Designing for all corners"):
         scaled, vertices = polytopes.scaled_vertices(whole)
         moving = [whole.speed(name) * rate * scaled.time for name, rate in limits.items()]
         family = polytopes.LyapunovFamily.affine(whole.positions, moving)
         specification = polytopes.PolytopeSpecification(family, "hinf", vertices[0].discrete)
-        search = GainSearch(vertices, specification, programs, scheduled=True)
+        search = robust_state_feedback.GainSearch(vertices, specification, programs, scheduled=True)
         # State feedback is proven for its own candidates, output feedback for controllers.
         if measurements is None:
             ways = ((search.loops(one), one.gains, one.claimed) for one in search.candidates())

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import linalg
 
+from robustpolish.base.arrays import EPS, SOLVED
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget
 from robustpolish.synthesis.lmi.program import (
@@ -35,8 +36,6 @@ SOLVER_TOLERANCE, EASED_TOLERANCE = 1e-9, 1e-7
 # for the H2 norm. Without it Y is singular where w excites little (one axis of the bearing at
 # rest), and without a pole region the optimal gain does not depend on it.
 _NOISE = (1e-1, 1e-2, 1e-3, 1e-4, 1e-4)
-# Eigenvalues below this share of the largest are rounding errors of a solver.
-_SMALLEST_SHARE = 1e-13
 # With more slack than this the gain of least effort is taken as it is.
 _COARSE_SLACK = 1e-2
 
@@ -109,7 +108,8 @@ class Coordinates:
         values, vectors = np.linalg.eigh((Y + Y.T) / 2)
         if not values[-1] > 0:
             raise linalg.LinAlgError("Y is not positive")
-        values = np.maximum(values, values[-1] * _SMALLEST_SHARE)
+        # Eigenvalues below this share of the largest are rounding errors of a solver.
+        values = np.maximum(values, values[-1] * SOLVED)
         step = vectors * np.sqrt(values)
         back = (vectors / np.sqrt(values)).T
         gains = np.linalg.norm(M @ back.T, axis=1)
@@ -118,7 +118,7 @@ class Coordinates:
         if even_out and not q.discrete:
             S = back @ (q.A @ Y + q.B2 @ M) @ back.T
             rates, directions = np.linalg.eigh(-(S + S.T))
-            rates = np.maximum(rates, np.abs(rates).max() * _SMALLEST_SHARE)
+            rates = np.maximum(rates, np.abs(rates).max() * SOLVED)
             E = directions / np.sqrt(rates)
         T, V = self.T @ step, self.V * size
         if not all(np.isfinite(np.linalg.inv(M)).all() for M in (T, V)):
@@ -161,7 +161,7 @@ def h2_inequality(
     """
     factors: Any = linalg.qr(p.D12, pivoting=True)
     Q, size = factors[0], np.abs(np.diag(factors[1]))
-    rank = int(np.sum(size > np.finfo(float).eps * max(p.D12.shape) * size.max(initial=0.0)))
+    rank = int(np.sum(size > EPS * max(p.D12.shape) * size.max(initial=0.0)))
     C, D11, D12 = Q.T @ p.C1, Q.T @ p.D11, Q.T @ p.D12
     S, Z, eye = p.A @ Y + p.B2 @ M, C[:rank] @ Y + D12[:rank] @ M, np.eye(p.nw)
     W = program.symmetric(rank)

@@ -12,30 +12,16 @@ import control
 import numpy as np
 from scipy import linalg
 
+from robustpolish.base.arrays import EPS, SAME
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget, step_cost
 from robustpolish.errors import InfeasibleError
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.synthesis.certificate import Norm
-from robustpolish.synthesis.problem.matrices import (
-    Controller,
-    PlantMatrices,
-    close,
-    is_regular,
-    stabilises,
-    state_gain_norm,
-    with_measured_states,
-)
+from robustpolish.synthesis.problem import matrices
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 from robustpolish.synthesis.problem.preflight import Status
-from robustpolish.synthesis.riccati.gamma import (
-    LowerBound,
-    balanced_hamiltonian,
-    lower_bound,
-    reduced_riccati_pair,
-    solve_lyapunov,
-    solve_riccati,
-)
+from robustpolish.synthesis.riccati.gamma import LowerBound, lower_bound, reduced_riccati_pair
 
 # Final width of the bisection on gamma over the slack that is given away afterwards.
 _BRACKET = 1e-2
@@ -89,7 +75,7 @@ class StateEngine(ABC):
     solver: str | None = None
 
     @abstractmethod
-    def search(self, plant: PlantMatrices, budget: Budget) -> StateGain | None:
+    def search(self, plant: matrices.PlantMatrices, budget: Budget) -> StateGain | None:
         """Minimise the norm of a scaled plant whose D12 has full column rank.
 
         Parameters
@@ -121,18 +107,18 @@ class RiccatiStateEngine(StateEngine):
     Regions do not fit into a Riccati equation and are not looked at.
     """
 
-    def search(self, plant: PlantMatrices, budget: Budget) -> StateGain | None:
+    def search(self, plant: matrices.PlantMatrices, budget: Budget) -> StateGain | None:
         """Minimise the norm; see :class:`StateEngine`."""
         if self.norm == "h2":
             budget.spend(step_cost(2 * plant.nx))
             F = central_state_gain(plant, math.inf)
-            achieved = state_gain_norm(plant, F, "h2")
+            achieved = matrices.state_gain_norm(plant, F, "h2")
             if F is None or not math.isfinite(achieved):
                 return None
             step = {"step": "linear-quadratic regulator", "achieved": achieved}
             return StateGain(F, achieved, achieved, history=(step,))
         best = central_state_gain(plant, math.inf)
-        upper = state_gain_norm(plant, best, "hinf")
+        upper = matrices.state_gain_norm(plant, best, "hinf")
         lower = float(np.linalg.norm(plant.D11, 2)) if plant.D11.size else 0.0
         if best is None or not math.isfinite(upper):
             return None
@@ -144,7 +130,7 @@ class RiccatiStateEngine(StateEngine):
             step = step**2 if step < 1e8 else step
             budget.spend(step_cost(2 * plant.nx))
             F = central_state_gain(plant, gamma)
-            achieved = state_gain_norm(plant, F, "hinf")
+            achieved = matrices.state_gain_norm(plant, F, "hinf")
             # Next to the optimum rounding errors of X can leave a better gain a little above gamma.
             if F is None or not achieved < upper * (1 - 0.1 * width):
                 lower, step = gamma, math.inf
@@ -159,13 +145,15 @@ class RiccatiStateEngine(StateEngine):
         for retreat in (1.0, 2.5, 5.0):
             claim = upper * (1 + retreat * self.slack)
             smaller = central_state_gain(plant, claim)
-            achieved = state_gain_norm(plant, smaller, "hinf")
+            achieved = matrices.state_gain_norm(plant, smaller, "hinf")
             if smaller is not None and achieved <= claim * (1 + 1e-9):
                 return StateGain(smaller, max(claim, achieved), achieved, history=history)
-        return StateGain(best, upper, state_gain_norm(plant, best, "hinf"), history=history)
+        return StateGain(
+            best, upper, matrices.state_gain_norm(plant, best, "hinf"), history=history
+        )
 
 
-def central_state_gain(plant: PlantMatrices, gamma: float) -> Matrix | None:
+def central_state_gain(plant: matrices.PlantMatrices, gamma: float) -> Matrix | None:
     r"""Return the central state feedback for an H-infinity norm below `gamma`, or None.
 
     With an infinite `gamma` it is the linear-quadratic regulator, which minimises the H2 norm.
@@ -184,7 +172,7 @@ def central_state_gain(plant: PlantMatrices, gamma: float) -> Matrix | None:
         found = discrete_regulator(plant, gamma)
         return None if found is None else found[0]
     game = _HinfRiccati.of(plant, gamma)
-    X = None if game is None else solve_riccati(game.A, game.R, game.Q)
+    X = None if game is None else matrices.solve_riccati(game.A, game.R, game.Q)
     if game is None or X is None:
         return None
     return -(game.per_x @ _refined(game.A, game.R, game.Q, X) + game.rest)
@@ -200,7 +188,7 @@ class _HinfRiccati(NamedTuple):
     rest: Matrix
 
     @classmethod
-    def of(cls, plant: PlantMatrices, gamma: float) -> _HinfRiccati | None:
+    def of(cls, plant: matrices.PlantMatrices, gamma: float) -> _HinfRiccati | None:
         """Return the equation; None up to the norm of D11, and where a control has no price."""
         p = plant
         if math.isinf(gamma):
@@ -237,14 +225,16 @@ def _refined(A: Matrix, R: Matrix, Q: Matrix, X: Matrix) -> Matrix:
             break
         if not (np.linalg.eigvals(closed).real < 0).all():
             break
-        step = solve_lyapunov(closed, residual)
+        step = matrices.solve_lyapunov(closed, residual)
         if step is None or not np.isfinite(step).all():
             break
         size, X = smaller, X + step
     return X
 
 
-def discrete_regulator(p: PlantMatrices, gamma: float) -> tuple[Matrix, Matrix, Matrix] | None:
+def discrete_regulator(
+    p: matrices.PlantMatrices, gamma: float
+) -> tuple[Matrix, Matrix, Matrix] | None:
     """Return the central gain in discrete time, X, and the weight of u and w, D'D + B'XB."""
     nw = 0 if math.isinf(gamma) else p.nw
     B, D = np.hstack([p.B2, p.B1[:, :nw]]), np.hstack([p.D12, p.D11[:, :nw]])
@@ -264,7 +254,7 @@ def discrete_regulator(p: PlantMatrices, gamma: float) -> tuple[Matrix, Matrix, 
 
 
 def state_norm_lower_bound(
-    plant: PlantMatrices, norm: str, achieved: float, tolerance: float, budget: Budget
+    plant: matrices.PlantMatrices, norm: str, achieved: float, tolerance: float, budget: Budget
 ) -> float:
     """Return a norm that no stabilising state feedback falls below.
 
@@ -292,15 +282,15 @@ def state_norm_lower_bound(
     least = min(least, achieved)
     if not math.isfinite(achieved):
         return least
-    if not is_regular(plant):
+    if not matrices.is_regular(plant):
         if norm == "hinf" and not plant.discrete:
-            found = lower_bound(with_measured_states(plant), _BRACKET * tolerance, budget)
+            found = lower_bound(matrices.with_measured_states(plant), _BRACKET * tolerance, budget)
             if found is not None and found.proven:
                 return min(max(least, found.value), achieved)
         return least
     budget.spend(step_cost(2 * plant.nx))
     if norm == "h2":
-        optimum = state_gain_norm(plant, central_state_gain(plant, math.inf), "h2")
+        optimum = matrices.state_gain_norm(plant, central_state_gain(plant, math.inf), "h2")
         return min(optimum, achieved) if math.isfinite(optimum) else least
     # Zeros on the axis leave every gamma without a solution.
     # A lower bound is looked for below the norm by this share of the tolerance, then by a
@@ -317,7 +307,7 @@ def state_norm_lower_bound(
     return least
 
 
-def _is_infeasible_at(plant: PlantMatrices, gamma: float) -> bool:
+def _is_infeasible_at(plant: matrices.PlantMatrices, gamma: float) -> bool:
     """Return whether there is no X >= 0, and rounding errors leave no doubt about it.
 
     With the stable subspace of the Hamiltonian matrix spanned by [U; V], X = V inv(U) is positive
@@ -325,12 +315,12 @@ def _is_infeasible_at(plant: PlantMatrices, gamma: float) -> bool:
     """
     if plant.discrete:
         F = central_state_gain(plant, gamma)
-        return not state_gain_norm(plant, F, "hinf") <= gamma
+        return not matrices.state_gain_norm(plant, F, "hinf") <= gamma
     game = _HinfRiccati.of(plant, gamma)
     if game is None:
         return False
     n = plant.nx
-    H, _, _ = balanced_hamiltonian(game.A, game.R, game.Q)
+    H, _, _ = matrices.balanced_hamiltonian(game.A, game.R, game.Q)
     if not np.isfinite(H).all():
         return False
     schur: Any = linalg.schur(H, output="complex", sort="lhp")
@@ -339,7 +329,7 @@ def _is_infeasible_at(plant: PlantMatrices, gamma: float) -> bool:
     # Eigenvalues this near to the imaginary axis, over their size, count as on it: no solution.
     # Just below the optimum they are simple and known to 1e-13; the lightest damping of the
     # bearing is 1e-5.
-    level = 1e-10 * np.abs(values) + n * np.finfo(float).eps * np.linalg.norm(H)
+    level = 1e-10 * np.abs(values) + n * EPS * np.linalg.norm(H)
     if stable != n or (np.abs(values.real) < level).any():
         return True
     product = basis[:n, :n].conj().T @ basis[n:, :n]
@@ -348,7 +338,7 @@ def _is_infeasible_at(plant: PlantMatrices, gamma: float) -> bool:
     # A solution counts as not positive if it is so by this many rounding errors, as seen in its
     # asymmetry. Next to an optimum that needs infinite gain only that tells on which side gamma
     # is: the random plants 1 and 3 had "optimal" designs 5e-4 above the optimum.
-    return bool(least < -10.0 * max(error, np.finfo(float).eps))
+    return bool(least < -10.0 * max(error, EPS))
 
 
 # The H2 optimum of output feedback (LQG): a regulator of the plant and one of its dual; and the
@@ -356,11 +346,8 @@ def _is_infeasible_at(plant: PlantMatrices, gamma: float) -> bool:
 
 _HOW = "by Riccati equations in double precision"
 
-# How much of D11 may be left, relative, where a static controller cancels it.
-_CANCELLED = 1e-9
 
-
-def cancel_feedthrough(plant: PlantMatrices) -> tuple[PlantMatrices, Matrix]:
+def cancel_feedthrough(plant: matrices.PlantMatrices) -> tuple[matrices.PlantMatrices, Matrix]:
     """Close a static controller that makes the feedthrough from w to z zero; return it as well.
 
     Raises
@@ -374,7 +361,8 @@ def cancel_feedthrough(plant: PlantMatrices) -> tuple[PlantMatrices, Matrix]:
         return plant, F
     F = -np.linalg.pinv(P.D12, rcond=1e-12) @ P.D11 @ np.linalg.pinv(P.D21, rcond=1e-12)
     rest = P.D11 + P.D12 @ F @ P.D21
-    if np.abs(rest).max() > _CANCELLED * np.abs(P.D11).max():
+    # How much of D11 may be left, relative, where a static controller cancels it.
+    if np.abs(rest).max() > SAME * np.abs(P.D11).max():
         raise no_finite_h2_norm()
     return P.with_inner_loop(F).replace(D11=np.zeros_like(P.D11)), F
 
@@ -387,7 +375,7 @@ def no_finite_h2_norm() -> InfeasibleError:
     )
 
 
-def h2_lower_bound(plant: PlantMatrices) -> LowerBound | None:
+def h2_lower_bound(plant: matrices.PlantMatrices) -> LowerBound | None:
     """Bound the H2 norm of every stabilising controller's loop from below.
 
     Stoorvogel, "The singular H2 control problem", Automatica 28 (1992) 627-631: the square of the
@@ -408,7 +396,7 @@ def h2_lower_bound(plant: PlantMatrices) -> LowerBound | None:
         K = lqg(plant)
         if K is None:
             return None
-        return LowerBound(float(h2_norm(control.StateSpace(*close(plant, K), True))), _HOW)
+        return LowerBound(float(h2_norm(control.StateSpace(*matrices.close(plant, K), True))), _HOW)
     P, halves = plant, reduced_riccati_pair(plant)
     if halves is None:
         return None
@@ -419,7 +407,7 @@ def h2_lower_bound(plant: PlantMatrices) -> LowerBound | None:
     return LowerBound(float(np.sqrt(max(square, 0.0))), _HOW)
 
 
-def lqg(plant: PlantMatrices) -> Controller | None:
+def lqg(plant: matrices.PlantMatrices) -> matrices.Controller | None:
     """Return the optimal controller of a regular plant; None if it is not regular.
 
     Zhou, Doyle, Glover, "Robust and Optimal Control" (1996), theorem 14.7, in continuous time. In
@@ -437,18 +425,93 @@ def lqg(plant: PlantMatrices) -> Controller | None:
         F0 = -np.linalg.solve(R, P.B2.T @ X @ P.B1 + P.D12.T @ P.D11)
         L0 = np.linalg.solve(St, (F @ Y @ P.C2.T + F0 @ P.D21.T).T).T
         A = P.A + P.B2 @ F + Lt.T @ P.C2 - P.B2 @ L0 @ P.C2
-        return Controller(A, -(Lt.T - P.B2 @ L0), F - L0 @ P.C2, L0)
+        return matrices.Controller(A, -(Lt.T - P.B2 @ L0), F - L0 @ P.C2, L0)
     F, Lt = _regulator(P), _regulator(P.dual)
     if F is None or Lt is None:
         return None
     A = P.A + P.B2 @ F + Lt.T @ P.C2
-    return Controller(A, -Lt.T, F, np.zeros((P.nu, P.ny)))
+    return matrices.Controller(A, -Lt.T, F, np.zeros((P.nu, P.ny)))
 
 
-def _regulator(plant: PlantMatrices) -> Matrix | None:
+def _regulator(plant: matrices.PlantMatrices) -> Matrix | None:
     """Return the gain of the regulator, where every control has a price to working accuracy."""
     s = np.linalg.svd(plant.D12, compute_uv=False)
     if plant.nz < plant.nu or not s.size or s[-1] < 1e-10 * max(s[0], 1.0):
         return None
     F = central_state_gain(plant, np.inf)
-    return F if F is not None and stabilises(plant, F) else None
+    return F if F is not None and matrices.stabilises(plant, F) else None
+
+
+# State feedback that keeps the disturbances from z altogether, where there is one.
+
+
+# Singular values below it are zero: the matrices are scaled.
+_RANK = 1e-10
+
+
+def output_nulling_gain(p: matrices.PlantMatrices) -> Matrix | None:
+    """Return a stabilising F with which w does not reach z; None if there is none.
+
+    Notes
+    -----
+    Within the largest subspace V that a control u = U v keeps while z stays zero, the part that is
+    stabilised with what is free in u has to hold B1 (H. L. Trentelman, A. A. Stoorvogel,
+    M. Hautus, Control Theory for Linear Systems, 2001, chapters 4 to 7).
+    """
+    if p.D11.any():
+        return None
+    A, B, V = p.A, p.B2, np.eye(p.nx)
+    while True:  # x is kept if some u leads it back into V, with z = 0
+        out, free = _leaving(p, V)
+        kept = _range(V @ _null(np.hstack([out, free]))[: V.shape[1]])
+        if kept.shape[1] == V.shape[1]:
+            break
+        V = kept
+    U = N = inner = entry = V
+    for _ in range(2):
+        out, free = _leaving(p, V)
+        U, N = -np.linalg.pinv(free, rcond=_RANK) @ out, _null(free)
+        inner, entry = V.T @ (A @ V + B @ U), V.T @ B @ N
+        good = (lambda s: abs(s) < 1 - _RANK) if p.discrete else (lambda s: s.real < -_RANK)
+        found: Any = linalg.schur(inner, output="complex", sort=good)
+        steps = [entry]
+        for _ in range(V.shape[1] - 1):
+            steps.append(inner @ steps[-1] / max(float(np.linalg.norm(inner, 2)), 1e-300))
+        slow = found[1][:, : found[2]]
+        stabilised = _range(V @ _range(np.hstack([*steps, slow.real, slow.imag])))
+        if stabilised.shape[1] == V.shape[1]:
+            break
+        V = stabilised
+    if not V.size or np.linalg.norm(p.B1 - V @ (V.T @ p.B1)) > _RANK * np.linalg.norm(p.B1):
+        return None
+    W = _null(V.T)
+    try:
+        within = U + N @ _stabilising_gain(inner, entry, p.discrete)
+        beyond = _stabilising_gain(W.T @ A @ W, W.T @ B, p.discrete)
+    except np.linalg.LinAlgError:
+        return None
+    return within @ V.T + beyond @ W.T
+
+
+def _leaving(p: matrices.PlantMatrices, V: Matrix) -> tuple[Matrix, Matrix]:
+    """Return what of x in V, and of u, leaves V or shows in z."""
+    W = _null(V.T)
+    return np.vstack([W.T @ p.A @ V, p.C1 @ V]), np.vstack([W.T @ p.B2, p.D12])
+
+
+def _stabilising_gain(A: Matrix, B: Matrix, discrete: bool) -> Matrix:
+    if not A.size or not B.size:
+        return np.zeros((B.shape[1], len(A)))
+    Q, R = np.eye(len(A)), np.eye(B.shape[1])
+    if discrete:
+        X = linalg.solve_discrete_are(A, B, Q, R)
+        return -np.linalg.solve(R + B.T @ X @ B, B.T @ X @ A)
+    return -B.T @ linalg.solve_continuous_are(A, B, Q, R)
+
+
+def _null(M: Matrix) -> Matrix:
+    return linalg.null_space(M, rcond=_RANK) if len(M) else np.eye(M.shape[1])
+
+
+def _range(M: Matrix) -> Matrix:
+    return linalg.orth(M, rcond=_RANK) if M.size else M[:, :0]

@@ -12,47 +12,39 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
+from robustpolish.base.arrays import SAME
 from robustpolish.base.arrays import AnyMatrix as Matrix
-from robustpolish.base.budget import Budget, enforce_deadline, progress_bar, single_threaded_blas
+from robustpolish.base.budget import (
+    WORK,
+    Budget,
+    enforce_deadline,
+    progress_bar,
+    single_threaded_blas,
+)
 from robustpolish.base.checks import described, invalid, positive
 from robustpolish.errors import InfeasibleError, SolverError
-from robustpolish.implementation.sampled.induced_norm import square_root
-from robustpolish.linear.controllability import controllability
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
+from robustpolish.linear.stability import controllability, square_root
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.certificate import Certificate, Gamma, Norm, NormTarget
+from robustpolish.synthesis import certificate, driver
 from robustpolish.synthesis.design import Design
-from robustpolish.synthesis.driver import (
-    ROUNDING,
-    JoinedController,
-    check_arguments,
-    design_by_parts,
-)
-from robustpolish.synthesis.engine import Candidate, Engine, Settings, Task
 from robustpolish.synthesis.nonsmooth.descent import MaskedGain, Problem, Requirement, minimax
 from robustpolish.synthesis.nonsmooth.measures import GainMeasure, norm_measure
 from robustpolish.synthesis.problem import matrices, preflight
-from robustpolish.synthesis.problem.pole_regions import (
-    Disk,
-    PoleRegion,
-    checked_regions,
-    violated_regions,
-)
-from robustpolish.synthesis.riccati.gamma import LowerBound, solve_lyapunov
+from robustpolish.synthesis.problem.matrices import solve_lyapunov
+from robustpolish.synthesis.problem.pole_regions import Disk, PoleRegion
+from robustpolish.synthesis.riccati.gamma import LowerBound
 from robustpolish.synthesis.state_feedback import lmi
-from robustpolish.synthesis.state_feedback.output_nulling import output_nulling_gain
 from robustpolish.synthesis.state_feedback.riccati import (
     RiccatiStateEngine,
     StateEngine,
     StateGain,
     central_state_gain,
+    output_nulling_gain,
     state_norm_lower_bound,
 )
 
-# Steps that one design may take, a few milliseconds each. A bound on the gain of the brush's plant
-# takes 13 000 of them, everything else on it less than 1 000, and one program for 40 states 15 000.
-_WORK = 1e5
 # What is fixed has been refused, and no engine of a static gain asks for ranks of D12 and D21.
 _SOLVABLE = preflight.SolvabilityCheck((), 0, 0, True, True)
 
@@ -67,7 +59,7 @@ def state_feedback(
     gain_bound: float | None = None,
     pole_region: PoleRegion | Sequence[PoleRegion] | None = None,
     *,
-    gamma: Gamma | None = None,
+    gamma: certificate.Gamma | None = None,
     solver: str | None = None,
     split: bool = True,
     tolerance: float = 1e-4,
@@ -165,25 +157,25 @@ def state_feedback(
     >>> bool(gentle.certificate.bound <= 0.4)
     True
     """
-    check_arguments(plant, norm, method, ("lmi", "riccati"), backend, tolerance, time_limit)
+    driver.check_arguments(plant, norm, method, ("lmi", "riccati"), backend, tolerance, time_limit)
     for count, what in ((plant.nx, "states"), (plant.nu, "controls"), (plant.nw, "disturbances")):
         if count == 0:
             raise invalid("plant", described(f"no {what}"), f"a plant with {what}", "Add some.")
     if gain_bound is not None:
         positive("gain_bound", gain_bound)
-    regions = checked_regions("pole_region", pole_region)
+    regions = certificate.checked_regions("pole_region", pole_region)
     if pole_region is not None and (method != "lmi" or gain_bound is not None):
         other = "method='riccati'" if method != "lmi" else "gain_bound"
         shown = described(f"a region together with {other}")
         remedy = "Leave one of them out; a Disk bounds the gain as well."
         raise invalid("pole_region", shown, "method='lmi' and no gain_bound", remedy)
-    budget = Budget.with_certificate_reserve(_WORK, time_limit)
-    wanted = NormTarget.checked(gamma)
+    budget = Budget.with_certificate_reserve(WORK, time_limit)
+    wanted = certificate.NormTarget.checked(gamma)
     whole = preflight.with_control_penalty(plant, control_weight).with_full_state()
     _refuse_infeasible(whole, norm)
     together = not split or (wanted.is_requested and norm == "h2")
     pieces = (preflight.whole_plant(whole),) if together else preflight.decoupled_parts(whole)
-    settings = Settings(
+    settings = driver.Settings(
         norm,
         method,
         backend,
@@ -200,7 +192,7 @@ def state_feedback(
         relaxations=(1.0, 10.0, 100.0),
     )
     with progress_bar("Designing a state feedback"), enforce_deadline(budget):
-        found = design_by_parts(whole, pieces, settings, _SOLVABLE, budget)
+        found = driver.design_by_parts(whole, pieces, settings, _SOLVABLE, budget)
     F = np.asarray(found.controller.D)
     loop = plant.state_feedback_loop(F)
     details = {
@@ -235,7 +227,7 @@ def _refuse_infeasible(plant: GeneralizedPlant, norm: str) -> None:
         )
 
 
-def _message(found: JoinedController) -> str:
+def _message(found: driver.JoinedController) -> str:
     """Say what happened and what to try next."""
     settings, status, achieved = found.settings, found.status, found.certificate.achieved
     wanted, tolerance = settings.wanted, settings.tolerance
@@ -245,7 +237,7 @@ def _message(found: JoinedController) -> str:
     if least > 0:
         text += f" No state feedback has a norm below {least:.6g}."
     if status == "optimal":
-        if least == 0 or achieved <= ROUNDING * settings.reference:
+        if least == 0 or achieved <= driver.ROUNDING * settings.reference:
             return f"{text} But for rounding w does not reach z: the design is optimal."
         return f"{text} That is within {tolerance:.0e} of it: the design is optimal."
     if status == "time_limit":
@@ -299,22 +291,20 @@ _PRICES = tuple(10.0**k for k in range(3, -9, -1))
 _STARTING_PRICES = tuple(10.0**k for k in range(4, -10, -1))
 # A norm that moves by less than this share from price to price has reached its limit, if the gain
 # grows by less than the factor: norms can rest on a plateau.
-_CONVERGED, _GAIN_CONVERGED = 3e-4, 1.2
+_GAIN_CONVERGED = 1.2
 # Starts from which each search under a bound on the gain is run.
 _BOUND_STARTS = 2
 # Steps of one descent on the true norm.
 _ITERATIONS = 150
 # A step that gains less than this share ends a search.
 _GAINED = 1e-5
-# A bound is kept by this share, so that rounding does not break it.
-_MARGIN = 1e-9
 # States that w hardly reaches are still given this share of the disturbance.
 _NOISE = 1e-3
 _NORMS = ("claimed", "achieved", "no_gain_found_at")
 History = list[dict[str, Any]]
 
 
-class StateSearch(Engine):
+class StateSearch(driver.Engine):
     """The static gain u = F x of one part, made by Riccati equations or by inequalities.
 
     Where control has no price, the norm is followed downwards by prices that shrink; a bound on the
@@ -322,11 +312,11 @@ class StateSearch(Engine):
     rest is given away for a smaller gain.
     """
 
-    def __init__(self, settings: Settings, problem: Task, budget: Budget) -> None:
+    def __init__(self, settings: driver.Settings, problem: driver.Task, budget: Budget) -> None:
         super().__init__(settings, problem, budget)
         assert problem.scaled is not None
         self.plant, self.scaled = problem.plant, problem.scaled
-        self.norm: Norm = problem.norm
+        self.norm: certificate.Norm = problem.norm
         self.tolerance = settings.relaxations[0] * settings.tolerance
         self.method, kind = settings.method, RiccatiStateEngine
         if settings.method == "lmi":
@@ -344,7 +334,7 @@ class StateSearch(Engine):
         found, unit = self.smallest_norm(), self.scaled.norm(1.0, self.norm)
         nu, nx = found.F.shape
         K = matrices.Controller(np.zeros((0, 0)), np.zeros((0, nx)), np.zeros((nu, 0)), found.F)
-        self.candidates = [Candidate(K, found.achieved, found.claimed, self.method)]
+        self.candidates = [driver.Candidate(K, found.achieved, found.claimed, self.method)]
         self.history = [
             entry | {key: entry[key] * unit for key in _NORMS if key in entry}
             for entry in found.history
@@ -354,10 +344,12 @@ class StateSearch(Engine):
         if found.lower_bound > 0 or found.achieved == 0 or found.status == "optimal":
             self.bound = LowerBound(found.lower_bound, "which Riccati equations tell")
 
-    def objections(self, K: control.StateSpace, proof: Certificate, promised: float) -> list[str]:
+    def objections(
+        self, K: control.StateSpace, proof: certificate.Certificate, promised: float
+    ) -> list[str]:
         """Tell what a certificate does not see: bound, regions and rounding errors."""
         size, most = float(np.linalg.norm(K.D, 2)), self.bound_on_gain
-        said = violated_regions(self.settings.regions, proof.poles)
+        said = certificate.violated_regions(self.settings.regions, proof.poles)
         if size > most:
             said.append(f"the gain {size:.8g} exceeds {most:.8g}")
         # Share of the tolerance by which a claim may be missed in the plant's own units.
@@ -397,7 +389,7 @@ class StateSearch(Engine):
     def _nulling(self) -> StateGain | None:
         """Return a gain that keeps w from z, but for rounding; None if there is none."""
         F = output_nulling_gain(self.plant)
-        rounding = self.scaled.scaled_norm(ROUNDING * self.settings.reference, self.norm)
+        rounding = self.scaled.scaled_norm(driver.ROUNDING * self.settings.reference, self.norm)
         if F is None or not self._norm(F) <= rounding:
             return None
         told = {"step": "w is kept from z", "achieved": 0.0}
@@ -409,7 +401,8 @@ class StateSearch(Engine):
 
     def _inside(self, F: Matrix) -> Matrix:
         """Return F, shrunk to the bound if it is larger."""
-        size, limit = self._size(F), self.bound_on_gain * (1 - _MARGIN)
+        # A bound is kept by this share, so that rounding does not break it.
+        size, limit = self._size(F), self.bound_on_gain * (1 - SAME)
         return F * (limit / size) if size > limit else F
 
     def _norm(self, F: Matrix | None) -> float:
@@ -628,13 +621,13 @@ class StateSearch(Engine):
             # Only below it can a norm have reached its limit: above it is the norm of no control.
             if price <= 1e-4 and len(rungs) > 1:
                 before = rungs[-2]
-                same_norm = before.achieved < now.achieved * (1 + _CONVERGED)
+                same_norm = before.achieved < now.achieved * (1 + driver.SETTLED)
                 settled = same_norm and self._size(now.F) < _GAIN_CONVERGED * self._size(before.F)
             if settled:
                 break
         if not rungs:
             return None
-        least = min(each.achieved for each in rungs) * (1 + max(engine.tolerance, _CONVERGED))
+        least = min(each.achieved for each in rungs) * (1 + max(engine.tolerance, driver.SETTLED))
         smallest = min((g for g in rungs if g.achieved <= least), key=lambda g: self._size(g.F))
         over = settled or self.budget.over
         status = "suboptimal" if over else self._limit(rungs, smallest)
@@ -671,7 +664,7 @@ class StateSearch(Engine):
         if not (smallest.F.any() and target > 0) or regions or self.budget.over:
             return smallest
         gains, theta = _free_gain(smallest.F)
-        held = Requirement(norm_measure(p, self.norm), target * (1 - _MARGIN))
+        held = Requirement(norm_measure(p, self.norm), target * (1 - SAME))
         problem = Problem(gains, GainMeasure(self.left, self.right), (held,))
         descent = minimax(problem, theta, self.budget, _ITERATIONS)
         F = gains.gain(descent.point)
@@ -710,7 +703,7 @@ def is_idle(p: matrices.PlantMatrices) -> bool:
     return not p.B1.any() or not (p.C1.any() or p.D12.any() or p.D11.any())
 
 
-def reference_norm(parts: Iterable[GeneralizedPlant], norm: Norm) -> float:
+def reference_norm(parts: Iterable[GeneralizedPlant], norm: certificate.Norm) -> float:
     """Return the norm, with almost no control, of the parts that have no optimum.
 
     It is the norm without control or, if that is unstable, with the least that stabilises.

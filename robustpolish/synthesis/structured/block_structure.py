@@ -18,16 +18,11 @@ from robustpolish.base.arrays import AnyVector as Vector
 from robustpolish.base.budget import Budget
 from robustpolish.base.checks import described, instance_of, invalid
 from robustpolish.errors import InfeasibleError
-from robustpolish.plants.blocks import named_system
+from robustpolish.linear.systems import named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import Norm
 from robustpolish.synthesis.nonsmooth.descent import Bounds, ReflectedParametrisation
-from robustpolish.synthesis.problem.matrices import (
-    PlantMatrices,
-    augmented,
-    close_static_loop,
-    controller_from_matrix,
-)
+from robustpolish.synthesis.problem import matrices
 from robustpolish.synthesis.problem.preflight import PlantPart, ScaledPlant
 from robustpolish.synthesis.structured import starts
 from robustpolish.synthesis.structured.block_parts import (
@@ -389,7 +384,7 @@ _VISIBLE = 1e-9
 _BELOW, _ABOVE = 30.0, 10.0
 
 
-def crossover_band(plant: PlantMatrices) -> tuple[float, float]:
+def crossover_band(plant: matrices.PlantMatrices) -> tuple[float, float]:
     """Return the lowest and the highest frequency at which a loop may cross over, in rad/s."""
     size = np.ones(1)
     if plant.nx:
@@ -407,7 +402,7 @@ LoopSize = Callable[[PlacedBlock, int, ParameterSlot], float]
 """The value of a slot of a stage of a block that matters in the loop, in scaled units."""
 
 
-def crossover_size(plant: PlantMatrices, frequency: float) -> LoopSize:
+def crossover_size(plant: matrices.PlantMatrices, frequency: float) -> LoopSize:
     """Return the numbers with which the loop of a scaled plant crosses over at a frequency."""
     try:
         pencil = 1j * frequency * np.eye(plant.nx) - plant.A
@@ -549,7 +544,7 @@ class BlockStructure(ControllerStructure):
         search = self._search_of_entries if _entries_alone(placement) else self._search_of_numbers
         gain, bounds, proposals, rest = search(scaled, inner)
         order = len(gain.leave) - part.plant.nu
-        loop = augmented(inner, order)
+        loop = matrices.augmented(inner, order)
         rng = np.random.default_rng(0)
         drawn = (
             proposals[-1](Budget(), rng)
@@ -575,7 +570,7 @@ class BlockStructure(ControllerStructure):
         )
 
     def _search_of_entries(
-        self, scaled: ScaledPlant, inner: PlantMatrices
+        self, scaled: ScaledPlant, inner: matrices.PlantMatrices
     ) -> tuple[BlockGain, None, tuple[StartProposal, ...], Vector]:
         """Return K of the numbers, and the starts of a static or fixed-order feedback."""
         gain, numbers = block_parametrisation(self.placement, scaled), self.placement.numbers
@@ -583,7 +578,7 @@ class BlockStructure(ControllerStructure):
         given = [self.initial.get(n.key) for n in numbers]
         pairs = zip(given, gain.coordinates, rest, strict=True)
         first = np.array([r if v is None else c.theta(v) for v, c, r in pairs])
-        loop = augmented(inner, len(gain.leave) - inner.nu)
+        loop = matrices.augmented(inner, len(gain.leave) - inner.nu)
         mask = gain.gain(np.ones(gain.size)) != 0
         # Each number is one entry of K, so that the adjoint is the inverse.
         coordinates = partial(gain.back, np.zeros(gain.size))
@@ -595,7 +590,7 @@ class BlockStructure(ControllerStructure):
         return gain, None, proposals, rest
 
     def _search_of_numbers(
-        self, scaled: ScaledPlant, inner: PlantMatrices
+        self, scaled: ScaledPlant, inner: matrices.PlantMatrices
     ) -> tuple[BlockGain, Bounds, tuple[StartProposal, ...], None]:
         """Return K of the numbers, their limits, and guesses for a crossover of the loop."""
         placement, initial, band = self.placement, self.initial, crossover_band(inner)
@@ -682,7 +677,7 @@ _TRIES = 5
 def _refuse_unstabilisable(
     placement: Placement,
     gain: BlockGain,
-    loop: PlantMatrices,
+    loop: matrices.PlantMatrices,
     drawn: Iterator[Vector],
     norm: Norm,
 ) -> None:
@@ -690,7 +685,7 @@ def _refuse_unstabilisable(
     names, at = _integrators(placement)
     stuck, always, tried = set(names), True, 0
     for theta in islice(drawn, 1, 4 * _TRIES):
-        closed = close_static_loop(loop, gain.gain(theta))
+        closed = matrices.close_static_loop(loop, gain.gain(theta))
         if closed is None:
             continue
         tried += 1
@@ -740,7 +735,7 @@ def _integrators(placement: Placement) -> tuple[list[str], list[int]]:
 def _controller(
     plant: GeneralizedPlant, placement: Placement, K: Matrix, scaled: ScaledPlant
 ) -> control.StateSpace:
-    own = scaled.controller(controller_from_matrix(K, len(K) - plant.nu))
+    own = scaled.controller(matrices.controller_from_matrix(K, len(K) - plant.nu))
     states = [f"{stage.name}.{label}" for _, _, stage in placement.places for label in stage.states]
     names = (plant.measurement_names, plant.control_names, states)
     return named_system(own, plant.dt, *names)

@@ -12,15 +12,14 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustpolish.base.budget import Budget, enforce_deadline, progress_bar, single_threaded_blas
-from robustpolish.base.checks import (
-    described,
-    instance_of,
-    invalid,
-    one_of,
-    positive,
-    whole_number,
+from robustpolish.base.budget import (
+    WORK,
+    Budget,
+    enforce_deadline,
+    progress_bar,
+    single_threaded_blas,
 )
+from robustpolish.base.checks import described, instance_of, invalid, one_of, positive, whole_number
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.linear.norms.h2 import h2_norm
 from robustpolish.linear.norms.hinf import hinf_norm
@@ -39,19 +38,12 @@ from robustpolish.synthesis.problem.preflight import (
     with_control_penalty,
     with_measurement_noise,
 )
-from robustpolish.synthesis.structured import structures
+from robustpolish.synthesis.structured import search, structures
 from robustpolish.synthesis.structured.block_parts import TunableBlock, TunedBlocks
 from robustpolish.synthesis.structured.block_structure import (
     BlockStructure,
     Placement,
     place_blocks,
-)
-from robustpolish.synthesis.structured.search import (
-    TIME_LIMIT,
-    WORK,
-    ControllerStructure,
-    PartDesign,
-    design_part,
 )
 from robustpolish.synthesis.structured.starts import padded
 
@@ -99,7 +91,7 @@ def design_structured(
     plant: GeneralizedPlant,
     whole: GeneralizedPlant,
     parts: Sequence[PlantPart],
-    structure: ControllerStructure,
+    structure: search.ControllerStructure,
     options: StructuredOptions,
 ) -> Design:
     """Design a controller of a structure, part by part, and certify it for the whole plant.
@@ -131,7 +123,7 @@ def design_structured(
         done = solve_each_once(
             [(p.key, p.objective.work, p) for p in problems if p is not None],
             budget,
-            lambda problem, own: design_part(problem, own, options.seed, options.target),
+            lambda problem, own: search.design_part(problem, own, options.seed, options.target),
         )
     designs = [None if problem is None else done[problem.key] for problem in problems]
     late = budget.late
@@ -171,7 +163,9 @@ def design_structured(
     )
 
 
-def _verdict(designs: Sequence[PartDesign], achieved: float, late: bool) -> tuple[Status, str]:
+def _verdict(
+    designs: Sequence[search.PartDesign], achieved: float, late: bool
+) -> tuple[Status, str]:
     if achieved == 0:
         return "optimal", "The disturbances do not reach the performance outputs at all."
     falls = ""
@@ -317,7 +311,7 @@ def observer_feedback(
     plant: GeneralizedPlant,
     norm: Norm = "hinf",
     *,
-    time_limit: float = TIME_LIMIT,
+    time_limit: float = search.TIME_LIMIT,
     seed: int = 0,
     gain_bound: float | None = None,
     control_weight: ArrayLike | None = None,
@@ -409,7 +403,7 @@ def passive_feedback(
     stiffness_bound: float | Mapping[Place, float] | None = None,
     damping_bound: float | Mapping[Place, float] | None = None,
     control_weight: ArrayLike | None = None,
-    time_limit: float = TIME_LIMIT,
+    time_limit: float = search.TIME_LIMIT,
     seed: int = 0,
 ) -> Design:
     r"""Choose springs and dampers at given places for the smallest norm from w to z.
@@ -525,7 +519,7 @@ def static_output_feedback(
     structure: ArrayLike | None = None,
     order: int = 0,
     *,
-    time_limit: float = TIME_LIMIT,
+    time_limit: float = search.TIME_LIMIT,
     initial: control.StateSpace | ArrayLike | None = None,
     seed: int = 0,
     gain_bound: float | None = None,
@@ -653,7 +647,7 @@ def structured_output_feedback(
     norm: Norm = "hinf",
     *,
     initial: Design | Mapping[str, float] | None = None,
-    time_limit: float = TIME_LIMIT,
+    time_limit: float = search.TIME_LIMIT,
     seed: int = 0,
     gain_bound: float | None = None,
     control_weight: ArrayLike | None = None,

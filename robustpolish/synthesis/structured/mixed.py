@@ -13,26 +13,18 @@ from robustpolish.base.budget import single_threaded_blas
 from robustpolish.base.checks import invalid, one_of, positive
 from robustpolish.errors import SolverError
 from robustpolish.plants.plant import GeneralizedPlant
-from robustpolish.synthesis.certificate import Norm, certify
+from robustpolish.synthesis.certificate import Norm, certify, checked_regions, violated_regions
 from robustpolish.synthesis.design import Design
 from robustpolish.synthesis.lmi.program import BACKENDS
 from robustpolish.synthesis.problem.matrices import Channel, channel
-from robustpolish.synthesis.problem.pole_regions import (
-    PoleRegion,
-    checked_regions,
-    violated_regions,
-)
+from robustpolish.synthesis.problem.pole_regions import PoleRegion
 from robustpolish.synthesis.problem.preflight import (
     decoupled_parts,
     whole_plant,
     with_control_penalty,
     with_measurement_noise,
 )
-from robustpolish.synthesis.structured.methods import (
-    StructuredOptions,
-    checked_bound,
-    design_structured,
-)
+from robustpolish.synthesis.structured import methods
 from robustpolish.synthesis.structured.search import TIME_LIMIT
 from robustpolish.synthesis.structured.structures import MixedStructure
 
@@ -55,7 +47,7 @@ def _design_mixed(
     """
     one_of("minimise", minimise, ("hinf", "h2"))
     one_of("backend", solver[0], BACKENDS)
-    checked = StructuredOptions.checked(minimise, *options)
+    checked = methods.StructuredOptions.checked(minimise, *options)
     other: Norm = "h2" if minimise == "hinf" else "hinf"
     (own_channel, own_bound), (other_channel, bound) = given[minimise], given[other]
     if own_bound is not None:
@@ -67,7 +59,7 @@ def _design_mixed(
         )
     if bound is not None:
         bound = positive(f"{other}_bound", bound)
-    gain_bound = checked_bound(gain_bound)
+    gain_bound = methods.checked_bound(gain_bound)
     regions = checked_regions("pole_region", pole_region)
     goal = _channel(plant, whole, own_channel, f"{minimise}_channel")
     side = None if bound is None else _channel(plant, whole, other_channel, f"{other}_channel")
@@ -75,7 +67,7 @@ def _design_mixed(
     # A bound on the H2 norm joins the parts: it is their root mean square that counts.
     parts = (whole_plant(whole),) if side is not None else decoupled_parts(whole)
     structure = MixedStructure(minimise, goal, static, side, bound, regions, gain_bound, solver)
-    design = design_structured(goal, goal, parts, structure, checked)
+    design = methods.design_structured(goal, goal, parts, structure, checked)
     certificates = {minimise: design.certificate}
     broken = []
     if side is not None and bound is not None:

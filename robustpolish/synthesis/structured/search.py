@@ -13,6 +13,7 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
+from robustpolish.base.arrays import SOLVED
 from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.arrays import AnyVector as Vector
 from robustpolish.base.budget import Budget
@@ -27,26 +28,15 @@ from robustpolish.synthesis.nonsmooth.measures import (
     StabilityMeasure,
     norm_measure,
 )
-from robustpolish.synthesis.problem import preflight
-from robustpolish.synthesis.problem.matrices import (
-    PlantMatrices,
-    augmented,
-    controller_from_matrix,
-    controller_loop,
-)
+from robustpolish.synthesis.problem import matrices, preflight
 
 TIME_LIMIT = 300.0
 """Seconds of the safety net, if the caller names none."""
-WORK = 1e5
-"""Work of one design, in H-infinity norms of small loops (half a millisecond each): within a minute
-on an idle machine. AC3 and the mixed designs of 12 states need most of it."""
 CEILINGS = (1e5, 3e3, 1e2, 1e1)
 """Largest entry of a controller in scaled units; an infimum beyond it counts as not attained. The
 next one is used where a controller at the one before cannot be certified, as on plants with
 displacement actuation."""
 
-# A norm of the scaled plant below this is zero up to rounding.
-_ZERO = 1e-13
 # Two descents agree if their norms differ by less than this share.
 _AGREEMENT = 1e-4
 # Price of a violated requirement, as a logarithm of the norm, while BFGS descends.
@@ -318,19 +308,19 @@ class PartProblem:
     gain_bound: float | None = None
     specifications: tuple[descent.Requirement, ...] = ()
     effort: SearchEffort = SearchEffort()
-    objective_loop: PlantMatrices | None = None
+    objective_loop: matrices.PlantMatrices | None = None
     bounds: descent.Bounds | None = None
     open_ended: NDArray[np.bool_] | None = None
     size: descent.Measure | None = None
     slack: float = 5e-5
     advice: str = "Raise order="
-    machines: tuple[PlantMatrices, ...] = ()
+    machines: tuple[matrices.PlantMatrices, ...] = ()
     extra: bytes = b""
 
     @cached_property
-    def loop(self) -> PlantMatrices:
+    def loop(self) -> matrices.PlantMatrices:
         """The scaled part, with integrators for a dynamic controller."""
-        return augmented(PlantMatrices.of(self.scaled.plant), self.order)
+        return matrices.augmented(matrices.PlantMatrices.of(self.scaled.plant), self.order)
 
     @cached_property
     def objective(self) -> descent.Measure:
@@ -340,10 +330,10 @@ class PartProblem:
         return norm_measure(self.objective_loop or self.loop, self.norm)
 
     @cached_property
-    def controller_loop(self) -> PlantMatrices:
+    def controller_loop(self) -> matrices.PlantMatrices:
         """The controller itself from y to u, in plant units."""
         left, right = np.diag(self.scaled.control), np.diag(1 / self.scaled.measurement)
-        return controller_loop(self.order, left, right, self.scaled.original.is_discrete)
+        return matrices.controller_loop(self.order, left, right, self.scaled.original.is_discrete)
 
     @cached_property
     def requirements(self) -> tuple[descent.Requirement, ...]:
@@ -355,10 +345,10 @@ class PartProblem:
         return (*self.specifications, descent.Requirement(size, self.gain_bound))
 
     @property
-    def stable_loops(self) -> tuple[PlantMatrices, ...]:
+    def stable_loops(self) -> tuple[matrices.PlantMatrices, ...]:
         """What has to be stable: all loops, and a dynamic controller whose gain is bounded."""
         if self.machines:
-            return tuple(augmented(machine, self.order) for machine in self.machines)
+            return tuple(matrices.augmented(machine, self.order) for machine in self.machines)
         alone = self.gain_bound is not None and self.order > 0
         return (self.loop, self.controller_loop) if alone else (self.loop,)
 
@@ -386,13 +376,13 @@ class PartProblem:
     @property
     def key(self) -> tuple[bytes, ...]:
         """What is the same for problems with the same answer."""
-        return (self.extra, *PlantMatrices.of(self.scaled.original).fingerprint)
+        return (self.extra, *matrices.PlantMatrices.of(self.scaled.original).fingerprint)
 
     def controller(self, K: Matrix) -> control.StateSpace:
         """Return K = [[Ak, Bk], [Ck, Dk]] of the scaled part as a controller in plant units."""
         # Entries that only rounding left in place of a zero are zeros.
         K = np.where(np.abs(K) < 1e-13 * np.abs(K).max(initial=0.0), 0.0, K)
-        own = self.scaled.controller(controller_from_matrix(K, self.order))
+        own = self.scaled.controller(matrices.controller_from_matrix(K, self.order))
         return preflight.named_controller(self.scaled.original, *own)
 
 
@@ -465,7 +455,7 @@ class ControllerStructure(ABC):
 
 def scaled_part(
     plant: GeneralizedPlant, what: str, mask: NDArray[np.bool_] | None = None
-) -> tuple[preflight.ScaledPlant, PlantMatrices]:
+) -> tuple[preflight.ScaledPlant, matrices.PlantMatrices]:
     """Scale a part, unless an unstable mode of it is fixed for all gains with the mask.
 
     Raises
@@ -474,7 +464,7 @@ def scaled_part(
         If one is; it is named.
     """
     scaled = preflight.scale_plant(plant)
-    inner = PlantMatrices.of(scaled.plant)
+    inner = matrices.PlantMatrices.of(scaled.plant)
     free = np.ones((plant.nu, plant.ny), bool) if mask is None else mask
     preflight.refuse_fixed_modes(inner, free, plant.states, scaled.time, what)
     return scaled, inner
@@ -500,7 +490,8 @@ def design_part(part: PartProblem, budget: Budget, seed: int, target: float) -> 
         If no start led to a stable loop that meets the requirements.
     """
     level = part.scaled.scaled_norm(target, part.norm) if target > 0 else 0.0
-    goal = float(np.log(max(level, _ZERO)))
+    # A norm of the scaled plant below this is zero up to rounding.
+    goal = float(np.log(max(level, SOLVED)))
     rng = np.random.default_rng(seed)
     design, last = None, np.zeros(0)
     for ceiling in CEILINGS:
@@ -556,12 +547,12 @@ def _smaller_gain(
     """Give away a little of the norm for the smallest gain."""
     if point.size == 0:
         return point, value
-    if value < np.log(10 * _ZERO):
+    if value < np.log(10 * SOLVED):
         # The norm is zero but for rounding: a rounded gain makes it exactly zero.
         for bits in (10, 20, 30, 40):
             rounded = np.round(point * 2.0**bits) / 2.0**bits
             model = problem.model(rounded)
-            if model is not None and model.objective < np.log(_ZERO) - 10:
+            if model is not None and model.objective < np.log(SOLVED) - 10:
                 return rounded, value
         return point, value
     gain = problem.parametrisation.gain

@@ -22,7 +22,8 @@ from robustpolish.base.arrays import AnyVector as Vector
 from robustpolish.base.budget import Budget, step_cost
 from robustpolish.base.checks import matrix
 from robustpolish.implementation.reduction import Reducer
-from robustpolish.plants.blocks import matrices_of, named_system
+from robustpolish.linear.systems import named_system
+from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import Norm
 from robustpolish.synthesis.lmi.output_feedback import (
@@ -52,12 +53,7 @@ from robustpolish.synthesis.problem.matrices import (
 from robustpolish.synthesis.problem.matrices import augmented as with_integrators
 from robustpolish.synthesis.problem.pole_regions import PoleRegion
 from robustpolish.synthesis.riccati.gamma import central_controller, normalise, search_gamma
-from robustpolish.synthesis.state_feedback.lmi import (
-    h2_inequality,
-    hinf_inequality,
-    region_inequalities,
-    region_matrix,
-)
+from robustpolish.synthesis.state_feedback import lmi
 from robustpolish.synthesis.state_feedback.riccati import central_state_gain
 from robustpolish.synthesis.structured.search import (
     CEILINGS,
@@ -129,7 +125,7 @@ def mixed_start(
                 program.zero(loop.direct)
         A = block_matrix(loop_terms(channels[0], v).state)
         for region in regions:
-            program.positive(region_matrix(region.L, region.M, lyapunov, A))
+            program.positive(lmi.region_matrix(region.L, region.M, lyapunov, A))
 
     found = next(controllers_near_optimum(channels[:1], impose, solver, [back_off - 1]), None)
     K = None if found is None else absorb_d22(found[0][0], P.D22)
@@ -182,10 +178,10 @@ def mixed_state_start(
             target = square if s.bound is None else Affine.of(1.0)
             own = p.replace(C1=p.C1 / size, D11=p.D11 / size, D12=p.D12 / size)
             if s.norm == "hinf":
-                hinf_inequality(program, own, Y, M, target, np.eye(nx))
+                lmi.hinf_inequality(program, own, Y, M, target, np.eye(nx))
             else:
-                program.nonnegative(target - h2_inequality(program, own, Y, M, np.eye(nx)))
-        region_inequalities(program, problems[0], Y, M, regions)
+                program.nonnegative(target - lmi.h2_inequality(program, own, Y, M, np.eye(nx)))
+        lmi.region_inequalities(program, problems[0], Y, M, regions)
         return program, Y, M, square
 
     unit, F = 1.0, None

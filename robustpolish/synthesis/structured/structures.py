@@ -18,6 +18,7 @@ from robustpolish.base.checks import described, invalid
 from robustpolish.errors import InfeasibleError
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.synthesis.certificate import Norm
+from robustpolish.synthesis.lmi.output_feedback import LMI_STATES
 from robustpolish.synthesis.nonsmooth import descent
 from robustpolish.synthesis.nonsmooth.measures import FrobeniusMeasure, RegionMeasure, norm_measure
 from robustpolish.synthesis.problem.matrices import (
@@ -28,16 +29,7 @@ from robustpolish.synthesis.problem.matrices import (
 )
 from robustpolish.synthesis.problem.pole_regions import PassiveElement, Place, PoleRegion
 from robustpolish.synthesis.problem.preflight import PlantPart, ScaledPlant, scale_plant
-from robustpolish.synthesis.structured import starts
-from robustpolish.synthesis.structured.search import (
-    ControllerStructure,
-    Designs,
-    Joined,
-    PartProblem,
-    SearchEffort,
-    StartProposal,
-    scaled_part,
-)
+from robustpolish.synthesis.structured import search, starts
 from robustpolish.synthesis.structured.starts import Specification, observer_controller
 
 # Springs and dampers between places of a machine, instead of a controller.
@@ -90,7 +82,7 @@ class Mechanics:
 
 
 @dataclass(frozen=True, eq=False)
-class PassiveStructure(ControllerStructure):
+class PassiveStructure(search.ControllerStructure):
     """Coefficients of springs and dampers, not negative.
 
     Attributes
@@ -118,7 +110,7 @@ class PassiveStructure(ControllerStructure):
         """Which controls the elements join to which states."""
         return (self.elements != 0).any(axis=0)
 
-    def problem(self, part: PlantPart) -> PartProblem | None:
+    def problem(self, part: PlantPart) -> search.PartProblem | None:
         """State the search over the logarithms of the coefficients of the elements in one part."""
         scaled = scale_plant(part.plant)
         members, local, size = self._within(part, scaled)
@@ -129,7 +121,7 @@ class PassiveStructure(ControllerStructure):
         bottom = np.minimum(np.full(len(size), np.log(_NOTHING)), top - 1.0)
         levels = [np.full(len(size), level) for level in (0.0, -3.0, 3.0, -8.0, 8.0)]
         u, y = scaled.control[:, None], scaled.measurement
-        return PartProblem(
+        return search.PartProblem(
             scaled=scaled,
             norm=self.norm,
             order=0,
@@ -139,7 +131,7 @@ class PassiveStructure(ControllerStructure):
                 lambda _, rng: (rng.uniform(-10.0, 10.0, len(size)) for _ in count()),
             ),
             what="choice of springs and dampers",
-            effort=SearchEffort(smooth_first=False),
+            effort=search.SearchEffort(smooth_first=False),
             bounds=(bottom, top),
             open_ended=np.isinf(limits),
             size=FrobeniusMeasure(),
@@ -148,7 +140,9 @@ class PassiveStructure(ControllerStructure):
             extra=local.tobytes() + limits.tobytes(),
         )
 
-    def join(self, plant: GeneralizedPlant, parts: Sequence[PlantPart], designs: Designs) -> Joined:
+    def join(
+        self, plant: GeneralizedPlant, parts: Sequence[PlantPart], designs: search.Designs
+    ) -> search.Joined:
         """Return the state feedback that all elements amount to, and list them."""
         coefficients = np.zeros(len(self.wanted))
         for part, found in zip(parts, designs, strict=True):
@@ -175,7 +169,7 @@ class PassiveStructure(ControllerStructure):
 
 
 @dataclass(frozen=True, eq=False)
-class StaticStructure(ControllerStructure):
+class StaticStructure(search.ControllerStructure):
     """Output feedback [[Ak, Bk], [Ck, Dk]] of a given order, with free entries where allowed.
 
     Attributes
@@ -196,7 +190,7 @@ class StaticStructure(ControllerStructure):
     gain_bound: float | None = None
     initial: control.StateSpace | None = None
 
-    def problem(self, part: PlantPart) -> PartProblem | None:
+    def problem(self, part: PlantPart) -> search.PartProblem | None:
         """State the search over the free entries of one part."""
         plant, order, start = part.plant, self.order, self.initial
         own = np.ix_(part.controls, part.measurements)
@@ -209,7 +203,7 @@ class StaticStructure(ControllerStructure):
             start = control.StateSpace([], [], [], np.asarray(start.D)[own], plant.dt)
         what = f"controller of order {order}" if order else "static gain"
         # Whatever the pattern of a dynamic controller, it moves no mode that no gain moves.
-        scaled, inner = scaled_part(plant, what, None if order else mask)
+        scaled, inner = search.scaled_part(plant, what, None if order else mask)
         loop = augmented(inner, order)
         free = descent.MaskedGain(mask) if self.norm == "hinf" else free_gain(mask, loop)
         to_free = free.coordinates
@@ -217,7 +211,7 @@ class StaticStructure(ControllerStructure):
         known = (
             [] if start is None else [to_free(controller_matrix(scaled.scaled_controller(start)))]
         )
-        proposals: list[StartProposal] = [partial(starts.known, [*known, rest])]
+        proposals: list[search.StartProposal] = [partial(starts.known, [*known, rest])]
         if self.mask is None:
             if order:
                 # Half the order, down to none: each search starts from the one before.
@@ -225,7 +219,7 @@ class StaticStructure(ControllerStructure):
                 if shorter is not None:
                     proposals.append(partial(starts.augmented, shorter, order, to_free))
             proposals.append(partial(starts.reduced, scaled.plant, self.norm, order, to_free))
-        return PartProblem(
+        return search.PartProblem(
             scaled=scaled,
             norm=self.norm,
             order=order,
@@ -285,7 +279,7 @@ def free_gain(
 
 
 @dataclass(frozen=True, eq=False)
-class ObserverStructure(ControllerStructure):
+class ObserverStructure(search.ControllerStructure):
     """u = F xhat with a Luenberger observer, over F and L.
 
     Attributes
@@ -298,7 +292,7 @@ class ObserverStructure(ControllerStructure):
     gain_bound: float | None = None
     method: ClassVar[str] = "observer"
 
-    def problem(self, part: PlantPart) -> PartProblem | None:
+    def problem(self, part: PlantPart) -> search.PartProblem | None:
         """State the search over F and L of one part."""
         plant, what = part.plant, "observer-based controller"
         if 0 in (plant.nx, plant.nu, plant.ny):
@@ -308,9 +302,9 @@ class ObserverStructure(ControllerStructure):
                 "The H2 norm is infinite for every observer-based controller: D11 passes the "
                 "disturbance straight to z. Filter the disturbance or the output, or use 'hinf'."
             )
-        scaled, inner = scaled_part(plant, what)
+        scaled, inner = search.scaled_part(plant, what)
         form = descent.ObserverGain(inner.A, inner.B2, inner.C2, inner.D22)
-        return PartProblem(
+        return search.PartProblem(
             scaled=scaled,
             norm=self.norm,
             order=plant.nx,
@@ -321,10 +315,12 @@ class ObserverStructure(ControllerStructure):
             gain_bound=self.gain_bound,
             # The H2 problem over F and L is smooth and its Riccati start optimal, so that few
             # descents tell.
-            effort=SearchEffort(descents=14, fewest=9 if self.norm == "hinf" else 3),
+            effort=search.SearchEffort(descents=14, fewest=9 if self.norm == "hinf" else 3),
         )
 
-    def join(self, plant: GeneralizedPlant, parts: Sequence[PlantPart], designs: Designs) -> Joined:
+    def join(
+        self, plant: GeneralizedPlant, parts: Sequence[PlantPart], designs: search.Designs
+    ) -> search.Joined:
         """Return the observer of the whole plant from F and L of its parts."""
         F, L = np.zeros((plant.nu, plant.nx)), np.zeros((plant.nx, plant.ny))
         for part, found in zip(parts, designs, strict=True):
@@ -345,12 +341,9 @@ class ObserverStructure(ControllerStructure):
 
 # Controllers under several specifications at once: static or of full order.
 
-# With more states the change of variables of a full-order controller has too many unknowns.
-INEQUALITY_STATES = 14
-
 
 @dataclass(frozen=True, eq=False)
-class MixedStructure(ControllerStructure):
+class MixedStructure(search.ControllerStructure):
     """A static gain or a full-order controller for one norm while others are bounded.
 
     Attributes
@@ -379,14 +372,14 @@ class MixedStructure(ControllerStructure):
     solver: tuple[str, str | None]
     method: ClassVar[str] = "lmi, descent"
 
-    def problem(self, part: PlantPart) -> PartProblem | None:
+    def problem(self, part: PlantPart) -> search.PartProblem | None:
         """State the search in one part, scaled as a whole."""
         plant, norm = part.plant, self.norm
         if 0 in (plant.nx, plant.nu, plant.ny):
             return None
         order = 0 if self.static else plant.nx
         what = "controller" if order else "static gain"
-        scaled, inner = scaled_part(plant, what)
+        scaled, inner = search.scaled_part(plant, what)
         loop = augmented(inner, order)
         goal = _shared_channel(scaled.plant, self.goal)
         goal_matrices = PlantMatrices.of(goal)
@@ -409,7 +402,7 @@ class MixedStructure(ControllerStructure):
         to_free = free.coordinates
         rest = zero_controller(mask.shape, order, loop.discrete)
         known = partial(starts.known, [to_free(rest)])
-        proposals: tuple[StartProposal, ...] = (
+        proposals: tuple[search.StartProposal, ...] = (
             partial(starts.riccati, goal_matrices, norm, to_free)
             if order
             else partial(starts.regulator, loop, mask, to_free),
@@ -419,11 +412,11 @@ class MixedStructure(ControllerStructure):
         measured = np.array_equal(plant.C2, np.eye(plant.nx)) and not (
             plant.D21.any() or plant.D22.any()
         )
-        small = plant.nx <= INEQUALITY_STATES
+        small = plant.nx <= LMI_STATES
         if small and not plant.is_discrete and (order or measured):
             first = partial(starts.inequality, specifications, regions, order, self.solver, to_free)
             proposals = first, *proposals
-        return PartProblem(
+        return search.PartProblem(
             scaled=scaled,
             norm=norm,
             order=order,
@@ -433,7 +426,7 @@ class MixedStructure(ControllerStructure):
             what=what,
             gain_bound=self.gain_bound,
             specifications=tuple(demands),
-            effort=SearchEffort(descents=8),
+            effort=search.SearchEffort(descents=8),
             objective_loop=goal_loop,
             extra=b"".join(goal_matrices.fingerprint),
         )

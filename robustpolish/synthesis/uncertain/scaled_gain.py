@@ -25,17 +25,11 @@ from numpy.typing import NDArray
 
 from robustpolish.base.arrays import AnyArray, Array, Vector
 from robustpolish.base.arrays import AnyMatrix as Matrix
-from robustpolish.linear.arithmetic.realisation import power_of_two
-from robustpolish.plants.blocks import named_system
+from robustpolish.linear.arithmetic.exact import power_of_two
+from robustpolish.linear.systems import named_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain.system import UncertainSystem
-from robustpolish.robust.loop_model import (
-    DeltaBlock,
-    DeltaStructure,
-    Kind,
-    LoopModel,
-    structure_of,
-)
+from robustpolish.robust.loop_model import DeltaBlock, DeltaStructure, Kind, LoopModel, structure_of
 from robustpolish.robust.scalings import (
     Coverage,
     Inequality,
@@ -55,7 +49,7 @@ from robustpolish.synthesis.problem.matrices import (
     controller_matrix,
 )
 from robustpolish.synthesis.problem.preflight import SolverPlant
-from robustpolish.synthesis.proofs.frequency_response import responses
+from robustpolish.synthesis.proofs.bounded_real import responses
 
 # Mu bounds over a grid of frequencies.
 

@@ -18,13 +18,14 @@ from robustpolish.base.arrays import AnyMatrix as Matrix
 from robustpolish.base.budget import Budget, step_cost
 from robustpolish.errors import InfeasibleError, SolverError
 from robustpolish.implementation.reduction import Reducer
-from robustpolish.linear.arithmetic.realisation import state_scales
-from robustpolish.plants.blocks import matrices_of, named_system
+from robustpolish.linear.arithmetic.exact import state_scales
+from robustpolish.linear.systems import named_system
+from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.robust.loop_model import DeltaStructure
 from robustpolish.synthesis.certificate import NormTarget
 from robustpolish.synthesis.design import Design
-from robustpolish.synthesis.engine import Settings, Task
+from robustpolish.synthesis.driver import Settings, Task
 from robustpolish.synthesis.nonsmooth.descent import Parametrisation, bfgs
 from robustpolish.synthesis.output_feedback.output_feedback import (
     RegularisedRiccati,
@@ -32,6 +33,7 @@ from robustpolish.synthesis.output_feedback.output_feedback import (
 )
 from robustpolish.synthesis.problem import matrices
 from robustpolish.synthesis.riccati.gamma import estimated_lower_bound, has_full_rank
+from robustpolish.synthesis.structured.search import TIME_LIMIT
 from robustpolish.synthesis.uncertain.scaled_gain import (
     LoopResponses,
     ModalGain,
@@ -446,7 +448,7 @@ SHORTENED = 0.02
 # The share of its usual work that a search for fixed order of one machine gets, the safety net of
 # one machine in seconds, and what it gets when that of the whole search is nearly reached: no
 # search ends at once.
-_EFFORT, _SECONDS, _LEAST_SECONDS = 0.1, 300.0, 0.01
+_EFFORT, _LEAST_SECONDS = 0.1, 0.01
 
 
 def design_one(plant: GeneralizedPlant, order: int | None, budget: Budget) -> Design | None:
@@ -456,7 +458,7 @@ def design_one(plant: GeneralizedPlant, order: int | None, budget: Budget) -> De
             plant,
             order=order,
             effort=1.0 if order is None else _EFFORT,
-            time_limit=min(max(budget.seconds_left, _LEAST_SECONDS), _SECONDS),
+            time_limit=min(max(budget.seconds_left, _LEAST_SECONDS), TIME_LIMIT),
         )
     except (InfeasibleError, SolverError):
         return None

@@ -7,11 +7,12 @@ import pytest
 import robustpolish as rp
 from robustpolish.implementation.sampled.certificate import (
     filter_system,
+    prove_above,
+    prove_below,
     sinusoid_gains,
 )
 from robustpolish.implementation.sampled.induced_norm import bracket, check_gain
 from robustpolish.implementation.sampled.lifting import period_map, scaled
-from robustpolish.implementation.sampled.proof import prove_above, prove_below
 from tests.implementation.designs import sampled_servo
 from tests.implementation.fine_simulation import STEPS, random_loop
 from tests.reference.examples import servo_plant

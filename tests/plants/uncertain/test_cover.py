@@ -191,12 +191,6 @@ def test_weight_lies_above_rough_gains(seed, order):
     assert_stable_with_stable_inverse(weight)
 
 
-def test_least_ratio_is_that_of_the_best_constant():
-    # Between 1 and 4 no constant is nearer than 4 above the smaller one.
-    gains = np.where(OMEGA < 1, 1.0, 4.0)
-    assert ratios(bounding_weight(OMEGA, gains, 0), OMEGA, gains).max() == pytest.approx(4)
-
-
 def test_first_order_is_the_best_of_its_order():
     # No first-order weight that a search over zero and pole finds is nearer.
     gains = np.abs(S / (S + 10) * (S + 500) / (S + 100)) + 0.01

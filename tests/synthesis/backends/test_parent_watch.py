@@ -12,9 +12,7 @@ import pytest
 from robustpolish.synthesis.backends import parent_watch
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-
 HARD_PLANTS = Path(__file__).parents[1]
-
 SLEEPER = """
 import time
 from robustpolish.synthesis.lmi.program import run_with_time_limit

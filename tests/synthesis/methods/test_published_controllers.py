@@ -7,10 +7,7 @@ import pytest
 
 import robustpolish as rp
 from robustpolish.errors import InvalidInputError
-from robustpolish.polishing.thesis.comparison import (
-    PUBLISHED_CONTROLLERS,
-    published_gain,
-)
+from robustpolish.polishing.thesis.comparison import PUBLISHED_CONTROLLERS, published_gain
 
 
 @pytest.mark.parametrize(

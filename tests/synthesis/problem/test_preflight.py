@@ -4,14 +4,8 @@ import numpy as np
 import pytest
 
 import robustpolish as rp
-from robustpolish.synthesis.problem.pole_regions import (
-    Disk,
-    HalfPlane,
-    PoleRegion,
-    Sector,
-    boundaries,
-    violated_regions,
-)
+from robustpolish.synthesis.certificate import boundaries, violated_regions
+from robustpolish.synthesis.problem.pole_regions import Disk, HalfPlane, PoleRegion, Sector
 from robustpolish.synthesis.problem.preflight import check_solvability
 
 

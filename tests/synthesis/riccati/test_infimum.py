@@ -6,19 +6,16 @@ import pytest
 from published_plants import compleib
 
 import robustpolish as rp
-from robustpolish.base.budget import Budget, DeadlineError
+from robustpolish.base.budget import Budget
 from robustpolish.linear.arithmetic.balls import precision
 from robustpolish.synthesis.problem.matrices import PlantMatrices
 from robustpolish.synthesis.problem.preflight import SolverPlant, scale_plant
-from robustpolish.synthesis.riccati import lower_bound as proof
-from robustpolish.synthesis.riccati.gamma import lower_bound, reduced_riccati_pair
-from robustpolish.synthesis.riccati.lower_bound import (
+from robustpolish.synthesis.riccati.gamma import (
     PROVABLE_STATES,
     PROVEN,
     PreciseRiccatiPair,
-    proven_lower_bound,
+    lower_bound,
 )
-from tests.synthesis.small_plants import double_integrator
 from tests.synthesis.weighted_servos import drawn, realisations
 
 # Infima of the full-order H-infinity norm of COMPleib plants, most of them singular.
@@ -45,17 +42,6 @@ def test_infimum_of_singular_plants(shared, name):
     value, how = bound_of(compleib(shared, name))
     assert value == pytest.approx(INFIMUM[name], rel=2e-4)
     assert how == PROVEN
-
-
-def test_a_measurement_without_noise_takes_its_states_out_of_the_equation():
-    # Position and velocity of a mass; the position is known exactly, so is then the velocity.
-    plant = double_integrator(noise=None)
-    halves = reduced_riccati_pair(PlantMatrices.of(plant))
-    assert len(halves.measurement.A) == 0
-    assert len(halves.control.A) == 2
-    # What is left is the state feedback.
-    state = rp.state_feedback(plant)
-    assert bound_of(plant)[0] == pytest.approx(state.certificate.achieved, rel=5e-3)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -158,14 +144,6 @@ def test_the_bound_of_an_unstable_plant_with_delay_is_the_analytic_one(delay, or
     assert part.norm(found.value) <= infimum * (1 + 1e-4)
 
 
-def test_a_tiny_price_beside_a_fast_weight_is_kept():
-    plant, _ = levitation(1e-3, rp.weight(0.999, 2000.0, 100.0, order=2))
-    halves = reduced_riccati_pair(SolverPlant.of(plant, mapped=True).matrices)
-    assert halves is not None
-    # Three integrations lie between the control and the weight's output, which is its price.
-    assert len(halves.control.A) == plant.nx - 3
-
-
 # What no controller reaches over a disc inside the right half plane.
 
 
@@ -228,26 +206,3 @@ def test_with_more_controls_than_outputs_the_rest_is_free():
         [[1.0, 1.0], [0.0, 2.0]], np.eye(2), np.eye(2), [[1.0, 1.0]], np.eye(2)
     )
     assert not out_of_reach(plant, 1e-6)
-
-
-INTEGRATOR = PlantMatrices.of(double_integrator())
-
-
-@pytest.mark.parametrize("guess", [0.0, 1e-20, 1.0, 2.6, 1e20])
-def test_a_wrong_guess_takes_longer_only(guess):
-    found = proven_lower_bound(INTEGRATOR, guess, 1e-3)
-    assert found == pytest.approx(proven_lower_bound(INTEGRATOR, 2.58, 1e-4), rel=1.2e-3)
-
-
-def test_when_the_time_is_over_what_was_proven_is_returned(monkeypatch):
-    full = proven_lower_bound(INTEGRATOR, 2.0, 1e-3)
-    looks = [True, True, True]
-
-    def look():
-        if not looks:
-            raise DeadlineError
-        looks.pop()
-
-    monkeypatch.setattr(proof, "check_deadline", look)
-    assert 1.9 < proven_lower_bound(INTEGRATOR, 2.0, 1e-3) < 0.999 * full
-    assert proven_lower_bound(INTEGRATOR, 2.0, 1e-3) == 0

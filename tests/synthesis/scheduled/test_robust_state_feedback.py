@@ -1,6 +1,5 @@
 """One gain for all plants of a polytope, judged by machines drawn from it."""
 
-import importlib
 from dataclasses import replace
 
 import control
@@ -9,7 +8,6 @@ import pytest
 from polytope_examples import held_mass, oscillator, sampled, solver, two_masses
 
 import robustpolish as rp
-from robustpolish.base.budget import DeadlineError
 from robustpolish.linear.arithmetic import balls
 from robustpolish.synthesis.scheduled.polytope import LyapunovFamily, PolytopeSpecification, prove
 
@@ -59,23 +57,6 @@ def test_a_common_matrix_bounds_a_spring_that_jumps():
             energy += float(z @ z)
             x = step.A @ x + step.B[:, 0] * value
         assert energy <= (design.bound**2) * float(w @ w) * 1.02
-
-
-def test_a_proof_that_there_is_time_for_is_enough(monkeypatch):
-    """The inequalities prove a bound by themselves; the worst case would only make it smaller."""
-    module = importlib.import_module("robustpolish.synthesis.scheduled.robust_state_feedback")
-
-    def over(loop):
-        raise DeadlineError("The time was over.")
-
-    asked = {"controls": 1, "control_weight": 0.3}
-    in_unit_of_time = rp.robust_state_feedback(uncertain_mass(k, 1.0), **asked)
-    monkeypatch.setattr(module, "worst_case_gain", over)
-    cut = rp.robust_state_feedback(uncertain_mass(k, 1.0), **asked)
-    assert cut.worst_case is None
-    assert in_unit_of_time.bound <= cut.bound < np.inf
-    with pytest.raises(rp.SolverError, match="time limit"):
-        rp.robust_state_feedback(uncertain_mass(k, 1.0), **asked, time_limit=1e-6)
 
 
 def test_units_do_not_matter():

@@ -10,10 +10,7 @@ from three_loops import blocks, plant
 import robustpolish as rp
 from robustpolish.errors import InfeasibleError
 from robustpolish.synthesis.problem.preflight import scale_plant
-from robustpolish.synthesis.structured.block_structure import (
-    block_parametrisation,
-    place_blocks,
-)
+from robustpolish.synthesis.structured.block_structure import block_parametrisation, place_blocks
 
 S, W = 2.3j, 2 * math.pi
 pid = rp.tunable.pid
@@ -54,18 +51,6 @@ def test_series_and_sums():
     free = free * (v["pid_p.Kp"] + v["pid_p.Ki"] / S)
     assert K[:, 2] == pytest.approx(free + np.array([0.0, v["gain.gain[1,1]"]]))
     assert K[0, 1] == 0
-
-
-@pytest.mark.parametrize("kind", ["P", "I", "D", "PI", "pd", "ID", "PID"])
-def test_each_kind_of_pid_has_its_terms(kind):
-    P = plant()
-    placement, scaled = place_blocks(pid("x", "F", kind), P), scale_plant(P)
-    gain = block_parametrisation(placement, scaled)
-    theta = 0.3 * np.random.default_rng(2).normal(size=gain.size)
-    v = dict(zip([n.slot.name for n in placement.numbers], gain.numbers(theta), strict=True))
-    expected = v.get("Kp", 0) + v.get("Ki", 0) / S
-    expected += v.get("Kd", 0) * S / (v.get("Tf", 1) * S + 1)
-    assert response(placement, scaled, gain, theta)[0, 0] == pytest.approx(expected)
 
 
 def loop(numerator, denominator=(1.0, 0.4, 4.0)):

@@ -8,7 +8,6 @@ import pytest
 from tests.busy import busy_machine, output_of
 
 BUSY = 8
-
 DESIGN = """
 import json, sys
 sys.path.insert(0, sys.argv[1])

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from robustpolish.base.texts import tables
+from robustpolish.base.results import tables
 from robustpolish.machines.effects.kind import EffectKind, Parameter, Scan
 
 _DECLARED = tables(__file__, "kinds.toml")
