@@ -627,9 +627,10 @@ def hinf_norm(
     exact : bool, optional
         False proves nothing: the bracket then rests on estimates of rounding errors, is wider for
         light damping and may have no upper end. Up to three times as quick where modal
-        coordinates serve; meant for searches whose result is checked afterwards. With True, a proven bracket may be 1e-6 wide beyond 40 coupled states and 1e-2
-        beyond 80. Where modal coordinates prove none, a block of more than 40 states takes the
-        estimate if it is at most 1e-6 wide, and one of more than 80 in any case.
+        coordinates serve; meant for searches whose result is checked afterwards. With True, a
+        proven bracket may be 1e-6 wide beyond 40 coupled states and 1e-2 beyond 80. Where modal
+        coordinates prove none, a block of more than 40 states takes the estimate if it is at most
+        1e-6 wide, and one of more than 80 in any case.
 
     Returns
     -------
