@@ -1,9 +1,12 @@
 """What one public function returns, every public function that could take it takes."""
 
 import control
+import hypothesis
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
 from scipy import signal
 
 import robustpolish as rp
@@ -150,3 +153,81 @@ def test_every_table_is_a_record(name):
     )  # fmt: skip
     want = rp.compare(model, TABLES["frame"]).nrmse
     assert rp.compare(model, TABLES[name]).nrmse == pytest.approx(want, rel=1e-9)
+
+
+PLANT = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+DESIGN = rp.given_controller(PLANT, [[-3.0]])
+# What functions return, and where the systems are that it holds: the reason of a refusal names it.
+RESULTS = {
+    "plant": (PLANT, ".system"),
+    "design": (DESIGN, ".closed_loop or .controller"),
+    "sampled design": (DESIGN.discretize(0.1), ".controller"),
+    "delayed loop": (PLANT.with_delay("u1", 0.1).delayed_loop([[-3.0]]), ".system or .pade_model"),
+    "analysis": (rp.loop_analysis(DESIGN), ""),
+    "certificate": (DESIGN.certificate, ""),
+    "record": (rp.read_measurement(TABLES["frame"]), ""),
+    "response": (linear_response(SS, TIME, np.ones((30, 1))), ""),
+    "modes": (rp.modes(SS), ""),
+}
+
+
+@pytest.mark.parametrize("function", FUNCTIONS)
+@pytest.mark.parametrize("name", RESULTS)
+def test_every_function_takes_every_result_or_says_why_not(name, function):
+    value, parts = RESULTS[name]
+    refused = ""
+    try:
+        FUNCTIONS[function](value)
+    except rp.InvalidInputError as error:
+        refused = str(error)
+    assert not refused or "expected" in refused
+    if function in ("hinf_norm", "modes", "stability", "prescale"):
+        assert refused
+        assert parts in refused
+
+
+@pytest.mark.parametrize("name", ["mapping", "frame", "with a rate", "fields", "control"])
+def test_every_table_is_a_disturbance(name):
+    force = TABLES[name]
+    model = rp.MechanicalModel(
+        [rp.Dof("x", 1.0)], [rp.Spring(("x", "ground"), 9.0)], [rp.Damper(("x", "ground"), 1.0)],
+        [rp.Input("F", ("x", "ground"))], [rp.Output("x", ("x", "ground"))],
+    )  # fmt: skip
+    plant = rp.GeneralizedPlant(model.state_space(), 0, 0)
+    if name in ("fields", "control"):
+        force = rp.read_measurement(force)
+    want = linear_response(model, TIME, F[:, None]).outputs[:, 0]
+    np.testing.assert_allclose(rp.simulate(plant, force)["x"], want, atol=1e-9)
+
+
+def with_sensor(G):
+    plant = rp.GeneralizedPlant(G, 1, 1)
+    return plant.with_filter(plant.measurement_names[0], 3.0).system
+
+
+# Chains of three calls on any system, against the response that they must have.
+LINKS = {
+    "prescaled": (lambda G: prescale(G).system, lambda g: g),
+    "in a loop": (lambda G: rp.feedback(G, 0.1), lambda g: g / (1 + 0.1 * g)),
+    "in series": (lambda G: rp.uncertain.series(G, 2.0), lambda g: 2 * g),
+    "in parallel": (lambda G: rp.uncertain.parallel(G, 0.5), lambda g: g + 0.5),
+    "a plant's": (lambda G: rp.GeneralizedPlant(G, 1, 1).system, lambda g: g),
+    "with a sensor": (with_sensor, lambda g: 3 * g),
+}
+
+
+@settings(max_examples=60)
+@hypothesis.given(
+    st.sampled_from(sorted(SYSTEMS)),
+    st.lists(st.sampled_from(sorted(LINKS)), min_size=3, max_size=3),
+)
+def test_chains_of_three_calls_have_the_response_of_their_formula(name, chain):
+    G = SYSTEMS[name]
+    hertz = np.array([0.01, 0.4, 2.0])
+    like = HELD if getattr(G, "dt", 0) else SS
+    points = 2j * np.pi * hertz
+    want = like(np.exp(0.1 * points) if like is HELD else points)
+    for link in chain:
+        G, want = LINKS[link][0](G), LINKS[link][1](want)
+    got = rp.singular_values(G, hertz).isel(singular_value=0)
+    np.testing.assert_allclose(got, np.abs(want), rtol=1e-6)

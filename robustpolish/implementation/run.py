@@ -17,6 +17,7 @@ from robustpolish.implementation.sampled.lifting import split_delay
 from robustpolish.linear.response import first_order_hold
 from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.signals.read import read_measurement
 
 # The plant of a sampled loop through many periods at once, from the start of each to its end.
 
@@ -272,6 +273,8 @@ def disturbance_columns(
     InvalidInputError
         If the dataset has none of them, one that is not over `time` alone, or another unit.
     """
+    if hasattr(disturbance, "keys") and not isinstance(disturbance, xr.Dataset):
+        disturbance = read_measurement(disturbance)  # a table or a mapping of columns
     remedy = "Build one with a variable per disturbance, or take simulate_brush(...)."
     instance_of("disturbance", disturbance, xr.Dataset, "an xarray.Dataset over time", remedy)
     if "time" not in disturbance.coords:

@@ -13,7 +13,7 @@ import control
 import numpy as np
 
 from robustpolish.base.arrays import AnyArray, AnyVector, Matrix, Vector
-from robustpolish.base.checks import instance_of, invalid, misfit, whole_number
+from robustpolish.base.checks import instance_of, invalid, matrix, misfit, whole_number
 from robustpolish.linear.delay_stability import delay_stability
 from robustpolish.linear.delayed_systems import DelayedSystem, resolvent_response
 from robustpolish.linear.norms.hinf import HinfNorm
@@ -437,10 +437,10 @@ def loop_of(
         plant, controller = plant.plant, plant.controller
     whole, given = _as_plant(plant), controller_of(controller)
     # A gain of a state feedback, given with a plant that measures something else, is told.
-    gain: Any = given
+    gain: Any = matrix("controller", given) if isinstance(given, list | tuple) else given
     if isinstance(given, control.StateSpace) and given.nstates == 0:
         gain = given.D
-    shape = () if isinstance(gain, control.InputOutputSystem | control.LTI) else np.shape(gain)
+    shape = np.shape(gain) if isinstance(gain, np.ndarray) else ()
     if shape == (whole.nu, whole.nx) and whole.nx != whole.ny:
         found = f"a gain of shape {shape} for {whole.ny} measurements"
         remedy = "For a state feedback pass plant.with_full_state()."
