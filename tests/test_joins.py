@@ -12,6 +12,7 @@ from scipy import signal
 import robustpolish as rp
 from robustpolish.implementation import certify_sampled, emulated, plant_at_samples
 from robustpolish.linear import prescale, scale_system, stability, zeros_on_axis
+from robustpolish.linear.systems import as_state_space
 from robustpolish.simulation import linear_response
 
 # One system, G = 3 (s + 4)/((s + 1)(s^2 + s + 9)), in all forms; and held at samples.
@@ -52,6 +53,12 @@ def certified(K):
     return rp.certify(plant, K).achieved
 
 
+def simulated(G):
+    names = as_state_space("G", G)
+    found = rp.simulate(G, {"time": TIME, names.input_labels[0]: np.ones(30)})
+    return found[names.output_labels[0]].to_numpy()
+
+
 FUNCTIONS = {
     "hinf_norm": lambda G: rp.hinf_norm(G).value,
     "h2_norm": lambda G: rp.h2_norm(G).value,
@@ -70,6 +77,8 @@ FUNCTIONS = {
     "series": lambda G: rp.hinf_norm(rp.uncertain.series(G, 2.0)).value,
     "structured_singular_value": lambda G: rp.hinf_norm(rp.uncertain.append(G, G)).value,
     "certify": certified,
+    "simulate": lambda G: simulated(G)[1:],
+    "emulated": lambda G: rp.hinf_norm(G if getattr(G, "dt", 0) else emulated(G, 0.1)).value,
 }
 
 

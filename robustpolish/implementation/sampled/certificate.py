@@ -24,7 +24,7 @@ from robustpolish.implementation.sampled.induced_norm import (
     peak_frequency,
 )
 from robustpolish.implementation.sampled.proof import average_power, prove_above, prove_below
-from robustpolish.plants.blocks import as_state_space, matrices_of
+from robustpolish.plants.blocks import as_state_space, is_system, matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import lag
 from robustpolish.plots.poles import plot_poles
@@ -62,7 +62,7 @@ def filter_system(anti_aliasing: AntiAliasing, measurements: int) -> control.Sta
     if anti_aliasing is None:
         return None
     found: Any = anti_aliasing
-    if isinstance(found, control.TransferFunction):
+    if is_system(found):
         found = as_state_space("anti_aliasing", found)
     if isinstance(found, control.StateSpace):
         _check(found, measurements)
