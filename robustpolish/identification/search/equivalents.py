@@ -16,6 +16,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from robustpolish.base.arrays import Array
+from robustpolish.base.budget import parallel_map
+from robustpolish.identification.fit.least_squares import free_run_rms
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.record import most_active_part
 from robustpolish.identification.search.screening import (
@@ -33,6 +35,8 @@ _SAMPLES, _STARTS, _EVALUATIONS, _STEP = 1500, 2, 12, 1e-4
 """Samples along which forces are compared, shapes from which a fit begins, its runs and step."""
 _REACH = 5.0
 """How far a number may move, as a logarithm: a friction stiffer than any step is a jump."""
+_SAME = 1e-6
+"""Share by which errors differ at most where a number makes no difference."""
 _DIVERGED = 1e3
 """Error, in sizes of the force, that stands for all larger ones."""
 
@@ -104,6 +108,59 @@ def find_force_equivalents(
     return sorted(found, key=lambda mimic: mimic.left)
 
 
+def richer_kinds(model: MechanicalModel, at: int, prepared: PreparedRecord) -> list[Effect]:
+    """Return the kinds of more numbers that begin nearer to the data in the place of an effect.
+
+    Where such a kind makes the same force, its further numbers make no difference, and no slope
+    leads on. So they are scanned, with all others fitted to the force, and run. Of kinds that
+    contain each other only the nearest are tried.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+        Fitted.
+    at : int
+        Where the effect stands.
+    prepared : PreparedRecord
+    """
+    effect = model.effects[at]
+    if effect.definition.domain != "pair" or effect.definition.over:
+        return []
+    bare = replace(model, effects=(*model.effects[:at], *model.effects[at + 1 :]))
+    record = most_active_part(prepared.screened, _SAMPLES)
+    motion = prepared.motion(model, record)
+    if not np.isfinite(motion.q).all():
+        return []
+    step = prepared.record.dt / MOST_SUBSTEPS
+    here = motion_at(model, effect, record.time, motion.q, motion.v, step)
+    wanted = force_with(effect.definition, effect.values, here)
+    own = _fitted(effect.definition)
+    richer = {k: g for k, g in _alternative_kinds(effect, here) if _fitted(k) > own}
+    nearest = [k for k in richer if not any(_fitted(k) > _fitted(other) for other in richer)]
+
+    def left(tried: Effect) -> float:
+        effects = (*model.effects[:at], tried, *model.effects[at + 1 :])
+        errors = free_run_rms(replace(model, effects=effects), prepared, prepared.windows)
+        return float(np.mean(np.log(errors)))
+
+    now, found = left(effect), []
+    for kind in nearest:
+        shapes = [e.shape for e in candidate_columns(bare, kind, effect.at, motion, record)]
+        begun = _initial_values(kind, shapes, effect.at, richer[kind], here, wanted)
+        held = [s.parameter for s in kind.scan if s.kept and s.parameter not in effect.values]
+        firsts = {tuple(values[name] for name in held): values for values in reversed(begun)}
+        fits = [_fit_force(kind, values, here, wanted, held)[1] for values in firsts.values()]
+        tried = [Effect.of(kind, effect.at, values) for values in fits]
+        errors = parallel_map(left, tried)
+        if errors and min(errors) < now - _SAME:
+            found.append(tried[int(np.argmin(errors))])
+    return found
+
+
+def _fitted(kind: EffectKind) -> set[str]:
+    return {p.name for p in kind.parameters if p.fitted}
+
+
 def _other_places(
     model: MechanicalModel, effect: Effect
 ) -> Iterator[tuple[tuple[str, ...], float]]:
@@ -161,10 +218,14 @@ def _initial_values(
 
 
 def _fit_force(
-    kind: EffectKind, values: Mapping[str, float], here: Motion, wanted: Array
+    kind: EffectKind,
+    values: Mapping[str, float],
+    here: Motion,
+    wanted: Array,
+    held: Sequence[str] = (),
 ) -> tuple[float, dict[str, float]]:
     """Return the share of a force that a kind leaves at best, and its values."""
-    numbers = [p for p in kind.parameters if p.fitted]
+    numbers = [p for p in kind.parameters if p.fitted and p.name not in held]
     first = np.array([values[p.name] for p in numbers])
     sizes = np.array([p.scale_from(values[p.name], values) for p in numbers])
     lower, upper = np.array([(p.lower, p.upper) for p in numbers]).T
