@@ -1,15 +1,19 @@
 """What one public function returns, every public function that could take it takes."""
 
 import control
+import hypothesis
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
 from scipy import signal
 
 import robustpolish as rp
 from robustpolish.implementation import certify_sampled, emulated, plant_at_samples
 from robustpolish.linear import prescale, scale_system, stability, zeros_on_axis
 from robustpolish.linear.response import linear_response
+from robustpolish.linear.systems import as_state_space
 
 # One system, G = 3 (s + 4)/((s + 1)(s^2 + s + 9)), in all forms; and held at samples.
 ZEROS, POLES, GAIN = [-4.0], [-1.0, *np.roots([1, 1, 9])], 3.0
@@ -48,6 +52,12 @@ def certified(K):
     return rp.certify(plant, K).achieved
 
 
+def simulated(G):
+    names = as_state_space("G", G)
+    found = rp.simulate(G, {"time": TIME, names.input_labels[0]: np.ones(30)})
+    return found[names.output_labels[0]].to_numpy()
+
+
 FUNCTIONS = {
     "hinf_norm": lambda G: rp.hinf_norm(G).value,
     "h2_norm": lambda G: rp.h2_norm(G).value,
@@ -67,6 +77,8 @@ FUNCTIONS = {
     "series": lambda G: rp.hinf_norm(rp.uncertain.series(G, 2.0)).value,
     "structured_singular_value": lambda G: rp.hinf_norm(rp.uncertain.append(G, G)).value,
     "certify": certified,
+    "simulate": lambda G: simulated(G)[1:],
+    "emulated": lambda G: rp.hinf_norm(G if getattr(G, "dt", 0) else emulated(G, 0.1)).value,
 }
 
 
@@ -150,3 +162,81 @@ def test_every_table_is_a_record(name):
     )  # fmt: skip
     want = rp.compare(model, TABLES["frame"]).nrmse
     assert rp.compare(model, TABLES[name]).nrmse == pytest.approx(want, rel=1e-9)
+
+
+PLANT = rp.GeneralizedPlant.from_matrices([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]])
+DESIGN = rp.given_controller(PLANT, [[-3.0]])
+# What functions return, and where the systems are that it holds: the reason of a refusal names it.
+RESULTS = {
+    "plant": (PLANT, ".system"),
+    "design": (DESIGN, ".closed_loop or .controller"),
+    "sampled design": (DESIGN.discretize(0.1), ".controller"),
+    "delayed loop": (PLANT.with_delay("u1", 0.1).delayed_loop([[-3.0]]), ".system or .pade_model"),
+    "analysis": (rp.loop_analysis(DESIGN), ""),
+    "certificate": (DESIGN.certificate, ""),
+    "record": (rp.read_measurement(TABLES["frame"]), ""),
+    "response": (linear_response(SS, TIME, np.ones((30, 1))), ""),
+    "modes": (rp.modes(SS), ""),
+}
+
+
+@pytest.mark.parametrize("function", FUNCTIONS)
+@pytest.mark.parametrize("name", RESULTS)
+def test_every_function_takes_every_result_or_says_why_not(name, function):
+    value, parts = RESULTS[name]
+    refused = ""
+    try:
+        FUNCTIONS[function](value)
+    except rp.InvalidInputError as error:
+        refused = str(error)
+    assert not refused or "expected" in refused
+    if function in ("hinf_norm", "modes", "stability", "prescale"):
+        assert refused
+        assert parts in refused
+
+
+@pytest.mark.parametrize("name", ["mapping", "frame", "with a rate", "fields", "control"])
+def test_every_table_is_a_disturbance(name):
+    force = TABLES[name]
+    model = rp.MechanicalModel(
+        [rp.Dof("x", 1.0)], [rp.Spring(("x", "ground"), 9.0)], [rp.Damper(("x", "ground"), 1.0)],
+        [rp.Input("F", ("x", "ground"))], [rp.Output("x", ("x", "ground"))],
+    )  # fmt: skip
+    plant = rp.GeneralizedPlant(model.state_space(), 0, 0)
+    if name in ("fields", "control"):
+        force = rp.read_measurement(force)
+    want = linear_response(model, TIME, F[:, None]).outputs[:, 0]
+    np.testing.assert_allclose(rp.simulate(plant, force)["x"], want, atol=1e-9)
+
+
+def with_sensor(G):
+    plant = rp.GeneralizedPlant(G, 1, 1)
+    return plant.with_filter(plant.measurement_names[0], 3.0).system
+
+
+# Chains of three calls on any system, against the response that they must have.
+LINKS = {
+    "prescaled": (lambda G: prescale(G).system, lambda g: g),
+    "in a loop": (lambda G: rp.feedback(G, 0.1), lambda g: g / (1 + 0.1 * g)),
+    "in series": (lambda G: rp.uncertain.series(G, 2.0), lambda g: 2 * g),
+    "in parallel": (lambda G: rp.uncertain.parallel(G, 0.5), lambda g: g + 0.5),
+    "a plant's": (lambda G: rp.GeneralizedPlant(G, 1, 1).system, lambda g: g),
+    "with a sensor": (with_sensor, lambda g: 3 * g),
+}
+
+
+@settings(max_examples=60)
+@hypothesis.given(
+    st.sampled_from(sorted(SYSTEMS)),
+    st.lists(st.sampled_from(sorted(LINKS)), min_size=3, max_size=3),
+)
+def test_chains_of_three_calls_have_the_response_of_their_formula(name, chain):
+    G = SYSTEMS[name]
+    hertz = np.array([0.01, 0.4, 2.0])
+    like = HELD if getattr(G, "dt", 0) else SS
+    points = 2j * np.pi * hertz
+    want = like(np.exp(0.1 * points) if like is HELD else points)
+    for link in chain:
+        G, want = LINKS[link][0](G), LINKS[link][1](want)
+    got = rp.singular_values(G, hertz).isel(singular_value=0)
+    np.testing.assert_allclose(got, np.abs(want), rtol=1e-6)

@@ -28,8 +28,9 @@ from robustpolish.errors import SolverError
 # Linear algebra runs on one thread, what is independent on all cores.
 #
 # Work is counted, so that every machine gives the same answer; seconds are a safety net only. They
-# leave out those in which functions are compiled, once per user and version: what a call finds must
-# not depend on whether it happens to be the first one. The bar is silent in tests, pipes and files.
+# leave out those in which other programs have the processor, and those in which functions are
+# compiled, once per user and version: what a call finds must not depend on whether the machine is
+# busy, or it happens to be the first one. The bar is silent in tests, pipes and files.
 
 Arguments = ParamSpec("Arguments")
 Item = TypeVar("Item")
@@ -44,12 +45,15 @@ the brush's plant need most of it, one program for 40 states 15 000."""
 _lock = threading.Lock()
 _limit = ExitStack()
 _open_blas_blocks = 0
-_paused_seconds = 0.0
-_paused_since: float | None = None
+_clock = threading.Lock()
+_last, _seconds, _paused = (0.0, 0.0), 0.0, False
 
 
 def now() -> float:
     """Return the seconds on the clock of all limits; only differences mean something.
+
+    It stands while the process gets no processor, so that no limit depends on what else the machine
+    does; with several threads at work it goes as a clock on the wall.
 
     Examples
     --------
@@ -57,7 +61,13 @@ def now() -> float:
     >>> now() >= before
     True
     """
-    return (time.monotonic() if _paused_since is None else _paused_since) - _paused_seconds
+    global _last, _seconds
+    with _clock:
+        wall, worked = time.monotonic(), time.process_time()
+        if not _paused:
+            _seconds += max(0.0, min(wall - _last[0], worked - _last[1]))
+        _last = wall, worked
+        return _seconds
 
 
 @contextmanager
@@ -71,13 +81,14 @@ def paused_clock() -> Iterator[None]:
     ...     now() == before
     True
     """
-    global _paused_since, _paused_seconds
-    _paused_since = start = time.monotonic()
+    global _paused
+    now()
+    _paused = True
     try:
         yield
     finally:
-        _paused_seconds += time.monotonic() - start
-        _paused_since = None
+        now()
+        _paused = False
 
 
 def step_cost(states: int) -> float:

@@ -21,6 +21,7 @@ from robustpolish.base.sweep import sweep
 from robustpolish.implementation.run import disturbance_columns
 from robustpolish.implementation.sampled_design import SampledDesign
 from robustpolish.linear.response import linear_response
+from robustpolish.linear.systems import as_state_space, is_system
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plots.time import plot_time_series
 from robustpolish.synthesis.design import Design, checked_design
@@ -39,9 +40,9 @@ def simulate(
         A design gives its closed loop with the control effort; a sampled design what its method
         :meth:`~robustpolish.results.SampledDesign.simulate` gives, on a finer grid and within the
         limits
-        that its plant knows; a plant its open loop, u = 0; a state-space system is simulated as
-        it is.
-    disturbance : xarray.Dataset
+        that its plant knows; a plant its open loop, u = 0; a system of any kind is simulated as it
+        is.
+    disturbance : xarray.Dataset, pandas.DataFrame or mapping of arrays
         Variables over `time` (s, uniform) named as disturbances w, such as the forces of
         :func:`robustpolish.polishing.simulate_brush`; other variables are ignored, and disturbances
         that are not given are zero, as in :meth:`~robustpolish.results.SampledDesign.simulate`. One
@@ -146,8 +147,8 @@ def loop_with_units(
     """Return the system from w to z (and u) and the units of its signals."""
     if isinstance(design, GeneralizedPlant):
         return design.open_loop, dict(design.units)
-    if isinstance(design, control.StateSpace):
-        return design, {}
+    if is_system(design):
+        return as_state_space("design", design), {}
     expected = "a Design, a SampledDesign, a GeneralizedPlant or a control.StateSpace"
     remedy = "Pass what state_feedback(...) or air_bearing(...) returned."
     plant = instance_of("design", design, Design, expected, remedy).plant

@@ -17,7 +17,7 @@ from robustpolish.base.checks import invalid, misfit, one_of, positive
 from robustpolish.implementation.sampled.certificate import Norm, SampledCertificate, certificate_of
 from robustpolish.linear.scaling import border_scale
 from robustpolish.linear.stability import square_root
-from robustpolish.linear.systems import named_like, of_roots
+from robustpolish.linear.systems import as_state_space, named_like, of_roots
 from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 
@@ -530,6 +530,7 @@ def emulated(
         if positive("prewarp_hz", prewarp_hz, "Hz") * 2 * period >= 1:
             want = f"less than half the sample rate, {0.5 / period:.6g} Hz"
             raise invalid("prewarp_hz", prewarp_hz, want, "Sample faster or warp elsewhere.")
+    controller = as_state_space("controller", controller)
     A, B, C, D = matrices_of(controller)
     found: Any = (A, B, C, D)
     if not A.size:

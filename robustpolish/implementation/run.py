@@ -17,6 +17,7 @@ from robustpolish.implementation.sampled.lifting import split_delay
 from robustpolish.linear.response import first_order_hold
 from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.signals.read import read_measurement
 
 # The plant of a sampled loop through many periods at once, from the start of each to its end.
 
@@ -271,6 +272,8 @@ def disturbance_columns(
     InvalidInputError
         If the dataset has none of them, one that is not over `time` alone, or another unit.
     """
+    if hasattr(disturbance, "keys") and not isinstance(disturbance, xr.Dataset):
+        disturbance = _table(disturbance, names)
     remedy = "Build one with a variable per disturbance, or take simulate_brush(...)."
     instance_of("disturbance", disturbance, xr.Dataset, "an xarray.Dataset over time", remedy)
     if "time" not in disturbance.coords:
@@ -294,6 +297,17 @@ def disturbance_columns(
                 shown = described(f"a variable {other!r}")
                 raise invalid("disturbance", shown, f"one named {name!r}", "Rename the variable.")
     return time, columns
+
+
+def _table(given: Any, names: Sequence[str]) -> xr.Dataset:
+    """Read a table or a mapping of columns; u[0] is a name there, 0 no unit."""
+    own = {name: f"column {i}" for i, name in enumerate(names)}
+    if hasattr(given, "rename"):
+        given = given.rename(columns=own)
+    else:
+        given = {own.get(name, name): column for name, column in given.items()}
+    found = read_measurement(given)
+    return found.rename({there: name for name, there in own.items() if there in found})
 
 
 def _bare(name: str) -> str:

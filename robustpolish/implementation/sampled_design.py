@@ -805,7 +805,8 @@ def discretized(
         period=period,
         delay=delay,
         certificate=certificate,
-        message=f"S{how} is stable; {_cost(continuous_norm, certificate.achieved)}.",
+        message=f"S{how} is stable; {_cost(continuous_norm, certificate.achieved)}"
+        f"{_beyond_nyquist(filtered, K, certificate, continuous_norm)}.",
         norm=norm,
         continuous_norm=continuous_norm,
         method=method,
@@ -836,6 +837,34 @@ def _cost(before: float, after: float) -> str:
     verb = "rises" if change > 0 else "falls"
     percent = f"{change:+.1f}" if abs(change) < 10 else f"{change:+.0f}"
     return f"its norm {verb} from {before:.4g} to {after:.4g} ({percent} %)"
+
+
+def _beyond_nyquist(
+    plant: GeneralizedPlant,
+    K: control.StateSpace,
+    found: certificates.SampledCertificate,
+    before: float,
+) -> str:
+    """Say whether a norm that more than doubles does so beyond half the sampling rate, and where.
+
+    The norm counts all between the samples: also the steps of the controls, where a weight on them
+    is still large.
+    """
+    if found.norm == "h2" or not 0 < 2 * before < found.achieved:
+        return ""
+    half = math.pi / found.period
+    lag = control.StateSpace([[-half]], [[half]], [[1.0]], [[0.0]])
+    lower, name = min(
+        (certificates.certificate_of(part, K, found.delay, found.norm).achieved, name)
+        for name in plant.performance_names
+        for part in [plant.with_filter(name, lag)]
+    )
+    if lower > math.sqrt(before * found.achieved):
+        return ""
+    return (
+        f"; with {name} through a lag at half the sampling rate ({half / (2 * math.pi):.4g} Hz) it "
+        f"is {lower:.4g}: the rise lies beyond, where its weight is still large"
+    )
 
 
 def _remedy(

@@ -16,6 +16,7 @@ from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.linear import systems
 from robustpolish.linear.arithmetic.exact import refuse_extreme
 from robustpolish.linear.norms.hinf import around_resonances
+from robustpolish.linear.stability import unstable_poles
 from robustpolish.plots.poles import plot_poles
 
 # The rightmost characteristic roots of a system with delays, each with its residual.
@@ -225,8 +226,7 @@ def count_unstable(system: systems.DelayedSystem) -> tuple[int | None, str, floa
     # Between quiet neighbours the phase is known by itself: no eigenvalue passes zero.
     own = loop.quiet_phase(omega)
     turned = np.where(loud, np.angle(value[1:] / value[:-1]), np.diff(own))
-    right = np.count_nonzero(np.linalg.eigvals(loop.closed[0]).real > 0)
-    unstable = right - (turned.sum() - own[-1]) / np.pi
+    unstable = loop.right - (turned.sum() - own[-1]) / np.pi
     whole = round(unstable)
     if abs(unstable - whole) > _WHOLE or whole < 0:
         return None, f"the count of roots came out as {unstable:.3g}", highest
@@ -239,6 +239,8 @@ class _Loop(NamedTuple):
     closed: Ports
     ports: Ports
     lines: tuple[systems.DelayLine, ...]
+    right: int
+    """Poles of the Pade model to the right of the axis."""
 
     @classmethod
     def of(cls, system: systems.DelayedSystem) -> _Loop | None:
@@ -256,12 +258,11 @@ class _Loop(NamedTuple):
             inner = np.linalg.inv(back)
             x, p = inner @ Dp @ C, inner @ Cp
             whole = np.block([[A + B @ x, B @ p], [Bp @ (C + D @ x), Ap + Bp @ D @ p]])
-            poles = np.linalg.eigvals(whole)
-            # How near to the axis, relative to its size, no eigenvalue of a Pade model may lie.
-            if (np.abs(poles.real) > SAME * np.abs(poles).max(initial=0.0)).all():
+            right = unstable_poles(whole)
+            if right is not None:
                 into = np.vstack([B @ inner, Bp @ D @ inner])
                 closed = whole, into, np.hstack([C + D @ x, D @ p]), D @ inner
-                return cls(closed, (A, B, C, D), lines)
+                return cls(closed, (A, B, C, D), lines, right)
         return None
 
     def factors(self, omega: Vector) -> tuple[AnyArray, AnyArray]:

@@ -337,6 +337,22 @@ def stability_of(model: Realisation, spectrum: Eigensystem | None = None) -> Sta
     return _exactly(model)
 
 
+def unstable_poles(A: NDArray[np.float64]) -> int | None:
+    """Count the eigenvalues right of the axis; None if one lies on it, or may in a large matrix.
+
+    Those within reach of rounding are counted in exact arithmetic.
+    """
+    n = len(A)
+    model = rescaled(Realisation(A, np.zeros((n, 0)), np.zeros((0, n)), np.zeros((0, 0)), False))
+    spectrum = eigensystem(model.A)
+    if (np.abs(spectrum.values.real) > spectrum.errors).all():
+        return int(np.count_nonzero(spectrum.values.real > 0))
+    if model.states > COUNTED_STATES:
+        return None
+    sides = [side for _, side in poles_by_side(rational(model.A), discrete=False)]
+    return None if 0 in sides else sides.count(1)
+
+
 def _exactly(model: Realisation) -> Stability:
     A = rational(model.A)
     sided = poles_by_side(A, model.discrete)

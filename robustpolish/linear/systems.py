@@ -32,6 +32,8 @@ _SYSTEMS = (
     "a method state_space()"
 )
 _KINDS = f"{_SYSTEMS}; or a gain"
+_PARTS = ("system", "closed_loop", "controller", "open_loop", "pade_model()")
+"""Where results keep the systems they hold."""
 
 
 def named_system(
@@ -79,7 +81,8 @@ def is_system(value: Any) -> bool:
 def as_system(argument: str, value: Any) -> control.StateSpace:
     """Return a system as :func:`as_state_space` does; a gain is refused."""
     if not is_system(value):
-        remedy = "Convert it with control.ss(...)."
+        parts = [f".{name}" for name in _PARTS if name.rstrip("()") in dir(value)]
+        remedy = f"Take its {' or '.join(parts)}." if parts else "Convert it with control.ss(...)."
         raise invalid(argument, described(type(value).__name__), _SYSTEMS, remedy)
     return as_state_space(argument, value)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from operator import attrgetter
 from typing import Any, Literal, get_args
 
@@ -13,6 +13,7 @@ import control
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from scipy import linalg
 
 from robustpolish.base import results
 from robustpolish.base.arrays import AnyVector
@@ -31,9 +32,11 @@ from robustpolish.loops.margins import (
     simultaneous_margins,
 )
 from robustpolish.loops.pictures import plot_loops, plot_sigma, plot_steps
+from robustpolish.loops.ranges import proven_range
 from robustpolish.loops.requirements import LoopRequirements
 from robustpolish.plants.blocks import GivenController
 from robustpolish.plants.plant import GeneralizedPlant
+from robustpolish.robust.questions import RobustStability
 from robustpolish.synthesis.design import Design
 
 # Can this loop be built, and what limits it: the figures in a paragraph.
@@ -258,11 +261,15 @@ def problems(found: LoopFigures) -> list[str]:
         return [text]
     told, bought = _delays(found), quantity(asked.sample_rate_hz, "Hz")
     rate, dt = found.sample_rate, loop.dt
-    if rate is not None and rate.needed_hz > asked.sample_rate_hz:
-        wanted = "no sampling is fast enough for it"
-        if math.isfinite(rate.needed_hz):
-            wanted = f"it needs sampling at {quantity(rate.needed_hz, 'Hz')} ({rate.limited_by})"
+    if rate is not None and rate.lowest_stable_hz > asked.sample_rate_hz:
+        wanted = "no sampling was found at which it is stable"
+        if math.isfinite(rate.lowest_stable_hz):
+            lowest = quantity(rate.lowest_stable_hz, "Hz")
+            wanted = f"sampled below {lowest} it is unstable"
         told.append(f"{wanted}, where {bought} can be bought")
+    known = told_range(found)
+    if known is not None and not (known.proven and known.lower >= 1):
+        told.append(f"it is proven only for {known.lower:.2g} times {_range_text(asked)}")
     if loop.is_discrete and dt is not True and 1 / float(dt) > asked.sample_rate_hz:
         own = quantity(1 / float(dt), "Hz")
         told.append(f"it is sampled at {own}, where {bought} can be bought")
@@ -290,6 +297,25 @@ def problems(found: LoopFigures) -> list[str]:
     return told
 
 
+# Loops of more states take longer to prove than their figures take.
+_TOLD_STATES = 12
+
+
+def told_range(found: LoopFigures) -> RobustStability | None:
+    """Return the proven range of a small loop of a model."""
+    loop = found.loop
+    if isinstance(loop, Loop) and loop.plant.nx + loop.controller.nstates <= _TOLD_STATES:
+        return getattr(found, "proven_range", None)
+    return None
+
+
+def _range_text(asked: LoopRequirements) -> str:
+    return (
+        f"±{asked.stiffness_percent:g} % of each mode's stiffness, ±{asked.damping_percent:g} % of "
+        f"its damping and ±{asked.actuator_percent:g} % of each actuator's gain"
+    )
+
+
 def _several(found: LoopFigures) -> list[MarginsAtOnce]:
     """Return the margins of all inputs, and of all outputs, where there is more than one."""
     return [m for m in found.at_once.values() if len(m.signals) > 1 and " " not in m.where]
@@ -311,7 +337,11 @@ def _said(found: LoopFigures, block: str, **values: Any) -> tuple[str, ...]:
 
 def explain(found: LoopFigures, more: Sequence[str]) -> str:
     """Say in a paragraph whether a loop can be built, and what limits it; `more` ends it."""
-    verdict = _said(found, "verdict", several=_several(found))
+    known, asked = told_range(found), _range_text(found.requirements)
+    blame = {} if known is None or not known.witness else known.sensitivity
+    worst = [name for name, share in blame.items() if share > 0.1]
+    words = {"range": known, "range_text": asked, "worst": worst, "small": _TOLD_STATES}
+    verdict = _said(found, "verdict", several=_several(found), **words)
     return " ".join((*verdict, *more) if found.stable else verdict)
 
 
@@ -335,9 +365,12 @@ def details(found: LoopFigures) -> tuple[str, ...]:
         for row in found.given
     ]
     delays = {} if loop.is_discrete else loop.approximated_delays
+    kept = cancelled(loop, 2 * math.pi * max(crossovers, default=0.0))
     return _said(
         found,
         "details",
+        cancelled=[f"{p.real:.3g}{f' ± {p.imag:.3g}j' if p.imag else ''} rad/s" for p, _ in kept],
+        stays=max((1 / -q.real for _, q in kept), default=0.0),
         crossover=max(crossovers, default=None),
         own=_fastest_own(loop),
         extra=min((m.delay_samples for m in found.margins), default=math.inf),
@@ -359,6 +392,33 @@ def _fastest_own(loop: Loop) -> float:
     if loop.is_discrete:
         poles = np.log(poles[poles != 0]) / sample_step(loop.dt)
     return float(np.abs(poles).max(initial=0.0)) / (2 * math.pi)
+
+
+# Shares of the crossover frequency: how far a pole and a zero that cancel may lie apart, and below
+# which a decay outlasts the loop's own.
+_CANCELLED, _SLOW = 1e-2, 0.1
+
+
+def cancelled(loop: Loop, crossover: float) -> list[tuple[complex, complex]]:
+    """Return slow or lightly damped poles of the plant at zeros of K, with where the loop has them.
+
+    None of a sampled loop, or where K has no zeros of its own: it is not square.
+    """
+    A, B, C, D = loop.controller_matrices
+    if loop.is_discrete or len(D) != len(D.T) or not len(A):
+        return []
+    whole, sides = np.block([[A, B], [C, D]]), np.zeros((len(A) + len(D),) * 2)
+    sides[: len(A), : len(A)] = np.eye(len(A))
+    top, below = linalg.eigvals(whole, sides, homogeneous_eigvals=True)
+    zeros = top[below != 0] / below[below != 0]
+    near = _CANCELLED * crossover
+    return [
+        (complex(p), complex(q))
+        for p in np.linalg.eigvals(loop.plant_matrices[0]).astype(complex)
+        for q in loop.rates[np.abs(loop.rates - p).argmin(keepdims=True)]
+        if p.imag >= 0 and abs(p - q) < near and 0 < -q.real < _SLOW * crossover
+        if np.abs(zeros - p).min(initial=math.inf) < near
+    ]
 
 
 def lines_in_words(found: LoopFigures) -> tuple[str, ...]:
@@ -478,6 +538,18 @@ class LoopAnalysis(LoopFigures):
     >>> [table.caption for table in analysis.tables()][:2]
     ['Margins, one loop at a time', 'Margins, all at once']
     """
+
+    @cached_property
+    def proven_range(self) -> RobustStability | None:
+        """How far modes and actuators may differ, in shares of what the requirements ask.
+
+        Proven by :func:`robustpolish.robust_stability` for stiffness and damping of every mode of
+        the plant (of sampled ones to first order) and every actuator's gain, all at once; delays
+        are Padé's. None for an unstable loop, beyond 60 states, and where more than 24 numbers
+        would be uncertain. Large loops take minutes, so that `explain` tells it of those up to 12
+        states only.
+        """
+        return proven_range(self.loop, self.requirements) if self.stable else None
 
     def explain(self) -> str:
         """Say in a paragraph whether the loop can be built, and what limits it.

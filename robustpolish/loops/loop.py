@@ -12,8 +12,8 @@ from typing import Any, Literal
 import control
 import numpy as np
 
-from robustpolish.base.arrays import EPS, SAME, AnyArray, AnyVector, Vector
-from robustpolish.base.checks import instance_of, invalid, misfit, whole_number
+from robustpolish.base.arrays import EPS, SAME, AnyArray, AnyVector, Matrix, Vector
+from robustpolish.base.checks import instance_of, invalid, matrix, misfit, whole_number
 from robustpolish.linear.delay_stability import delay_stability
 from robustpolish.linear.norms.hinf import HinfNorm
 from robustpolish.linear.stability import Stability, stability
@@ -242,15 +242,28 @@ class Loop(BreakableLoop):
     @cached_property
     def delayed(self) -> DelayedLoop | None:
         """The loop with its delays as they are; None without delays and in discrete time."""
-        if self.is_discrete or not self.plant.wiring.lines:
+        if self.is_discrete or not self._inner.lines:
             return None
         return DelayedLoop(self._inner.with_ports_last(), self.controller_matrices)
 
-    @property
+    @cached_property
     def _inner(self) -> Wiring:
-        """The wiring from u to y."""
+        """The wiring from u to y, of states and delay lines those that lie between."""
         wiring = self.plant.wiring
-        return wiring.chosen([], range(wiring.nu), [], range(wiring.ny))
+        whole = wiring.chosen([], range(wiring.nu), [], range(wiring.ny))
+        A, B, C, D = whole.arrays()
+        n, k = len(A), len(whole.lines)
+        nodes: Any = np.block([[A, B[:, :k]], [C[:k], D[:k, :k]]])
+        into, out = np.vstack([B[:, k:], D[:k, k:]]), np.hstack([C[k:], D[k:, :k]])
+        kept = _between(nodes, into, out)
+        states, ports = [i for i in kept if i < n], [i - n for i in kept if i >= n]
+        ins, outs = ([*ports, *range(k, k + m)] for m in (whole.nu, whole.ny))
+        matrices = A[np.ix_(states, states)], B[np.ix_(states, ins)], C[np.ix_(outs, states)]
+        labels = [whole.system.input_labels[i] for i in ins]
+        named = [whole.system.output_labels[i] for i in outs], [whole.states[i] for i in states]
+        system = blocks.named_system((*matrices, D[np.ix_(outs, ins)]), self.dt, labels, *named)
+        lines = tuple(whole.lines[i] for i in ports)
+        return Wiring(system, whole.ny, whole.nu, lines)
 
     @property
     def dt(self) -> float | bool:
@@ -280,10 +293,7 @@ class Loop(BreakableLoop):
     @cached_property
     def inside(self) -> tuple[int, ...]:
         """The plant's states that lie between u and y; weights and the like do not."""
-        own = self.plant
-        moved: Any = _reached(own.A != 0, (own.B2 != 0).any(axis=1))
-        seen = _reached(own.A.T != 0, (own.C2 != 0).any(axis=0))
-        return tuple(int(i) for i in np.flatnonzero(moved & seen))
+        return _between(self.plant.A, self.plant.B2, self.plant.C2)
 
     @property
     def outside(self) -> tuple[str, ...]:
@@ -345,8 +355,9 @@ class Loop(BreakableLoop):
                 "them: give with_delay a higher order="
             )
             return replace(found, reason=reason)
+        verdict = "unstable" if exact.verdict == "unstable" else "marginal"
         reason = f"with exact delays {exact.verdict}: {exact.reason}"
-        return replace(found, verdict="unstable", reason=reason, pole=exact.rightmost)
+        return replace(found, verdict=verdict, reason=reason, pole=exact.rightmost)
 
     @cached_property
     def rates(self) -> AnyVector:
@@ -385,6 +396,13 @@ def sample_step(dt: float | bool | None) -> float:
     return 1.0 if dt is True else float(dt or 0)
 
 
+def _between(A: Matrix, B: Matrix, C: Matrix) -> tuple[int, ...]:
+    """Return the states that inputs reach and outputs see."""
+    moved: Any = _reached(A != 0, (B != 0).any(axis=1))
+    seen = _reached(A.T != 0, (C != 0).any(axis=0))
+    return tuple(int(i) for i in np.flatnonzero(moved & seen))
+
+
 def _reached(edges: Any, start: Any) -> Any:
     """Return which states can be reached; ``edges[i, j]`` leads from j to i."""
     found = start.copy()
@@ -418,10 +436,10 @@ def loop_of(
         plant, controller = plant.plant, plant.controller
     whole, given = _as_plant(plant), controller_of(controller)
     # A gain of a state feedback, given with a plant that measures something else, is told.
-    gain: Any = given
+    gain: Any = matrix("controller", given) if isinstance(given, list | tuple) else given
     if isinstance(given, control.StateSpace) and given.nstates == 0:
         gain = given.D
-    shape = () if isinstance(gain, control.InputOutputSystem | control.LTI) else np.shape(gain)
+    shape = np.shape(gain) if isinstance(gain, np.ndarray) else ()
     if shape == (whole.nu, whole.nx) and whole.nx != whole.ny:
         found = f"a gain of shape {shape} for {whole.ny} measurements"
         remedy = "For a state feedback pass plant.with_full_state()."

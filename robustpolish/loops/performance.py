@@ -136,9 +136,9 @@ class SampleRate:
     rules : mapping of str to float
         Rate by rule; their numbers and sources are those of :class:`LoopRequirements`.
     lowest_stable_hz : float
-        Above this rate every sampled loop is stable: the plant with a zero-order hold, exactly,
-        the controller by Tustin's rule, and the delay of computation in whole samples; infinite
-        if none is stable that was tried, 0 if all are.
+        Above this rate every sampled loop that was tried is stable: the plant with a zero-order
+        hold, exactly, the controller by Tustin's rule, and the delay of computation in whole
+        samples; infinite if none is stable that was tried, 0 if all are.
     computation_samples : int
         That delay.
 

@@ -50,6 +50,9 @@ class LoopRequirements:
     delay_s : float
         Delay of a usual chain of measurement, computation and drive besides that of
         sampling: 20 microseconds, a converter and its filter.
+    stiffness_percent, damping_percent, actuator_percent : float
+        How far stiffness and damping of each mode of the plant and the gain of each actuator may
+        be from those of the model, all at once: 5, 10 and 10 percent.
 
     Examples
     --------
@@ -72,6 +75,9 @@ class LoopRequirements:
     samples_per_rise: float = 4.0
     sample_rate_hz: float = 20e3
     delay_s: float = 20e-6
+    stiffness_percent: float = 5.0
+    damping_percent: float = 10.0
+    actuator_percent: float = 10.0
 
     def __post_init__(self) -> None:
         for item in fields(self):

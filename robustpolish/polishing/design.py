@@ -453,12 +453,14 @@ class BuildableBrushDesign(BrushDesign):
         )
         most = max(_largest(self.run, name) for name in self.plant.control_names)
         stays = "stable" if c.stable else "unstable"
+        others = [what for what, found in self.survived.items() if found.valid]
         return (
             f"The controller {can}: sampled at {h.sample_rate_hz / 1e3:g} kHz with "
             f"{1e6 * h.computation_delay:g} µs of computation its loop is proven {stays}, one "
             f"loop at a time it keeps {disk.gain_db:.2g} dB and {disk.phase_deg:.0f} deg of disk "
             f"margin and bears {1e6 * self.loop.delay_margin:.0f} µs of further delay (the "
-            f"thesis's ideal: {1e6 * self.ideal_loop.delay_margin:.2g} µs in all). Under the same "
+            f"thesis's ideal: {1e6 * self.ideal_loop.delay_margin:.2g} µs in all). It is proven "
+            f"stable too with {' or with '.join(others) or 'no other machine'}. Under the same "
             f"load it reduces the largest deviation in {gained or 'no axis'}, with forces up to "
             f"{most:.2g} N of {h.actuator_limit:g} N. z has no actuator and stays as it is."
         )
@@ -579,7 +581,10 @@ def build_against_brush(
 def _compared(ideal: BrushDesign, run: xr.Dataset, load: xr.Dataset) -> ControllerComparison:
     """Return the table of deviations, largest values taken between samples too."""
     signals = ("x", "y", "z")
-    forces = load[list(ideal.plant.disturbance_names)].interp(time=run["time"])
+    forces = load[list(ideal.plant.disturbance_names)].interp(
+        time=run["time"],
+        kwargs={"fill_value": "extrapolate"},  # the last may lie a rounding beyond
+    )
     for name in forces:
         forces[name].attrs.update(load[name].attrs)
     fine = {WITHOUT: simulate(ideal.plant, forces), WITH: run}

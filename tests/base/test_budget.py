@@ -129,7 +129,9 @@ def test_several_threads_run_at_a_time_and_answers_keep_their_order(monkeypatch)
 def clock(monkeypatch):
     """Return a clock that stands still until it is set."""
     shown = [100.0]
-    monkeypatch.setattr(time, "monotonic", lambda: shown[0])
+    for name in ("monotonic", "process_time"):
+        monkeypatch.setattr(time, name, lambda: shown[0])
+    long_calls.now()
     return shown
 
 
@@ -286,3 +288,13 @@ def test_a_terminal_without_a_size_shows_a_bar(monkeypatch):
         shown = os.read(ours, 10_000).decode()
     os.close(ours)
     assert "Waiting" in shown
+
+
+def test_limits_do_not_count_what_others_do_with_the_processor():
+    budget = Budget(seconds=0.2)
+    time.sleep(0.3)
+    assert not budget.late
+    ends = time.process_time() + 0.25
+    while time.process_time() < ends:
+        pass
+    assert budget.late

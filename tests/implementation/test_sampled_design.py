@@ -28,6 +28,24 @@ def test_a_sampled_design_tells_what_sampling_costs():
     assert "<table>" in sampled._repr_html_()
 
 
+def test_a_weight_beyond_half_the_sampling_rate_is_named():
+    plant = rp.mixed_sensitivity(
+        control.ss(control.tf([1], [0.1, 1, 0]), inputs="u", outputs="y"),
+        performance=rp.weight(1e3, 1.0, 0.5),
+        effort=rp.weight(1e-2, 100.0, 100.0),
+    )
+    design = rp.output_feedback(plant)
+    sampled = design.discretize(0.1)
+    assert sampled.certificate.achieved > 20 * design.certificate.achieved
+    assert rp.loop_analysis(plant, design.controller).disk_margin.gain_db > 10
+    assert "with effort_u through a lag at half the sampling rate (5 Hz) it is 1.5" in str(sampled)
+    flat = rp.mixed_sensitivity(
+        control.ss(control.tf([1], [0.1, 1, 0]), inputs="u", outputs="y"),
+        performance=rp.weight(1e3, 1.0, 0.5), effort=0.1,
+    )  # fmt: skip
+    assert "half the sampling rate" not in rp.output_feedback(flat).discretize(0.01).message
+
+
 def test_delay_and_filter_cost_more():
     design = servo_design()
     plain = design.discretize(0.05).certificate.bound

@@ -410,3 +410,85 @@ def test_the_lowest_rate_is_the_edge_of_stability_by_python_control(samples):
         late = control.ss(control.tf([1], [1] + [0] * samples, period))
         K = control.append(late, late) * K if samples else K
         assert bool(np.abs(control.feedback(held, K, 1).poles()).max() < 1) is stable
+
+
+# For which machines near the model a loop is proven stable, and poles that are cancelled.
+
+
+def two_masses(stiffness=2000.0):
+    return rp.MechanicalModel(
+        [rp.Dof("motor", 1.0), rp.Dof("load", 0.5)],
+        [rp.Spring(("load", "motor"), stiffness)],
+        [rp.Damper(("motor", "ground"), 5.0), rp.Damper(("load", "motor"), 0.5)],
+        inputs=[rp.Input("F", ("motor", "ground"))],
+        outputs=[rp.Output("tool", "load")],
+    )
+
+
+def sampled_oscillator():
+    G = control.ss(1 / (s**2 + 0.1 * s + 1))
+    return rp.implementation.plant_at_samples(rp.GeneralizedPlant(G, 1, 1), 0.01)
+
+
+RANGES = {  # static feedback k g against stiffness k0: k0 (1 - 0.05 r) = k g (1 + 0.1 r)
+    "oscillator": (1 / (s**2 + 0.1 * s + 1), 0.9, 0.1 / 0.14),
+    "pendulum": (1 / (s**2 - 9), -(10 + 2 * s) / (0.01 * s + 1), 1 / 1.45),
+    "sampled": (sampled_oscillator(), 0.9, 0.1 / 0.14),
+    "damping": ((2 * s) / (s**2 + 0.2 * s + 1), 0.05, 0.1 / (0.02 + 0.01)),
+}
+
+
+@pytest.mark.parametrize("name", RANGES)
+def test_the_range_for_which_a_loop_is_proven_is_that_of_closed_forms(name):
+    plant, controller, want = RANGES[name]
+    found = rp.loop_analysis(plant, controller).proven_range
+    assert found.proven
+    assert found.lower == pytest.approx(want, rel=0.03)
+    assert found.lower <= want * (1 + 1e-3 * (name == "sampled"))
+
+
+def test_a_servo_that_inverts_a_resonance_is_told_so():
+    plant = rp.mixed_sensitivity(
+        two_masses().state_space(), performance=control.tf([0.5, 60.0], [1, 0.06]), effort=1e-5
+    )
+    design = rp.output_feedback(plant)
+    found = rp.loop_analysis(design)
+    assert found.disk_margin.gain_db > 6
+    assert not rp.loop_analysis(two_masses(0.9 * 2000), design.controller).stable
+    assert not found.buildable
+    assert found.proven_range.lower * 5 < 10
+    for words in ("proven only for 0.8", "stiffness of the mode at 12.3 Hz", "-1.58 ± 77.4j"):
+        assert words in found.explain()
+    wider = rp.LoopRequirements(stiffness_percent=2.5, damping_percent=5, actuator_percent=5)
+    assert rp.loop_analysis(design, requirements=wider).buildable
+
+
+def test_a_cancelled_integrator_behind_a_delay_has_one_verdict_and_its_name():
+    motor = rp.GeneralizedPlant.from_loop(control.ss(2 / (s * (0.1 * s + 1)))).with_delay(
+        "u[0]", 0.05
+    )
+    for low in (4e-2, 4e-4, 4e-6):
+        plant = rp.mixed_sensitivity(motor, performance=control.tf([0.5, 4], [1, low]), effort=1.0)
+        design = rp.output_feedback(plant)
+        found = rp.loop_analysis(design)
+        assert design.certificate.exact_delays.stability.verdict == "stable"
+        assert found.stable
+        assert found.phase_margin > 60
+        kept = np.abs(found.stability.poles).min() < 1e-3
+        assert ("zeros at the plant's pole at 0 rad/s" in found.explain()) == kept
+
+
+def test_an_integrator_outside_a_delayed_loop_is_outside():
+    plant = rp.GeneralizedPlant.from_matrices(
+        [[-1.0, 0.0], [1.0, 0.0]], [[1.0], [0.0]], [[1.0], [0.0]], [[0.0, 1.0]], [[1.0, 0.0]]
+    ).with_delay("u1", 0.05)
+    found = rp.loop_analysis(plant, [[-2.0]])
+    assert found.stable
+    assert "Outside the loop" in found.explain()
+
+
+def test_a_rule_of_thumb_alone_is_no_verdict():
+    quick = rp.loop_analysis(1 / (s + 1), -4 / (1e-5 * s + 1))
+    assert quick.sample_rate.needed_hz > 100e3
+    assert quick.sample_rate.lowest_stable_hz < 20e3
+    assert quick.buildable

@@ -32,7 +32,7 @@ from robustpolish.implementation.sampled.induced_norm import hamiltonian as doub
 from robustpolish.implementation.sampled.lifting import DOUBLINGS, Phase, ScaledMap
 from robustpolish.linear.arithmetic import balls
 from robustpolish.linear.arithmetic.balls import Ball, BallSystem, hamiltonian, is_definite
-from robustpolish.linear.systems import as_state_space
+from robustpolish.linear.systems import as_state_space, is_system
 from robustpolish.plants.blocks import matrices_of
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.wired import lag
@@ -467,7 +467,7 @@ def filter_system(anti_aliasing: AntiAliasing, measurements: int) -> control.Sta
     if anti_aliasing is None:
         return None
     found: Any = anti_aliasing
-    if isinstance(found, control.TransferFunction):
+    if is_system(found):
         found = as_state_space("anti_aliasing", found)
     if isinstance(found, control.StateSpace):
         _check(found, measurements)

@@ -358,9 +358,11 @@ def certified_peak(
     """
     spectrum = spectrum or eigensystem(model.A)
     if exact_model is None and model.states > (EXACT_FIRST if exact else 1):
-        found = _modal(model, spectrum, tolerance, exact)
-        if found is not None:
-            return found
+        # Where the quick modes are too rough, enclosed ones are far quicker than what follows.
+        for enclosed in sorted({exact, True}):
+            found = _modal(model, spectrum, tolerance, enclosed)
+            if found is not None:
+                return found
     search = replace(model, time=1.0, gain=1.0)
     poles = spectrum.values
     if model.discrete:
@@ -605,10 +607,10 @@ def hinf_norm(
     exact : bool, optional
         False proves nothing: the bracket then rests on estimates of rounding errors, is wider for
         light damping and may have no upper end. Up to three times as quick where modal
-        coordinates serve, more where they do not; meant for searches whose result is checked
-        afterwards. With True, a proven bracket may be 1e-6 wide beyond 40 coupled states and 1e-2
-        beyond 80. Where modal coordinates prove none, a block of more than 40 states takes the
-        estimate if it is at most 1e-6 wide, and one of more than 80 in any case.
+        coordinates serve; meant for searches whose result is checked afterwards. With True, a
+        proven bracket may be 1e-6 wide beyond 40 coupled states and 1e-2 beyond 80. Where modal
+        coordinates prove none, a block of more than 40 states takes the estimate if it is at most
+        1e-6 wide, and one of more than 80 in any case.
 
     Returns
     -------

@@ -494,7 +494,7 @@ def inverse(one: Lft) -> Lft:
     if one.shape[0] != one.shape[1]:
         shown = described(f"shape {one.shape}")
         raise invalid("system", shown, "as many inputs as outputs", "Only these have an inverse.")
-    J = _inverted(one.J, "the inverse", "its direct feedthrough at the nominal values")
+    J = _inverted(one.J, "the inverse", "an invertible feedthrough at the nominal values")
     JH = J @ one.H
     return replace(one, F=one.F - one.G @ JH, G=one.G @ J, H=-JH, J=J).names(
         one.outputs, one.inputs
@@ -519,7 +519,7 @@ def repeated(one: Lft, times: int) -> Lft:
 def interconnect(one: Lft, loop: Matrix, enter: Matrix, leave: Matrix) -> Lft:
     """Return the system from r to ``leave y`` with ``u = loop y + enter r``."""
     back = np.eye(one.shape[0]) - one.J @ loop
-    back = _inverted(back, "the loop", "its algebraic part: the loop is not well posed")
+    back = _inverted(back, "the loop", "a loop that is well posed")
     onto = loop @ back
     J = (one.J + one.J @ onto @ one.J) @ enter
     G = (one.G + one.G @ onto @ one.J) @ enter
@@ -664,13 +664,17 @@ def _diagonal(*parts: Any) -> Matrix:
     return result
 
 
-def _inverted(M: Matrix, what: str, which: str) -> Any:
-    sizes = np.linalg.svd(M, compute_uv=False)
-    # Relative size below which a matrix that has to be inverted counts as singular.
-    if sizes.size and not sizes[-1] > SOLVED * sizes[0]:
-        shown = described(f"a singular matrix for {what}")
-        raise invalid("system", shown, f"an invertible {which}", "Check its direct feedthrough.")
-    return np.linalg.inv(M)
+def _inverted(M: Matrix, what: str, want: str) -> Any:
+    """Return the inverse; whether there is one does not depend on the units of the signals."""
+    try:
+        inverse: Any = np.linalg.inv(M)
+        # Row scales cancel in |M^-1| |M|, column scales in its eigenvalues.
+        if np.abs(np.linalg.eigvals(np.abs(inverse) @ np.abs(M))).max(initial=0) < 1 / SOLVED:
+            return inverse
+    except np.linalg.LinAlgError:
+        pass
+    shown = described(f"a singular matrix for {what}")
+    raise invalid("system", shown, want, "Check its direct feedthrough.")
 
 
 def _mismatch(verb: str, one: Lft, two: Lft) -> Exception:

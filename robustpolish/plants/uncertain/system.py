@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -512,13 +513,16 @@ def as_uncertain(argument: str, value: Any) -> UncertainSystem:
         return value
     if (isinstance(value, np.ndarray) and value.dtype == object) or _nested(value):
         return UncertainSystem(block_matrix(argument, value))
-    if np.iscomplexobj(value) and not isinstance(value, control.LTI):
+    if is_system(value):
+        return UncertainSystem(as_lft(as_state_space(argument, value)))
+    plain: Any = value
+    if isinstance(value, list | tuple | np.ndarray):
+        with suppress(ValueError):  # rows of different lengths are refused below
+            plain = np.atleast_2d(value)
+    if isinstance(plain, complex | np.ndarray) and np.iscomplexobj(plain):
         raise checks.invalid(
             argument, value, _OPERANDS, "Matrices are real: use uncertain_complex."
         )
-    if is_system(value):
-        return UncertainSystem(as_lft(as_state_space(argument, value)))
-    plain: Any = np.atleast_2d(value) if isinstance(value, list | tuple | np.ndarray) else value
     return UncertainSystem(constant(checks.matrix(argument, plain)))
 
 

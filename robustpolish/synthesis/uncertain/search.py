@@ -33,7 +33,6 @@ from robustpolish.synthesis.output_feedback.output_feedback import (
 )
 from robustpolish.synthesis.problem import matrices
 from robustpolish.synthesis.riccati.gamma import estimated_lower_bound, has_full_rank
-from robustpolish.synthesis.structured.search import TIME_LIMIT
 from robustpolish.synthesis.uncertain.scaled_gain import (
     LoopResponses,
     ModalGain,
@@ -445,9 +444,8 @@ PROOFS = 4
 SHORTENED = 0.02
 """A controller is shortened as long as its level rises by less than this share."""
 
-# The share of its usual work that a search for fixed order of one machine gets, the safety net of
-# one machine in seconds, and what it gets when that of the whole search is nearly reached: no
-# search ends at once.
+# The share of its usual work that a search for fixed order of one machine gets, and the seconds of
+# it when the safety net of the whole search is nearly reached: no search ends at once.
 _EFFORT, _LEAST_SECONDS = 0.1, 0.01
 
 
@@ -458,7 +456,7 @@ def design_one(plant: GeneralizedPlant, order: int | None, budget: Budget) -> De
             plant,
             order=order,
             effort=1.0 if order is None else _EFFORT,
-            time_limit=min(max(budget.seconds_left, _LEAST_SECONDS), TIME_LIMIT),
+            time_limit=max(budget.seconds_left, _LEAST_SECONDS),
         )
     except (InfeasibleError, SolverError):
         return None
@@ -539,6 +537,13 @@ class ScalingSearch:
         self._record_step("last descent", found.controller, level=found.level)
         return found
 
+    def _analysed(self, K: matrices.Controller) -> AnalysedController | None:
+        """Return a controller with the scalings of its own loop; None if that is not stable."""
+        if self.problem.loop(K) is None:
+            return None
+        known, _ = self._levels(K)
+        return AnalysedController(K, known.peak, known.omega, self.scalings.of_bounds(known.found))
+
     def _record_step(
         self, what: str, K: matrices.Controller, scalings: int = 0, level: float = np.nan
     ) -> None:
@@ -564,15 +569,14 @@ class ScalingSearch:
 
     def _started(self, full: matrices.Controller) -> AnalysedController | None:
         """Shorten a controller; None if no shorter one is stable."""
-        if self.problem.loop(full) is None:
+        known = self._analysed(full)
+        if known is None:
             return None
-        known, _ = self._levels(full)
         orders = [self.order] if self.order is not None else range(1, len(full.A) + 1)
-        enough = known.peak * (1 + SHORTENED)
-        weights = self.scalings.of_bounds(known.found)
+        enough = known.level * (1 + SHORTENED)
         for order in orders:
             tried = [
-                (self._level(K, known.omega, weights), i, K)
+                (self._level(K, known.omega, known.weights), i, K)
                 for i, K in enumerate(self._reduced(full, order))
             ]
             if not tried and self.order is not None and self.best is None:
@@ -583,9 +587,7 @@ class ScalingSearch:
                 continue
             level, _, K = min(tried)
             if self.order is not None or level <= enough:
-                own, _ = self._levels(K)
-                weights = self.scalings.of_bounds(own.found)
-                return AnalysedController(K, own.peak, own.omega, weights)
+                return self._analysed(K)
         return None
 
     def _reduced(self, K: matrices.Controller, order: int) -> Iterator[matrices.Controller]:

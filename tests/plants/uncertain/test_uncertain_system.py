@@ -381,3 +381,10 @@ def test_a_number_of_an_unsymmetric_range_is_infinite_at_the_pole_of_its_map():
     number = rp.uncertain.real("c", 1, range=(0.5, 2)).elements["c"]
     assert [number.value(d) for d in (-1.0, 0.0, 1.0)] == pytest.approx([0.5, 1.0, 2.0])
     assert number.value(3.0) == np.inf
+
+
+def test_units_do_not_make_a_loop_ill_posed():
+    k = rp.uncertain.real("k", 1.0, percent=10)
+    plant = rp.uncertain.system([[-k]], [[1e-9]], [[1.0]])
+    loop = plant.feedback(1e9)
+    np.testing.assert_allclose(loop.nominal.poles(), [-2.0], rtol=1e-9)
