@@ -52,8 +52,8 @@ _last, _seconds, _paused = (0.0, 0.0), 0.0, False
 def now() -> float:
     """Return the seconds on the clock of all limits; only differences mean something.
 
-    It stands while the process gets no processor, so that no limit depends on what else the machine
-    does; with several threads at work it goes as a clock on the wall.
+    It stands while the process and its children get no processor, so that no limit depends on what
+    else the machine does; with several threads at work it goes as a clock on the wall.
 
     Examples
     --------
@@ -63,7 +63,9 @@ def now() -> float:
     """
     global _last, _seconds
     with _clock:
-        wall, worked = time.monotonic(), time.process_time()
+        children = os.times()  # those that have ended
+        worked = time.process_time() + children.children_user + children.children_system
+        wall = time.monotonic()
         if not _paused:
             _seconds += max(0.0, min(wall - _last[0], worked - _last[1]))
         _last = wall, worked

@@ -409,7 +409,8 @@ def cancelled(loop: Loop, crossover: float) -> list[tuple[complex, complex]]:
         return []
     whole, sides = np.block([[A, B], [C, D]]), np.zeros((len(A) + len(D),) * 2)
     sides[: len(A), : len(A)] = np.eye(len(A))
-    top, below = linalg.eigvals(whole, sides, homogeneous_eigvals=True)
+    found: Any = linalg.eigvals(whole, sides, homogeneous_eigvals=True)
+    top, below = found
     zeros = top[below != 0] / below[below != 0]
     near = _CANCELLED * crossover
     return [

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy import linalg
 
-from robustpolish.base.arrays import SAME, AnyVector, Matrix
+from robustpolish.base.arrays import SAME, Matrix
 from robustpolish.linear.stability import eigensystem
 from robustpolish.loops.loop import Loop, sample_step
 from robustpolish.loops.requirements import LoopRequirements
@@ -86,7 +86,7 @@ def _free(name: str, taken: list[str]) -> str:
     return next(one for one in tries if one not in taken)
 
 
-def _modes(A: Matrix, step: float) -> Iterator[tuple[float, Matrix, Matrix, Matrix]]:
+def _modes(A: Matrix, step: float) -> Iterator[tuple[Any, ...]]:
     """Return hertz, moves, and dual bases of the left and right subspaces of each mode.
 
     The moves are how -(a0, a1) of the mode's polynomial differ where k, or c, is larger by all of
@@ -95,7 +95,7 @@ def _modes(A: Matrix, step: float) -> Iterator[tuple[float, Matrix, Matrix, Matr
     spectrum = eigensystem(A)
     values, left, right = spectrum.values, spectrum.left, spectrum.right
     known = (values.imag != 0) | (values.real > 0) if step else np.ones(values.size, bool)
-    rates: AnyVector = np.log(np.where(known, values, 1)) / step if step else values
+    rates: Any = np.log(np.where(known, values, 1)) / step if step else values
     pairs = [(i, i) for i in np.flatnonzero(rates.imag > 0)]
     sinking = known & (rates.imag == 0) & (rates.real < -spectrum.errors)
     still = list(np.flatnonzero(sinking))

@@ -3,6 +3,7 @@
 import io
 import math
 import os
+import subprocess
 import sys
 import threading
 import time
@@ -297,4 +298,10 @@ def test_limits_do_not_count_what_others_do_with_the_processor():
     ends = time.process_time() + 0.25
     while time.process_time() < ends:
         pass
+    assert budget.late
+
+
+def test_limits_count_what_children_do():
+    budget = Budget(seconds=0.2)
+    subprocess.run([sys.executable, "-c", "sum(range(5 * 10**7))"], check=True)
     assert budget.late
