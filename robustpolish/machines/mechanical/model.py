@@ -63,6 +63,9 @@ class MechanicalModel(MechanicalData, Displayed):
         read by :func:`robustpolish.read_design_task`.
     ratios : sequence of Ratio, optional
         Pulleys, screws, gears and levers between two coordinates.
+    feedback : sequence of simulation.Feedback, optional
+        Sampled controllers in whose loop the machine was measured; simulations, comparisons and
+        fits run the loop. What is linearised is the machine without it.
 
     Raises
     ------
@@ -339,13 +342,13 @@ class MechanicalModel(MechanicalData, Displayed):
         return replace(self, dofs=(*self.dofs, Dof(name, 0.0)), inputs=(*self.inputs, source))
 
     def without_effects(self) -> MechanicalModel:
-        """Return the linear model.
+        """Return the linear model; its loops without limits and steps.
 
         Returns
         -------
         MechanicalModel
         """
-        return replace(self, effects=())
+        return replace(self, effects=(), feedback=tuple(loop.linear for loop in self.feedback))
 
     @property
     def parameters(self) -> dict[str, float]:
