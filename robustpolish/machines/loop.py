@@ -24,6 +24,8 @@ _MOST_PARTS = 64
 """Parts of a sampling step of a record, at most, of which periods of controllers are multiples."""
 _SAME = 1e-6
 """Relative difference between a period and a multiple that rounding makes."""
+_TOLD, _ROUNDS = 500, 4
+"""Samples that tell how controllers began, and rounds of a search for that."""
 _LATE = 4
 """Steps per sample, at least, where commands change within a step."""
 
@@ -212,7 +214,8 @@ def _ring(loops: LoopMatrices) -> int:
 def followed(model: MechanicalData, data: xr.Dataset) -> LoopCourse:
     """Follow the controllers of a model along measured outputs: a piece begins at every sample.
 
-    They begin settled at the first sample: what had been before it, is not known.
+    They begin as what they commanded says, where all of that was recorded. What they did before a
+    record is not known otherwise, and they begin settled at its first sample.
 
     Parameters
     ----------
@@ -238,8 +241,39 @@ def followed(model: MechanicalData, data: xr.Dataset) -> LoopCourse:
         command = np.clip(command, loops.low[own], loops.high[own])
         v[v.size - len(loops.owner) + own] = command
         sent[own] = command[:, None]
+    names = [name for loop in model.feedback for name in loop.drives]
+    if states.size and all(name in data for name in names):
+        told = np.column_stack([np.asarray(data[name].values, dtype=float) for name in names])
+        states = _told_states(loops, asked, Y, states, sent, steps, told)
     found = replay_loops(loops, asked, Y, states, sent, steps)
     return LoopCourse(asked, np.arange(time.size), *found)
+
+
+def _told_states(
+    loops: LoopMatrices,
+    asked: Array,
+    Y: Array,
+    states: Array,
+    sent: Array,
+    steps: int,
+    told: Array,
+) -> Array:
+    """Return the first states of controllers with which their commands are those that were told."""
+    head = slice(0, _TOLD)
+
+    def left(x: Array) -> Array:
+        found = replay_loops(loops, asked[head], Y[head], x.reshape(states.shape), sent, steps)
+        return np.ravel(found[2] - told[head])
+
+    x, now = states.ravel(), left(states)
+    for _ in range(_ROUNDS):  # limits bend it
+        columns = [left(x + unit) - now for unit in np.eye(x.size)]
+        tried = x - np.linalg.lstsq(np.column_stack(columns), now, rcond=1e-6)[0]
+        after = left(tried)
+        if not after @ after < now @ now:
+            break
+        x, now = tried, after
+    return x.reshape(states.shape)
 
 
 def asked_columns(model: MechanicalData, data: xr.Dataset) -> Array:

@@ -408,6 +408,8 @@ def reproducibility(
     """
     record = piece.record
     bad = np.flatnonzero(~np.isfinite(outputs[-1:] if ahead else outputs).all(axis=1))
+    if span is None and run.model.feedback and (grows := _unstable_loop(run.model)):
+        return Reproducibility(False, np.inf, int(bad[0]) * record.dt if bad.size else None, grows)
     if bad.size:
         after = int(bad[0]) * record.dt
         reason = (
@@ -436,6 +438,20 @@ def reproducibility(
         f"noise within {after:.4g} s, so that its error judges nothing; {advice}"
     )
     return Reproducibility(False, growth, after, reason)
+
+
+def _unstable_loop(model: MechanicalModel) -> str:
+    """Say so if a model is unstable in its loop, without the effects and the limits."""
+    poles = loop_poles(model)
+    worst = poles[np.argmax(poles.real)]
+    if not worst.real > 0:
+        return ""
+    turns = f", {abs(worst.imag) / (2 * np.pi):.3g} Hz" if worst.imag else ""
+    return (
+        f"the model is unstable in its loop (a pole at {worst.real:.3g} 1/s{turns}), so that the "
+        "error of a free run judges nothing: check signs and sizes of gains, masses and stiffness, "
+        "or refit, which begins with short windows"
+    )
 
 
 def _largest_change(run: RecordRun, piece: StartedPiece, size: Array) -> Array:
