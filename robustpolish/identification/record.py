@@ -665,14 +665,10 @@ def checked_data(model: MechanicalModel, data: Any) -> xr.Dataset:
         shown = described(f"steps from {np.min(steps):.6g} to {np.max(steps):.6g} s")
         remedy = "Read it with read_measurement, which resamples small irregularities."
         raise invalid("time", shown, "a uniform, rising grid", remedy)
-    for name in references(model):
-        _check_column(model, name, data)
-    for item in model.outputs:
+    given = [i for i in model.inputs if i.name in data or i.name not in model.driven]
+    for item in [*given, *references(model), *model.outputs]:
         _check_column(model, item, data)
-    data = with_commands(model, data)
-    for item in model.inputs:
-        _check_column(model, item, data)
-    return data
+    return with_commands(model, data)
 
 
 def _check_column(model: MechanicalModel, item: Input | Output | str, data: xr.Dataset) -> None:

@@ -24,6 +24,8 @@ _MOST_PARTS = 64
 """Parts of a sampling step of a record, at most, of which periods of controllers are multiples."""
 _SAME = 1e-6
 """Relative difference between a period and a multiple that rounding makes."""
+_EXACT = 1e-9
+"""Part of a step of which a delay of whole steps may lack by rounding."""
 _TOLD, _ROUNDS = 500, 4
 """Samples that tell how controllers began, and rounds of a search for that."""
 _LATE = 4
@@ -52,7 +54,8 @@ def loop_steps(model: MechanicalData, dt: float, least: int = 1) -> int:
         for loop in model.feedback
         for name in loop.drives
     ]
-    if any(min(part, 1 - part) > _SAME for part in late):
+    moves = any("delay" in loop.unknown for loop in model.feedback)
+    if moves or any(min(part, 1 - part) > _SAME for part in late):
         least = max(least, _LATE)
     return parts * math.ceil(least / parts)
 
@@ -128,10 +131,10 @@ def loop_matrices(
             actuator[:, i] = _actuator(model, name, step)
         first += nu
     every = np.array([round(loop.period / step) for loop in loops], dtype=np.int64)
-    whole = np.floor(late + _SAME)
-    part = np.clip(late - whole, 0.0, 1.0)
+    whole = np.floor(late + _EXACT)
+    part = np.maximum(late - whole, 0.0)
     return LoopMatrices(
-        every, whole.astype(np.int64), np.where(part < _SAME, 0.0, part), A, B, C, D, W, owner,
+        every, whole.astype(np.int64), part, A, B, C, D, W, owner,
         signal, *limits, steps, actuator,
     )  # fmt: skip
 
