@@ -125,7 +125,8 @@ def loop_matrices(
         W[k, :n, own] = gain
         owner[own] = k
         rise = math.inf if loop.rate_limit is None else loop.rate_limit * loop.period
-        limits[:, own] = np.array([*loop.bounds, rise, loop.quantum * rounds])[:, None]
+        limits[:2, own] = loop.bounds
+        limits[2:, own] = np.array([[rise], [loop.quantum * rounds]])
         late[k] = _delay(model, loop, loop.drives[0]) / step
         for i, name in enumerate(loop.drives, first):
             actuator[:, i] = _actuator(model, name, step)

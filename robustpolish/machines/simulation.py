@@ -196,6 +196,8 @@ def _signals(model: MechanicalData, data: xr.Dataset) -> tuple[Array, Intersampl
         # an imposed motion has a velocity, so that it is smooth
         order = LINEAR if j < len(m.force_inputs) else SMOOTH
         delay, lags, timed = 0.0, [], source in idle
+        if timed and source not in data:
+            continue
         if timed:  # commands are held, and late
             order, delay = HELD, idle[source]
         for effect in _effects_on(model, "input"):

@@ -461,7 +461,10 @@ def run_steps(
                     _hold(f0, layout, dry, v0, held)
                 if turn > 0 or (j > 0 and nc == 0):
                     break
-                for i in range(ny):
+                here, due = (phase + k) * substeps + j, False
+                for i in range(loops.every.size):
+                    due = due or here % loops.every[i] == 0
+                for i in range(ny if due or j == 0 else 0):
                     total = 0.0
                     for c in range(n):
                         total += C[i, c] * x[c]
@@ -471,17 +474,17 @@ def run_steps(
                         total += H[i, c] * f0[c]
                     y[i] = total
                 if nc > 0:
-                    for i in range(R.shape[1]):
-                        v[i] = (1 - x0) * R[k, i] + x0 * R[min(k + 1, samples - 1), i]
-                    here = (phase + k) * substeps + j
-                    _sample(loops, here, v, y, controller, sent)
+                    if due:
+                        for i in range(R.shape[1]):
+                            v[i] = (1 - x0) * R[k, i] + x0 * R[min(k + 1, samples - 1), i]
+                        _sample(loops, here, v, y, controller, sent)
                     for c in range(nc):
                         begin, end = _driven(loops, here, c, sent, lagging[c])
                         at = loops.signal[c]
                         if at >= 0:
                             first_change = begin - x[n + at]
                             last_change = end - x[n + signals + at]
-                            for r in range(rows):
+                            for r in range(rows if first_change != 0 or last_change != 0 else 0):
                                 out[r] += wide[n + at, r] * first_change
                                 out[r] += wide[n + signals + at, r] * last_change
                             x[n + at], x[n + signals + at] = begin, end

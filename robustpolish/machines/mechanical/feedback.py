@@ -8,15 +8,16 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
+import control
 import numpy as np
 from scipy.linalg import block_diag
 from scipy.signal import bilinear, tf2ss
 
-from robustpolish.base.arrays import Matrix
+from robustpolish.base.arrays import Array, Matrix
 from robustpolish.base.checks import Key, described, invalid, matrix, one_of, positive
 from robustpolish.base.saved import read_saved
 from robustpolish.machines.mechanical.parts import number, text
-from robustpolish.plants.plant import system_from
+from robustpolish.plants.plant import GeneralizedPlant, plant_from, system_from
 
 _StateSpace = tuple[Matrix, Matrix, Matrix, Matrix]
 _Rows = tuple[tuple[float, ...], ...]
@@ -124,7 +125,8 @@ class Feedback:
     delay : float, optional
         Seconds from a sample until its command acts.
     limit : float or (float, float), optional
-        Largest size of a command, or its lowest and highest value.
+        Largest size of a command, or its lowest and highest value; of several a list of these
+        pairs.
     rate_limit : float, optional
         Largest change of a command per second.
     quantum : float, optional
@@ -134,9 +136,9 @@ class Feedback:
     matrices : (A, B, C, D), optional
         A discrete controller in place of gains, ``u = K (output - reference)``: positive sign, as
         designs have it.
-    anti_windup : bool, optional
+    anti_windup : bool or array_like, optional
         Whether states at a limit move as if the errors had asked for what is put out (Hanus), where
-        this is stable.
+        this is stable; or the gain L with which ``L (put out - wanted)`` is added to them.
     unknown : sequence of str, optional
         Numbers of the loop that fits find, such as ``"limit"``, ``"rate_limit"``, ``"delay"`` or
         ``"x.gain"``; they all stay as they are by default.
@@ -159,12 +161,12 @@ class Feedback:
     period: float
     terms: tuple[FeedbackTerm, ...] | Sequence[FeedbackTerm]
     delay: float = 0.0
-    limit: float | tuple[float, float] | None = None
+    limit: float | Any = None
     rate_limit: float | None = None
     quantum: float = 0.0
     feedforward: tuple[str, ...] | Sequence[str] = ()
     matrices: tuple[_Rows, _Rows, _Rows, _Rows] | Any = None
-    anti_windup: bool = True
+    anti_windup: bool | Any = True
     unknown: tuple[str, ...] | Sequence[str] = ()
 
     def __post_init__(self) -> None:
@@ -178,12 +180,15 @@ class Feedback:
             found[name] = _positive(name, getattr(self, name))
         if self.rate_limit is not None:
             found["rate_limit"] = _positive("rate_limit", self.rate_limit, False)
-        found["limit"] = _limit(self.limit)
+        found["limit"] = _limit(self.limit, len(found["drives"]))
         known = [name for name in _OWN if isinstance(found.get(name), float)]
         known += [f"{term.of}.{name}" for term in found["terms"] for name in UNKNOWN]
         for name in found["unknown"]:
             one_of("unknown", name, known, "Give it a start value.")
         found["matrices"] = _matrices(self.matrices, len(found["drives"]), len(found["terms"]))
+        if not isinstance(self.anti_windup, bool):
+            shape = (len(found["matrices"][0]) if self.matrices else None, len(found["drives"]))
+            found["anti_windup"] = _rows(matrix("anti_windup", self.anti_windup, shape))
         if self.matrices is None and len(found["drives"]) > 1:
             remedy = "Write a loop for each input."
             raise invalid("drives", found["drives"], "one input, with gains", remedy)
@@ -198,11 +203,11 @@ class Feedback:
         )
 
     @property
-    def bounds(self) -> tuple[float, float]:
-        """Lowest and highest command."""
-        if isinstance(self.limit, tuple):
-            return self.limit
-        return (-math.inf, math.inf) if self.limit is None else (-self.limit, self.limit)
+    def bounds(self) -> Array:
+        """Lowest and highest commands, shape (2, commands)."""
+        each = np.array((-math.inf, math.inf) if self.limit is None else self.limit)
+        each = np.array([-each, each]) if each.ndim == 0 else each
+        return np.broadcast_to(each, (len(self.drives), 2)).T
 
     @property
     def linear(self) -> Feedback:
@@ -254,8 +259,9 @@ def _discrete(loop: Feedback) -> tuple[_StateSpace, Matrix]:
         n, nu, ny = len(a), len(loop.drives), len(loop.terms)
         A, C, D = a.reshape(n, n), c.reshape(nu, n), -d.reshape(nu, ny)
         B = -b.reshape(n, ny)
-    L = B @ np.linalg.pinv(D)
-    slow = A - L @ C
+    given = not isinstance(loop.anti_windup, bool)
+    L = np.reshape(loop.anti_windup, (len(A), len(C))) if given else B @ np.linalg.pinv(D)
+    slow = 0 * A if given else A - L @ C
     if not loop.anti_windup or np.max(np.abs(np.linalg.eigvals(slow)), initial=0.0) >= 1 - 1e-9:
         L = np.zeros_like(L)
     more = len(loop.feedforward)
@@ -279,13 +285,18 @@ def _positive(where: str, value: Any, zero: bool = True, remedy: str = "") -> fl
     return positive(where, number(where, value), zero=zero)
 
 
-def _limit(value: Any) -> float | tuple[float, float] | None:
+def _limit(value: Any, commands: int) -> Any:
     if value is None or isinstance(value, int | float):
         return None if value is None else _positive("limit", value, False)
-    ends = tuple(number("limit", end) for end in value) if isinstance(value, Sequence) else ()
-    if len(ends) != 2 or not ends[0] < ends[1]:
+    ends = np.asarray(value, dtype=float)
+    fits = ends.shape in ((2,), (commands, 2)) and not np.isnan(ends).any()
+    if not fits or not np.all(ends[..., 0] < ends[..., 1]):
         raise invalid("limit", value, "a size, or its ends, low < high", "Correct it.")
-    return ends[0], ends[1]
+    return _rows(ends) if ends.ndim == 2 else tuple(ends.tolist())
+
+
+def _rows(entries: Any) -> _Rows:
+    return tuple(map(tuple, entries.tolist()))
 
 
 def _term(i: int, term: Any) -> FeedbackTerm:
@@ -323,7 +334,7 @@ def _matrices(value: Any, commands: int, outputs: int) -> Any:
     for (name, shape), entries in zip(shapes.items(), value, strict=True):
         given = np.asarray(entries, dtype=float)
         given = given.reshape(shape) if given.size == 0 and 0 in shape else given
-        found.append(tuple(map(tuple, matrix(name, given, shape).tolist())))
+        found.append(_rows(matrix(name, given, shape)))
     return tuple(found)
 
 
@@ -340,10 +351,23 @@ def feedback_from_file(path: Any, references: Mapping[str, str], **more: Any) ->
         Further parameters of :class:`Feedback`; its signals go by the names of the design.
     """
     fields = read_saved(path, "sampled design")
-    K = system_from(fields.table("controller"))
-    more = {"drives": tuple(K.output_labels), "delay": fields.number("delay"), **more}
-    terms = [FeedbackTerm(name, reference=references.get(name, "")) for name in K.input_labels]
-    return Feedback(period=float(K.dt), terms=terms, matrices=(K.A, K.B, K.C, K.D), **more)
+    K, plant = system_from(fields.table("controller")), plant_from(fields.table("plant"))
+    own = {"delay": fields.number("delay"), "limit": limits_of(plant, K.output_labels)}
+    return feedback_of(K, references, **{**own, **more})
+
+
+def feedback_of(K: control.StateSpace, references: Mapping[str, str], **more: Any) -> Feedback:
+    """Return the loop of a discrete controller, ``u = K y``, whose signals have their names."""
+    seen = [name.removeprefix("measured_") for name in K.input_labels]
+    terms = [FeedbackTerm(name, reference=references.get(name, "")) for name in seen]
+    given = {"drives": tuple(K.output_labels), "period": float(K.dt), **more}
+    return Feedback(terms=terms, matrices=(K.A, K.B, K.C, K.D), **given)
+
+
+def limits_of(plant: GeneralizedPlant, commands: Sequence[str]) -> Any:
+    """Return the limits of controls that a plant knows, None if it knows none."""
+    sizes = [plant.limits.get(name, math.inf) for name in commands]
+    return [(-size, size) for size in sizes] if np.isfinite(sizes).any() else None
 
 
 def check_feedback(

@@ -198,7 +198,8 @@ def _slopes(model: MechanicalData, effect: Effect, rest: Array, warn: bool = Tru
         if jumps.any() and warn:
             warnings.warn(
                 f"{effect} jumps at rest and has no linear part: left out of the linear model. "
-                "Judge the controller by simulating the model with it.",
+                "Judge the controller by simulating the model with it: "
+                "rp.simulate(model, controller, load).",
                 RobustPolishWarning,
                 stacklevel=6,
             )
