@@ -315,14 +315,21 @@ def _acting(loops, now, c, sent):  # type: ignore[no-untyped-def]
     """
     k, ring = loops.owner[c], sent.shape[1]
     part, late = loops.part[k], now - loops.whole[k]
-    after = sent[c, (late // loops.every[k]) % ring]
-    before = sent[c, ((late - 1) // loops.every[k]) % ring] if part > 0.0 else after
+    after = _acted(loops, c, sent[c, (late // loops.every[k]) % ring])
+    if part == 0.0:
+        return after, after
+    before = _acted(loops, c, sent[c, ((late - 1) // loops.every[k]) % ring])
     mean, rise = part * before + (1 - part) * after, 6 * part * (1 - part) * (after - before)
-    gain, dead, most = loops.actuator[0, c], loops.actuator[1, c], loops.actuator[2, c]
-    begin, end = gain * (mean - rise / 2), gain * (mean + rise / 2)
-    begin -= min(max(begin, -dead), dead)
-    end -= min(max(end, -dead), dead)
-    return min(max(begin, -most), most), min(max(end, -most), most)
+    return mean - rise / 2, mean + rise / 2
+
+
+@njit(cache=True, error_model="numpy")
+def _acted(loops, c, command):  # type: ignore[no-untyped-def]
+    """Return what an actuator makes of a command at once: its gain, dead zone and limit."""
+    dead, most = loops.actuator[1, c], loops.actuator[2, c]
+    size = loops.actuator[0, c] * command
+    size -= min(max(size, -dead), dead)
+    return min(max(size, -most), most)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -517,12 +517,10 @@ def _feedback_unit(model: MechanicalData, loop: Feedback, name: str) -> str:
         return "s"
     if not of:
         return command if which == "limit" else f"{command}/s"
-    each = (
-        f"{command}/({units[of]})"
-        if " " in units[of] or "/" in units[of]
-        else f"{command}/{units[of]}"
-    )
-    return {"gain": each, "integral": f"{each}/s", "derivative": f"{each} s"}[which]
+    compound = " " in units[of] or "/" in units[of]
+    per = f"({units[of]})" if compound else units[of]
+    forms = {"gain": "{0}/{1}", "integral": "{0}/({1} s)", "derivative": "{0} s/{1}"}
+    return forms[which].format(command, per)
 
 
 def effect_unit(model: MechanicalData, effect: Effect, name: str) -> str:

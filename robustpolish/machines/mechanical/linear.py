@@ -59,6 +59,7 @@ def mechanical_card(model: MechanicalData) -> Card:
         for i, part in enumerate(getattr(model, f"{what}s"))
     ]
     parts += [(f"effect[{i}].", e.kind, e.at) for i, e in enumerate(model.effects)]
+    parts += [(f"feedback[{i}].", "feedback", f.drives) for i, f in enumerate(model.feedback)]
     numbers = values(model)
     rows += [
         (part, " - ".join(at), key.removeprefix(start), float(numbers[key]), unit_of(model, key))

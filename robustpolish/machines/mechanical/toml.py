@@ -82,7 +82,7 @@ def line_of(text: str, key: Key) -> int | None:
     2
     """
     lines: dict[Key, int] = {}
-    entries: Counter[str] = Counter()
+    entries: Counter[Key] = Counter()
     named: dict[Key, Key] = {}
     table: Key = ()
     for i, line in enumerate(text.splitlines(), 1):
@@ -91,18 +91,23 @@ def line_of(text: str, key: Key) -> int | None:
         brackets, dotted, value = found.groups()
         parts: tuple[str, ...] = tuple(part.strip("\"'") for part in re.findall(_KEY, dotted))
         if brackets:
-            entries[parts[0]] += brackets == "[["
-            number = entries[parts[0]] - 1
-            table = parts if number < 0 else (parts[0], number, *parts[1:])
+            table = ()
+            for depth, part in enumerate(parts, 1):
+                table = (*table, part)
+                entries[table] += brackets == "[[" and depth == len(parts)
+                if entries[table]:
+                    table = (*table, entries[table] - 1)
         elif parts == ("name",) and value:  # of two with one name the later one is too many
             named[*table[:1], value.strip("\"'")] = table
         here = table if brackets else (*table, *parts)
         for length in range(1, len(here) + 1):
             lines.setdefault(here[:length], i)
     way = (*named.get(key[:2], key[:2]), *key[2:])
-    for length in range(len(way), 0, -1):
-        if way[:length] in lines:
-            return lines[way[:length]]
+    single = tuple(part for part in way if isinstance(part, str))  # one table instead of a list
+    parts_of = [each[:length] for each in (way, single) for length in range(len(each), 0, -1)]
+    for each in sorted(parts_of, key=lambda part: -sum(isinstance(p, str) for p in part)):
+        if each in lines:
+            return lines[each]
     return next((i for path, i in lines.items() if key and key[0] in path), None)
 
 
