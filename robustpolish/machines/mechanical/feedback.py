@@ -137,8 +137,9 @@ class Feedback:
         A discrete controller in place of gains, ``u = K (output - reference)``: positive sign, as
         designs have it.
     anti_windup : bool or array_like, optional
-        Whether states at a limit move as if the errors had asked for what is put out (Hanus), where
-        this is stable; or the gain L with which ``L (put out - wanted)`` is added to them.
+        Whether integrals, or the states of `matrices`, move at a limit as if the errors had asked
+        for what is put out (Hanus), where this is stable; or the gain L with which
+        ``L (put out - wanted)`` is added to all states.
     unknown : sequence of str, optional
         Numbers of the loop that fits find, such as ``"limit"``, ``"rate_limit"``, ``"delay"`` or
         ``"x.gain"``; they all stay as they are by default.
@@ -253,14 +254,20 @@ def _discrete(loop: Feedback) -> tuple[_StateSpace, Matrix]:
     if loop.matrices is None:
         parts = [term.discrete(loop.period) for term in loop.terms]
         A, B, C, D = (list(each) for each in zip(*parts, strict=True))
+        sums = [term.integral != 0 and i == 0 for term, a in zip(loop.terms, A, strict=True)
+                for i in range(len(a))]  # fmt: skip
         A, B, C, D = block_diag(*A), block_diag(*B), np.hstack(C), np.hstack(D)
     else:
         a, b, c, d = (np.array(rows, dtype=float) for rows in loop.matrices)
         n, nu, ny = len(a), len(loop.drives), len(loop.terms)
         A, C, D = a.reshape(n, n), c.reshape(nu, n), -d.reshape(nu, ny)
-        B = -b.reshape(n, ny)
+        B, sums = -b.reshape(n, ny), [True] * n
     given = not isinstance(loop.anti_windup, bool)
-    L = np.reshape(loop.anti_windup, (len(A), len(C))) if given else B @ np.linalg.pinv(D)
+    L = (
+        np.reshape(loop.anti_windup, (len(A), len(C)))
+        if given
+        else B @ np.linalg.pinv(D) * np.array(sums)[:, None]
+    )
     slow = 0 * A if given else A - L @ C
     if not loop.anti_windup or np.max(np.abs(np.linalg.eigvals(slow)), initial=0.0) >= 1 - 1e-9:
         L = np.zeros_like(L)
