@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from robustpolish.base.arrays import Array
-from robustpolish.base.budget import parallel_map
 from robustpolish.identification.diagnosis import Diagnosis
 from robustpolish.identification.findings import (
     Entry,
@@ -25,17 +24,18 @@ from robustpolish.identification.fit.least_squares import (
     Fit,
     covariance_of,
     effective_samples,
+    evaluate_fit,
     free_run_rms,
     free_run_rms_checked,
     homotopy,
     log_odds,
 )
-from robustpolish.identification.fit.parameters import has_smoothing
 from robustpolish.identification.fit.result import stderr_from_covariance
 from robustpolish.identification.observer.kalman import force_sites
 from robustpolish.identification.residual_tests import force_maps, residual_noise_floor
 from robustpolish.identification.search import score
-from robustpolish.identification.search.equivalents import find_force_equivalents
+from robustpolish.identification.search.equivalents import find_force_equivalents, is_richer
+from robustpolish.identification.search.fits import with_rounded_turn
 from robustpolish.identification.search.laws import CURVES, KINDS, OVER_TIME, learn
 from robustpolish.identification.search.search import NEAR, EffectSearch, told_alike
 from robustpolish.identification.search.verdict import (
@@ -47,7 +47,7 @@ from robustpolish.identification.search.verdict import (
     verdict_on,
 )
 from robustpolish.machines.effects.effect import Effect
-from robustpolish.machines.mechanical.data import effect_unit, port_rows, unit_of
+from robustpolish.machines.mechanical.data import effect_unit, unit_of
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import FORCE
 
@@ -109,7 +109,10 @@ def conclude(run: EffectSearch, model: MechanicalModel, stopped: bool = False) -
 
 def _final(run: EffectSearch, predictable: bool) -> Conclusion:
     """Return the best model fitted to the whole record, or a learned law that is better."""
-    final = _smooth_frictions(run, fit_whole_record(run, run.best, predictable))
+    final = _refined(run, fit_whole_record(run, run.best, predictable))
+    refined = run.fits.scored(evaluate_fit(final.fit, run.prepared))
+    if refined is not None and refined.places != run.best.places:
+        run.accept(refined)
     residual = residual_of(final, run.prepared)
     names = Conclusion(run.best, final, residual)
     asked = run.most > 0 and (run.enough is None or not run.at_noise_floor(run.best))
@@ -123,7 +126,7 @@ def _final(run: EffectSearch, predictable: bool) -> Conclusion:
     if found.scored.curves:
         return found
     run.accept(law)  # it has a name
-    return found._replace(final=_smooth_frictions(run, final))
+    return found._replace(final=_refined(run, final))
 
 
 def _better_law(run: EffectSearch, residual: Residual) -> score.ScoredModel | None:
@@ -236,68 +239,62 @@ def whole_record_error(model: MechanicalModel, run: EffectSearch, predictable: b
     return free_run_rms(model, prepared, prepared.everything if predictable else prepared.windows)
 
 
-def _smooth_frictions(run: EffectSearch, final: FinalFit) -> FinalFit:
-    """Return the final fit with those jumps of friction rounded that the data know to be none.
+def _refined(run: EffectSearch, final: FinalFit) -> FinalFit:
+    """Return the final fit with its effects in the finer form that the whole record asks for.
 
-    What a jump leaves at every reversal may be less than the noise and yet move all other numbers
-    by more than their standard errors. So the likelihood over the whole record decides.
+    A jump of friction is rounded: what it leaves at every reversal may be less than the noise and
+    yet move all other numbers by more than their standard errors. A kind that has more numbers
+    takes the place of one: a part of the record may not have told them. The likelihood over the
+    whole record decides.
     """
+    prepared, predictable = run.prepared, final.predictable
+    pieces = prepared.everything if predictable else prepared.windows
+    last = prepared.policy.follows(prepared.record.Y.size)
+    spans = prepared.spans(pieces)[-1:]
     for at in range(len(run.reference.effects), len(final.model.effects)):
-        for fitted in _smoothed(run, final, at):
-            left = whole_record_error(fitted.model, run, final.predictable)
-            odds = (
-                log_odds(fitted, final.fit)
-                if _alike(fitted, final.fit)
-                else np.sum(effective_samples(fitted.errors) * np.log(final.error / left))
-            )
-            if odds > score.STRONG:
-                final = FinalFit(fitted, left, final.predictable)
+        before = final
+        for begun, numbers in _finer(run, before, at):
+            for fitted in homotopy(
+                begun, prepared, pieces, run.reference, spans, prepared.steps, run.fits.check,
+                last=last, known=True,
+            ):  # fmt: skip
+                left = whole_record_error(fitted.model, run, predictable)
+                counts = effective_samples(fitted.errors)
+                alike = fitted.errors.shape == final.fit.errors.shape
+                odds = (
+                    log_odds(fitted, final.fit)
+                    if alike
+                    else float(np.sum(counts * np.log(final.error / left)))
+                )
+                cost = 0.5 * len(numbers) * np.log(np.sum(counts))
+                errors = stderr_from_covariance(covariance_of(fitted))
+                values = fitted.model.effects[at].values
+                determined = all(
+                    errors.get(f"effect[{at}].{n}", np.inf) < score.DETERMINED * values[n]
+                    for n in numbers
+                )
+                if determined and odds - cost > score.STRONG:
+                    final = FinalFit(fitted, left, predictable)
     return final
 
 
-def _alike(one: Fit, other: Fit) -> bool:
-    return one.errors.shape == other.errors.shape
-
-
-def _smoothed(run: EffectSearch, final: FinalFit, at: int) -> Iterator[Fit]:
-    """Yield a fit to the whole record with a jump of friction rounded, its speed determined.
-
-    Where the turn is far wider than the true one, the other numbers are bent by it, and where it is
-    far sharper, it makes no difference: from neither do slopes lead to the true one. So a ladder of
-    speeds is run through first, all other numbers held.
-    """
-    prepared, model, policy = run.prepared, final.model, run.prepared.policy
+def _finer(
+    run: EffectSearch, final: FinalFit, at: int
+) -> Iterator[tuple[MechanicalModel, list[str]]]:
+    """Yield models with an effect in a finer form to begin from, and the numbers that it adds."""
+    model, prepared = final.model, run.prepared
     effect = model.effects[at]
-    name = effect.definition.turns_over
-    if not name or has_smoothing(effect):
-        return
-    motion = prepared.motion(model, prepared.screened)
-    speed = float(np.sqrt(np.mean((port_rows(model, effect) @ motion.v)[0] ** 2)))
-    if not speed > 0:
-        return
-
-    def turned(share: float) -> MechanicalModel:
-        gentle = effect.with_values({**effect.parameters, name: share * speed})
-        return replace(model, effects=(*model.effects[:at], gentle, *model.effects[at + 1 :]))
-
-    tried = [turned(share) for share in policy.smoothing_shares]
-
-    def left(tried: MechanicalModel) -> float:
-        return float(np.mean(np.log(free_run_rms(tried, prepared, prepared.windows))))
-
-    # the sharpest first: it takes the most steps
-    begun = tried[::-1][int(np.argmin(parallel_map(left, tried[::-1])))]
-    pieces = prepared.everything if final.predictable else prepared.windows
-    last = policy.follows(prepared.record.Y.size)
-    spans = prepared.spans(pieces)[-1:]
-    for fitted in homotopy(
-        begun, prepared, pieces, run.reference, spans, prepared.steps, run.fits.check,
-        last=last, known=True,
-    ):  # fmt: skip
-        value = fitted.model.effects[at].values[name]
-        errors = stderr_from_covariance(covariance_of(fitted))
-        if errors.get(f"effect[{at}].{name}", np.inf) < score.DETERMINED * value:
-            yield fitted
+    turned = with_rounded_turn(model, at, prepared)
+    if turned is not None:
+        yield turned.model, [effect.definition.turns_over]
+    own = {p.name for p in effect.definition.parameters}
+    pair = effect.definition.domain == "pair"
+    for found in find_force_equivalents(model, at, prepared) if pair else ():
+        kind = found.effect.definition
+        if is_richer(kind, effect) and found.left < NEAR:
+            effects = (*model.effects[:at], found.effect, *model.effects[at + 1 :])
+            more = [p.name for p in kind.parameters if p.fitted and p.name not in own]
+            yield replace(model, effects=effects), more
 
 
 # The diagnosis as data.

@@ -16,6 +16,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from robustpolish.base.arrays import Array
+from robustpolish.base.budget import parallel_map
+from robustpolish.identification.fit.least_squares import free_run_rms
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.record import most_active_part
 from robustpolish.identification.search.screening import (
@@ -97,11 +99,51 @@ def find_force_equivalents(
         seen, force = here if there == effect.at else moving(there), sign * wanted
         shapes = candidate_columns(bare, kind, there, motion, record)
         begun = _initial_values(kind, [entry.shape for entry in shapes], there, given, seen, force)
-        fits = [_fit_force(kind, values, seen, force) for values in begun[:_STARTS]]
+        more = _scanned_anew(effect, kind)
+        if more:  # where it makes the same force they make no difference, and no slope leads on
+            firsts = {tuple(values[name] for name in more): values for values in reversed(begun)}
+            begun = list(firsts.values())
+        fits = [
+            _fit_force(kind, values, seen, force, more)
+            for values in (begun if more else begun[:_STARTS])
+        ]
         if fits:
             left, values = min(fits, key=lambda pair: pair[0])
+            if more:
+                left, values = _nearest_to_data(model, at, kind, fits, prepared)
             found.append(ForceEquivalent(Effect.of(kind, there, values), left))
     return sorted(found, key=lambda mimic: mimic.left)
+
+
+def is_richer(kind: EffectKind, effect: Effect) -> bool:
+    """Return whether a kind has the fitted numbers of an effect, by name, and more."""
+    own, names = effect.definition, {p.name for p in kind.parameters if p.fitted}
+    return not own.over and names > {p.name for p in own.parameters if p.fitted}
+
+
+def _scanned_anew(effect: Effect, kind: EffectKind) -> list[str]:
+    """Return the scanned numbers that a richer kind has more than an effect."""
+    own = {p.name for p in effect.definition.parameters}
+    scanned = [scan.parameter for scan in kind.scan if scan.kept and scan.parameter not in own]
+    return scanned if is_richer(kind, effect) else []
+
+
+def _nearest_to_data(
+    model: MechanicalModel,
+    at: int,
+    kind: EffectKind,
+    fits: Sequence[tuple[float, dict[str, float]]],
+    prepared: PreparedRecord,
+) -> tuple[float, dict[str, float]]:
+    """Return the values of a kind in the place of an effect that leave the smallest errors."""
+
+    def left(found: tuple[float, dict[str, float]]) -> float:
+        instead = Effect.of(kind, model.effects[at].at, found[1])
+        effects = (*model.effects[:at], instead, *model.effects[at + 1 :])
+        errors = free_run_rms(replace(model, effects=effects), prepared, prepared.windows)
+        return float(np.mean(np.log(errors)))
+
+    return fits[int(np.argmin(parallel_map(left, fits)))]
 
 
 def _other_places(
@@ -161,10 +203,14 @@ def _initial_values(
 
 
 def _fit_force(
-    kind: EffectKind, values: Mapping[str, float], here: Motion, wanted: Array
+    kind: EffectKind,
+    values: Mapping[str, float],
+    here: Motion,
+    wanted: Array,
+    held: Sequence[str] = (),
 ) -> tuple[float, dict[str, float]]:
     """Return the share of a force that a kind leaves at best, and its values."""
-    numbers = [p for p in kind.parameters if p.fitted]
+    numbers = [p for p in kind.parameters if p.fitted and p.name not in held]
     first = np.array([values[p.name] for p in numbers])
     sizes = np.array([p.scale_from(values[p.name], values) for p in numbers])
     lower, upper = np.array([(p.lower, p.upper) for p in numbers]).T
