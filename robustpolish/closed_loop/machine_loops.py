@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 Controller = Feedback | Sequence[Feedback] | SampledDesign | control.StateSpace | None
 
+LOAD = "load_"
+"""Before the name of an input that a controller drives: a load in the same place."""
 REFERENCE = "reference_"
 """Before the name of an output: what it shall be, for controllers that name no references."""
 
@@ -118,11 +120,16 @@ def simulate_machine(
             raise misfit(name, type(data).__name__, "samples over 'time', in s", remedy)
     asked = [] if reference is None else [str(name) for name in reference.data_vars]
     model = in_loop(machine, controller, asked)
+    pushed = [
+        item for item in model.inputs if item.name in model.driven and item.name in (load or {})
+    ]
+    beside = tuple(replace(item, name=f"{LOAD}{item.name}") for item in pushed)
+    model = replace(model, inputs=(*model.inputs, *beside))
     names = [*model.columns]
     time = _grid(model, given[0])
     data = {name: np.zeros(time.size) for name in names}
     known = set()
-    for given_data, prefixes in ((load, ("",)), (reference, ("", REFERENCE))):
+    for given_data, prefixes in ((load, ("", LOAD)), (reference, ("", REFERENCE))):
         for name, column in ({} if given_data is None else given_data.data_vars).items():
             for own in (f"{prefix}{name}" for prefix in prefixes):
                 if own in data and own not in known:

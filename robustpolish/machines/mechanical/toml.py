@@ -47,7 +47,6 @@ from robustpolish.machines.mechanical.parts import (
     Ratio,
     number,
     quantity_of,
-    text,
 )
 
 # Where in a TOML text a key stands, so that a message can say so.
@@ -321,7 +320,8 @@ def _feedback(where: Key, item: Table, folder: Path) -> Feedback:
         if "controller" in item:
             known_keys((), item, (*own, *saved))
             references = _table((*where, "references"), item.get("references", {}))
-            path = folder / text("controller", item["controller"])
+            path = instance_of("controller", item["controller"], str, "a file", "Write its name.")
+            path = folder / path
             return feedback_from_file(path, references, **given)
         known_keys((), item, (*own, "term", *_MATRICES), ("drives",))
         keys, terms = [each.name for each in fields(FeedbackTerm)], []
