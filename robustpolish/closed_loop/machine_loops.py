@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import control
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from robustpolish.base.arrays import Array
+from robustpolish.base.arrays import Array, Matrix, Vector
 from robustpolish.base.checks import described, instance_of, invalid, misfit, one_of, whole_number
 from robustpolish.errors import InvalidInputError, SolverError
 from robustpolish.implementation.realization import anti_windup
+from robustpolish.implementation.run import disturbance_columns
 from robustpolish.implementation.sampled_design import SampledDesign
 from robustpolish.machines.loop import references
 from robustpolish.machines.mechanical.feedback import Feedback, feedback_of, limits_of
@@ -23,9 +24,6 @@ from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import DISPLACEMENT, VELOCITY, Input, Output
 from robustpolish.machines.simulation import needed_substeps, simulate_model
 from robustpolish.synthesis.design import Design
-
-if TYPE_CHECKING:
-    from robustpolish.identification.fit.result import Refit
 
 Controller = Feedback | Sequence[Feedback] | SampledDesign | control.StateSpace | None
 
@@ -110,36 +108,26 @@ def simulate_machine(
     initial_state: ArrayLike | None = None,
 ) -> xr.Dataset:
     """Simulate a machine with its controller; see :func:`robustpolish.simulate`."""
-    given = [data for data in (load, reference) if data is not None]
+    asked = [] if reference is None else [str(name) for name in reference.data_vars]
+    model = in_loop(machine, controller, asked)
+    beside = [
+        i for i in model.inputs if i.name in model.driven and load is not None and i.name in load
+    ]
+    pushed = (replace(item, name=f"{LOAD}{item.name}") for item in beside)
+    model = replace(model, inputs=(*model.inputs, *pushed))
+    units = {item.name: model.unit_of(item) for item in model.inputs}
+    given = []
+    for what, source, prefix in (("load", load, LOAD), ("reference", reference, REFERENCE)):
+        if source is not None:
+            known = {n: f"{prefix}{n}" for n in source.data_vars if f"{prefix}{n}" in model.columns}
+            given.append(disturbance_columns(source.rename(known), model.columns, units, what))
     if not given:
         shown = described("neither load nor reference")
         raise invalid("load", shown, "something that moves the machine", "Give one of them.")
-    for name, data in (("load", load), ("reference", reference)):
-        if data is not None and (not isinstance(data, xr.Dataset) or "time" not in data.coords):
-            remedy = "Build an xarray.Dataset with a variable per signal."
-            raise misfit(name, type(data).__name__, "samples over 'time', in s", remedy)
-    asked = [] if reference is None else [str(name) for name in reference.data_vars]
-    model = in_loop(machine, controller, asked)
-    pushed = [
-        item for item in model.inputs if item.name in model.driven and item.name in (load or {})
-    ]
-    beside = tuple(replace(item, name=f"{LOAD}{item.name}") for item in pushed)
-    model = replace(model, inputs=(*model.inputs, *beside))
-    names = [*model.columns]
-    time = _grid(model, given[0])
-    data = {name: np.zeros(time.size) for name in names}
-    known = set()
-    for given_data, prefixes in ((load, ("", LOAD)), (reference, ("", REFERENCE))):
-        for name, column in ({} if given_data is None else given_data.data_vars).items():
-            for own in (f"{prefix}{name}" for prefix in prefixes):
-                if own in data and own not in known:
-                    data[own] = np.interp(time, given_data["time"].values, column.values)
-                    known.add(own)
-    if not known:
-        shown = described(f"variables {', '.join(str(n) for d in given for n in d.data_vars)}")
-        expected = f"one or several of {', '.join(map(repr, names))}"
-        raise invalid("load", shown, expected, "Rename them; what is left out is zero.")
-    over = xr.Dataset({name: ("time", column) for name, column in data.items()}, {"time": time})
+    time = _grid(model, given[0][0])
+    over = xr.Dataset({}, {"time": time})
+    for i, name in enumerate(model.columns):
+        over[name] = ("time", sum(np.interp(time, at, part[:, i]) for at, part in given))
     with np.errstate(all="ignore"):
         found = simulate_model(model, over, initial_state)
     lost = np.flatnonzero(~np.isfinite(found.outputs).all(axis=1))
@@ -148,25 +136,23 @@ def simulate_machine(
             f"controller: the loop diverges after {time[lost[0]] - time[0]:.4g} s. Check the signs "
             "of its gains (u = K y, gains times reference - output), its period and its delay."
         )
-    result = {
+    result: dict[str, Any] = {
         item.name: ("time", column, {"units": model.unit_of(item)})
         for item, column in zip(model.outputs, found.outputs.T, strict=True)
     }
-    units = {item.name: model.unit_of(item) for item in model.inputs}
     commands = [(loop, i) for loop in model.feedback for i in range(len(loop.drives))]
     for (loop, i), column in zip(commands, found.commands.T, strict=True):
         name, (low, high) = loop.drives[i], loop.bounds[:, i]
         share = float(np.mean((column <= low) | (column >= high)))
         result[name] = ("time", column, {"units": units.get(name, ""), "at_limit": share})
-    result |= {name: ("time", data[name]) for name in references(model)}
+    result |= {name: over[name] for name in references(model)}
     return xr.Dataset(result, {"time": ("time", time, {"units": "s"})})
 
 
-def _grid(model: MechanicalModel, data: xr.Dataset) -> Array:
-    """Return the times of data, or as fine ones that suit the periods of controllers."""
-    time = np.asarray(data["time"].values, dtype=float)
-    if time.size < 2 or not np.isfinite(time).all() or np.any(np.diff(time) <= 0):
-        raise misfit("time", "its samples", "two or more, rising", "Sort them.")
+def _grid(model: MechanicalModel, time: Array) -> Array:
+    """Return times, or as fine ones that suit the periods of controllers."""
+    if time.size < 2:
+        raise misfit("time", "a single sample", "two or more", "Simulate a longer time.")
     step = float(np.min(np.diff(time)))
     even = np.ptp(np.diff(time)) <= 1e-6 * step
     if even:
@@ -180,48 +166,89 @@ def _grid(model: MechanicalModel, data: xr.Dataset) -> Array:
     return time[0] + step * np.arange(math.floor((time[-1] - time[0]) / step + 1e-6) + 1)
 
 
-def machines_of_fit(fitted: Refit, samples: int, seed: int) -> Iterator[MechanicalModel]:
-    """Yield machines with the numbers of a fit, drawn from the normal distribution of their errors.
+# Parameter samples from the covariance of a fit.
 
-    What would turn the sign of a number that has one, or make no machine, is drawn again.
+# Beyond this share of draws of the wrong sign the truncated distribution is not that of the fit.
+_MOST_REDRAWN = 0.5
+
+
+def draw(
+    model: MechanicalModel, keys: tuple[str, ...], covariance: Matrix, samples: int, seed: int
+) -> tuple[tuple[str, ...], Matrix, Vector, tuple[str, ...]]:
+    """Draw numbers of a model.
+
+    A draw in which a mass, a stiffness or a damping changes its sign is no machine of this kind and
+    is drawn again.
 
     Parameters
     ----------
-    fitted : Refit
+    model : MechanicalModel
+    keys : tuple of str
+        Of the uncertain numbers.
+    covariance : ndarray, shape (keys, keys)
+        Infinite or NaN on the diagonal where nothing is known.
     samples, seed : int
 
-    Raises
-    ------
-    InvalidInputError
-        If the fit says so little that hardly any draw is a machine.
+    Returns
+    -------
+    keys : tuple of str
+    values : ndarray, shape (samples, keys)
+    nominal : ndarray, shape (keys,)
+    left_out : tuple of str
+        Keys whose error is not known; they keep their value.
     """
-    from robustpolish.identification.fit.result import Refit as Fit  # imports lmfit
-
-    instance_of("fit", fitted, Fit, "a Refit", "Pass what rp.refit(...) returned.")
-    whole_number("samples", samples, 1)
-    covariance = fitted.covariance
-    told = np.isfinite(np.diag(covariance.values))
-    keys = [str(key) for key in covariance["parameter"].values[told]]
-    centre = np.array([fitted.model.parameters[key] for key in keys])
-    block = covariance.values[np.ix_(told, told)]
-    size = np.sqrt(np.diag(block))
-    unit = np.outer(size, size)
-    values, vectors = np.linalg.eigh(
-        np.divide(block, unit, where=unit > 0, out=np.zeros_like(unit))
+    whole_number("samples", samples, 1, remedy="Ask for 200 machines.")
+    variances = np.diag(covariance)
+    if np.any(variances < 0):
+        raise misfit("standard_errors", "a negative variance", "errors of at least 0", "Check it.")
+    known = np.isfinite(variances)
+    used, left_out = (
+        tuple(key for key, here in zip(keys, known == kind, strict=True) if here)
+        for kind in (True, False)
     )
-    root = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    rng, found = np.random.default_rng(seed), 0
-    for _ in range(100 * samples):
-        drawn = centre + root @ rng.standard_normal(centre.size)
-        if np.any(drawn * centre < 0):
-            continue
-        try:
-            machine = fitted.model.with_parameters(dict(zip(keys, drawn.tolist(), strict=True)))
-        except InvalidInputError:
-            continue
-        yield machine
-        found += 1
-        if found == samples:
-            return
-    shown = described(f"standard errors with which {found} of {100 * samples} draws are machines")
-    raise invalid("fit", shown, "numbers that the data determine", "Measure more, or hold some.")
+    if not used:
+        shown = described("no number with a known error")
+        remedy = "Pass standard_errors, or fit to data that determines the numbers."
+        raise invalid("learned", shown, "a fit with standard errors", remedy)
+    nominal = np.array([model.parameters[key] for key in used])
+    # A square root of the covariance of numbers of very different size.
+    size = np.sqrt(variances[known])
+    safe = np.where(size > 0, size, 1.0)
+    eigen, vectors = np.linalg.eigh(covariance[known][:, known] / np.outer(safe, safe))
+    root = safe[:, None] * vectors * np.sqrt(np.maximum(eigen, 0.0))
+    sign = np.array([0.0 if key.startswith(("effect", "input")) else 1.0 for key in used])
+    sign *= np.sign(nominal)
+    rng = np.random.default_rng(seed)
+    values = nominal + rng.standard_normal((samples, len(used))) @ root.T
+    again = np.flatnonzero(np.any(values * sign < 0, axis=1))
+    if again.size <= _MOST_REDRAWN * samples:
+        while again.size:
+            values[again] = nominal + rng.standard_normal((again.size, len(used))) @ root.T
+            again = again[np.any(values[again] * sign < 0, axis=1)]
+        return used, values, nominal, left_out
+    worst = used[int(np.argmax(np.linalg.norm(root, axis=1) / np.maximum(abs(nominal), 1e-300)))]
+    shown, want = f"an error of {worst} as large as its value", "smaller errors"
+    raise misfit("standard_errors", shown, want, "Hold the number fixed, or measure it better.")
+
+
+def uncertain_numbers(
+    learned: Any, standard_errors: Mapping[str, float] | None
+) -> tuple[MechanicalModel, tuple[str, ...], NDArray[np.float64]]:
+    """Return the model, the keys of its uncertain numbers, and their covariance."""
+    model = learned if isinstance(learned, MechanicalModel) else getattr(learned, "model", None)
+    if not isinstance(model, MechanicalModel):
+        shown = described(type(learned).__name__)
+        raise invalid("learned", shown, "a diagnosis, a refit or a model", "Pass one of these.")
+    if standard_errors is not None:
+        for key in standard_errors:
+            if key not in model.parameters:
+                want = "a key of model.parameters"
+                raise invalid("standard_errors", key, want, "Check its spelling.")
+        errors = np.array([float(error) for error in standard_errors.values()])
+        return model, tuple(standard_errors), np.diag(errors**2)
+    covariance = getattr(learned, "covariance", None)
+    if covariance is None:
+        want = "errors for a model without a fit"
+        raise invalid("standard_errors", None, want, "Pass a mapping by key.")
+    keys = tuple(str(key) for key in covariance[covariance.dims[0]].values)
+    return model, keys, np.asarray(covariance.values, dtype=float)

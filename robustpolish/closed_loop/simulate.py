@@ -19,9 +19,10 @@ from robustpolish.base.results import Card, Displayed, Table, bears_prefix, pref
 from robustpolish.base.sweep import sweep
 from robustpolish.closed_loop.machine_loops import (
     Controller,
+    draw,
     in_loop,
-    machines_of_fit,
     simulate_machine,
+    uncertain_numbers,
 )
 from robustpolish.implementation.run import disturbance_columns
 from robustpolish.implementation.sampled_design import SampledDesign
@@ -128,10 +129,10 @@ def simulate(
         controller: Any = disturbance
         if fit is None:
             return simulate_machine(design, controller, load, reference, initial_state)
-        runs = [
-            simulate_machine(machine, controller, load, reference, initial_state)
-            for machine in machines_of_fit(fit, samples, seed)
-        ]
+        keys, values, *_ = draw(*uncertain_numbers(fit, None), samples, seed)
+        drawn = (dict(zip(keys, row, strict=True)) for row in values.tolist())
+        machines = (fit.model.with_parameters(numbers) for numbers in drawn)
+        runs = [simulate_machine(m, controller, load, reference, initial_state) for m in machines]
         return xr.concat(runs, "sample", combine_attrs="override")
     if not isinstance(disturbance, xr.Dataset):
         remedy = "Pass forces over time, or a MechanicalModel first."

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from fractions import Fraction
 from typing import Any, NamedTuple
 
@@ -12,13 +11,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from robustpolish.base.arrays import AnyArray, Array
+from robustpolish.base.arrays import Array
 from robustpolish.base.checks import described, invalid, misfit
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import Timing
 from robustpolish.machines.mechanical.data import MechanicalData
 from robustpolish.machines.mechanical.feedback import Feedback
-from robustpolish.machines.stepper import LoopMatrices, loop_map, replay_loops, step_matrices
+from robustpolish.machines.stepper import LoopMatrices, replay_loops
 
 _MOST_PARTS = 64
 """Parts of a sampling step of a record, at most, of which periods of controllers are multiples."""
@@ -134,9 +133,10 @@ def loop_matrices(
     every = np.array([round(loop.period / step) for loop in loops], dtype=np.int64)
     whole = np.floor(late + _EXACT)
     part = np.maximum(late - whole, 0.0)
+    low, high, rise, rounds_to = limits
     return LoopMatrices(
-        every, whole.astype(np.int64), part, A, B, C, D, W, owner,
-        signal, *limits, steps, actuator,
+        every, whole.astype(np.int64), part, A, B, C, D, W, owner, signal, low, high, rise,
+        rounds_to, steps, actuator,
     )  # fmt: skip
 
 
@@ -160,21 +160,6 @@ def references(model: MechanicalData) -> list[str]:
     asked = dict.fromkeys(name for loop in model.feedback for name in loop.columns)
     commands = {name for loop in model.feedback for name in loop.drives}
     return [name for name in asked if name not in commands]
-
-
-def loop_poles(model: MechanicalData) -> AnyArray:
-    """Return the poles in rad/s of a linear model in its loops, of as many as its samples show."""
-    linear = replace(model, effects=(), feedback=tuple(loop.linear for loop in model.feedback))
-    dt = min(loop.period for loop in linear.feedback)
-    steps = loop_steps(linear, dt)
-    A, B, C, D = linear.matrices.first_order()
-    loops = loop_matrices(linear, dt / steps, np.outer([1.0, 0.0], np.ones(len(C))))
-    m = step_matrices(A, B, np.zeros((len(A), 0)), dt / steps)
-    ring = _ring(loops)
-    count = int(np.lcm.reduce(loops.every)) * ring
-    found = loop_map(loops, m.full, m.full_now, m.full_later, C, D, ring, count)
-    values = np.linalg.eigvals(found).astype(complex)
-    return np.log(values[np.abs(values) > 0]) / (count * dt / steps)
 
 
 class LoopCourse(NamedTuple):
@@ -205,12 +190,12 @@ class LoopCourse(NamedTuple):
 
 def still_course(asked: Array, loops: LoopMatrices) -> LoopCourse:
     """Return a course of one piece along which controllers begin with nothing."""
-    ring, (count, nx, _) = _ring(loops), loops.A.shape
+    ring, (count, nx, _) = waiting(loops), loops.A.shape
     states, sent = np.zeros((1, count, nx)), np.zeros((1, len(loops.owner), ring))
     return LoopCourse(asked, np.zeros(1, dtype=np.int64), states, sent, np.zeros((0, 0)))
 
 
-def _ring(loops: LoopMatrices) -> int:
+def waiting(loops: LoopMatrices) -> int:
     """Return how many commands of each loop are waiting at most, and the two last ones."""
     return int(np.max(-(-(loops.whole + 2) // np.maximum(loops.every, 1)), initial=0)) + 2
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
@@ -12,7 +12,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
-from robustpolish.base.arrays import Array
+from robustpolish.base.arrays import AnyArray, Array
 from robustpolish.base.checks import invalid, matrix, misfit
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.evaluate import compiled_law, first_order_lag
@@ -23,6 +23,7 @@ from robustpolish.machines.loop import (
     loop_matrices,
     loop_steps,
     still_course,
+    waiting,
 )
 from robustpolish.machines.mechanical.data import (
     MechanicalData,
@@ -560,7 +561,7 @@ class Stepper:
         K = np.zeros((system.states, ny)) if gain is None else gain
         *given, phase, states, sent = self._given(course)
         found = run_steps(
-            *given, phase[0], states[0].copy(), sent[0].copy(), Y, K,
+            *given, phase[0], states[0], sent[0], Y, K,
             np.ascontiguousarray(state), np.ascontiguousarray(internal),
             time[0], self.step, self.substeps, keep,
         )  # fmt: skip
@@ -599,7 +600,8 @@ class Stepper:
             still = still_course(np.zeros((len(course.begin), 0)), loops)
             each = np.zeros((pieces, 0, 0))
             loop = still._replace(phase=np.zeros(pieces, dtype=np.int64), states=each, sent=each)
-        signals = course.begin, course.end, loops, loop.asked, loop.phase, loop.states, loop.sent
+        begun = loop.phase, loop.states.copy(), loop.sent.copy()  # runs change them
+        signals = course.begin, course.end, loops, loop.asked, *begun
         return self.matrices, (s.C, s.D, s.H), *laws, *signals
 
     def _shown(
@@ -620,6 +622,37 @@ class Stepper:
             mine = np.isin(self.model.matrices.sources, self.model.driven)
             D = np.where(mine, 0.0, D)
         return course.beside @ D.T
+
+
+def loop_poles(model: MechanicalData) -> AnyArray:
+    """Return the poles in rad/s of the linear part of a model in its loops.
+
+    Of a period so long that each loop samples, and all commands that wait are others: the map from
+    its beginning to its end is that of as many runs as there are states, controllers' included.
+    """
+    model = replace(model, effects=(), feedback=tuple(loop.linear for loop in model.feedback))
+    dt = min(loop.period for loop in model.feedback)
+    steps = loop_steps(model, dt)
+    stepper = Stepper(model, build_system(model, dt / steps), dt, steps)
+    loops, s = stepper.loops, stepper.system
+    ring, (count, nx, _), nc = waiting(loops), loops.A.shape, len(loops.owner)
+    samples = int(np.lcm.reduce(np.append(loops.every, steps))) * ring // steps
+    parts = [s.states, count * nx, nc * ring]
+    each = np.split(np.eye(sum(parts)), np.cumsum(parts)[:-1], axis=1)
+    pieces, ends = sum(parts), []
+    for n in (samples + 1, samples):  # machines go on until the last sample, controllers act at it
+        begun = each[1].reshape(pieces, count, nx).copy(), each[2].reshape(pieces, nc, ring).copy()
+        none = np.zeros((pieces * n, s.B.shape[1]))
+        asked = np.zeros((pieces * n, loops.B.shape[2] - nc - len(s.C)))
+        kept = run_pieces(
+            stepper.matrices, (s.C, s.D, s.H), s.addresses, s.layout, s.values, none, none, loops,
+            asked, np.zeros(pieces, dtype=np.int64), *begun, each[0].copy(), np.zeros((pieces, 0)),
+            np.zeros(pieces), n * np.arange(pieces + 1), dt, steps, True,
+        )[1]  # fmt: skip
+        ends.append((kept.reshape(pieces, n, -1)[:, -1], *begun))
+    found = np.hstack([ends[0][0], *(part.reshape(pieces, -1) for part in ends[1][1:])])
+    values = np.linalg.eigvals(found).astype(complex)
+    return np.log(values[np.abs(values) > 0]) / (samples * dt)
 
 
 @lru_cache(maxsize=16)

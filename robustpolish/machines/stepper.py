@@ -356,44 +356,6 @@ def replay_loops(loops, R, Y, x, sent, substeps):  # type: ignore[no-untyped-def
     return xs, rings, commands
 
 
-@njit(cache=True, error_model="numpy")
-def loop_map(loops, E, first, last, C, D, ring, steps):  # type: ignore[no-untyped-def]
-    """Return the matrix by which so many substeps map machine, controllers and commands.
-
-    `steps` is a whole number of rings of commands of each controller; `first` and `last` are what
-    signals at the ends of a substep do.
-    """
-    n, (count, nx, _), nc, ny = len(E), loops.A.shape, loops.owner.size, len(C)
-    size = n + count * nx + nc * ring + nc
-    found = np.empty((size, size))
-    asked = loops.B.shape[2] - ny - nc
-    for i in range(size):
-        z = np.zeros(size)
-        z[i] = 1.0
-        x = z[:n].copy()
-        controller = z[n : n + count * nx].copy().reshape(count, nx)
-        sent = z[n + count * nx : size - nc].copy().reshape(nc, ring)
-        lagging = z[size - nc :].copy()
-        v = _seen(loops, asked, ny, 0, sent)
-        for now in range(steps):
-            begin, end = np.zeros(D.shape[1]), np.zeros(D.shape[1])
-            for c in range(nc):
-                if loops.signal[c] >= 0:
-                    begin[loops.signal[c]] = lagging[c]
-            _sample(loops, now, v, C @ x + D @ begin, controller, sent)
-            for c in range(nc):
-                at, (early, late) = loops.signal[c], _driven(loops, now, c, sent, lagging[c])
-                lagging[c] = late
-                if at >= 0:
-                    begin[at], end[at] = early, late
-            x = E @ x + first @ begin + last @ end
-        found[:n, i] = x
-        found[n : n + count * nx, i] = controller.ravel()
-        found[n + count * nx : size - nc, i] = sent.ravel()
-        found[size - nc :, i] = lagging
-    return found
-
-
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def run_steps(
     m, output, laws, layout, p, W, E, loops, R, phase, controller, sent, Y, K, s0, z0, t0, dt,
@@ -583,7 +545,10 @@ def run_pieces(
     m, output, laws, layout, p, W, E, loops, R, phase, controller, sent, S0, Z0, t0, marks, dt,
     substeps, keep,
 ):  # type: ignore[no-untyped-def]  # fmt: skip
-    """Step freely through pieces that follow each other in W, each from a start of its own."""
+    """Step freely through pieces that follow each other in W, each from a start of its own.
+
+    What controllers are and have sent is left as it is at the ends of the pieces.
+    """
     ny, n, nz = output[0].shape[0], S0.shape[1], Z0.shape[1]
     samples = W.shape[0]
     predicted = np.empty((samples, ny))
@@ -595,7 +560,7 @@ def run_pieces(
         a, b = marks[i], marks[i + 1]
         y, s, z, c = run_steps(
             m, output, laws, layout, p, W[a:b], E[a:b], loops, R[a:b], phase[i],
-            controller[i].copy(), sent[i].copy(), Y, K, S0[i], Z0[i], t0[i], dt, substeps, keep,
+            controller[i], sent[i], Y, K, S0[i], Z0[i], t0[i], dt, substeps, keep,
         )  # fmt: skip
         predicted[a:b] = y
         if len(c):

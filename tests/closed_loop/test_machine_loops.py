@@ -116,7 +116,9 @@ def test_what_cannot_be_run_is_refused(machine, sampled):
         rp.simulate(machine, design, push())
     with pytest.raises(InvalidInputError, match="neither load nor reference"):
         rp.simulate(machine, sampled)
-    with pytest.raises(InvalidInputError, match="variables G, expected one or several of 'F'"):
+    with pytest.raises(
+        InvalidInputError, match="load: got variables G, expected one of 'F' or several"
+    ):
         rp.simulate(machine, sampled, push().rename(F="G"))
     other = rp.MechanicalModel(
         [rp.Dof("z", 1.0)], inputs=[rp.Input("F", "z")], outputs=[rp.Output("z", "z")]

@@ -49,7 +49,8 @@ def simulate(
             shown, want = described(repr(name)), "an output of the model, and a column of DATA"
             raise invalid("--reference", shown, want, "Correct the name.")
     wanted = given[asked] if asked else None
-    known = {Path(path).stem: load_saved(path) for path in controllers} or {"": None}
+    known: dict[str, Any] = {Path(path).stem: load_saved(path) for path in controllers}
+    known = known or {"": None}
     with new_file(out, force, (".csv",)) if out is not None else nullcontext() as draft:
         runs = {n: simulate_loop(machine, c, given, wanted) for n, c in known.items()}
         if draft is not None:

@@ -49,10 +49,9 @@ from robustpolish.identification.record import (
     with_all_outputs,
 )
 from robustpolish.machines.effects.effect import Effect
-from robustpolish.machines.loop import loop_poles
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import ACCELERATION, FORCE
-from robustpolish.machines.simulation import needed_substeps
+from robustpolish.machines.simulation import loop_poles, needed_substeps
 from robustpolish.signals.forces import FLAT, decimate
 
 # Cross-validation split: held-out records, or held-out blocks of each.

@@ -14,7 +14,7 @@ from robustpolish.base.budget import parallel_map
 from robustpolish.identification.observer import kalman
 from robustpolish.identification.record import Record, joined_lines, output_sizes
 from robustpolish.machines.effects.effect import Effect
-from robustpolish.machines.loop import LoopCourse, loop_poles, straight
+from robustpolish.machines.loop import LoopCourse, straight
 from robustpolish.machines.mechanical.data import MechanicalData, connected, dynamic_effects
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import Input
@@ -25,6 +25,7 @@ from robustpolish.machines.simulation import (
     NonlinearSystem,
     Stepper,
     build_system,
+    loop_poles,
     needed_substeps,
 )
 
@@ -442,8 +443,7 @@ def reproducibility(
 
 def _unstable_loop(model: MechanicalModel) -> str:
     """Say so if a model is unstable in its loop, without the effects and the limits."""
-    poles = loop_poles(model)
-    worst = poles[np.argmax(poles.real)]
+    worst = max(loop_poles(model).tolist(), key=lambda pole: pole.real)
     if not worst.real > 0:
         return ""
     turns = f", {abs(worst.imag) / (2 * np.pi):.3g} Hz" if worst.imag else ""

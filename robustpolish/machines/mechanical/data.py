@@ -447,7 +447,7 @@ def with_parameter_values(model: Model, changes: Mapping[str, float]) -> Model:
         if isinstance(part, Effect):
             parts[where][i] = part.with_parameters(**numbers)
         elif isinstance(part, Feedback):
-            parts[where][i] = part.with_numbers(**numbers)
+            parts[where][i] = part.with_numbers(numbers)
         else:
             parts[where][i] = replace(part, **numbers)
     vars(found).update({where: tuple(items) for where, items in parts.items()})

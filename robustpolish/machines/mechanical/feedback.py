@@ -65,20 +65,17 @@ class FeedbackTerm:
 
     def discrete(self, period: float) -> _StateSpace:
         """Return what it does to its error at samples, as matrices A, B, C, D."""
-        back = [1.0, -1.0]
         late = [2 * self.lag + period, period - 2 * self.lag] if self.lag else [period, 0.0]
-        slope = (
-            [2 * self.derivative * c for c in back] if self.lag else _times(back, self.derivative)
-        )
+        slope = self.derivative * (2.0 if self.lag else 1.0)
         parts = [_state_space([self.gain], [1.0])]
         if self.integral:
             half = self.integral * period / 2
-            parts.append(_state_space([half, half], back))
+            parts.append(_state_space([half, half], [1.0, -1.0]))
         if self.derivative:
-            parts.append(_state_space(slope, late))
-        blocks = list(zip(*parts, strict=True))
-        A, D = block_diag(*blocks[0]), np.sum(blocks[3], axis=0)
-        B, C = np.vstack(blocks[1]), np.hstack(blocks[2])
+            parts.append(_state_space([slope, -slope], late))
+        each = list(zip(*parts, strict=True))
+        A: Any = block_diag(*each[0])
+        B, C, D = np.vstack(each[1]), np.hstack(each[2]), np.sum(each[3], axis=0)
         if self.numerator == self.denominator == (1.0,):
             return A, B, C, D
         a, b, c, d = _state_space(*bilinear(self.numerator, self.denominator, 1 / period))
@@ -86,10 +83,6 @@ class FeedbackTerm:
             np.block([[A, np.zeros((len(A), len(a)))], [b @ C, a]]),
             np.vstack([B, b @ D]), np.hstack([d @ C, c]), d @ D,
         )  # fmt: skip
-
-
-def _times(polynomial: Sequence[float], factor: float) -> list[float]:
-    return [factor * c for c in polynomial]
 
 
 def _state_space(numerator: Any, denominator: Any) -> _StateSpace:
@@ -225,8 +218,18 @@ class Feedback:
         known = (*self.unknown, "delay")
         return {n: v for n, v in found.items() if isinstance(v, float) and (v or n in known)}
 
-    def with_numbers(self, **numbers: float) -> Feedback:
-        """Return the loop with other numbers, by the names of `numbers`."""
+    def with_numbers(self, numbers: Mapping[str, float]) -> Feedback:
+        """Return the loop with other numbers.
+
+        Parameters
+        ----------
+        numbers : mapping of str to float
+            By the names that :meth:`numbers` has.
+
+        Returns
+        -------
+        Feedback
+        """
         own = {name: value for name, value in numbers.items() if name in _OWN}
         terms = []
         for term in self.terms:
@@ -251,26 +254,26 @@ _LISTS = ("drives", "feedforward", "unknown")
 
 @lru_cache(maxsize=64)
 def _discrete(loop: Feedback) -> tuple[_StateSpace, Matrix]:
+    A: Any  # types of scipy's blocks are none
+    B: Any
     if loop.matrices is None:
         parts = [term.discrete(loop.period) for term in loop.terms]
-        A, B, C, D = (list(each) for each in zip(*parts, strict=True))
-        sums = [term.integral != 0 and i == 0 for term, a in zip(loop.terms, A, strict=True)
-                for i in range(len(a))]  # fmt: skip
-        A, B, C, D = block_diag(*A), block_diag(*B), np.hstack(C), np.hstack(D)
+        a, b, c, d = zip(*parts, strict=True)
+        first = [(term.integral != 0, len(own)) for term, own in zip(loop.terms, a, strict=True)]
+        sums = np.array([own and i == 0 for own, n in first for i in range(n)], dtype=bool)
+        A, B, C, D = block_diag(*a), block_diag(*b), np.hstack(c), np.hstack(d)
     else:
         a, b, c, d = (np.array(rows, dtype=float) for rows in loop.matrices)
         n, nu, ny = len(a), len(loop.drives), len(loop.terms)
-        A, C, D = a.reshape(n, n), c.reshape(nu, n), -d.reshape(nu, ny)
-        B, sums = -b.reshape(n, ny), [True] * n
-    given = not isinstance(loop.anti_windup, bool)
-    L = (
-        np.reshape(loop.anti_windup, (len(A), len(C)))
-        if given
-        else B @ np.linalg.pinv(D) * np.array(sums)[:, None]
-    )
-    slow = 0 * A if given else A - L @ C
-    if not loop.anti_windup or np.max(np.abs(np.linalg.eigvals(slow)), initial=0.0) >= 1 - 1e-9:
-        L = np.zeros_like(L)
+        A, B, C, D = a.reshape(n, n), -b.reshape(n, ny), c.reshape(nu, n), -d.reshape(nu, ny)
+        sums = np.ones(n, dtype=bool)
+    L = np.zeros((len(A), len(C)))
+    if not isinstance(loop.anti_windup, bool):
+        L += np.reshape(loop.anti_windup, L.shape)
+    elif loop.anti_windup:
+        hanus = B @ np.linalg.pinv(D) * sums[:, None]
+        if np.max(np.abs(np.linalg.eigvals(A - hanus @ C)), initial=0.0) < 1:
+            L = hanus
     more = len(loop.feedforward)
     B = np.hstack([B, np.zeros((len(B), more))])
     return (A, B, C, np.hstack([D, np.ones((len(D), more))])), L
