@@ -64,7 +64,17 @@ class FeedbackTerm:
     denominator: tuple[float, ...] = (1.0,)
 
     def discrete(self, period: float) -> _StateSpace:
-        """Return what it does to its error at samples, as matrices A, B, C, D."""
+        """Return what it does to its error at samples.
+
+        Parameters
+        ----------
+        period : float
+            Seconds between samples.
+
+        Returns
+        -------
+        A, B, C, D : ndarray
+        """
         late = [2 * self.lag + period, period - 2 * self.lag] if self.lag else [period, 0.0]
         slope = self.derivative * (2.0 if self.lag else 1.0)
         parts = [_state_space([self.gain], [1.0])]
