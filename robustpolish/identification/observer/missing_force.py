@@ -64,13 +64,13 @@ class SmoothedMotion:
 
 
 def known_forces(
-    model: MechanicalModel, q: Array, v: Array, time: Array, dt: float
+    model: MechanicalModel, q: Array, v: Array, time: Array, dt: float, inputs: Array
 ) -> PortForces | None:
     """Return the forces of a model's effects along a motion."""
     effects = [effect for _, effect in dynamic_effects(model)]
     if not effects:
         return None
-    motions = ((e, motion_at(model, e, time, q, v, dt / 4)) for e in effects)
+    motions = ((e, motion_at(model, e, time, q, v, dt / 4, inputs)) for e in effects)
     values = [force_with(effect.definition, effect.values, motion) for effect, motion in motions]
     pairs = [pair for effect in effects for pair in port_pairs(effect)]
     return PortForces(np.vstack([port_rows(model, e) for e in effects]), pairs, np.vstack(values))
@@ -168,7 +168,7 @@ def _smooth(
     q, v = (np.nan_to_num(part) for part in motion_of(model, seen.states, W))
     forces = s = None
     for _ in range(2):  # along the motion that the forward pass found, then the smoothed one
-        forces = known_forces(model, q, v, record.time, record.dt)
+        forces = known_forces(model, q, v, record.time, record.dt, W)
         s = None
         if forces is None or not np.isfinite(forces.values).all():
             break

@@ -11,6 +11,7 @@ from robustpolish.base.arrays import Array
 from robustpolish.identification.observer.runs import Chains, InitialState, RecordRun, StartedPiece
 from robustpolish.identification.record import Record, output_sizes
 from robustpolish.machines.mechanical.data import MechanicalData, dynamic_effects
+from robustpolish.machines.mechanical.equations import sizes_of_states
 
 # Estimation of initial states by damped least squares over growing stretches.
 
@@ -296,7 +297,11 @@ def state_sizes(model: MechanicalData, states: Array) -> Array:
     """Append the sizes of internal states to those of the free displacements and velocities."""
     q, v = (float(np.max(half, initial=1e-12)) for half in np.split(states, 2))
     sizes: list[float] = []
-    for _, effect in dynamic_effects(model):
+    for item in model.equations:
+        sizes += [size or 1.0 for size in sizes_of_states(item, q, v)]
+    for i, effect in dynamic_effects(model):
+        if i < 0:
+            continue
         kind = effect.definition
         known = kind.state_sizes(effect.values, q, v) or [1.0] * kind.states
         sizes += [size or 1.0 for size in known]
