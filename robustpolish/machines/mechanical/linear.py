@@ -74,6 +74,7 @@ def mechanical_card(model: MechanicalData) -> Card:
         for i, part in enumerate(getattr(model, f"{what}s"))
     ]
     parts += [(f"effect[{i}].", e.kind, e.at) for i, e in enumerate(model.effects)]
+    parts += [(f"feedback[{i}].", "feedback", f.drives) for i, f in enumerate(model.feedback)]
     numbers = values(model)
     rows += [
         (part, " - ".join(at), key.removeprefix(start), float(numbers[key]), unit_of(model, key))
@@ -276,7 +277,8 @@ def _slopes(model: MechanicalData, effect: Effect, rest: Array, warn: bool = Tru
         if jumps.any() and warn:
             warnings.warn(
                 f"{effect} jumps at rest and has no linear part: left out of the linear model. "
-                "Judge the controller by simulating the model with it.",
+                "Judge the controller by simulating the model with it: "
+                "rp.simulate(model, controller, load).",
                 RobustPolishWarning,
                 stacklevel=6,
             )
