@@ -128,9 +128,10 @@ _TOP = (
 
 def read_model(source: str | Path, max_bytes: float | None = None) -> MechanicalData:
     """Read a model from a file, from TOML text if `source` has a line break, or by its name."""
-    if str(source).isidentifier() and not Path(source).exists():
-        ready = _READY / f"{source}.toml"
-        source = ready if ready.is_file() else source
+    ready = _READY / f"{source}.toml"
+    named = isinstance(source, str | Path) and str(source).isidentifier()
+    if named and not Path(source).exists() and ready.is_file():
+        source = ready
     text_given = isinstance(source, str) and "\n" in source
     with toml_with_line_numbers(source, max_bytes) as table:
         return _model(table, Path() if text_given else Path(source).parent)
