@@ -112,6 +112,9 @@ from .loops.requirements import (
 from .machines.effects.user_defined import (
     effect as effect,
 )
+from .machines.mechanical.equations import (
+    Equations as Equations,
+)
 from .machines.mechanical.model import (
     MechanicalModel as MechanicalModel,
 )
@@ -246,6 +249,7 @@ __all__ = [
     "Damper",
     "Disk",
     "Dof",
+    "Equations",
     "GeneralizedPlant",
     "HalfPlane",
     "InfeasibleError",

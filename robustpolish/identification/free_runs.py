@@ -32,6 +32,7 @@ from robustpolish.identification.observer.starts import (
     visible_sizes,
 )
 from robustpolish.identification.record import Record, output_sizes, require_length
+from robustpolish.machines.mechanical.data import linear_model
 from robustpolish.machines.mechanical.model import MechanicalModel
 
 # Refinement of integration steps until they are no visible part of the error.
@@ -228,7 +229,7 @@ def _with_estimated_starts(
     """Return stretches of a record with the starts that suit a model best, and sizes of states."""
     model, still = run.model, rest(run.model)
     observed = None if run.linear else smoothed_motion(model, record)
-    linear = run if run.linear else free_run(model.without_effects(), record)
+    linear = run if run.linear else free_run(linear_model(model), record)
     unmoved = rest(linear.model)
     pieces, sizes = [], np.zeros(0)
     for first, last in stretches:

@@ -239,7 +239,10 @@ def _begun_along_motion(
         return None
     best, least, moved = None, least_squares.short_window_log_error(fitted, prepared), model
     for _ in range(_REGRESSIONS if model.free else 0):
-        moved = numbers_along_motion(moved, model, prepared)
+        try:
+            moved = numbers_along_motion(moved, model, prepared)
+        except np.linalg.LinAlgError:  # numbers with which no observer follows the record
+            break
         now = least_squares.short_window_log_error(moved, prepared)
         if now < least:
             best, least = moved, now
@@ -270,7 +273,7 @@ def scaled_to_priors(model: MechanicalModel, reference: MechanicalModel) -> Mech
     changes: dict[str, float] = {}
     for group in connected(model):
         forces = any(o.quantity == FORCE and group.intersection(o.of) for o in model.outputs)
-        bent = any(group.intersection(effect.at) for effect in model.effects)
+        bent = any(group.intersection(part.at) for part in model.effects) or model.equations
         if len(inputs_of_chain(model, group)) < 2 or forces or bent:
             continue
         keys = [key for kind in chain_keys(model, group) for key in kind]

@@ -85,6 +85,9 @@ from .effects.user_defined import (
 from .effects.user_defined import (
     own_table as own_table,
 )
+from .mechanical.equations import (
+    Equations as Equations,
+)
 from .mechanical.model import (
     MechanicalModel as MechanicalModel,
 )
@@ -153,6 +156,7 @@ __all__ = [
     "Dof",
     "Effect",
     "EffectKind",
+    "Equations",
     "Formula",
     "Input",
     "LearnedLaw",

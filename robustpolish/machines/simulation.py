@@ -24,6 +24,7 @@ from robustpolish.machines.mechanical.data import (
     effect_ports,
     port_rows,
 )
+from robustpolish.machines.mechanical.equations import fastest_rate
 from robustpolish.machines.mechanical.parts import DISPLACEMENT, VELOCITY
 from robustpolish.machines.stepper import (
     KernelMatrices,
@@ -348,14 +349,15 @@ def _cached_kernel_matrices(
 
 def build_system(model: MechanicalData, step: float) -> NonlinearSystem:
     """Build the system of a model, for substeps of `step` seconds."""
-    effects, _, (G, H, motion) = effect_ports(model)
+    effects, rows, (G, H, motion) = effect_ports(model)
     layout, values = [], []
     port = state = parameter = 0
     for effect in effects:
         kind, known = effect.definition, effect.values
         context = context_values(model, effect, step)
         dry = False
-        if kind.turns_over:  # ideal where a step cannot resolve how it turns over
+        # ideal where a step cannot resolve how it turns over, unless inertias change meanwhile
+        if kind.turns_over and not any(item.varies for item in model.equations):
             largest = max(abs(known[p.name]) for p in kind.parameters if p.dimension == "F")
             dry = known[kind.turns_over] < largest * context[kind.context.index("mobility")]
         if dry:
@@ -365,6 +367,17 @@ def build_system(model: MechanicalData, step: float) -> NonlinearSystem:
         layout.append((port, kind.ports, state, kind.states, parameter, len(p), dry))
         values += p
         port, state, parameter = port + kind.ports, state + kind.states, parameter + len(p)
+    if model.equations:  # their law is called last, and sees the forces of all others
+        at = [model.frame.coordinates.index(name) for name in effects[0].at[: len(model.free)]]
+        others = np.vstack([np.zeros((0, len(model.frame.coordinates))), *rows[1:]]).T[at]
+        known = layout[0][5]
+        tail = [float(others.shape[1]), *others.ravel().tolist()]
+        values = [*values[: known - 1], *tail, *values[known:]]
+        more = len(tail) - 1
+        layout = [(*x[:4], x[4] + more, *x[5:]) for x in layout[1:]] + [
+            (*layout[0][:5], known + more, False)
+        ]
+        effects = [*effects[1:], effects[0]]
     linear = (*model.matrices.first_order(), G, H)
     return NonlinearSystem(
         *(np.ascontiguousarray(part) for part in linear),
@@ -389,10 +402,12 @@ def needed_substeps(model: MechanicalData, dt: float, amplitude: float, edges: b
     edges : bool, optional
         Whether some steps are taken for the edges of forces, whatever the sampling.
     """
-    if not model.effects:
+    if not dynamic_effects(model):
         return 1
-    fastest, least = 0.0, 1
-    m = model.matrices
+    fastest, least, m = 0.0, 1, model.matrices
+    for item in model.equations:
+        at = [m.coordinates.index(name) for name in item.coordinates]
+        fastest = fastest_rate(item, m.M[np.ix_(at, at)])
     omega = np.sqrt(max(np.max(np.abs(np.diag(m.K) / np.maximum(np.diag(m.M), 1e-300))), 0.0))
     for _, effect in dynamic_effects(model):
         with np.errstate(over="ignore"):  # a rate beyond doubles is as fast as any

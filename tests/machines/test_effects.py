@@ -364,7 +364,7 @@ NAMED = [name for name in kinds() if name != "input_hold"]
 def motion(kind):
     time = TIME[:1500]
     q = np.vstack([np.sin(40 * time) * 1e-3, np.cos(31 * time) * 1e-3])[: kind.ports]
-    known = {**CONTEXT, "spin_frequency": 100.0, "spring_stiffness": 1e4}
+    known = {**CONTEXT, "spin_frequency": 100.0, "spring_stiffness": 1e4, "derivative": 1.0}
     return Motion(time, q, np.gradient(q, 1e-3, axis=1), known, force=q)
 
 
@@ -597,8 +597,11 @@ def test_an_effect_acts_or_is_refused(name):
         [rp.Damper(("x", ground), 0.1), rp.Damper(("y", ground), 0.1)],
         [rp.Input("F", ("x", ground))], [rp.Output("px", ("x", ground))],
     )  # fmt: skip
-    values = {p.name: float(np.clip(p.default or 0.3, p.lower, p.upper)) for p in kind.parameters}
-    at = ("x", ground) if kind.domain == "pair" else ("x", "y") if kind.domain == "axes" else ("x",)
+    values = {
+        p.name: float(np.clip(p.default or (0.3 if p.upper > 0 else -0.3), p.lower, p.upper))
+        for p in kind.parameters
+    }
+    at = {"pair": ("x", ground), "axes": ("x", "y"), "path": ("F", "px")}.get(kind.domain, ("x",))
     time = np.arange(400) * 0.01
     data = rp.read_measurement(pd.DataFrame({"time": time, "F": 5 * np.sin(3 * time)}))
     for machine, needed in (
@@ -614,3 +617,66 @@ def test_an_effect_acts_or_is_refused(name):
             for m in (machine, machine.with_effect(name, at, values))
         ]
         assert np.abs(runs[1] - runs[0]).max() > 1e-4
+
+
+# Forces along the way, modes that sensors see with signs, and what drifts.
+
+
+@pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])
+def test_a_parallel_mode_is_a_second_mass_that_the_sensor_sees_against_the_first(quantity):
+    first = [rp.Spring(("x", "ground"), 800.0)], [rp.Damper(("x", "ground"), 2.0)]
+    alone = rp.MechanicalModel(
+        [rp.Dof("x", 2.0)], *first, [rp.Input("F", "x")], [rp.Output("y", "x", quantity)]
+    )
+    w, share, mass = 2 * np.pi * 5.0, 0.02, 4.0
+    values = {"gain": -1 / mass, "frequency": 5.0, "damping": share}
+    seen = alone.with_effect("parallel_mode", ("F", "y"), values)
+    pair = replace(
+        alone,
+        dofs=(*alone.dofs, rp.Dof("z", mass)),
+        springs=(*alone.springs, rp.Spring(("z", "ground"), mass * w**2)),
+        dampers=(*alone.dampers, rp.Damper(("z", "ground"), 2 * share * w * mass)),
+        inputs=(rp.Input("F", ("x", "z")),),
+        outputs=(rp.Output("y", ("x", "z"), quantity, weights=(1.0, 1.0)),),
+    )
+    f = np.array([0.3, 2.9, 4.9, 5.2, 20.0])
+    by_effect, by_mass = (m.frequency_response(f).values for m in (seen, pair))
+    assert np.allclose(by_effect, by_mass, rtol=1e-8)
+    time = np.arange(1000) * 0.005
+    data = xr.Dataset({"F": ("time", np.sin(9 * time))}, {"time": time})
+    by_effect, by_mass = (simulate(m, data).outputs for m in (seen, pair))
+    assert np.allclose(by_effect, by_mass, atol=1e-4 * np.ptp(by_mass))
+    assert rp.MechanicalModel.from_toml(seen.to_toml()) == seen
+    with pytest.raises(InvalidInputError, match="seen against the others acts there"):
+        alone.with_effect("parallel_mode", ("y", "F"))
+
+
+def test_cogging_holds_a_mass_where_its_wave_pulls_back():
+    """About a place where the force is 0 and falls it is a spring of 2 pi F / period."""
+    model = rp.MechanicalModel([rp.Dof("x", 2.0)], outputs=[rp.Output("x", "x")])
+    wave = {"force": 3.0, "period": 0.01, "phase": np.pi / 2}
+    A = model.with_effect("cogging", "x", wave).linearize().A
+    assert -2.0 * A[1, 0] == pytest.approx(2 * np.pi * 3.0 / 0.01, rel=1e-6)
+
+
+def test_a_guide_pulls_like_a_spring_and_rubs_more_at_one_end():
+    at = ("x", "ground")
+    model = rp.MechanicalModel([rp.Dof("x", 2.0)], outputs=[rp.Output("x", "x")])
+    held = model.with_effect("guide_spring", at, {"stiffness": 50.0})
+    sprung = replace(model, springs=(rp.Spring(at, 50.0),))
+    time = np.arange(3000) * 1e-3
+    data = xr.Dataset(coords={"time": time})
+    runs = [simulate(m, data, initial_state=[0.1, 0.0]).outputs for m in (held, sprung)]
+    assert np.allclose(*runs, atol=1e-7)
+    # m v dv = -(F + s x) dx on the way out
+    rubbed = model.with_effect("position_dependent_friction", at, {"force": 1.0, "slope": 4.0})
+    x = simulate(rubbed, data, initial_state=[0.0, 1.0]).outputs[:, 0]
+    stop = (-1.0 + np.sqrt(1.0 + 4.0 * 2.0 * 1.0)) / 4.0
+    assert x[-1] == pytest.approx(stop, rel=1e-3)
+
+
+def test_a_sensor_drifts_to_its_warm_value():
+    drift = Effect("sensor_drift", "x", {"drift": 0.4, "time": 2.0})
+    time = np.array([0.0, 2.0, 100.0])
+    shown = drift.on_signal(np.ones(3), time)
+    assert np.allclose(shown, [1.0, 1.4 - 0.4 * np.exp(-1), 1.4])

@@ -13,6 +13,7 @@ from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import CONSTANT
 from robustpolish.machines.effects.spline_law import coefficients_of, spline_basis
 from robustpolish.machines.mechanical.data import connected, heaviest, port_row
+from robustpolish.machines.mechanical.equations import number_unit
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import FORCE
 
@@ -25,8 +26,11 @@ _STEEPER = 10.0
 # How well stiffness and damping are known beforehand, as shares: springs are known roughly, dampers
 # hardly ("cubic between, wrong numbers").
 _SPRING_PRIOR, _DAMPER_PRIOR = 0.3, 1.0
+# Units of numbers of equations that somebody weighed or measured.
+_MEASURED = ("kg", "m", "kg m", "kg m^2")
 # Bounds of masses and gains, as multiples of what is known.
 _WEIGHED = (0.1, 10.0)
+_GUESSED = (1e-3, 1e3)
 # Share of its natural size up to which a spring or damper is as good as none and may be missing.
 _NOTHING = 1e-6
 # Share of all that moves which is rounding: what a sensor shows of it is nothing.
@@ -72,7 +76,7 @@ def chain_keys(model: MechanicalModel, chain: set[str]) -> tuple[list[str], list
     """Return the keys of a chain's masses with what couples them, springs and dampers."""
     coupled = enumerate(model.coupled_inertias)
     return (
-        [".".join(d.key) for d in model.dofs if d.name in chain]
+        [".".join(d.key) for d in model.dofs if d.name in chain and d.mass]
         + [f"coupled_inertia[{i}].value" for i, c in coupled if chain & {*c.between}],
         [f"spring[{i}].stiffness" for i, s in enumerate(model.springs) if chain & {*s.between}],
         [f"damper[{i}].damping" for i, d in enumerate(model.dampers) if chain & {*d.between}],
@@ -172,8 +176,22 @@ def free_parameters(
     result = [
         near(".".join(dof.key), model.dof(dof.name).mass, policy.mass_prior)
         for name, dof in heaviest(reference or model).items()
-        if name in moving
+        if name in moving and ".".join(dof.key) in known
     ]
+    for item in model.equations:
+        for name, value in item.values.items():
+            key, weighed = f"parameter.{name}", number_unit(item, name) in _MEASURED
+            if name in item.known:
+                continue
+            if not known[key]:
+                result.append(FreeParameter(key, value, abs(value) or 1.0, -np.inf, np.inf))
+            elif weighed:
+                result.append(near(key, value, policy.mass_prior))
+            else:  # 0 may be a divisor
+                centre, scale = known[key], abs(value) or abs(known[key])
+                low, high = sorted(bound * centre for bound in _GUESSED)
+                prior = known_to(value, centre, _SPRING_PRIOR)
+                result.append(FreeParameter(key, value, scale, low, high, prior, centre))
     for i, coupled in enumerate(model.coupled_inertias):
         if any(model.frame.multiples[end][0] in model.free for end in coupled.between):
             key = f"coupled_inertia[{i}].value"
@@ -215,7 +233,7 @@ def free_parameters(
 
 def is_guessed(key: str) -> bool:
     """Return whether a number is guessed rather than weighed, as springs and dampers are."""
-    return key.startswith(("spring", "damper"))
+    return key.startswith(("spring", "damper", "parameter"))
 
 
 def has_smoothing(effect: Effect) -> bool:

@@ -42,6 +42,7 @@ from robustpolish.identification.record import (
     with_all_outputs,
 )
 from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.mechanical.data import linear_model
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import ACCELERATION, FORCE
 from robustpolish.machines.simulation import needed_substeps
@@ -364,7 +365,7 @@ def _fastest_motion(model: MechanicalModel, record: Record) -> float:
 
 def _residual_bandwidth(model: MechanicalModel, record: Record) -> float:
     """Return the frequency in Hz below which most of what the linear model leaves over lies."""
-    run = free_run(model.without_effects(), record)
+    run = free_run(linear_model(model), record)
     still = rest(run.model)
     sizes = starts.visible_sizes(run, record, still) if still.vector.size else np.zeros(0)
     error = run.all_errors([StartedPiece(record, starts.fitted_start(run, record, [still], sizes))])
@@ -397,6 +398,9 @@ _SWINGS, _LEAST_WINDOW = 1.5, 50
 _LONG_RECORD, _MANY_STEPS = 4000, 15
 # Number and least length of windows, for models whose long runs judge nothing.
 _WINDOWS, _SHORTEST_WINDOW = 25, 60
+# Swings of the fastest motion in a window of what integrates: over fewer of them a start of its own
+# takes what the machine does.
+_SWINGS_OF_WINDOW = 10
 # Forces that are so many times those that the motion takes are in other units.
 _OUT_OF_PROPORTION = 1e7
 # Runs that are kept: what was found last is asked for its error, its noise and its calm in turn.
@@ -501,7 +505,7 @@ class PreparedRecord:
         span : int
             Samples of a window, about.
         """
-        linear, still = model.without_effects(), rest(model).internal
+        linear, still = linear_model(model), rest(model).internal
         found = []
         for piece in pieces:
             parts = _windows(piece.record, span) if piece.record.samples > span else ()
@@ -623,7 +627,7 @@ class PreparedRecord:
         sizes = self.sizes(run.model)
         if run.linear or not sizes.size:
             return starts.fitted_starts(run, pieces, sizes)
-        linear = run.model.without_effects()
+        linear = linear_model(run.model)
         none = rest(linear).internal
         bare = [StartedPiece(p.record, InitialState(p.start.state, none)) for p in pieces]
         straight = starts.fitted_starts(self.runner(linear).run(linear), bare, self.motion_sizes)
@@ -637,7 +641,7 @@ class PreparedRecord:
 def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedRecord:
     """Prepare a record for fits of a model and its extensions."""
     scales = kalman.scales_of(model, record)
-    linear, m, omega = model.without_effects(), model.matrices, scales.bandwidth
+    linear, m, omega = linear_model(model), model.matrices, scales.bandwidth
     # the largest force that a motion of this size takes in the model
     stiffness = [np.abs(np.diag(matrix)) for matrix in (m.K, m.C * omega, m.M * omega**2)]
     sizes = model.frame.sizes
@@ -659,7 +663,10 @@ def prepare(model: MechanicalModel, record: Record, policy: Policy) -> PreparedR
     first = max(2 * _TRIAL // len(kept), _TRIAL // 4, least_samples(model))
     short = window_samples(record.samples)
     longest = max(part.samples for part in record.parts)
-    length = short if has_integrator(model, longest * record.dt) else longest
+    length = longest
+    if has_integrator(model, longest * record.dt):
+        swings = round(_SWINGS_OF_WINDOW * 2 * np.pi / (scales.bandwidth * record.dt))
+        length = min(longest, max(short, swings))
 
     def pieces(parts: Sequence[Record], length: int = length) -> list[StartedPiece]:
         cut = [window for part in parts for window in _windows(part, length)]

@@ -17,7 +17,7 @@ from robustpolish.base.arrays import Array
 from robustpolish.base.jit import njit
 from robustpolish.identification.record import Record, poles_of
 from robustpolish.linear.response import linear_recursion
-from robustpolish.machines.mechanical.data import port_matrices, port_row
+from robustpolish.machines.mechanical.data import linear_model, port_matrices, port_row
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import ACCELERATION, DISPLACEMENT, FORCE, VELOCITY
 from robustpolish.machines.simulation import (
@@ -430,7 +430,7 @@ class LinearObserver:
     def __init__(self, model: MechanicalModel, dt: float, level: Level, scales: Scales) -> None:
         self.model, self.dt = model, dt
         self._steps: dict[object, tuple[Array, Array, Array]] = {}
-        plain = build_system(model.without_effects(), dt)
+        plain = build_system(linear_model(model), dt)
         self.system: NonlinearSystem = with_missing_force(model, plain, scales.leak)
         self.gain = observer_gain(self.system, dt, level, scales)
         self.m = step_matrices(self.system.A, self.system.B, np.zeros((self.states, 0)), dt)

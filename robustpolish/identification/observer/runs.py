@@ -15,6 +15,7 @@ from robustpolish.identification.observer import kalman
 from robustpolish.identification.record import Record, joined_lines, output_sizes
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.mechanical.data import MechanicalData, connected, dynamic_effects
+from robustpolish.machines.mechanical.equations import slopes_at
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import Input
 from robustpolish.machines.simulation import (
@@ -325,8 +326,14 @@ class Chains:
 
 def rest(model: MechanicalData) -> InitialState:
     """Return a start at rest."""
-    internal = sum(effect.definition.states for _, effect in dynamic_effects(model))
-    return InitialState(np.zeros(2 * len(model.free)), np.zeros(internal))
+    internal = np.zeros(sum(effect.definition.states for _, effect in dynamic_effects(model)))
+    state = np.zeros(2 * len(model.free))
+    for item in model.equations:  # rests where it says
+        for name, value in item.start.items():
+            if name in item.coordinates:
+                state[model.free.index(name)] = value
+        internal[: len(item.states)] = slopes_at(item).z
+    return InitialState(state, internal)
 
 
 # Reproducibility of free runs (sensitivity to the initial state).

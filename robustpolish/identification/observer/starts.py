@@ -22,6 +22,7 @@ from robustpolish.identification.observer.runs import (
 from robustpolish.identification.record import Record, least_samples, output_sizes
 from robustpolish.machines.effects.evaluate import force_with
 from robustpolish.machines.mechanical import data
+from robustpolish.machines.mechanical.equations import sizes_of_states
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.simulation import IntersampleLines, NonlinearResponse
 
@@ -69,13 +70,13 @@ class SmoothedMotion:
 
 
 def known_forces(
-    model: MechanicalModel, q: Array, v: Array, time: Array, dt: float
+    model: MechanicalModel, q: Array, v: Array, time: Array, dt: float, inputs: Array
 ) -> kalman.PortForces | None:
     """Return the forces of a model's effects along a motion."""
     effects = [effect for _, effect in data.dynamic_effects(model)]
     if not effects:
         return None
-    motions = ((e, data.motion_at(model, e, time, q, v, dt / 4)) for e in effects)
+    motions = ((e, data.motion_at(model, e, time, q, v, dt / 4, inputs)) for e in effects)
     values = [force_with(effect.definition, effect.values, motion) for effect, motion in motions]
     pairs = [pair for effect in effects for pair in data.port_pairs(effect)]
     return kalman.PortForces(
@@ -175,7 +176,7 @@ def _smooth(
     q, v = (np.nan_to_num(part) for part in motion_of(model, seen.states, W))
     forces = s = None
     for _ in range(2):  # along the motion that the forward pass found, then the smoothed one
-        forces = known_forces(model, q, v, record.time, record.dt)
+        forces = known_forces(model, q, v, record.time, record.dt, W)
         s = None
         if forces is None or not np.isfinite(forces.values).all():
             break
@@ -522,7 +523,11 @@ def state_sizes(model: data.MechanicalData, states: Array) -> Array:
     """Append the sizes of internal states to those of the free displacements and velocities."""
     q, v = (float(np.max(half, initial=1e-12)) for half in np.split(states, 2))
     sizes: list[float] = []
-    for _, effect in data.dynamic_effects(model):
+    for item in model.equations:
+        sizes += [size or 1.0 for size in sizes_of_states(item, q, v)]
+    for i, effect in data.dynamic_effects(model):
+        if i < 0:
+            continue
         kind = effect.definition
         known = kind.state_sizes(effect.values, q, v) or [1.0] * kind.states
         sizes += [size or 1.0 for size in known]

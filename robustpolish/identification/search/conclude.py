@@ -34,7 +34,7 @@ from robustpolish.identification.fit.result import stderr_from_covariance
 from robustpolish.identification.observer.kalman import force_sites
 from robustpolish.identification.residual_tests import force_maps, residual_noise_floor
 from robustpolish.identification.search import score
-from robustpolish.identification.search.equivalents import find_force_equivalents, is_richer
+from robustpolish.identification.search.equivalents import find_force_equivalents, richer_kinds
 from robustpolish.identification.search.fits import with_rounded_turn
 from robustpolish.identification.search.laws import CURVES, KINDS, OVER_TIME, learn
 from robustpolish.identification.search.search import NEAR, EffectSearch, told_alike
@@ -118,7 +118,7 @@ def _final(run: EffectSearch, predictable: bool) -> Conclusion:
     asked = run.most > 0 and (run.enough is None or not run.at_noise_floor(run.best))
     if not (asked and residual.structure and run.prepared.work.left()):
         return names
-    law = _better_law(run, residual)
+    law = _better_law(run, residual, named=not (refined is None or refined.refusal[0]))
     if law is None:
         return names
     final = fit_whole_record(run, law, predictable)
@@ -129,10 +129,11 @@ def _final(run: EffectSearch, predictable: bool) -> Conclusion:
     return found._replace(final=_refined(run, final))
 
 
-def _better_law(run: EffectSearch, residual: Residual) -> score.ScoredModel | None:
+def _better_law(run: EffectSearch, residual: Residual, named: bool) -> score.ScoredModel | None:
     """Return a learned law in place of all that was added, if it is better by strong evidence.
 
-    A kind of the catalogue that makes its force takes its place if it is as good.
+    A kind of the catalogue that makes its force takes its place if it is as good. `named` says
+    whether the whole record bears out what was added.
     """
     run.say("a law that no catalogue holds")
     # a surface can be anything, so it takes the place of no name
@@ -146,7 +147,7 @@ def _better_law(run: EffectSearch, residual: Residual) -> score.ScoredModel | No
         # a curve that leaves more than noise is no answer where there are names
         left = residual_noise_floor(law.model, run.prepared, law.fitted.reproducible)
         explains = bool(np.all(law.fitted.error < NEAR_NOISE * left))
-        if explains or not run.best.laws:
+        if explains or not (named and run.best.laws):
             found += [law, *_named(run, law)]
         if explains:
             break
@@ -287,14 +288,11 @@ def _finer(
     turned = with_rounded_turn(model, at, prepared)
     if turned is not None:
         yield turned.model, [effect.definition.turns_over]
-    own = {p.name for p in effect.definition.parameters}
-    pair = effect.definition.domain == "pair"
-    for found in find_force_equivalents(model, at, prepared) if pair else ():
-        kind = found.effect.definition
-        if is_richer(kind, effect) and found.left < NEAR:
-            effects = (*model.effects[:at], found.effect, *model.effects[at + 1 :])
-            more = [p.name for p in kind.parameters if p.fitted and p.name not in own]
-            yield replace(model, effects=effects), more
+    for richer in richer_kinds(model, at, prepared):
+        effects = (*model.effects[:at], richer, *model.effects[at + 1 :])
+        more = [p.name for p in richer.definition.parameters if p.fitted]
+        own = [p.name for p in effect.definition.parameters]
+        yield replace(model, effects=effects), [name for name in more if name not in own]
 
 
 # The diagnosis as data.

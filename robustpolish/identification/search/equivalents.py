@@ -35,6 +35,8 @@ _SAMPLES, _STARTS, _EVALUATIONS, _STEP = 1500, 2, 12, 1e-4
 """Samples along which forces are compared, shapes from which a fit begins, its runs and step."""
 _REACH = 5.0
 """How far a number may move, as a logarithm: a friction stiffer than any step is a jump."""
+_SAME = 1e-6
+"""Share by which errors differ at most where a number makes no difference."""
 _DIVERGED = 1e3
 """Error, in sizes of the force, that stands for all larger ones."""
 
@@ -99,51 +101,64 @@ def find_force_equivalents(
         seen, force = here if there == effect.at else moving(there), sign * wanted
         shapes = candidate_columns(bare, kind, there, motion, record)
         begun = _initial_values(kind, [entry.shape for entry in shapes], there, given, seen, force)
-        more = _scanned_anew(effect, kind)
-        if more:  # where it makes the same force they make no difference, and no slope leads on
-            firsts = {tuple(values[name] for name in more): values for values in reversed(begun)}
-            begun = list(firsts.values())
-        fits = [
-            _fit_force(kind, values, seen, force, more)
-            for values in (begun if more else begun[:_STARTS])
-        ]
+        fits = [_fit_force(kind, values, seen, force) for values in begun[:_STARTS]]
         if fits:
             left, values = min(fits, key=lambda pair: pair[0])
-            if more:
-                left, values = _nearest_to_data(model, at, kind, fits, prepared)
             found.append(ForceEquivalent(Effect.of(kind, there, values), left))
     return sorted(found, key=lambda mimic: mimic.left)
 
 
-def is_richer(kind: EffectKind, effect: Effect) -> bool:
-    """Return whether a kind has the fitted numbers of an effect, by name, and more."""
-    own, names = effect.definition, {p.name for p in kind.parameters if p.fitted}
-    return not own.over and names > {p.name for p in own.parameters if p.fitted}
+def richer_kinds(model: MechanicalModel, at: int, prepared: PreparedRecord) -> list[Effect]:
+    """Return the kinds of more numbers that begin nearer to the data in the place of an effect.
 
+    Where such a kind makes the same force, its further numbers make no difference, and no slope
+    leads on. So they are scanned, with all others fitted to the force, and run. Of kinds that
+    contain each other only the nearest are tried.
 
-def _scanned_anew(effect: Effect, kind: EffectKind) -> list[str]:
-    """Return the scanned numbers that a richer kind has more than an effect."""
-    own = {p.name for p in effect.definition.parameters}
-    scanned = [scan.parameter for scan in kind.scan if scan.kept and scan.parameter not in own]
-    return scanned if is_richer(kind, effect) else []
+    Parameters
+    ----------
+    model : MechanicalModel
+        Fitted.
+    at : int
+        Where the effect stands.
+    prepared : PreparedRecord
+    """
+    effect = model.effects[at]
+    if effect.definition.domain != "pair" or effect.definition.over:
+        return []
+    bare = replace(model, effects=(*model.effects[:at], *model.effects[at + 1 :]))
+    record = most_active_part(prepared.screened, _SAMPLES)
+    motion = prepared.motion(model, record)
+    if not np.isfinite(motion.q).all():
+        return []
+    step = prepared.record.dt / MOST_SUBSTEPS
+    here = motion_at(model, effect, record.time, motion.q, motion.v, step)
+    wanted = force_with(effect.definition, effect.values, here)
+    own = _fitted(effect.definition)
+    richer = {k: g for k, g in _alternative_kinds(effect, here) if _fitted(k) > own}
+    nearest = [k for k in richer if not any(_fitted(k) > _fitted(other) for other in richer)]
 
-
-def _nearest_to_data(
-    model: MechanicalModel,
-    at: int,
-    kind: EffectKind,
-    fits: Sequence[tuple[float, dict[str, float]]],
-    prepared: PreparedRecord,
-) -> tuple[float, dict[str, float]]:
-    """Return the values of a kind in the place of an effect that leave the smallest errors."""
-
-    def left(found: tuple[float, dict[str, float]]) -> float:
-        instead = Effect.of(kind, model.effects[at].at, found[1])
-        effects = (*model.effects[:at], instead, *model.effects[at + 1 :])
+    def left(tried: Effect) -> float:
+        effects = (*model.effects[:at], tried, *model.effects[at + 1 :])
         errors = free_run_rms(replace(model, effects=effects), prepared, prepared.windows)
         return float(np.mean(np.log(errors)))
 
-    return fits[int(np.argmin(parallel_map(left, fits)))]
+    now, found = left(effect), []
+    for kind in nearest:
+        shapes = [e.shape for e in candidate_columns(bare, kind, effect.at, motion, record)]
+        begun = _initial_values(kind, shapes, effect.at, richer[kind], here, wanted)
+        held = [s.parameter for s in kind.scan if s.kept and s.parameter not in effect.values]
+        firsts = {tuple(values[name] for name in held): values for values in reversed(begun)}
+        fits = [_fit_force(kind, values, here, wanted, held)[1] for values in firsts.values()]
+        tried = [Effect.of(kind, effect.at, values) for values in fits]
+        errors = parallel_map(left, tried)
+        if errors and min(errors) < now - _SAME:
+            found.append(tried[int(np.argmin(errors))])
+    return found
+
+
+def _fitted(kind: EffectKind) -> set[str]:
+    return {p.name for p in kind.parameters if p.fitted}
 
 
 def _other_places(

@@ -46,6 +46,7 @@ from robustpolish.identification.record import Record, input_period, poles_of
 from robustpolish.identification.refit import held_inputs
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import CONSTANT
+from robustpolish.machines.mechanical.data import inertia_of
 from robustpolish.machines.mechanical.model import MechanicalModel
 
 # Whether an effect of a fitted model can be the answer: its signs, sizes, lines and numbers.
@@ -142,7 +143,7 @@ def _heavy_mass(model: MechanicalModel, effect: Effect) -> str:
     makes a motion seem to.
     """
     mass = effect.values.get("mass", 0.0) if effect.definition.swinging else 0.0
-    known = sum(dof.mass for dof in model.dofs)
+    known = inertia_of(model, False) + inertia_of(model, True)
     if known > 0 and mass > _HEAVY * known:  # of a motion that is imposed none is known
         return f"a mass of {mass:.3g} kg is far more than the machine has"
     return ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -22,20 +22,33 @@ from robustpolish.identification.observer.starts import SmoothedMotion, known_fo
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.record import Record
 from robustpolish.machines.effects.effect import Effect, kinds
-from robustpolish.machines.effects.evaluate import shapes_along
-from robustpolish.machines.effects.kind import CONSTANT, EffectKind, Motion, Shape
+from robustpolish.machines.effects.evaluate import force_with, shapes_along
+from robustpolish.machines.effects.kind import (
+    CONSTANT,
+    GROUND,
+    SPRING,
+    EffectKind,
+    Motion,
+    Shape,
+)
 from robustpolish.machines.mechanical.data import (
     connected,
+    dynamic_effects,
     heaviest,
+    inertia_of,
     motion_at,
     port_pairs,
     port_row,
     port_rows,
 )
 from robustpolish.machines.mechanical.model import MechanicalModel
+from robustpolish.machines.mechanical.parts import FORCE
 from robustpolish.machines.simulation import IntersampleLines, linear_interpolation
 
 # Places of effects, and their forces along a known motion.
+
+_DERIVATIVE_STEP = 1e-4
+"""Share of a number of an equation by which it is moved for a derivative."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +87,9 @@ def places(model: MechanicalModel, kind: EffectKind) -> list[tuple[str, ...]]:
         return [(i.name,) for i in model.inputs if i.imposes is None]
     if kind.domain == "output":
         return [(o.name,) for o in model.outputs]
+    if kind.domain == "path":
+        pushing = [i.name for i in model.inputs if i.imposes is None]
+        return [(i, o.name) for i in pushing for o in model.outputs if o.quantity != FORCE]
     if kind.domain == "dof":
         return [(name,) for name in free]
     if kind.domain == "axes":
@@ -98,8 +114,10 @@ def places(model: MechanicalModel, kind: EffectKind) -> list[tuple[str, ...]]:
         ):
             continue  # a displacement less an angle, which an inertia may couple, is no motion
         unique.setdefault(frozenset(pair), (pair[0], pair[1]))
+    springs = {frozenset(s.between) for s in model.springs}
+    if kind.family == SPRING:  # those of the model are of the family
+        return [pair for key, pair in unique.items() if key not in springs and GROUND in pair]
     if "spring_stiffness" in kind.context:
-        springs = {frozenset(s.between) for s in model.springs}
         return [
             pair for key, pair in unique.items() if key in springs or _needs_clearance(model, pair)
         ]
@@ -127,19 +145,26 @@ def candidate_columns(
 ) -> list[CandidateColumns]:
     """Return the candidate columns of a kind at a place, none if one of its family is there."""
     here = [e.definition for e in model.effects if set(e.at) == set(at)]
-    if any(e.kind == kind.kind or mutually_exclusive(e, kind) for e in here):
+    # of a force periodic in the displacement, each order is an effect of its own
+    if any((e.kind == kind.kind and not kind.wave) or mutually_exclusive(e, kind) for e in here):
         return []
     if kind.domain in ("input", "output"):
         return _signal_columns(model, kind, at, motion, record.time)
     effect = Effect.of(kind, at)
     # along a known motion no step has to be resolved
-    here = motion_at(model, effect, record.time, motion.q, motion.v)
+    here = motion_at(model, effect, record.time, motion.q, motion.v, 0.0, motion.inputs)
     if not here.q.any():
         return []
     _, sites = force_sites(model)
     force = None
     if kind.domain == "dof" and (at[0], "ground") in sites:
         force = motion.force[sites.index((at[0], "ground"))][None]
+    if kind.domain == "path":
+        force = np.sum(motion.force, axis=0)[None]
+    if kind.wave:
+        along = port_rows(model, effect)[0]
+        total = force_sites(model)[0].T @ motion.force
+        force = (along @ total / (along @ along))[None]
     if "clearance" in dict(kind.gives) and _needs_clearance(model, at):
         return _clearances(model, kind, at, motion, record)
     rows, pairs = port_rows(model, effect), port_pairs(effect)
@@ -167,7 +192,7 @@ def _clearances(
     record: Record,
 ) -> list[CandidateColumns]:
     """Return what clearances would change about the forces of the effects that are there."""
-    along = (motion.q, motion.v, record.time, record.dt)
+    along = (motion.q, motion.v, record.time, record.dt, motion.inputs)
     base = known_forces(model, *along)
     amplitude = float(np.percentile(np.abs(port_rows(model, Effect.of(kind, at)) @ motion.q), 95))
     name, found = kind.parameters[0].name, []
@@ -271,7 +296,8 @@ class FilteredRecord:
         self.level, self.policy, self.noise = level, prepared.policy, prepared.scales.noise
         self.model = model
         self.observer = LinearObserver(model, record.dt, level, prepared.scales)
-        forces = known_forces(model, motion.q, motion.v, record.time, record.dt)
+        along = (motion.q, motion.v, record.time, record.dt, motion.inputs)
+        forces = known_forces(model, *along)
         Y = record.raw_outputs(model)
         lines = record.own_lines(record.lines(model))
         _, errors = self.observer.innovations(Y, motion.inputs, forces, lines=lines)
@@ -394,13 +420,18 @@ def nuisance_columns(
         add(f"damper[{i}].damping", row, damper.between, -(row @ motion.v), prior)
     m = model.matrices
     for name, dof in heaviest(model).items():
-        if name in model.free:
+        if name in model.free and dof.mass:
             key, row = ".".join(dof.key), port_row(model, (dof.name,))
             prior = 1 / (policy.mass_prior * dof.mass)
             add(key, row, (dof.name, "ground"), -(row @ motion.a), prior)
     each = np.zeros((len(rows), len(rows), record.samples))
-    each[np.arange(len(rows)), np.arange(len(rows))] = forces
+    for i, force in enumerate(forces):
+        each[i, i] = force
     columns = list(observer.respond(np.array(rows), pairs, each)) if rows else []
+    for key, column in _equation_columns(model, observer, motion, record):
+        columns.append(column)
+        keys.append(key)
+        ridge.append(_ridge(model.parameters[key], policy.spring_share))
     lines = record.own_lines(record.lines(model)) or linear_interpolation(motion.inputs)
     nothing = np.zeros((record.samples, len(model.outputs)))
     for j in range(m.B.shape[1]):
@@ -447,8 +478,12 @@ def numbers_along_motion(
         return model
     size = np.sqrt(np.sum(X**2, axis=0))
     size[size == 0] = 1.0
-    # masses and gains are weighed, springs and dampers may be off by decades
-    sure = [j < len(seen.keys) and not is_guessed(seen.keys[j]) for j in columns]
+    # masses and gains are weighed, springs and dampers may be off by decades; numbers of equations
+    # enter as they like, of which a regression is the first step
+    sure = [
+        j < len(seen.keys) and (not is_guessed(seen.keys[j]) or seen.keys[j].startswith("param"))
+        for j in columns
+    ]
     prior = np.diag(np.where(sure, seen.ridge[columns], 0.0) / size)
     A, b = np.vstack([X / size, prior]), np.concatenate([seen.e, np.zeros(len(prior))])
     change = np.linalg.lstsq(A, b, rcond=1e-10)[0] / size
@@ -477,7 +512,7 @@ def _effect_columns(
     record: Record,
 ) -> list[Array]:
     """Return the derivatives of the innovations to the parameters of effects in the model."""
-    along = (motion.q, motion.v, record.time, record.dt)
+    along = (motion.q, motion.v, record.time, record.dt, motion.inputs)
     base = known_forces(model, *along)
     found = []
     for f in free_parameters(model, 1.0, policy):
@@ -491,6 +526,28 @@ def _effect_columns(
         if np.any(change) and np.isfinite(change).all():
             found.append(observer.respond(base.rows, base.pairs, change[None])[0])
     return found
+
+
+def _equation_columns(
+    model: MechanicalModel, observer: LinearObserver, motion: SmoothedMotion, record: Record
+) -> Iterator[tuple[str, Array]]:
+    """Yield the derivatives of the innovations to the numbers of equations of motion, by key.
+
+    The observer keeps the linear part that it has.
+    """
+    for item in model.equations:
+        law = dynamic_effects(model)[0][1]
+        here = motion_at(model, law, record.time, motion.q, motion.v, 0.0, motion.inputs)
+        rows, pairs = port_rows(model, law), port_pairs(law)
+        for name, value in item.values.items():
+            h = _DERIVATIVE_STEP * (abs(value) or 1.0)
+            ends = [
+                force_with(law.definition, {**item.values, name: x}, here)
+                for x in (value + h, value - h)
+            ]
+            change = (ends[0] - ends[1]) / (2 * h)
+            if name not in item.known and np.any(change) and np.isfinite(change).all():
+                yield f"parameter.{name}", observer.respond(rows, pairs, change[None])[0]
 
 
 def has_lightly_damped_mode(a: Array, least: float) -> bool:
@@ -697,7 +754,7 @@ def exceeds_machine_mass(entry: CandidateColumns, c: Array, model: MechanicalMod
         return False
     values = entry.shape.values(c)
     turns = model.is_rotational(entry.at)
-    most = sum(dof.mass for dof in model.dofs if dof.rotational == turns)
+    most = inertia_of(model, turns)
     return any(abs(values[name]) > most for name in names)
 
 

@@ -302,6 +302,7 @@ def _places(definition: EffectKind, at: Any) -> tuple[str, ...]:
             "pair": "two different degrees of freedom, the first not ground",
             "dof": "one degree of freedom",
             "axes": "two degrees of freedom",
+            "path": "the names of an input and an output",
             "input": "the name of one input",
             "output": "the name of one output",
         }[definition.domain]

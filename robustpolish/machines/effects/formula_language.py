@@ -306,7 +306,9 @@ _HINTS: Mapping[type, str] = {
 }
 
 
-def read_formula(text: str, declared: Iterable[str]) -> PostfixProgram:
+def read_formula(
+    text: str, declared: Iterable[str], motion: Iterable[str] | None = MOTION
+) -> PostfixProgram:
     """Read a formula such as ``"f = -k*q**5"``.
 
     Parameters
@@ -316,6 +318,8 @@ def read_formula(text: str, declared: Iterable[str]) -> PostfixProgram:
         cos, tan, exp, log, sqrt, abs, sign, tanh, arctan, min and max, and names.
     declared : iterable of str
         The names besides q, v and t; each has to be there.
+    motion : iterable of str or None, optional
+        Names that every formula may have; None if all of `declared` are such.
 
     Returns
     -------
@@ -333,8 +337,8 @@ def read_formula(text: str, declared: Iterable[str]) -> PostfixProgram:
     """
     names = tuple(declared)
     for name in names:
-        _check_name(name)
-    known = {*MOTION, *names}
+        check_name(name, motion or ())
+    known = {*(motion or ()), *names}
     program: list[tuple[str, Any]] = []
 
     def apply(operation: str, count: int) -> None:
@@ -396,7 +400,7 @@ def read_formula(text: str, declared: Iterable[str]) -> PostfixProgram:
 
     append(_tree(text), 0)
     formula = PostfixProgram(" ".join(text.split()), tuple(program))
-    for name in names:
+    for name in names if motion else ():
         if name not in formula.names:
             shown = described(f"{formula.text!r} without {name}")
             remedy = "Use it in the formula, or leave it out of the declaration."
@@ -404,8 +408,9 @@ def read_formula(text: str, declared: Iterable[str]) -> PostfixProgram:
     return formula
 
 
-def _check_name(name: Any) -> None:
-    taken = {*MOTION, "f", *FUNCTIONS, "min", "max", *_CONSTANTS}
+def check_name(name: Any, motion: Iterable[str] = ()) -> None:
+    """Refuse what is no name of a number in a formula."""
+    taken = {*motion, "f", *FUNCTIONS, "min", "max", *_CONSTANTS}
     plain = isinstance(name, str) and name.isidentifier() and len(name) <= 40
     if not plain or keyword.iskeyword(name) or name in taken or name.startswith("__"):
         want = f"a name of letters and digits other than {', '.join(sorted(taken))}"

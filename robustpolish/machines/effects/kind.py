@@ -28,6 +28,7 @@ from robustpolish.base.checks import described, invalid, one_of
 
 Coefficients = NDArray[np.float64]
 LINE = "line of the force"
+WAVE = "wave of the force"
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,8 @@ class Scan:
         if that is longer than half a sample's travel: the stiffness of what slips at a unit of
         force. ``"percentile"`` is the displacement at which so many percent of the samples are
         below, and its mirror image. ``"line of the force"`` is the frequency in Hz of the line
-        of the missing force that stands out most (0), of the second one (1), and so on.
+        of the missing force that stands out most (0), of the second one (1), and so on, and
+        ``"wave of the force"`` the same over the displacement, a length.
     shares : tuple of float
     kept : bool
         False for what only rounds a candidate's corners: the effect keeps its default.
@@ -112,6 +114,8 @@ class Scan:
             return np.percentile(motion.q[0], levels).tolist()
         if self.of == LINE:
             return [] if motion.force is None else _lines(motion, [int(n) for n in self.shares])
+        if self.of == WAVE:
+            return [] if motion.force is None else _waves(motion, [int(n) for n in self.shares])
         if self.of == "per slip":
             travel = 0.5 * motion.speed * float(motion.time[1] - motion.time[0])
             slips = (share * motion.amplitude for share in self.shares)
@@ -125,6 +129,8 @@ class Scan:
         return [share * size for share in self.shares] if size else []
 
 
+_CELLS = 4096
+"""Of a displacement, over which forces are added."""
 _AROUND = 401
 """Bins, a quarter of what the record resolves each, over which a spectrum counts as even."""
 _LEAST_AROUND = 1e-6
@@ -141,9 +147,36 @@ def _lines(motion: Motion, ranks: list[int]) -> list[float]:
     force = motion.force[0]
     n = force.size
     spectrum = np.abs(np.fft.rfft((force - force.mean()) * np.hanning(n), 4 * n))
-    bins = np.fft.rfftfreq(4 * n, motion.time[1] - motion.time[0])
+    return _prominent(np.fft.rfftfreq(4 * n, motion.time[1] - motion.time[0]), spectrum, ranks)
+
+
+def _waves(motion: Motion, ranks: list[int]) -> list[float]:
+    """Return the lengths of the strongest waves of the force over the displacement.
+
+    The estimate of the force is that of one that wanders: what the data say of a quick one is its
+    second difference. A wave that each sample passes by cannot be seen.
+    """
+    assert motion.force is not None
+    force, q = np.gradient(np.gradient(motion.force[0])), motion.q[0] - np.min(motion.q[0])
+    width = float(np.max(q)) / _CELLS
+    if not width > 0:
+        return []
+    sums = np.bincount((q / width).astype(int), force - force.mean(), _CELLS + 1)
+    spectrum = np.abs(np.fft.rfft(sums, 4 * sums.size))
+    bins = np.fft.rfftfreq(4 * sums.size, width).astype(float)
+    seen = bins * np.median(np.abs(np.diff(q))) < 1
+    return [1 / wave for wave in _largest(bins[seen], spectrum[seen], ranks) if wave > 0]
+
+
+def _prominent(bins: Array, spectrum: Array, ranks: list[int]) -> list[float]:
+    """Return where a spectrum stands out most, four bins being what the record resolves."""
     around = median_filter(spectrum, _AROUND, mode="nearest")
     spectrum /= np.maximum(around, _LEAST_AROUND * spectrum.max(initial=1e-300))
+    return _largest(bins, spectrum, ranks)
+
+
+def _largest(bins: Array, spectrum: Array, ranks: list[int]) -> list[float]:
+    """Return where a spectrum is largest, but for its slow end."""
     spectrum[:8] = 0.0
     lines = []
     for _ in range(max(ranks) + 1):
@@ -177,14 +210,16 @@ class Shape:
 
 Values = Mapping[str, float]
 Steepness = tuple[float, float, float]
-Domain = Literal["pair", "dof", "axes", "input", "output"]
+Domain = Literal["pair", "dof", "axes", "path", "input", "output"]
 Law = Callable[[Any, Any, Any, Any, Any, Any, Any], None]
 SignalChange = Callable[[Array, Array, Values], Array]
 
 GROUND = "ground"
 CONSTANT = "constant"
 """The family of forces and offsets that never change."""
-_PLACES: dict[str, int] = {"pair": 2, "dof": 1, "axes": 2, "input": 1, "output": 1}
+SPRING = "spring"
+"""The family of linear springs, to which those of a model belong."""
+_PLACES: dict[str, int] = {"pair": 2, "dof": 1, "axes": 2, "path": 2, "input": 1, "output": 1}
 _SI = {"F": ("N", "N m"), "L": ("m", "rad"), "T": ("s", "s"), "M": ("kg", "kg m^2")}
 
 
@@ -440,9 +475,11 @@ class EffectKind:
         Its name, as in model files.
     title : str
         For people.
-    domain : {"pair", "dof", "axes", "input", "output"}
+    domain : {"pair", "dof", "axes", "path", "input", "output"}
         Where it acts: between two degrees of freedom (or one and ground), on
-        one, on two axes, on a force input, on a sensor.
+        one, on two axes, from a force input to a sensor, on a force input, on a sensor.
+        The law of a path sees the input as its displacement, and its "force" is what it adds
+        to the sensor.
     parameters : tuple of Parameter
     law : callable, optional
         ``law(t, q, v, z, p, f, dz)`` writes the force ``f`` on the first degree
@@ -478,7 +515,8 @@ class EffectKind:
     context : tuple of str
         What the law needs of the model: ``"spring_stiffness"`` (N/m, of the
         spring at the place), ``"clearance"`` (m, what the effects there give),
-        ``"spin_frequency"`` (rad/s), ``"mobility"``
+        ``"spin_frequency"`` (rad/s), ``"derivative"`` (of a path: 0, 1 or 2, as its sensor
+        shows displacements, velocities or accelerations), ``"mobility"``
         (time step over the effective mass, s/kg: no velocity below force times
         mobility can be resolved), ``"step"`` (s: no memory fades faster than a step).
     gives : tuple of (str, str)
@@ -592,7 +630,13 @@ class EffectKind:
     @property
     def line(self) -> str | None:
         """The parameter that is the frequency in Hz of a force from outside, if it makes one."""
-        return next((scan.parameter for scan in self.scan if scan.of == LINE), None)
+        lines = (s.parameter for s in self.scan if s.of == LINE)
+        return None if self.has_memory else next(lines, None)
+
+    @property
+    def wave(self) -> str | None:
+        """The parameter that is the length of a force periodic in the displacement, if any."""
+        return next((scan.parameter for scan in self.scan if scan.of == WAVE), None)
 
     def signal_slope(self, values: Values) -> SignalSlope:
         """Return what a linear model keeps of an effect on a signal.

@@ -218,6 +218,26 @@ class FormulaLaw(EffectSpecification):
         return machine_code(_function(self), cache=False)
 
 
+def operation_node(operation: str, *operands: ast.expr) -> ast.expr:
+    """Return the syntax tree of an operation of a formula."""
+    if operation == "negative":
+        return ast.UnaryOp(ast.USub(), operands[0])
+    if operation in _ARITHMETIC:
+        return ast.BinOp(operands[0], _ARITHMETIC[operation](), operands[1])
+    exponent: Any = getattr(operands[-1], "value", None)  # of a number
+    whole = isinstance(exponent, float) and exponent.is_integer()
+    if operation == "**" and whole and abs(exponent) <= _HIGHEST:
+        power = ast.BinOp(operands[0], ast.Pow(), ast.Constant(abs(int(exponent))))
+        return ast.BinOp(ast.Constant(1.0), ast.Div(), power) if exponent < 0 else power
+    return ast.Call(ast.Name(operation, ast.Load()), list(operands), [])
+
+
+def function_of(tree: ast.Module) -> Any:
+    """Return the one function of a syntax tree, which knows the functions of formulas alone."""
+    code = compile(ast.fix_missing_locations(tree), "<formula>", "exec").co_consts[0]
+    return FunctionType(code, {**FUNCTIONS, **PAIRS, "__name__": __name__})
+
+
 def _function(law: FormulaLaw) -> Callable[..., None]:
     """Return the law as a Python function, made of the operations that were read and no others."""
     places = {"t": "t", "q": "q[0]", "v": "v[0]"}
@@ -229,22 +249,9 @@ def _function(law: FormulaLaw) -> Callable[..., None]:
             return ast.parse(places[item], mode="eval").body
         return ast.Constant(item)
 
-    def combine(operation: str, *operands: ast.expr) -> ast.expr:
-        if operation == "negative":
-            return ast.UnaryOp(ast.USub(), operands[0])
-        if operation in _ARITHMETIC:
-            return ast.BinOp(operands[0], _ARITHMETIC[operation](), operands[1])
-        exponent: Any = getattr(operands[-1], "value", None)  # of a number
-        whole = isinstance(exponent, float) and exponent.is_integer()
-        if operation == "**" and whole and abs(exponent) <= _HIGHEST:
-            power = ast.BinOp(operands[0], ast.Pow(), ast.Constant(abs(int(exponent))))
-            return ast.BinOp(ast.Constant(1.0), ast.Div(), power) if exponent < 0 else power
-        return ast.Call(ast.Name(operation, ast.Load()), list(operands), [])
-
     tree = ast.parse("def law(t, q, v, z, p, f, dz):\n    f[0] = 0.0")
-    tree.body[0].body[0].value = law.program.fold(leaf, combine)  # type: ignore[attr-defined]
-    code = compile(ast.fix_missing_locations(tree), "<formula>", "exec").co_consts[0]
-    return FunctionType(code, {**FUNCTIONS, **PAIRS})
+    tree.body[0].body[0].value = law.program.fold(leaf, operation_node)  # type: ignore[attr-defined]
+    return function_of(tree)
 
 
 # Effects of your own: a kind made of a formula, offered to a diagnosis, read from files.

@@ -17,6 +17,15 @@ from robustpolish.base.checks import invalid, one_of
 from robustpolish.linear.systems import named_system
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import GROUND, Motion
+from robustpolish.machines.mechanical.equations import (
+    EquationKind,
+    Equations,
+    context,
+    effect_of,
+    linear_part,
+    number_unit,
+    with_numbers,
+)
 from robustpolish.machines.mechanical.parts import (
     ACCELERATION,
     CONNECTIONS,
@@ -204,6 +213,12 @@ class MechanicalMatrices:
         return named_system((A, B, C, D), 0, signals, self.outputs, self.states)
 
 
+def _read(model: MechanicalData, equations: Equations) -> list[int]:
+    """Return which of the force inputs equations read, in their order."""
+    forces = [item.name for item in model.inputs if item.imposes is None]
+    return [forces.index(name) for name in equations.inputs]
+
+
 def _assemble(model: MechanicalData) -> MechanicalMatrices:
     """Build the matrices of a model, without effects."""
     frame = model.frame
@@ -218,6 +233,13 @@ def _assemble(model: MechanicalData) -> MechanicalMatrices:
         C += damper.damping * np.outer(row, row)
     forces = [item for item in model.inputs if item.imposes is None]
     B = np.array([item.gain * frame.row(item.on) for item in forces]).reshape(-1, n).T
+    for item in model.equations:
+        at = [names.index(name) for name in item.coordinates]
+        own, columns = linear_part(item), _read(model, item)
+        for matrix, part in zip((M, C, K), own, strict=False):
+            matrix[np.ix_(at, at)] += part
+        B[:, columns] = 0.0
+        B[np.ix_(at, columns)] = own[3] * [forces[j].gain for j in columns]
     Sq, Sv, Sa = (np.zeros((len(model.outputs), n)) for _ in range(3))
     for i, item in enumerate(model.outputs):
         row = frame.row(item.of) if item.weights is None else np.zeros(n)
@@ -263,7 +285,7 @@ class MechanicalData:
     Whatever is computed from a model, shown or written of it, is a function of this class.
     """
 
-    dofs: tuple[Dof, ...]
+    dofs: tuple[Dof, ...] = ()
     springs: tuple[Spring, ...] = ()
     dampers: tuple[Damper, ...] = ()
     inputs: tuple[Input, ...] = ()
@@ -274,6 +296,7 @@ class MechanicalData:
     coupled_inertias: tuple[CoupledInertia, ...] = ()
     design: Mapping[str, Any] = field(default_factory=dict, hash=False)
     ratios: tuple[Ratio, ...] = ()
+    equations: tuple[Equations, ...] = ()
 
     def __post_init__(self) -> None:
         for name, value in checked_fields(vars(self)).items():
@@ -390,16 +413,25 @@ Model = TypeVar("Model", bound=MechanicalData)
 
 def _numbers(model: MechanicalData) -> Iterator[tuple[str, float, str, int, str]]:
     """Yield each number: its key, its value, the field of the model, which part, its name there."""
+    bare = {name for item in model.equations for name in item.coordinates}
     for i, dof in enumerate(model.dofs):
-        yield ".".join(dof.key), dof.mass, "dofs", i, "mass"
+        if dof.mass or dof.name not in bare:
+            yield ".".join(dof.key), dof.mass, "dofs", i, "mass"
     for what, (_, name, _) in CONNECTIONS.items():
         for i, part in enumerate(getattr(model, f"{what}s")):
             yield f"{what}[{i}].{name}", getattr(part, name), f"{what}s", i, name
     for i, item in enumerate(model.inputs):
         yield f"input.{item.name}.gain", item.gain, "inputs", i, "gain"
-    for i, effect in enumerate(model.effects):
+    for i, effect in enumerate((*model.equations, *model.effects), -len(model.equations)):
+        where = "effects" if i >= 0 else "equations"
         for name, value in effect.values.items():
-            yield f"effect[{i}].{name}", value, "effects", i, name
+            yield (
+                f"effect[{i}].{name}" if i >= 0 else f"parameter.{name}",
+                value,
+                where,
+                max(i, 0),
+                name,
+            )
 
 
 def values(model: MechanicalData) -> dict[str, float]:
@@ -423,13 +455,18 @@ def with_parameter_values(model: Model, changes: Mapping[str, float]) -> Model:
         if where[:-1] in CONNECTIONS:  # these parts check no numbers themselves
             numbers = {key: connection_number(where[:-1], i, v) for key, v in numbers.items()}
         part = parts[where][i]
+        if isinstance(part, Equations):
+            parts[where][i] = with_numbers(part, numbers)
+            continue
         effect = isinstance(part, Effect)
         parts[where][i] = part.with_parameters(**numbers) if effect else replace(part, **numbers)
     vars(found).update({where: tuple(items) for where, items in parts.items()})
     vars(found)["design"] = dict(model.design)
     if "ratios" in parts:
         del vars(found)["frame"]
-    check_inertias(found.dofs, found.coupled_inertias, found.frame, imposed_by(found.inputs))
+    check_inertias(
+        found.dofs, found.coupled_inertias, found.frame, imposed_by(found.inputs), found.equations
+    )
     if "matrices" in vars(model) and parts.keys() <= {"effects"}:
         vars(found)["matrices"] = model.matrices
     return found
@@ -474,6 +511,8 @@ def unit_of(model: MechanicalData, key: str) -> str:
         return part.unit if where == "dofs" else "1"
     if where == "effects":
         return effect_unit(model, part, name)
+    if where == "equations":
+        return number_unit(part, name)
     units = CONNECTIONS[where[:-1]][2]
     if where in ("springs", "dampers"):
         return units[model.is_rotational(part.between)]
@@ -487,12 +526,16 @@ def effect_unit(model: MechanicalData, effect: Effect, name: str) -> str:
     if parameter.dimension == "signal":
         signals = (*model.inputs, *model.outputs)
         return model.unit_of(next(item for item in signals if item.name == effect.at[0]))
-    return parameter.unit(model.is_rotational(effect.at))
+    at = effect.at
+    if effect.definition.domain == "path":
+        at = next(item.on for item in model.inputs if item.name == at[0])
+    return parameter.unit(model.is_rotational(at))
 
 
 # Where effects pull on a mechanical model, and what they need to know of it.
 
 _Pair = tuple[str, ...]
+_SENSOR = "."
 _PortMatrices = tuple[Array, Array, tuple[Array, Array, Array, Array]]
 
 
@@ -517,8 +560,12 @@ def port_pairs(effect: Effect) -> list[_Pair]:
     """Return the two ends of each port of an effect."""
     definition = effect.definition
     channels = [(name, GROUND) for name, _ in definition.channels]
+    if isinstance(definition, EquationKind):
+        channels = [(GROUND, GROUND)] * definition.size[1]  # inputs are no places
     if definition.domain == "pair":
         return [effect.at, *channels]
+    if definition.domain == "path":
+        return [(_SENSOR, f"{_SENSOR}{effect.at[1]}")]  # no coordinate has such a name
     return [*((name, GROUND) for name in effect.at), *channels]
 
 
@@ -535,6 +582,9 @@ def port_matrices(
     G = np.vstack([np.zeros_like(acceleration), acceleration])
     H = m.Sa[:, m.free] @ acceleration
     for i, output in enumerate(outputs):
+        for j, pair in enumerate(pairs):
+            if pair == (_SENSOR, f"{_SENSOR}{output.name}"):
+                H[i, j] = 1.0
         if output.quantity == FORCE and output.drive:
             H[i] -= rows[:, m.coordinates.index(output.of[0])]
         elif output.quantity == FORCE:
@@ -548,7 +598,33 @@ def effect_ports(model: MechanicalData) -> tuple[list[Effect], tuple[Array, ...]
     """Return the effects that make forces, a row per port of each, and their `port_matrices`."""
     effects = [effect for _, effect in dynamic_effects(model)]
     pairs = tuple(tuple(port_pairs(effect)) for effect in effects)
-    return effects, *_ports_at(model.matrices, model.frame, model.outputs, pairs)
+    rows, (G, H, (Qs, Qw, Vs, Vw)) = _ports_at(model.matrices, model.frame, model.outputs, pairs)
+    first, Qw = 0, Qw.copy()
+    for effect in effects:
+        columns = read_by(model, effect)
+        behind = first + effect.definition.ports - len(columns)
+        Qw[range(behind, behind + len(columns)), columns] = _gains(model)[columns]
+        first += effect.definition.ports
+    return effects, rows, (G, H, (Qs, Qw, Vs, Vw))
+
+
+def read_by(model: MechanicalData, effect: Effect) -> list[int]:
+    """Return which force inputs the last ports of an effect read."""
+    if isinstance(effect.definition, EquationKind):
+        return equation_inputs(model, model.equations[0])
+    if effect.definition.domain == "path":
+        return [model.matrices.force_inputs.index(effect.at[0])]
+    return []
+
+
+def equation_inputs(model: MechanicalData, equations: Equations) -> list[int]:
+    """Return the force inputs as the law of equations has them: those that they read first."""
+    first = _read(model, equations)
+    return first + [j for j in range(model.matrices.B.shape[1]) if j not in first]
+
+
+def _gains(model: MechanicalData) -> Array:
+    return np.array([item.gain for item in model.inputs if item.imposes is None])
 
 
 @lru_cache(maxsize=32)
@@ -565,8 +641,18 @@ def _ports_at(
 
 
 def dynamic_effects(model: MechanicalData) -> list[tuple[int, Effect]]:
-    """Return the effects that make forces, with their positions in the model."""
-    return [(i, e) for i, e in enumerate(model.effects) if e.definition.law is not None]
+    """Return the effects that make forces, with their positions in the model.
+
+    Before them is what the linear part of equations of motion leaves, at -1.
+    """
+    found = [(i, e) for i, e in enumerate(model.effects) if e.definition.law is not None]
+    for item in model.equations:
+        names, free = model.frame.coordinates, model.free
+        others = (*free, *(name for name in names if name not in free))
+        others = tuple(name for name in others if name not in item.coordinates)
+        count = model.matrices.B.shape[1]
+        found.insert(0, (-1, effect_of(item, others, len(free), count)))
+    return found
 
 
 def connected(model: MechanicalData, *, signals: bool = False) -> list[set[str]]:
@@ -577,6 +663,7 @@ def connected(model: MechanicalData, *, signals: bool = False) -> list[set[str]]
     groups = [{name} for name in model.dof_names if name not in model.channels]
     joints = [p.between for what in CONNECTIONS for p in getattr(model, f"{what}s")]
     joints += [e.at for e in model.effects]
+    joints += [tuple(item.coordinates) for item in model.equations]
     if signals:
         joints += [*(i.on for i in model.inputs), *(o.of for o in model.outputs)]
     for joint in joints:
@@ -585,6 +672,30 @@ def connected(model: MechanicalData, *, signals: bool = False) -> list[set[str]]
         if len(touched) > 1:
             groups = [g for g in groups if not g & ends] + [set().union(*touched)]
     return groups
+
+
+def linear_model(model: Model) -> Model:
+    """Return a model without effects, its equations of motion as their linear part.
+
+    It is for runs of observers: no file can hold it.
+    """
+    if not model.equations:
+        return replace(model, effects=()) if model.effects else model
+    found = copy(model)
+    vars(found).update(effects=(), equations=(), matrices=model.matrices)
+    return found
+
+
+def inertia_of(model: MechanicalData, turning: bool) -> float:
+    """Return the sum of all masses, or of all inertias that turn, equations of motion included."""
+    known = sum(dof.mass for dof in model.dofs if dof.rotational == turning)
+    for item in model.equations:
+        diagonal = np.diag(linear_part(item)[0]).tolist()
+        units = item.coordinates.values()
+        known += sum(
+            x for x, unit in zip(diagonal, units, strict=True) if (unit == "rad") == turning
+        )
+    return known
 
 
 def heaviest(model: MechanicalData) -> dict[str, Dof]:
@@ -599,12 +710,22 @@ def context_values(model: MechanicalData, effect: Effect, step: float) -> list[f
     """Return what an effect's law needs to know of the model, in the order it asked for."""
     if not effect.definition.context:
         return []
-    found = context_of(model, effect.at, step)
+    found = context_of(model, effect.at, step, effect)
     return [found[name] for name in effect.definition.context]
 
 
-def context_of(model: MechanicalData, at: tuple[str, ...], step: float) -> Mapping[str, float]:
+def context_of(
+    model: MechanicalData, at: tuple[str, ...], step: float, effect: Effect | None = None
+) -> Mapping[str, float]:
     """Return what effects at a place may ask of their model, see `EffectKind.context`."""
+    if effect is not None and isinstance(effect.definition, EquationKind):
+        item, order = model.equations[0], [model.frame.coordinates.index(name) for name in at]
+        columns = equation_inputs(model, item)
+        gains, own = _gains(model)[columns], linear_part(item)
+        B = np.hstack([own[3], np.zeros((item.n, len(columns) - len(item.inputs)))])
+        whole = replace(model.matrices, B=model.matrices.B[:, columns] / gains)
+        given = context(item, (*own[:3], B), whole, np.array(order))
+        return dict(zip(effect.definition.context, given, strict=True))
     ends = {*at, "ground"} if len(at) == 1 else set(at)
     stiffness = sum(s.stiffness for s in model.springs if set(s.between) == ends)
     # how easily the place gives way to equal forces on its ends
@@ -617,6 +738,8 @@ def context_of(model: MechanicalData, at: tuple[str, ...], step: float) -> Mappi
         "mobility": step * inverse_mass,
         "step": step,
     }
+    seen = next((o.quantity for o in model.outputs if o.name == at[-1]), DISPLACEMENT)
+    found["derivative"] = float(_DERIVATIVES.get(seen, 0))
     for effect in model.effects:
         if set(effect.at) == ends:
             for name, parameter in effect.definition.gives:
@@ -624,6 +747,7 @@ def context_of(model: MechanicalData, at: tuple[str, ...], step: float) -> Mappi
     return found
 
 
+_DERIVATIVES = {VELOCITY: 1, ACCELERATION: 2}
 _REMEDIES = {
     "spring_stiffness": "Add rp.Spring({at}, k) first.",
     "spin_frequency": "Build the model with spin_frequency=, in Hz.",
@@ -643,7 +767,13 @@ def refuse_idle(model: MechanicalData, effect: Effect) -> None:
 
 
 def motion_at(
-    model: MechanicalData, effect: Effect, time: Array, q: Array, v: Array, step: float = 0.0
+    model: MechanicalData,
+    effect: Effect,
+    time: Array,
+    q: Array,
+    v: Array,
+    step: float = 0.0,
+    inputs: Array | None = None,
 ) -> Motion:
     """Return what an effect sees of a motion at its place.
 
@@ -656,6 +786,11 @@ def motion_at(
         Displacements and velocities of all coordinates.
     step : float, optional
         Time step that a law has to resolve; along a known motion it is none.
+    inputs : ndarray, shape (samples, signals), optional
+        Which equations of motion and paths read.
     """
     rows = port_rows(model, effect)
-    return Motion(time, rows @ q, rows @ v, context_of(model, effect.at, step))
+    seen, columns = rows @ q, read_by(model, effect)
+    if columns and inputs is not None:
+        seen[-len(columns) :] = (inputs[:, columns] * _gains(model)[columns]).T
+    return Motion(time, seen, rows @ v, context_of(model, effect.at, step, effect))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -19,16 +20,26 @@ from robustpolish.base.arrays import AnyArray, Array, Matrix
 from robustpolish.base.checks import closest_name_remedy, described, invalid, misfit, one_of
 from robustpolish.base.results import Card, Table
 from robustpolish.errors import RobustPolishWarning
-from robustpolish.linear.systems import resolvent_response
+from robustpolish.linear.arithmetic.dual_numbers import plus, times
+from robustpolish.linear.systems import named_system, resolvent_response
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import SignalSlope
 from robustpolish.machines.mechanical.data import (
+    NO_INPUT,
     MechanicalData,
+    Model,
     context_values,
     effect_ports,
     unit_of,
     values,
     with_parameter_values,
+)
+from robustpolish.machines.mechanical.equations import (
+    EquationKind,
+    Equations,
+    linear_part,
+    number_unit,
+    slopes_at,
 )
 from robustpolish.machines.mechanical.parts import (
     ACCELERATION,
@@ -40,7 +51,8 @@ from robustpolish.machines.mechanical.parts import (
 from robustpolish.plants.linearization import difference
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain import lft
-from robustpolish.plants.uncertain.system import UncertainSystem, close_block
+from robustpolish.plants.uncertain.build import feedback, uncertain_real, with_states
+from robustpolish.plants.uncertain.system import UncertainSystem, as_uncertain, close_block
 from robustpolish.signals.frequency_response import labelled_response, ratio_unit
 
 # How a mechanical model shows itself.
@@ -51,7 +63,9 @@ COLUMNS = ("part", "at", "quantity", "value", "unit")
 def mechanical_card(model: MechanicalData) -> Card:
     """List masses, springs, dampers and effects, and the signals that drive and leave a model."""
     # a channel has no mass, and no motion
-    masses = [dof for dof in model.dofs if dof.name not in model.channels]
+    own = [name for item in model.equations for name in item.coordinates]
+    none = [dof.name for dof in model.dofs if not dof.mass and dof.name in own]
+    masses = [dof for dof in model.dofs if dof.name not in (*model.channels, *none)]
     rows = [(dof.key[-1], dof.name, dof.key[-1], dof.mass, dof.unit) for dof in masses]
     parts = [
         (f"{what}[{i}].", what.replace("_", " "), part.between)
@@ -66,10 +80,17 @@ def mechanical_card(model: MechanicalData) -> Card:
         for key in numbers
         if key.startswith(start)
     ]
+    rows += [
+        ("parameter", "known" if name in item.known else "", name, value, number_unit(item, name))
+        for item in model.equations
+        for name, value in item.values.items()
+    ]
+    read = [name for equations in model.equations for name in equations.inputs]
     signals: list[tuple[Any, ...]] = []
     for item in model.inputs:
         channel = item.imposes and item.on[0] in model.channels
         what = ("", "channel") if channel else (" - ".join(item.on), item.imposes or "force")
+        what = ("equations", "") if item.name in read else what
         signals.append(("input", item.name, *what, model.unit_of(item)))
     for out in model.outputs:
         seen = " - ".join(out.of)
@@ -79,15 +100,31 @@ def mechanical_card(model: MechanicalData) -> Card:
         signals.append(("output", out.name, seen, out.quantity, model.unit_of(out)))
     columns = ("signal", "name", "at", "quantity", "unit")
     tables = [Table("", COLUMNS, tuple(rows)), Table("", columns, tuple(signals))]
+    laws = [] if not read and not own else [model.equations[0].law]
+    lines = tuple(laws[0].items()) if laws and not callable(laws[0]) else ()
+    tables += [Table("", ("equation of", "formula"), lines)] * bool(lines)
     if model.spin_frequency is not None:
         tables.append(Table("", (), (("spin [Hz]", model.spin_frequency),)))
     return Card(f"Mechanical model {model.name}".rstrip(), tuple(tables))
+
+
+def state_space(model: MechanicalData) -> control.StateSpace:
+    """Return the linear part; see :meth:`MechanicalModel.state_space`."""
+    if not any(item.states for item in model.equations):
+        return model.matrices.state_space()
+    bare, m = replace(model, effects=()), model.matrices
+    *matrices, states = linear_with_effects(bare, None)
+    return named_system(
+        tuple(matrices), 0, m.signals or (NO_INPUT,), m.outputs, (*m.states, *states)
+    )
 
 
 # The slopes of the effects at a state of rest, and what delays and gains do to signals.
 
 _PHASES = 16
 _PADE_ORDER = 2
+_STAYS = 1e-3
+"""Share of the forces that a displacement makes below which another one is none."""
 
 
 def linear_with_effects(
@@ -114,6 +151,7 @@ def linear_with_effects(
     states : list of str
         Names of the effects' states.
     """
+    model = about(model, operating_point)
     placed, ports, (G, H, (Qs, Qw, Vs, Vw)) = effect_ports(model)
     rest = _rest(model, placed, ports, operating_point)
     slopes = [[np.zeros((0, 0))] * 6]
@@ -122,9 +160,10 @@ def linear_with_effects(
     Fq, Fv, Fz, Dq, Dv, Dz = (np.array(block_diag(*parts)) for parts in zip(*slopes, strict=True))
     A, B, C, D = model.matrices.first_order()
     by_s, by_w = Fq @ Qs + Fv @ Vs, Fq @ Qw + Fv @ Vw
-    states = [
+    states = [name for item in model.equations for name in item.states]
+    states += [
         f"{effect.kind}_{i}_{k + 1}"
-        for i, effect in enumerate(placed, 1)
+        for i, effect in enumerate(placed[len(model.equations) :], 1)
         for k in range(effect.definition.states)
     ]
     return (
@@ -136,6 +175,16 @@ def linear_with_effects(
     )
 
 
+def about(model: Model, operating_point: Mapping[str, float] | None) -> Model:
+    """Return a model whose equations of motion have their linear part about this point."""
+    for item in model.equations:
+        known = {**item.coordinates, **item.states, **item.inputs}
+        inside = {key: x for key, x in (operating_point or {}).items() if key in known}
+        if inside:
+            return replace(model, equations=(replace(item, start={**item.start, **inside}),))
+    return model
+
+
 def _rest(
     model: MechanicalData,
     effects: Sequence[Effect],
@@ -145,10 +194,23 @@ def _rest(
     """Return the displacements of all coordinates at rest."""
     names = model.frame.coordinates
     q = np.zeros(len(names))
-    if operating_point is not None:
-        for name, value in operating_point.items():
-            one_of("operating_point", name, names, "Correct it.")
-            q[names.index(name)] = number(f"operating_point[{name!r}]", value)
+    if operating_point is not None or model.equations:
+        read = [name for item in model.equations for name in (*item.inputs, *item.states)]
+        for name, value in (operating_point or {}).items():
+            one_of("operating_point", name, (*names, *read), "Correct it.")
+            if name in names:
+                q[names.index(name)] = number(f"operating_point[{name!r}]", value)
+        for item in model.equations:
+            at = [names.index(name) for name in item.coordinates]
+            q[at] = [item.start.get(name, 0.0) for name in item.coordinates]
+            pull = slopes_at(item).f - ((model.matrices.K @ q)[at] - linear_part(item)[2] @ q[at])
+            for effect, here in zip(effects[1:], ports[1:], strict=True):
+                still = np.r_[here @ q, np.zeros(len(here) + effect.definition.states)]
+                pull = pull + (here.T @ _mean_law(model, effect)(still)[: len(here)])[at]
+            # what a radian, or the start itself, changes of the forces
+            slopes = np.abs(slopes_at(item).by[:, : item.n])
+            spread = slopes @ np.maximum(np.abs(q[at]), 1e-3)
+            _warn_of_motion(item, pull, spread)
         return q
     m, free = model.matrices, model.matrices.free
     for _ in range(50):
@@ -164,6 +226,19 @@ def _rest(
             break
         q[free] -= np.linalg.lstsq(slope[free][:, free], pull, rcond=1e-12)[0]
     return q if np.isfinite(q).all() else np.zeros(len(names))
+
+
+def _warn_of_motion(item: Equations, pull: Array, spread: Array) -> None:
+    """Say where the machine would not stay at its operating point."""
+    for name, force, size in zip(item.coordinates, pull, spread, strict=True):
+        if abs(force) > _STAYS * size:
+            unit = "N m" if item.coordinates[name] == "rad" else "N"
+            warnings.warn(
+                f"operating_point is no equilibrium: {force:.4g} {unit} act on {name!r} there. "
+                "Give inputs that hold it.",
+                RobustPolishWarning,
+                stacklevel=6,
+            )
 
 
 def _mean_law(model: MechanicalData, effect: Effect) -> Callable[[Array], Array]:
@@ -186,6 +261,8 @@ def _mean_law(model: MechanicalData, effect: Effect) -> Callable[[Array], Array]
 
 def _slopes(model: MechanicalData, effect: Effect, rest: Array, warn: bool = True) -> list[Array]:
     """Return the slopes Fq, Fv, Fz of the force and Dq, Dv, Dz of the internal rates."""
+    if isinstance(effect.definition, EquationKind):
+        return _slopes_of_equations(model.equations[0], effect.definition)
     n, law = rest.size, _mean_law(model, effect)
     point = np.concatenate([rest, np.zeros(n + effect.definition.states)])
     table = np.zeros((point.size - n, point.size))
@@ -206,6 +283,20 @@ def _slopes(model: MechanicalData, effect: Effect, rest: Array, warn: bool = Tru
     table[~np.isfinite(table)] = 0.0
     columns = (slice(0, n), slice(n, 2 * n), slice(2 * n, None))
     return [part[:, c] for part in (table[:n], table[n:]) for c in columns]
+
+
+def _slopes_of_equations(item: Equations, kind: EquationKind) -> list[Array]:
+    """Return the slopes of what equations of motion add to their linear part, at their start."""
+    here, (_, C, K, B) = slopes_at(item), linear_part(item)
+    n, nz = item.n, kind.states
+    Fq, Fv = np.zeros((kind.ports, kind.ports)), np.zeros((kind.ports, kind.ports))
+    Fz, Dq, Dv = np.zeros((kind.ports, nz)), np.zeros((nz, kind.ports)), np.zeros((nz, kind.ports))
+    read = slice(kind.places, kind.places + B.shape[1])
+    q, v, z, u = np.split(np.arange(here.by.shape[1]), [n, 2 * n, 2 * n + nz])
+    Fq[:n, :n], Fv[:n, :n], Fq[:n, read] = here.by[:, q] + K, here.by[:, v] + C, here.by[:, u] - B
+    Fz[:n], Dq[:, :n], Dq[:, read] = here.by[:, z], here.dz_by[:, q], here.dz_by[:, u]
+    Dv[:, :n] = here.dz_by[:, v]
+    return [Fq, Fv, Fz, Dq, Dv, here.dz_by[:, z]]
 
 
 def signal_gains(model: MechanicalData) -> Array:
@@ -365,6 +456,7 @@ def linearize(
     if not model.free:
         shown = described("a model whose whole motion is imposed")
         raise invalid("model", shown, "a free coordinate", "There is nothing to control.")
+    model = about(model, operating_point)
     m, names, nf = model.matrices, model.free, len(model.free)
     wanted = names if controls is None else tuple(controls)
     known = [*names, *m.signals]
@@ -405,6 +497,7 @@ def linearize(
         units |= {name: kind[DISPLACEMENT], f"d{name}": kind[VELOCITY]}
         if name in pushes:
             units[f"u_{name}"] = kind["force" if actuation == "force" else VELOCITY]
+    units |= {name: unit for item in model.equations for name, unit in item.states.items()}
     outputs = {o.name: model.unit_of(o) for o in model.outputs} if measured == "outputs" else units
     units |= {f"measured_{name}": outputs[name] for name in seen if name in outputs}
     units |= {i.name: model.unit_of(i) for i in model.inputs if i.name not in units}
@@ -442,6 +535,8 @@ def uncertain_model(model: MechanicalData, ranges: Mapping[str, Any]) -> Uncerta
     if not isinstance(ranges, Mapping):
         remedy = 'Write {"spring[0].stiffness": 0.1} for 10 %.'
         raise invalid("ranges", ranges, "a mapping of keys to ranges", remedy)
+    if model.equations:
+        return _uncertain_equations(model, ranges)
     numbers = {key: value for key, value in ranges.items() if isinstance(value, UncertainSystem)}
     known = {key: _uncertain_value(model, key) for key in (*numbers, *ranges)}
     for key, value in numbers.items():
@@ -500,6 +595,58 @@ def uncertain_model(model: MechanicalData, ranges: Mapping[str, Any]) -> Uncerta
             change = (value - value.matrices.J).matrices
             whole = close_block(whole, names.index(_STAND_IN + key), change)
     return UncertainSystem(lft.reduce_copies(whole))
+
+
+def _uncertain_equations(model: MechanicalData, ranges: Mapping[str, Any]) -> UncertainSystem:
+    """Return the linear part of a model with equations whose parameters are uncertain."""
+    item, m = model.equations[0], model.matrices
+    base: dict[str, Any] = {**item.values}
+    if model.imposed:
+        shown, want = described("equations beside an imposed motion"), "inputs of the equations"
+        raise invalid("ranges", shown, want, "Let the equations read the motion.")
+    for key, given in ranges.items():
+        keys = [f"parameter.{name}" for name in base]
+        if key not in keys:
+            remedy = closest_name_remedy(key, keys)
+            raise invalid("ranges", key, f"one of {', '.join(keys)}", remedy)
+        name = key.partition(".")[2]
+        number = given
+        if not isinstance(given, UncertainSystem):
+            told = _element(key, base[name], given)
+            number = uncertain_real(key, base[name], range=(told.low, told.high))
+        base[name] = number
+    here, n, nz, free = slopes_at(item, base), item.n, len(item.states), len(m.free)
+    bare = copy(model)  # all that is certain
+    vars(bare).update(equations=())
+    vars(bare).pop("matrices", None)
+    rest, width = bare.matrices, 2 * free + nz
+    at = [m.coordinates.index(name) for name in item.coordinates]
+    read = [width + m.force_inputs.index(name) for name in item.inputs]
+    gains = [source.gain for name in item.inputs for source in model.inputs if source.name == name]
+    M = rest.M.astype(object)
+    rates = np.zeros((free + nz, width + m.B.shape[1]), dtype=object)
+    rates[:free, : 2 * free], rates[:free, width:] = -np.hstack([rest.K, rest.C]), rest.B
+    rates[:free, read] = 0.0
+    columns = [*at, *(free + i for i in at), *range(2 * free, width), *read]
+    factors = [1.0] * (2 * n + nz) + gains
+    for row, by in zip((*at, *range(free, free + nz)), (*here.by, *here.dz_by), strict=True):
+        for column, factor, slope in zip(columns, factors, by, strict=True):
+            rates[row, column] = plus(rates[row, column], times(factor, slope))
+    for i, j in itertools.product(range(n), range(n)):
+        M[at[i], at[j]] = plus(M[at[i], at[j]], here.M[i, j])
+    known = np.array([[float(np.squeeze(getattr(x, "nominal", x))) for x in row] for row in M])
+    inverse = feedback(np.linalg.inv(known), as_uncertain("M", M.tolist()) - known)
+    a = inverse * as_uncertain("rates", rates[:free].tolist())
+    below = as_uncertain("rates", rates[free:].tolist()) if nz else 0.0
+    seen = np.hstack([m.Sq, m.Sv, np.zeros((len(m.Sq), rates.shape[1] - 2 * free))])
+    still = np.vstack([np.eye(2 * free, rates.shape[1])[free:], np.zeros_like(rates, float), seen])
+    places = np.eye(len(still))
+    into = places[:, free : 2 * free].copy()  # accelerations are rates, and are measured
+    into[width:] += m.Sa
+    whole = still + into * a
+    if nz:
+        whole = whole + places[:, 2 * free : width] * below
+    return with_states(whole, (*m.states, *item.states), 0, m.signals, m.outputs)
 
 
 def _uncertain_value(model: MechanicalData, key: str) -> float:

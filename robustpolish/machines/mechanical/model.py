@@ -25,6 +25,7 @@ from robustpolish.machines.mechanical.linear import (
     frequency_response,
     linearize,
     mechanical_card,
+    state_space,
     uncertain_model,
 )
 from robustpolish.machines.mechanical.parts import DISPLACEMENT, Dof, Input
@@ -63,6 +64,9 @@ class MechanicalModel(MechanicalData, Displayed):
         read by :func:`robustpolish.read_design_task`.
     ratios : sequence of Ratio, optional
         Pulleys, screws, gears and levers between two coordinates.
+    equations : sequence of Equations, optional
+        Equations of motion of your own, at most one set; its coordinates and inputs need not be
+        declared again.
 
     Raises
     ------
@@ -100,7 +104,8 @@ class MechanicalModel(MechanicalData, Displayed):
     def state_space(self) -> control.StateSpace:
         """Return the linear part, without effects, from the inputs to the outputs.
 
-        States are the free displacements, then their velocities (``x``, ``x_dot``). An
+        States are the free displacements, then their velocities (``x``, ``x_dot``), then those of
+        equations of motion, which are linear about their start. An
         imposed motion has an input for its displacement, ``name``, one for its velocity,
         ``name_dot``, and one for its acceleration, ``name_ddot``, if an output needs it.
 
@@ -108,7 +113,7 @@ class MechanicalModel(MechanicalData, Displayed):
         -------
         control.StateSpace
         """
-        return self.matrices.state_space()
+        return state_space(self)
 
     def linearize(
         self,
@@ -352,7 +357,7 @@ class MechanicalModel(MechanicalData, Displayed):
         """Every number of the model by its key, such as ``"spring[0].stiffness"``.
 
         Keys are ``dof.NAME.mass`` (or ``.inertia``), ``ratio[i].value``,
-        ``coupled_inertia[i].value``, ``spring[i].stiffness``,
+        ``parameter.NAME`` (of equations), ``coupled_inertia[i].value``, ``spring[i].stiffness``,
         ``damper[i].damping``, ``input.NAME.gain`` and ``effect[i].PARAMETER``.
         """
         return values(self)
@@ -420,6 +425,9 @@ class MechanicalModel(MechanicalData, Displayed):
         Parameters
         ----------
         source : path or str
+            Or the name of a ready machine: cart_and_pendulum, rotary_pendulum, double_pendulum,
+            ball_and_beam, dc_motor, magnetic_levitation, two_link_arm, quarter_car,
+            pneumatic_cylinder.
         max_bytes : float, optional
             Largest size of the file in bytes, 1e7 by default.
 

@@ -19,6 +19,7 @@ from robustpolish.base.arrays import Matrix
 from robustpolish.base.checks import Key, described, instance_of, invalid, misfit, one_of, positive
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import GROUND
+from robustpolish.machines.mechanical.equations import Equations, linear_part
 
 DISPLACEMENT = "displacement"
 VELOCITY = "velocity"
@@ -486,6 +487,7 @@ _KINDS: Mapping[str, type] = {
     "effects": Effect,
     "coupled_inertias": CoupledInertia,
     "ratios": Ratio,
+    "equations": Equations,
 }
 _Joined = dict[frozenset[str], bool]
 """Pairs with a ratio, and whether it is rigid."""
@@ -517,6 +519,7 @@ def checked_fields(given: Mapping[str, Any]) -> dict[str, Any]:
         for item in found[name]:
             if not isinstance(item, kind):
                 raise invalid(name, item, f"a {kind.__name__}", f"Use {kind.__name__}(...).")
+    _add_what_equations_move(found)
     dofs = {dof.name: dof for dof in found["dofs"]}
     signals = {key: [item.name for item in found[f"{key}s"]] for key in ("input", "output")}
     _check_names([dof.name for dof in found["dofs"]], signals["input"], signals["output"])
@@ -534,12 +537,39 @@ def checked_fields(given: Mapping[str, Any]) -> dict[str, Any]:
     moved = imposed_by(found["inputs"])
     connections = (*found["springs"], *found["dampers"])
     found["frame"] = frame_of(found["dofs"], found["ratios"], connections, moved)
-    check_inertias(found["dofs"], found["coupled_inertias"], found["frame"], moved)
+    check_inertias(
+        found["dofs"], found["coupled_inertias"], found["frame"], moved, found["equations"]
+    )
     found["outputs"] = tuple(_output(item, dofs, joined, moved) for item in found["outputs"])
     for i, effect in enumerate(found["effects"]):
         _check_place(("effect", i, "at"), effect, dofs, joined, signals, moved)
     design = instance_of("design", given["design"], Mapping, "a mapping", "Write {key: value}.")
     return {**found, "design": dict(design)}
+
+
+def _add_what_equations_move(found: dict[str, Any]) -> None:
+    """Add the coordinates and inputs that equations have and nobody else declared."""
+    if len(found["equations"]) > 1:
+        shown = described(f"{len(found['equations'])} sets of equations")
+        raise invalid("equations", shown, "one", "Put them together: they may share coordinates.")
+    for item in found["equations"]:
+        dofs = {dof.name: dof for dof in found["dofs"]}
+        inputs = {given.name: given for given in found["inputs"]}
+        for name, unit in item.coordinates.items():
+            dof = dofs.get(name) or Dof(name, 0.0, rotational=unit == "rad")
+            if dof.rotational != (unit == "rad"):
+                has = "an inertia" if dof.rotational else "a mass"
+                shown = described(f"{name!r} in {unit} with {has}")
+                raise invalid(("equation", name), shown, "one kind of motion", "Correct one.")
+            found["dofs"] += (dof,) * (name not in dofs)
+        for name, unit in item.inputs.items():
+            given = inputs.get(name) or Input(
+                name, (next(iter(item.coordinates)), GROUND), unit=unit
+            )
+            if given.imposes:
+                shown, want = described(f"{name!r}, which imposes a motion"), "an input by a name"
+                raise invalid(("input", name), shown, f"{want} of its own", "Rename it.")
+            found["inputs"] += (given,) * (name not in inputs)
 
 
 def _check_names(dofs: Sequence[str], inputs: Sequence[str], outputs: Sequence[str]) -> None:
@@ -624,6 +654,7 @@ def check_inertias(
     coupled: Sequence[CoupledInertia],
     frame: Frame,
     moved: Collection[str],
+    equations: Sequence[Equations] = (),
 ) -> None:
     """Refuse a mass matrix of the free coordinates with which some motion has no energy.
 
@@ -634,7 +665,25 @@ def check_inertias(
     frame : Frame
     moved : collection of str
         Names of the coordinates whose motion is imposed.
+    equations : sequence of Equations, optional
+        Which add inertias of their own.
     """
+    for item in equations:
+        names = [*item.coordinates]
+        wrong = [x for x in names if x in moved or x not in frame.coordinates]
+        if wrong:
+            shown = described(f"an equation of {wrong[0]!r}, which an input or a ratio moves")
+            remedy = "Leave out the input or the ratio, or the equation."
+            raise invalid(("equation", wrong[0]), shown, "a free coordinate", remedy)
+        here = [frame.coordinates.index(name) for name in names]
+        M = mass_matrix(dofs, (), frame)[here][:, here] + linear_part(item)[0]
+        size = np.sqrt(np.maximum(np.diag(M), 0.0))
+        if np.all(size > 0) and np.linalg.eigvalsh(M / np.outer(size, size))[0] > _NO_ENERGY:
+            moved = {*moved, *names}
+            continue
+        shown = described(f"the singular mass matrix {M.tolist()} of {', '.join(names)}")
+        want = "a positive one at the start: every motion needs a kinetic energy"
+        raise invalid(("equation", names[0]), shown, want, "Check signs of the accelerations.")
     heavy = {frame.multiples[dof.name][0] for dof in dofs if dof.mass}
     for dof in dofs:
         if dof.mass == 0 and frame.multiples[dof.name][0] not in {*heavy, *moved}:
@@ -750,8 +799,10 @@ def _check_place(
     moved: Collection[str],
 ) -> None:
     kind = effect.definition
-    known = signals.get(kind.domain, [*dofs, GROUND])
-    for name in effect.at:
+    ends = [signals.get(kind.domain, [*dofs, GROUND])] * len(effect.at)
+    if kind.domain == "path":
+        ends = [signals["input"], signals["output"]]
+    for name, known in zip(effect.at, ends, strict=True):
         if name not in known:
             listed = ", ".join(known) or f"the {kind.domain}s, of which there are none"
             raise invalid(argument, name, f"one of {listed}", f"{kind.title} acts there.")

@@ -23,6 +23,7 @@ from robustpolish.machines.effects.formula_language import OWN_KEYS
 from robustpolish.machines.effects.kind import GROUND
 from robustpolish.machines.effects.user_defined import own_kind, own_table
 from robustpolish.machines.mechanical.data import MechanicalData
+from robustpolish.machines.mechanical.equations import Equations
 from robustpolish.machines.mechanical.parts import (
     CONNECTIONS,
     DISPLACEMENT,
@@ -93,17 +94,22 @@ def line_of(text: str, key: Key) -> int | None:
 
 Table = Mapping[str, Any]
 
+_READY = Path(__file__).parents[1] / "ready"
 _FILE = FileSpec(
     "model", "a TOML file with a mechanical model", "Check the path and the file.", 10_000_000
 )
 
 _TOP = (
     "name", "spin_frequency", "dof", *CONNECTIONS, "input", "output", "effect", "design", "weights",
+    "equation", "parameter", "start",
 )  # fmt: skip
 
 
 def read_model(source: str | Path, max_bytes: float | None = None) -> MechanicalData:
-    """Read a model from a file, or from TOML text if `source` has a line break."""
+    """Read a model from a file, from TOML text if `source` has a line break, or by its name."""
+    ready = _READY / f"{source}.toml"
+    if isinstance(source, str) and source.isidentifier() and ready.is_file():
+        source = ready
     with toml_with_line_numbers(source, max_bytes) as table:
         return _model(table)
 
@@ -147,12 +153,14 @@ def toml_with_line_numbers(source: str | Path, max_bytes: float | None = None) -
 
 
 def _model(table: Table) -> MechanicalData:
-    known_keys((), table, _TOP, required=("dof", "output"))
-    dofs = [_dof(name, item) for name, item in _table(("dof",), table["dof"]).items()]
+    needed = () if "equation" in table else ("dof",)
+    known_keys((), table, _TOP, required=(*needed, "output"))
+    dofs = [_dof(name, item) for name, item in _table(("dof",), table.get("dof", {})).items()]
     return MechanicalData(
         dofs=tuple(dofs),
+        equations=_equations(table),
         **{f"{what}s": _list(table, what, _connection) for what in CONNECTIONS},
-        inputs=_list(table, "input", lambda where, item: _input(where, item, dofs)),
+        inputs=_list(table, "input", lambda where, item: _input(where, item, dofs, table)),
         outputs=_list(table, "output", _output),
         effects=_list(table, "effect", _effect),
         spin_frequency=table.get("spin_frequency"),
@@ -212,6 +220,49 @@ def _dof(name: str, item: Any) -> Dof:
     return Dof(name, item[given[0]], given[0] == "inertia", item.get("axis", ""))
 
 
+def _equations(table: Table) -> tuple[Equations, ...]:
+    """Return the equations of motion of a file."""
+    given: dict[str, dict[str, Any]] = {"coordinates": {}, "states": {}, "law": {}, "inputs": {}}
+    for i, item in enumerate(_list(table, "equation", lambda _, item: item)):
+        where = ("equation", i)
+        known_keys(where, item, ("of", "unit", "formula"), ("of", "unit", "formula"))
+        name, text = item["of"], instance_of((*where, "formula"), item["formula"], str, "text", "")
+        if name in given["law"]:
+            raise invalid((*where, "of"), name, "one equation of each", "Put the two together.")
+        second = re.search(rf"\b{re.escape(str(name))}_ddot\b", text) or name in table.get(
+            "dof", {}
+        )
+        given["coordinates" if second else "states"][name] = item["unit"]
+        given["law"][name] = text
+    numbers = _table(("parameter",), table.get("parameter", {}))
+    start = _table(("start",), table.get("start", {}))
+    if not given["law"]:
+        for key in ("parameter", "start"):
+            if key in table:
+                shown = described(f"[{key}] without an [[equation]]")
+                raise invalid(key, shown, "equations that have it", "Add one, or remove it.")
+        return ()
+    for i, item in enumerate(table.get("input", ())):
+        if isinstance(item, dict) and not {"force_on", "torque_on", "motion_of"} & {*item}:
+            known_keys(("input", i), item, ("name", "unit", "gain"), ("name", "unit"))
+            given["inputs"][item["name"]] = item["unit"]
+    parameters, known = {}, []
+    for name, item in numbers.items():
+        where = ("parameter", name)
+        known_keys(where, _table(where, item), ("value", "unit", "known"), ("value", "unit"))
+        parameters[name] = (item["value"], item["unit"])
+        known += [name] * bool(item.get("known"))
+    try:
+        return (Equations(parameters=parameters, start=start, known=tuple(known), **given),)
+    except InvalidInputError as error:  # keys of a file
+        what, *name = error.key or ("law",)
+        rows = [item["of"] for item in table["equation"]]
+        if what in ("law", "coordinates", "states") and name and name[0] in rows:
+            raise InvalidInputError(str(error), ("equation", rows.index(name[0]))) from None
+        where = {"parameters": "parameter", "inputs": "input"}.get(str(what), str(what))
+        raise InvalidInputError(str(error), (where, *name)) from None
+
+
 def _connection(where: Key, item: Table) -> Any:
     kind, name, _ = CONNECTIONS[str(where[0])]
     if kind is Ratio and "lead" in item:  # of a screw, in m per turn
@@ -221,8 +272,11 @@ def _connection(where: Key, item: Table) -> Any:
     return kind(item["between"], item[name])
 
 
-def _input(where: Key, item: Table, dofs: list[Dof]) -> Input:
+def _input(where: Key, item: Table, dofs: list[Dof], table: Table) -> Input:
     places = ("force_on", "torque_on", "motion_of")
+    if not {*places} & {*item} and table.get("equation"):  # which equations read
+        first = table["equation"][0].get("of")
+        return Input(item["name"], (first, GROUND), None, item.get("gain", 1.0), item.get("unit"))
     known_keys(where, item, ("name", *places, "gain", "quantity", "unit"), ("name",))
     given = [key for key in places if key in item]
     if len(given) != 1:
@@ -293,7 +347,12 @@ def write_model(model: MechanicalData, path: str | Path | None = None) -> str:
         lines.append(f"name = {_value(model.name)}")
     if model.spin_frequency is not None:
         lines.append(f"spin_frequency = {_value(model.spin_frequency)}  # Hz")
+    for item in model.equations:
+        lines += _equation_lines(item)
+    own = {name for item in model.equations for name in item.coordinates}
     for dof in model.dofs:
+        if dof.name in own and not dof.mass:
+            continue
         lines += ["", f"[dof.{_key(dof.name)}]"]
         lines.append(f"{dof.key[-1]} = {_value(dof.mass)}  # {dof.unit}")
         lines += [f"axis = {_value(dof.axis)}"] * bool(dof.axis)
@@ -315,7 +374,27 @@ def write_model(model: MechanicalData, path: str | Path | None = None) -> str:
     return text
 
 
+def _equation_lines(item: Equations) -> list[str]:
+    if callable(item.law):
+        shown = described("equations of motion that are a Python function")
+        remedy = "Write them as formulas, or keep the script that makes the model."
+        raise invalid("equations", shown, "formulas", remedy)
+    lines: list[str] = []
+    for name, text in item.law.items():
+        unit = {**item.coordinates, **item.states}[name]
+        lines += _entry("equation", {"of": name, "unit": unit, "formula": text})
+    known = {True: {"known": True}, False: {}}
+    numbers = {
+        name: {"value": value, "unit": unit, **known[name in item.known]}
+        for name, (value, unit) in item.parameters.items()
+    }
+    return lines + _section("parameter", numbers) + _section("start", item.start)
+
+
 def _input_table(model: MechanicalData, item: Input) -> dict[str, Any]:
+    if any(item.name in equations.inputs for equations in model.equations):
+        table = {"name": item.name, "unit": item.unit, "gain": item.gain}
+        return {k: v for k, v in table.items() if (k, v) != ("gain", 1.0)}
     force = "torque_on" if model.is_rotational(item.on) else "force_on"
     table = {
         "name": item.name,

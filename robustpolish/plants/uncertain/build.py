@@ -208,19 +208,40 @@ def uncertain_system(
             raise invalid(name, shown, f"shape {wanted[name]}", "Check its rows and columns.")
         if not part.is_static:
             raise misfit(name, "dynamic entries", "numbers", "Join systems with feedback or lft.")
-    whole = _table([[parts["A"], parts["B"]], [parts["C"], parts["D"]]]).matrices
-    F = np.block([[whole.J[:n, :n], whole.H[:n]], [whole.G[:, :n], whole.F]])
-    G, H = np.vstack([whole.J[:n, n:], whole.G[:, n:]]), np.hstack([whole.J[n:, :n], whole.H[n:]])
+    whole = _table([[parts["A"], parts["B"]], [parts["C"], parts["D"]]])
     names = tuple(states) if states is not None else tuple(f"x[{i}]" for i in range(n))
     if len(names) != n:
         raise invalid("states", states, f"{n} names", "Name each state.")
-    system = replace(whole, F=F, G=G, H=H, J=whole.J[n:, n:], states=names, dt=dt)
     for argument, given, count in (("inputs", inputs, nu), ("outputs", outputs, ny)):
         if given is not None and len(given) != count:
             raise invalid(argument, given, f"{count} names", "Name each signal.")
-    return UncertainSystem(
-        algebra.reduce_copies(system).names(tuple(inputs or ()), tuple(outputs or ()))
-    )
+    return with_states(whole, names, dt, tuple(inputs or ()), tuple(outputs or ()))
+
+
+def with_states(
+    whole: UncertainSystem,
+    states: tuple[str, ...],
+    dt: float | bool = 0,
+    inputs: tuple[str, ...] = (),
+    outputs: tuple[str, ...] = (),
+) -> UncertainSystem:
+    """Return the system of an uncertain matrix [A, B; C, D].
+
+    Parameters
+    ----------
+    whole : UncertainSystem
+        Static.
+    states : tuple of str
+        Names of its first rows and columns.
+    dt : float or True, optional
+    inputs, outputs : tuple of str, optional
+        Names of the others.
+    """
+    n, m = len(states), whole.matrices
+    F = np.block([[m.J[:n, :n], m.H[:n]], [m.G[:, :n], m.F]])
+    G, H = np.vstack([m.J[:n, n:], m.G[:, n:]]), np.hstack([m.J[n:, :n], m.H[n:]])
+    system = replace(m, F=F, G=G, H=H, J=m.J[n:, n:], states=states, dt=dt)
+    return UncertainSystem(algebra.reduce_copies(system).names(inputs, outputs))
 
 
 def _column(B: Any) -> Any:

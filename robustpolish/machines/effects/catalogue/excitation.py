@@ -23,6 +23,40 @@ def _harmonic_force_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
     f[0] = p[0] * np.cos(2.0 * np.pi * p[1] * t + p[2])
 
 
+# A force of magnets and slots, teeth or a screw, which repeats along the way.
+
+
+def _cogging_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+    f[0] = p[0] * np.cos(2.0 * np.pi * q[0] / p[1] + p[2])
+
+
+def _cogging_period_fit_bounds(values: kind.Values) -> tuple[float, float]:
+    return 0.9 * values["period"], 1.1 * values["period"]
+
+
+def _cogging_gains(values: kind.Values, q: float, v: float) -> kind.Steepness:
+    wave = 2.0 * np.pi / max(values["period"], 1e-300)
+    return abs(values["force"]) * wave, 0.0, wave * v
+
+
+# A mode beside those of the model, which an input drives and a sensor sees.
+
+
+def _parallel_mode_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+    w = 2.0 * np.pi * p[1]
+    dz[0] = z[1]
+    dz[1] = p[0] * q[0] - 2.0 * p[2] * w * z[1] - w * w * z[0]
+    f[0] = z[0] if p[3] == 0.0 else z[1] if p[3] == 1.0 else dz[1]
+
+
+def _parallel_mode_state_sizes(values: kind.Values, q: float, v: float) -> tuple[float, ...]:
+    return q, 2.0 * np.pi * values["frequency"] * q
+
+
+def _parallel_mode_gains(values: kind.Values, q: float, v: float) -> kind.Steepness:
+    return 0.0, 0.0, 20.0 * np.pi * values["frequency"]  # lightly damped: steps show at once
+
+
 # A mass beside the axis of rotation, at the known spin frequency.
 
 

@@ -22,6 +22,27 @@ def _coulomb_friction_gains(values: Values, q: float, v: float) -> Steepness:
     return 0.0, values["force"] / values["width"] if values["width"] > 0 else 0.0, 0.0
 
 
+# A linear spring where the model has none.
+
+
+def _guide_spring_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+    f[0] = -p[0] * q[0]
+
+
+# Dry friction in a guide that is tighter at one end.
+
+
+def _position_dependent_friction_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
+    size = max(p[0] + p[1] * q[0], 0.0)
+    width = max(p[2], size * p[3])
+    f[0] = -size * (np.tanh(v[0] / width) if width > 0.0 else np.sign(v[0]))
+
+
+def _position_dependent_friction_gains(values: Values, q: float, v: float) -> Steepness:
+    size = abs(values["force"]) + abs(values["slope"]) * q
+    return abs(values["slope"]), size / values["width"] if values["width"] > 0 else 0.0, 0.0
+
+
 # Dry friction that is larger at low speed.
 
 

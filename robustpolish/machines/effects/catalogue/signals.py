@@ -57,6 +57,13 @@ def _input_lag_timing(values: kind.Values) -> kind.Timing:
     return kind.Timing(lag=values["lag"])
 
 
+# A sensor that warms up.
+
+
+def _sensor_drift_on_signal(y: Array, time: Array, values: kind.Values) -> Array:
+    return y + values["drift"] * (1 - np.exp(-np.maximum(time, 0.0) / max(values["time"], 1e-9)))
+
+
 # A measured input that acts with another size than it says.
 
 
