@@ -21,7 +21,7 @@ from robustpolish.base.checks import closest_name_remedy, described, invalid, mi
 from robustpolish.base.results import Card, Table
 from robustpolish.errors import RobustPolishWarning
 from robustpolish.linear.arithmetic.dual_numbers import plus, times
-from robustpolish.linear.systems import resolvent_response
+from robustpolish.linear.systems import named_system, resolvent_response
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import SignalSlope
 from robustpolish.machines.mechanical.data import (
@@ -48,7 +48,6 @@ from robustpolish.machines.mechanical.parts import (
     VELOCITY,
     number,
 )
-from robustpolish.plants.blocks import named_system
 from robustpolish.plants.linearization import difference
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain import lft
