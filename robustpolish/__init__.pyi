@@ -119,9 +119,6 @@ from .machines.mechanical.model import (
     MechanicalModel as MechanicalModel,
 )
 from .machines.mechanical.parts import (
-    CoupledInertia as CoupledInertia,
-)
-from .machines.mechanical.parts import (
     Damper as Damper,
 )
 from .machines.mechanical.parts import (
@@ -245,7 +242,6 @@ from .synthesis.uncertain.robust_output_feedback import (
 __version__: str
 
 __all__ = [
-    "CoupledInertia",
     "Damper",
     "Disk",
     "Dof",

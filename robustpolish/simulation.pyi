@@ -25,6 +25,12 @@ from .linear.systems import (
 from .linear.systems import (
     DelayLine as DelayLine,
 )
+from .machines.mechanical.feedback import (
+    Feedback as Feedback,
+)
+from .machines.mechanical.feedback import (
+    FeedbackTerm as FeedbackTerm,
+)
 from .machines.simulation import (
     NonlinearResponse as NonlinearResponse,
 )
@@ -38,6 +44,8 @@ from .polishing.monte_carlo import (
 __all__ = [
     "DelayLine",
     "DelayedSystem",
+    "Feedback",
+    "FeedbackTerm",
     "NonlinearResponse",
     "Response",
     "RobustnessCheck",

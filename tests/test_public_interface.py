@@ -195,7 +195,7 @@ def test_every_result_draws_itself(name):
         rp.Dof("x", 2.0),
         rp.Spring(("x", "ground"), 3000.0),
         rp.Damper(("x", "y"), 3.0),
-        rp.CoupledInertia(("x", "y"), 0.1),
+        rp.machines.CoupledInertia(("x", "y"), 0.1),
         rp.Ratio(("x", "phi"), 0.02),
         rp.Input("F", ("x", "ground")),
         rp.Output("x", ("x", "ground")),

@@ -12,11 +12,11 @@ import xarray as xr
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from robustpolish.base.arrays import Matrix, Vector
-from robustpolish.base.checks import described, invalid, misfit, whole_number
+from robustpolish.base.checks import invalid
 from robustpolish.base.results import Card, Displayed, quantities
 from robustpolish.base.sampling import share_at_least
 from robustpolish.base.sweep import sweep
+from robustpolish.closed_loop.machine_loops import draw, uncertain_numbers
 from robustpolish.closed_loop.sampled_loops import LoopTrial, PlantOf, SampledModel, column
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plots.charts import plot_distribution
@@ -178,71 +178,6 @@ class RobustnessCheck(Displayed):
         return Card("Robustness over the fit's errors", (table,), (left,) if self.left_out else ())
 
 
-# Parameter samples from the covariance of a fit.
-
-# Beyond this share of draws of the wrong sign the truncated distribution is not that of the fit.
-_MOST_REDRAWN = 0.5
-
-
-def draw(
-    model: MechanicalModel, keys: tuple[str, ...], covariance: Matrix, samples: int, seed: int
-) -> tuple[tuple[str, ...], Matrix, Vector, tuple[str, ...]]:
-    """Draw numbers of a model.
-
-    A draw in which a mass, a stiffness or a damping changes its sign is no machine of this kind and
-    is drawn again.
-
-    Parameters
-    ----------
-    model : MechanicalModel
-    keys : tuple of str
-        Of the uncertain numbers.
-    covariance : ndarray, shape (keys, keys)
-        Infinite or NaN on the diagonal where nothing is known.
-    samples, seed : int
-
-    Returns
-    -------
-    keys : tuple of str
-    values : ndarray, shape (samples, keys)
-    nominal : ndarray, shape (keys,)
-    left_out : tuple of str
-        Keys whose error is not known; they keep their value.
-    """
-    whole_number("samples", samples, 1, remedy="Ask for 200 machines.")
-    variances = np.diag(covariance)
-    if np.any(variances < 0):
-        raise misfit("standard_errors", "a negative variance", "errors of at least 0", "Check it.")
-    known = np.isfinite(variances)
-    used, left_out = (
-        tuple(key for key, here in zip(keys, known == kind, strict=True) if here)
-        for kind in (True, False)
-    )
-    if not used:
-        shown = described("no number with a known error")
-        remedy = "Pass standard_errors, or fit to data that determines the numbers."
-        raise invalid("learned", shown, "a fit with standard errors", remedy)
-    nominal = np.array([model.parameters[key] for key in used])
-    # A square root of the covariance of numbers of very different size.
-    size = np.sqrt(variances[known])
-    safe = np.where(size > 0, size, 1.0)
-    eigen, vectors = np.linalg.eigh(covariance[known][:, known] / np.outer(safe, safe))
-    root = safe[:, None] * vectors * np.sqrt(np.maximum(eigen, 0.0))
-    sign = np.array([0.0 if key.startswith(("effect", "input")) else 1.0 for key in used])
-    sign *= np.sign(nominal)
-    rng = np.random.default_rng(seed)
-    values = nominal + rng.standard_normal((samples, len(used))) @ root.T
-    again = np.flatnonzero(np.any(values * sign < 0, axis=1))
-    if again.size <= _MOST_REDRAWN * samples:
-        while again.size:
-            values[again] = nominal + rng.standard_normal((again.size, len(used))) @ root.T
-            again = again[np.any(values[again] * sign < 0, axis=1)]
-        return used, values, nominal, left_out
-    worst = used[int(np.argmax(np.linalg.norm(root, axis=1) / np.maximum(abs(nominal), 1e-300)))]
-    shown, want = f"an error of {worst} as large as its value", "smaller errors"
-    raise misfit("standard_errors", shown, want, "Hold the number fixed, or measure it better.")
-
-
 class FittedModel(Protocol):
     """A model that was fitted to data, such as a diagnosis or a refit."""
 
@@ -325,7 +260,7 @@ def check_robustness(
     (1.0, True)
     """
     checked_design("design", design)
-    model, uncertain, covariance = _source(learned, standard_errors)
+    model, uncertain, covariance = uncertain_numbers(learned, standard_errors)
     keys, values, nominal, left_out = draw(model, uncertain, covariance, samples, seed)
     machine = SampledModel(model, plant_of)
     trial = LoopTrial(design.plant, design.controller, design.norm, keys, machine)
@@ -336,26 +271,3 @@ def check_robustness(
     unit = design.gain_unit if design.norm == "hinf" else ""
     achieved, norms = design.certificate.achieved, found["norm"].values
     return RobustnessCheck(design.norm, achieved, norms, keys, values, nominal, left_out, unit)
-
-
-def _source(
-    learned: Any, standard_errors: Mapping[str, float] | None
-) -> tuple[MechanicalModel, tuple[str, ...], NDArray[np.float64]]:
-    """Return the model, the keys of its uncertain numbers, and their covariance."""
-    model = learned if isinstance(learned, MechanicalModel) else getattr(learned, "model", None)
-    if not isinstance(model, MechanicalModel):
-        shown = described(type(learned).__name__)
-        raise invalid("learned", shown, "a diagnosis, a refit or a model", "Pass one of these.")
-    if standard_errors is not None:
-        for key in standard_errors:
-            if key not in model.parameters:
-                want = "a key of model.parameters"
-                raise invalid("standard_errors", key, want, "Check its spelling.")
-        errors = np.array([float(error) for error in standard_errors.values()])
-        return model, tuple(standard_errors), np.diag(errors**2)
-    covariance = getattr(learned, "covariance", None)
-    if covariance is None:
-        want = "errors for a model without a fit"
-        raise invalid("standard_errors", None, want, "Pass a mapping by key.")
-    keys = tuple(str(key) for key in covariance[covariance.dims[0]].values)
-    return model, keys, np.asarray(covariance.values, dtype=float)

@@ -5,60 +5,103 @@ from __future__ import annotations
 import functools
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
 
 import control
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from robustpolish.base.arrays import SAME
-from robustpolish.base.checks import instance_of, invalid, one_of
+from robustpolish.base.checks import instance_of, invalid, misfit, one_of
 from robustpolish.base.results import Card, Displayed, Table, bears_prefix, prefix_power, prefixed
 from robustpolish.base.sweep import sweep
+from robustpolish.closed_loop.machine_loops import (
+    Controller,
+    draw,
+    in_loop,
+    simulate_machine,
+    uncertain_numbers,
+)
 from robustpolish.implementation.run import disturbance_columns
 from robustpolish.implementation.sampled_design import SampledDesign
 from robustpolish.linear.response import linear_response
 from robustpolish.linear.systems import as_state_space, is_system
+from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plots.time import plot_time_series
 from robustpolish.synthesis.design import Design, checked_design
+
+if TYPE_CHECKING:
+    from robustpolish.identification.fit.result import Refit
 
 # Simulation of one loop.
 
 
 def simulate(
-    design: Design | SampledDesign | GeneralizedPlant | control.StateSpace, disturbance: xr.Dataset
+    design: Design | SampledDesign | GeneralizedPlant | control.StateSpace | MechanicalModel,
+    disturbance: xr.Dataset | Controller = None,
+    load: xr.Dataset | None = None,
+    reference: xr.Dataset | None = None,
+    *,
+    initial_state: ArrayLike | None = None,
+    fit: Refit | None = None,
+    samples: int = 50,
+    seed: int = 0,
 ) -> xr.Dataset:
-    """Simulate a closed or open loop under a disturbance, exactly for first-order hold.
+    """Simulate a loop: a linear one under a disturbance, or a machine with its controller.
+
+    ``simulate(design, disturbance)`` is exact for first-order hold.
+    ``simulate(machine, controller, load, reference)`` runs a mechanical model with all its effects,
+    and the sampled controller with its delay, hold, converters and limits.
 
     Parameters
     ----------
-    design : Design, SampledDesign, GeneralizedPlant or control.StateSpace
+    design : Design, SampledDesign, GeneralizedPlant, control.StateSpace or MechanicalModel
         A design gives its closed loop with the control effort; a sampled design what its method
         :meth:`~robustpolish.results.SampledDesign.simulate` gives, on a finer grid and within the
         limits
         that its plant knows; a plant its open loop, u = 0; a system of any kind is simulated as it
         is.
-    disturbance : xarray.Dataset, pandas.DataFrame or mapping of arrays
+    disturbance : xarray.Dataset, pandas.DataFrame, mapping, or the controller of a machine
         Variables over `time` (s, uniform) named as disturbances w, such as the forces of
         :func:`robustpolish.polishing.simulate_brush`; other variables are ignored, and disturbances
         that are not given are zero, as in :meth:`~robustpolish.results.SampledDesign.simulate`. One
         has to be given.
+        For a machine the controller: a SampledDesign or a discrete control.StateSpace (``u = K y``,
+        signals by the names of the machine's outputs and inputs, or of coordinates, velocities
+        ``dx`` and forces ``u_x``); one :class:`~robustpolish.simulation.Feedback` or several; None
+        for the machine's own feedback, or none.
+    load, reference : xarray.Dataset, optional
+        Of a machine: its inputs, and what its outputs shall be, by the names of the outputs or of
+        the columns that a Feedback names; over `time` in s, linear between samples. What is left
+        out is zero.
+    initial_state : array_like, optional
+        Of a machine: free displacements, then their velocities; at rest by default.
+    fit : Refit, optional
+        Machines are drawn from the standard errors of this fit of the machine, and the result has
+        the dimension ``sample``.
+    samples, seed : int, optional
+        Number of machines that are drawn, and with which seed.
 
     Returns
     -------
     xarray.Dataset
-        Every performance output z and, for a design, every control u over `time`, with
-        ``units`` in their attributes where the plant knows them. The loop starts at rest.
+        Of a machine its outputs, commands as they act (``at_limit``: at which part of the samples
+        at a limit) and references. Otherwise every performance output z and, for a design, every
+        control u over `time`, with ``units`` in their attributes where the plant knows them. The
+        loop starts at rest.
 
     Raises
     ------
     InvalidInputError
         If no disturbance is given, one is misspelt (in case or separators), has another unit than
-        the plant's or is not finite, or if the time grid is not uniform.
+        the plant's or is not finite, or if the time grid is not uniform; if a controller is
+        continuous, or sees or drives what the machine has not.
+    SolverError
+        If the loop of a machine diverges.
 
     Examples
     --------
@@ -72,7 +115,30 @@ def simulate(
     >>> response = rp.simulate(rp.air_bearing(), push)
     >>> response["y"].attrs["units"], bool(response["x"].max() == 0)
     ('m', True)
+
+    A slide with dry friction, and a controller that samples at 1 kHz:
+
+    >>> slide, _ = rp.datasets.sticky_slide()
+    >>> slide = slide.with_effect("coulomb_friction", "x", {"force": 3.0})
+    >>> position = rp.simulation.FeedbackTerm("x", 4000.0, derivative=80.0, reference="wanted")
+    >>> loop = rp.simulation.Feedback(slide.input_names[0], 1e-3, [position], limit=20.0)
+    >>> step = xr.Dataset({"wanted": ("time", np.full(501, 1e-3))}, {"time": time[::4][:501] * 5})
+    >>> moved = rp.simulate(slide, loop, reference=step)
+    >>> bool(abs(moved["x"][-1] - 1e-3) < 1e-3)
+    True
     """
+    if isinstance(design, MechanicalModel):
+        controller: Any = disturbance
+        if fit is None:
+            return simulate_machine(design, controller, load, reference, initial_state)
+        keys, values, *_ = draw(*uncertain_numbers(fit, None), samples, seed)
+        drawn = (dict(zip(keys, row, strict=True)) for row in values.tolist())
+        machines = (fit.model.with_parameters(numbers) for numbers in drawn)
+        runs = [simulate_machine(m, controller, load, reference, initial_state) for m in machines]
+        return xr.concat(runs, "sample", combine_attrs="override")
+    if not hasattr(disturbance, "keys"):
+        remedy = "Pass forces over time, or a MechanicalModel first."
+        raise misfit("disturbance", type(disturbance).__name__, "an xarray.Dataset", remedy)
     if isinstance(design, SampledDesign):
         return design.simulate(disturbance)
     return _simulated(*loop_with_units(design), disturbance)
@@ -280,10 +346,11 @@ class ControllerComparison(Displayed):
 
 
 def compare_controllers(
-    controllers: Mapping[str, Design],
-    disturbance: xr.Dataset,
+    controllers: Mapping[str, Any],
+    disturbance: xr.Dataset | None = None,
     *,
-    plant: GeneralizedPlant | None = None,
+    plant: GeneralizedPlant | MechanicalModel | None = None,
+    reference: xr.Dataset | None = None,
     signals: Sequence[str] | None = None,
     executor: Executor | Literal["serial"] | None = "serial",
 ) -> ControllerComparison:
@@ -292,13 +359,15 @@ def compare_controllers(
     Parameters
     ----------
     controllers : mapping of str to Design
-        The designs by the name of their row.
+        The designs by the name of their row; for a machine whatever :func:`simulate` runs it with.
     disturbance : xarray.Dataset
-        As for :func:`simulate`; it drives every row.
-    plant : GeneralizedPlant, optional
+        As for :func:`simulate`; it drives every row. Of a machine its load.
+    plant : GeneralizedPlant or MechanicalModel, optional
         The plant of the row "without control"; that of the first design by default.
+    reference : xarray.Dataset, optional
+        Of a machine, as for :func:`simulate`: deviations are those from it.
     signals : sequence of str, optional
-        The performance outputs to compare; all of them by default.
+        The performance outputs to compare, or those of the machine; all of them by default.
     executor : concurrent.futures.Executor, "serial" or None, optional
         As for :func:`sweep`, with the same responses: this process by default, None for local
         processes, which pay for many loops under long disturbances only.
@@ -328,15 +397,48 @@ def compare_controllers(
     """
     if not controllers:
         raise invalid("controllers", controllers, "at least one design", "Pass {'name': design}.")
+    if isinstance(plant, MechanicalModel):
+        return _compared_machine_loops(controllers, disturbance, plant, reference, signals)
     for name, design in controllers.items():
         checked_design(f"controllers[{name!r}]", design)
     open_plant = next(iter(controllers.values())).plant if plant is None else plant
+    if disturbance is None:
+        raise misfit("disturbance", "None", "an xarray.Dataset", "Pass forces over time.")
     responses = simulate_all({"without control": open_plant, **controllers}, disturbance, executor)
     chosen = open_plant.performance_names if signals is None else tuple(signals)
     for name in chosen:
         remedy = "Choose performance outputs of the plant."
         one_of("signals", name, open_plant.performance_names, remedy)
     return tabulate(responses, chosen, open_plant.control_names, SAME_LOAD)
+
+
+def _compared_machine_loops(
+    controllers: Mapping[str, Any],
+    load: xr.Dataset | None,
+    machine: MechanicalModel,
+    reference: xr.Dataset | None,
+    signals: Sequence[str] | None,
+) -> ControllerComparison:
+    """Run a machine with every controller, and without, and compare deviations from references."""
+    chosen = machine.output_names if signals is None else tuple(signals)
+    for name in chosen:
+        one_of("signals", name, machine.output_names, "Choose outputs of the machine.")
+    runs = {name: simulate_machine(machine, c, load, reference) for name, c in controllers.items()}
+    first = next(iter(runs.values()))
+    none = {name: ("time", np.zeros(first.sizes["time"])) for name in machine.input_names}
+    still = xr.Dataset(none, first.coords) if load is None else load
+    runs = {"without control": simulate_machine(replace(machine, feedback=()), None, still), **runs}
+    asked = {} if reference is None else {name: reference[name] for name in reference.data_vars}
+    for loop in (loop for c in controllers.values() for loop in in_loop(machine, c, []).feedback):
+        for term in loop.terms:
+            if term.reference in asked:
+                asked.setdefault(term.of, asked[term.reference])
+    largest = {}
+    for row, run in runs.items():
+        wanted = {n: asked[n].interp(time=run["time"]).values for n in chosen if n in asked}
+        away = [run[name].values - wanted.get(name, 0.0) for name in chosen]
+        largest[row] = np.max(np.abs(away), axis=1)
+    return tabulate(runs, chosen, machine.input_names, SAME_LOAD, largest)
 
 
 def tabulate(

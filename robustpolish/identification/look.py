@@ -21,6 +21,7 @@ from robustpolish.errors import InvalidInputError
 from robustpolish.identification.frequency import lines as spectral
 from robustpolish.identification.observer.kalman import ABOVE_FLOOR, rounding, white_noise
 from robustpolish.identification.record import poles_of, require_time_data
+from robustpolish.identification.sanity import made_in_loop
 from robustpolish.machines.effects.kind import GROUND
 from robustpolish.machines.mechanical import parts
 from robustpolish.machines.mechanical.model import MechanicalModel
@@ -300,10 +301,6 @@ def draft_model(data: xr.Dataset, inputs: Sequence[str], outputs: Sequence[str])
 
 
 _WORDS = tables(__file__)["look"]
-# Samples of the past that predict an input, samples for each number of that, share of an input's
-# size that is rounding, and share of what its own past leaves that outputs explain at least: a
-# weaker loop changes no frequency response by more.
-_PAST, _EACH, _ROUNDED, _MATTERS = 16, 10, 1e-6, 0.01
 # Share of its size that an input has of its own at least: below, it is a sum of the others.
 _OWN = 0.1
 # What is left of an autocorrelation under its window.
@@ -564,7 +561,7 @@ def look(
         sampling,
         {place: tuple(found) for place, found in modes.items()},
         response,
-        _loop(data, sources, ends),
+        made_in_loop(data, sources, ends),
         {i: _hold(data[i].values) or own.get(i) or "not known" for i in sources},
         draft.left if draft else {},
         draft.model if draft else None,
@@ -664,26 +661,3 @@ def _hold(u: Vector) -> str:
     between = np.diff(np.flatnonzero(np.diff(u)))
     every = int(np.gcd.reduce(between))
     return f"held over {every} samples" if every > 1 and between.size >= _CHANGES else ""
-
-
-def _loop(data: xr.Dataset, inputs: Sequence[str], outputs: Sequence[str]) -> Any:
-    """Return whether past outputs predict an input that its own past does not."""
-    past = min(_PAST, data.sizes["time"] // (_EACH * (2 + len(outputs))))
-    if past < 4 or not outputs:
-        return "not known"
-    rows = {n: data[n].values - data[n].values.mean() for n in (*inputs, *outputs)}
-    rows = {name: row / row.std() for name, row in rows.items()}
-
-    def lagged(name: str, count: int) -> Array:
-        return np.lib.stride_tricks.sliding_window_view(rows[name][:-1], count)[2 * past - count :]
-
-    verdicts = set()
-    for name in inputs:
-        now = rows[name][2 * past :]
-        own = np.column_stack([np.ones(now.size), lagged(name, 2 * past)])
-        both = np.hstack([own, *(lagged(o, past) for o in outputs)])
-        before, after = (np.var(now - A @ np.linalg.lstsq(A, now)[0]) for A in (own, both))
-        if before > _ROUNDED**2:
-            least = max(past * len(outputs) * np.log(now.size) / now.size, _MATTERS)
-            verdicts.add(bool(np.log(before / after) > least))
-    return "yes" if True in verdicts else "no sign" if verdicts else "not known"

@@ -22,6 +22,7 @@ from robustpolish.base.arrays import AnyArray, Array
 from robustpolish.base.checks import described, invalid, misfit, one_of
 from robustpolish.errors import InvalidInputError
 from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.loop import LoopCourse, followed, references, with_commands
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import Input, Output
 from robustpolish.machines.simulation import IntersampleLines, lines, raw_outputs, signals
@@ -298,6 +299,13 @@ class Record:
         """Return the lines of this part, of those over all records."""
         return None if found is None else IntersampleLines(*map(self.own, found))
 
+    def loop_course(self, model: MechanicalModel) -> LoopCourse | None:
+        """Return how controllers of a model follow all records, None if it has none."""
+        if not model.feedback:
+            return None
+        each = [followed(model, data) for data in self.sets]
+        return LoopCourse(*(np.concatenate(part) for part in zip(*each, strict=True)))
+
     def raw_outputs(self, model: MechanicalModel) -> Array:
         """Return the measured outputs as a model without effects on signals shows them."""
         return raw_outputs(model, self.Y, self.time)
@@ -397,8 +405,8 @@ def read_channels(
     InvalidInputError
         If an input is missing, or every output.
     """
-    needed = [*model.input_names, *(outputs or ())]
-    optional = model.output_names if outputs is None else ()
+    needed = [*model.columns, *(outputs or ())]
+    optional = (*model.driven, *(model.output_names if outputs is None else ()))
     # What an input is limited to is what acts on the machine.
     how = {**how, "at_limit": model.input_names}
     data = read_measurement(source, columns=needed, optional=optional, **how)
@@ -490,11 +498,11 @@ def record_of(model: MechanicalModel, data: Any) -> Record:
 def _check_channels(model: MechanicalModel, given: dict[str, Any]) -> None:
     """Refuse a channel that some records have and others do not."""
     read = {name: data for name, data in given.items() if isinstance(data, xr.Dataset)}
-    for item in [*model.inputs, *model.outputs]:
-        lacking = [name for name, data in read.items() if item.name not in data]
+    for item in [*model.columns, *model.output_names]:
+        lacking = [name for name, data in read.items() if item not in data]
         if 0 < len(lacking) < len(read):
             has = next(name for name in read if name not in lacking)
-            shown = f"{item.name!r} in {has!r}, but not in {', '.join(map(repr, lacking))}"
+            shown = f"{item!r} in {has!r}, but not in {', '.join(map(repr, lacking))}"
             remedy = "Leave those records out, or the channel out of the model."
             raise invalid("data", described(shown), "the same channels in all records", remedy)
 
@@ -639,10 +647,8 @@ def checked_data(model: MechanicalModel, data: Any) -> xr.Dataset:
         uniform.
     """
     require_model(model)
-    items = [*model.inputs, *model.outputs]
     if not isinstance(data, xr.Dataset):
-        columns = [item.name for item in items]
-        data = read_measurement(data, columns=columns, at_limit=model.input_names)
+        data = read_channels(model, data, model.output_names)
     if "time" not in data.coords or data["time"].dims != ("time",):
         shown = described(f"coordinates {', '.join(map(str, data.coords)) or 'none'}")
         raise invalid("data", shown, "the coordinate time", "Read it with read_measurement.")
@@ -658,13 +664,14 @@ def checked_data(model: MechanicalModel, data: Any) -> xr.Dataset:
         shown = described(f"steps from {np.min(steps):.6g} to {np.max(steps):.6g} s")
         remedy = "Read it with read_measurement, which resamples small irregularities."
         raise invalid("time", shown, "a uniform, rising grid", remedy)
-    for item in items:
+    given = [i for i in model.inputs if i.name in data or i.name not in model.driven]
+    for item in [*given, *references(model), *model.outputs]:
         _check_column(model, item, data)
-    return data
+    return with_commands(model, data)
 
 
-def _check_column(model: MechanicalModel, item: Input | Output, data: xr.Dataset) -> None:
-    name = item.name
+def _check_column(model: MechanicalModel, item: Input | Output | str, data: xr.Dataset) -> None:
+    name = item if isinstance(item, str) else item.name
     if name not in data:
         listed = ", ".join(str(column) for column in data.data_vars) or "none"
         wanted = f"the model's inputs and outputs among the columns: {listed}"
@@ -681,6 +688,8 @@ def _check_column(model: MechanicalModel, item: Input | Output, data: xr.Dataset
     if isinstance(item, Output) and np.ptp(values) == 0:
         remedy = "Check the sensor, or leave the output out with outputs= (--columns)."
         raise misfit(name, f"{values[0]:.6g} throughout", "a signal that changes", remedy)
+    if isinstance(item, str):
+        return
     unit, wanted = str(column.attrs.get("units", "")), model.unit_of(item)
     converts = isinstance(item, Input) and abs(item.gain) != 1 and item.unit is None
     if not converts and not same_kind(unit, wanted):

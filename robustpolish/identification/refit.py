@@ -97,7 +97,7 @@ def _hold_choices(model: MechanicalModel) -> dict[float, list[Effect]]:
 
     A linear hold is none. There is no choice without force inputs, or if these are not of one kind.
     """
-    names = [(item.name,) for item in model.inputs if item.imposes is None]
+    names = [(i.name,) for i in model.inputs if i.imposes is None and i.name not in model.driven]
     now = {hold.values["order"] for hold in split_holds(model.effects)[0]} or {_LINEAR}
     orders = dict.fromkeys((*now, _LINEAR, *_HOLD_ORDERS))
     return {

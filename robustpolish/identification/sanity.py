@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from itertools import combinations
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 from scipy.signal import csd, welch
 
 from robustpolish.base.arrays import Vector
 from robustpolish.base.results import tables
 from robustpolish.identification.record import poles_of
+from robustpolish.machines.loop import followed
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import ACCELERATION, FORCE, Output
 from robustpolish.machines.simulation import simulate_model
@@ -286,13 +288,13 @@ def _input_warnings(
     model: MechanicalModel, data: xr.Dataset, measured: Mapping[str, Vector]
 ) -> list[str]:
     """Compare with what the inputs make of the model at rest, however the record starts."""
-    moving = [name for name in model.input_names if np.ptp(np.asarray(data[name].values)) > 0]
+    moving = [name for name in model.columns if np.ptp(np.asarray(data[name].values)) > 0]
     if not moving:
         return []
     with np.errstate(all="ignore"):
         forced = simulate_model(model, data).outputs
-    if not np.isfinite(forced).all():
-        return []
+        if not np.isfinite(forced**4).all():  # it diverges, and powers of spectra are to be doubles
+            return []
     dt = sampling_time(data)
     gains = {
         (first, second.name): coherent_gain(forced[:, i], values, dt)
@@ -333,6 +335,77 @@ def _mean_warnings(
                 f"{abs(away) / size:.2g} times the size of its motion: {what}"
             )
     return found
+
+
+# Records of machines in a feedback loop.
+
+# Samples of the past that predict an input, samples for each number of that, share of an input's
+# size that is rounding, and share of what its own past leaves that outputs explain at least: a
+# weaker loop changes no frequency response by more.
+_PAST, _EACH, _ROUNDED, _MATTERS = 16, 10, 1e-6, 0.01
+_OTHER_COMMANDS = 0.1
+"""Share of its size by which a command may be another than the loop's: its converters round."""
+_LOOKED_AT = 10_000
+"""Samples that tell of a loop."""
+
+
+def made_in_loop(
+    data: xr.Dataset, inputs: Sequence[str], outputs: Sequence[str]
+) -> Literal["yes", "no sign", "not known"]:
+    """Return whether past outputs predict an input that its own past does not."""
+    past = min(_PAST, data.sizes["time"] // (_EACH * (2 + len(outputs))))
+    if past < 4 or not outputs:
+        return "not known"
+    rows = {n: data[n].values - data[n].values.mean() for n in (*inputs, *outputs)}
+    rows = {name: row / row.std() for name, row in rows.items()}
+
+    def lagged(name: str, count: int) -> NDArray[np.float64]:
+        return np.lib.stride_tricks.sliding_window_view(rows[name][:-1], count)[2 * past - count :]
+
+    verdicts = set()
+    for name in inputs:
+        now = rows[name][2 * past :]
+        own = np.column_stack([np.ones(now.size), lagged(name, 2 * past)])
+        both = np.hstack([own, *(lagged(o, past) for o in outputs)])
+        before, after = (np.var(now - A @ np.linalg.lstsq(A, now)[0]) for A in (own, both))
+        if before > _ROUNDED**2:
+            least = max(past * len(outputs) * np.log(now.size) / now.size, _MATTERS)
+            verdicts.add(bool(np.log(before / after) > least))
+    return "yes" if True in verdicts else "no sign" if verdicts else "not known"
+
+
+def _loop_warnings(model: MechanicalModel, data: xr.Dataset) -> list[str]:
+    """Say so if a record was made in a loop that the model does not know, or in another one."""
+    if model.feedback:
+        return _other_loop(model, data)
+    head = data.isel(time=slice(0, _LOOKED_AT))
+    moving = [n for n in (*model.input_names, *model.output_names) if np.ptp(head[n].values) > 0]
+    forces = [item.name for item in model.inputs if item.imposes is None and item.name in moving]
+    outputs = [name for name in model.output_names if name in moving]
+    looped = [name for name in forces if made_in_loop(head, [name], outputs) == "yes"]
+    if not looped:
+        return []
+    return [
+        f"{', '.join(looped)}: past outputs predict it, as in a feedback loop. It is taken as "
+        "given: noise and missing forces went round the loop into it, so that frequency responses, "
+        "and the numbers of what moves little, lean towards what the controller did. A [feedback] "
+        "in the model runs the loop from its references; a plant that is unstable or integrates is "
+        "judged without one in windows"
+    ]
+
+
+def _other_loop(model: MechanicalModel, data: xr.Dataset) -> list[str]:
+    """Name the commands that differ from what the model's loops make of the measured outputs."""
+    found, names = followed(model, data).commands, [n for f in model.feedback for n in f.drives]
+    told = {n: np.asarray(data[n].values, dtype=float) for n in names if n in data}
+    away = {n: float(np.std(u - found[:, names.index(n)])) for n, u in told.items()}
+    size = {n: max(float(np.std(u)), 1e-300) for n, u in told.items()}
+    return [
+        f"{n} differs from what [feedback] makes of the measured outputs by "
+        f"{100 * away[n] / size[n]:.3g} % of its size. Check gains, signs, period and references"
+        for n in told
+        if away[n] > _OTHER_COMMANDS * size[n]
+    ]
 
 
 # Checks of fitted against given numbers.
@@ -446,6 +519,7 @@ def sanity_warnings(
         found += _channel_warnings(item, measured[item.name], time)
     if time.size >= _FEWEST_SAMPLES:
         found += _input_warnings(model, data, measured)
+        found += _loop_warnings(model, data)
     if simulated is not None:
         found += _mean_warnings(model, measured, simulated)
     if fitted is not None:

@@ -263,7 +263,10 @@ def _steps(period: float, time: Vector) -> int:
 
 
 def disturbance_columns(
-    disturbance: xr.Dataset, names: Sequence[str], units: Mapping[str, str]
+    disturbance: xr.Dataset,
+    names: Sequence[str],
+    units: Mapping[str, str],
+    argument: str = "disturbance",
 ) -> tuple[Vector, Array]:
     """Return the time in s and a column for each disturbance, zero where none is given.
 
@@ -275,27 +278,27 @@ def disturbance_columns(
     if hasattr(disturbance, "keys") and not isinstance(disturbance, xr.Dataset):
         disturbance = _table(disturbance, names)
     remedy = "Build one with a variable per disturbance, or take simulate_brush(...)."
-    instance_of("disturbance", disturbance, xr.Dataset, "an xarray.Dataset over time", remedy)
+    instance_of(argument, disturbance, xr.Dataset, "an xarray.Dataset over time", remedy)
     if "time" not in disturbance.coords:
         remedy = "Add the coordinate with .assign_coords(time=...)."
-        raise misfit("disturbance", "no coordinate 'time'", "samples over 'time', in s", remedy)
+        raise misfit(argument, "no coordinate 'time'", "samples over 'time', in s", remedy)
     time = np.asarray(disturbance["time"].to_numpy(), dtype=float)
     if time.ndim != 1 or not np.isfinite(time).all() or (np.diff(time) <= 0).any():
-        raise misfit("disturbance", "its time", "a rising grid", "Sort the samples.")
+        raise misfit(argument, "its time", "a rising grid", "Sort the samples.")
     if names and not any(name in disturbance for name in names):
         shown = described(f"variables {', '.join(map(str, disturbance.data_vars)) or 'none'}")
         expected = f"one of {', '.join(map(repr, names))} or several"
         remedy = "Rename the variables; those that are left out are zero."
-        raise invalid("disturbance", shown, expected, remedy)
+        raise invalid(argument, shown, expected, remedy)
     columns = np.zeros((time.size, len(names)))
     for i, name in enumerate(names):
         if name in disturbance:
-            columns[:, i] = _column(disturbance[name], units.get(name))
+            columns[:, i] = _column(argument, disturbance[name], units.get(name))
             continue
         for other in map(str, disturbance.data_vars):
             if _bare(other) == _bare(name):
                 shown = described(f"a variable {other!r}")
-                raise invalid("disturbance", shown, f"one named {name!r}", "Rename the variable.")
+                raise invalid(argument, shown, f"one named {name!r}", "Rename the variable.")
     return time, columns
 
 
@@ -315,8 +318,8 @@ def _bare(name: str) -> str:
     return "".join(c for c in name.lower() if c.isalnum())
 
 
-def _column(variable: xr.DataArray, unit: str | None) -> Vector:
-    where = f"disturbance[{variable.name!r}]"
+def _column(argument: str, variable: xr.DataArray, unit: str | None) -> Vector:
+    where = f"{argument}[{variable.name!r}]"
     if variable.dims != ("time",):
         shown = described(f"dimensions {variable.dims}")
         raise invalid(where, shown, "('time',)", "Select one trajectory.")

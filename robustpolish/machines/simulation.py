@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
@@ -12,11 +12,19 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
-from robustpolish.base.arrays import Array
+from robustpolish.base.arrays import AnyArray, Array
 from robustpolish.base.checks import invalid, matrix, misfit
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.evaluate import compiled_law, first_order_lag
 from robustpolish.machines.effects.kind import Timing
+from robustpolish.machines.loop import (
+    LoopCourse,
+    asked_columns,
+    loop_matrices,
+    loop_steps,
+    still_course,
+    waiting,
+)
 from robustpolish.machines.mechanical.data import (
     MechanicalData,
     context_values,
@@ -28,6 +36,7 @@ from robustpolish.machines.mechanical.equations import fastest_rate
 from robustpolish.machines.mechanical.parts import DISPLACEMENT, VELOCITY
 from robustpolish.machines.stepper import (
     KernelMatrices,
+    LoopMatrices,
     kernel_matrices,
     run_pieces,
     run_steps,
@@ -165,13 +174,17 @@ def lines(model: MechanicalData, data: xr.Dataset) -> IntersampleLines | None:
 
 def _signals(model: MechanicalData, data: xr.Dataset) -> tuple[Array, IntersampleLines | None]:
     """Return the signals at the samples, and between them where one of them is not linear."""
+    idle = {name: loop.delay for loop in model.feedback for name in loop.drives}
     for name in model.input_names:
-        if name not in data:
+        if name not in data and name not in idle:
             raise misfit("data", f"no column {name!r}", "every input", "Check the column names.")
     time = np.asarray(data["time"].values, dtype=float)
     step = (time[-1] - time[0]) / (time.size - 1)
     m = model.matrices
-    columns = [np.asarray(data[name].values, dtype=float) for name in m.force_inputs]
+    columns = [
+        np.asarray(data[name].values, dtype=float) if name in data else np.zeros(time.size)
+        for name in m.force_inputs
+    ]
     for signal in m.imposed_signals:
         if signal.name in data:
             columns.append(np.asarray(data[signal.name].values, dtype=float))
@@ -184,7 +197,11 @@ def _signals(model: MechanicalData, data: xr.Dataset) -> tuple[Array, Intersampl
     for j, (name, source) in enumerate(zip(m.signals, m.sources, strict=True)):
         # an imposed motion has a velocity, so that it is smooth
         order = LINEAR if j < len(m.force_inputs) else SMOOTH
-        delay, lags, timed = 0.0, [], False
+        delay, lags, timed = 0.0, [], source in idle
+        if timed and source not in data:
+            continue
+        if timed:  # commands are held, and late
+            order, delay = HELD, idle[source]
         for effect in _effects_on(model, "input"):
             if source != effect.at[0]:
                 continue
@@ -403,7 +420,7 @@ def needed_substeps(model: MechanicalData, dt: float, amplitude: float, edges: b
         Whether some steps are taken for the edges of forces, whatever the sampling.
     """
     if not dynamic_effects(model):
-        return 1
+        return loop_steps(model, dt)
     fastest, least, m = 0.0, 1, model.matrices
     for item in model.equations:
         at = [m.coordinates.index(name) for name in item.coordinates]
@@ -421,15 +438,21 @@ def needed_substeps(model: MechanicalData, dt: float, amplitude: float, edges: b
         fading = min(0.3 * rate, (_FADING if model.free else _MOST_SUBSTEPS) / dt)
         fastest = max(fastest, np.sqrt(abs(stiffness) * inverse), abs(damping) * inverse, fading)
         least = max(least, 4 if effect.definition.sharp else 2) if edges else 1
-    return int(np.clip(np.ceil(2.0 * dt * fastest), least, _MOST_SUBSTEPS))
+    steps = int(np.clip(np.ceil(2.0 * dt * fastest), least, _MOST_SUBSTEPS))
+    return loop_steps(model, dt, steps)
 
 
 class NonlinearResponse(NamedTuple):
-    """Outputs (samples, ny), states (samples, n) and internal states of effects (samples, nz)."""
+    """Outputs (samples, ny), states (samples, n) and internal states of effects (samples, nz).
+
+    ``commands`` (samples, nc) are those of controllers in the loop as they act, one after the
+    other as `MechanicalModel.feedback` drives them; no samples without a loop.
+    """
 
     outputs: Array
     states: Array
     internal: Array
+    commands: Array = np.zeros((0, 0))
 
 
 class InputCourse(NamedTuple):
@@ -445,6 +468,8 @@ class InputCourse(NamedTuple):
         In s.
     marks : ndarray of int, shape (pieces + 1,)
         Where pieces begin and end.
+    loop : LoopCourse or None
+        What controllers in the loop are told; without it their commands are as recorded.
     """
 
     begin: Array
@@ -452,16 +477,22 @@ class InputCourse(NamedTuple):
     beside: Array | None
     time: Array
     marks: NDArray[np.int64]
+    loop: LoopCourse | None = None
 
     @classmethod
     def of(
-        cls, inputs: Array, lines: IntersampleLines | None, time: Array, marks: NDArray[np.int64]
+        cls,
+        inputs: Array,
+        lines: IntersampleLines | None,
+        time: Array,
+        marks: NDArray[np.int64],
+        loop: LoopCourse | None = None,
     ) -> InputCourse:
         """Return a course of signals at the samples, linear between them unless lines are given."""
         begin, end = linear_interpolation(inputs) if lines is None else lines
         beside = None if lines is None else inputs - begin
         begin, end, time = (np.ascontiguousarray(part) for part in (begin, end, time))
-        return cls(begin, end, beside, time, marks)
+        return cls(begin, end, beside, time, marks, loop)
 
 
 @dataclass(frozen=True, eq=False)
@@ -478,17 +509,26 @@ class Stepper:
         Time between samples in s.
     substeps : int
         Steps of the integration per sample.
+    rounds : bool, optional
+        Whether converters of controllers in the loop round.
     """
 
     model: MechanicalData
     system: NonlinearSystem
     step: float
     substeps: int
+    rounds: bool = False
 
     @cached_property
     def matrices(self) -> KernelMatrices:
         """Matrices of a substep."""
         return self.system.steps(self.step / self.substeps)
+
+    @cached_property
+    def loops(self) -> LoopMatrices:
+        """Controllers of the model for a substep."""
+        seen = sensor_gains(self.model)
+        return loop_matrices(self.model, self.step / self.substeps, seen, self.rounds)
 
     def over(
         self,
@@ -500,6 +540,7 @@ class Stepper:
         gain: Array | None = None,
         keep: bool = True,
         lines: IntersampleLines | None = None,
+        loop: LoopCourse | None = None,
     ) -> NonlinearResponse:
         """Return outputs as the sensors show them, states and internal states.
 
@@ -519,6 +560,8 @@ class Stepper:
         lines : Lines, optional
             What the inputs do between the samples, see
             :func:`robustpolish.machines.simulation.lines`; linear by default.
+        loop : LoopCourse, optional
+            Of one piece; without it commands are as in the inputs.
 
         Returns
         -------
@@ -526,13 +569,15 @@ class Stepper:
         """
         system = self.system
         ny = len(system.C)
-        course = InputCourse.of(inputs, lines, time, np.array([0, time.size]))
+        course = InputCourse.of(inputs, lines, time, np.array([0, time.size]), loop)
         Y = np.zeros((1, ny))
         if led_by is not None:
             Y = raw_outputs(self.model, led_by, time) - self._beside(course)
         K = np.zeros((system.states, ny)) if gain is None else gain
+        *given, phase, states, sent = self._given(course)
         found = run_steps(
-            *self._given(course), Y, K, np.ascontiguousarray(state), np.ascontiguousarray(internal),
+            *given, phase[0], states[0], sent[0], Y, K,
+            np.ascontiguousarray(state), np.ascontiguousarray(internal),
             time[0], self.step, self.substeps, keep,
         )  # fmt: skip
         return self._shown(course, *found)
@@ -564,17 +609,90 @@ class Stepper:
         """Return the first arguments of the kernels."""
         s = self.system
         laws = s.addresses, s.layout, s.values
-        return self.matrices, (s.C, s.D, s.H), *laws, course.begin, course.end
+        loop, loops = course.loop, self.loops if course.loop is not None else _no_loops(len(s.C))
+        if loop is None:
+            pieces = len(course.marks) - 1
+            still = still_course(np.zeros((len(course.begin), 0)), loops)
+            each = np.zeros((pieces, 0, 0))
+            loop = still._replace(phase=np.zeros(pieces, dtype=np.int64), states=each, sent=each)
+        begun = loop.phase, loop.states.copy(), loop.sent.copy()  # runs change them
+        signals = course.begin, course.end, loops, loop.asked, *begun
+        return self.matrices, (s.C, s.D, s.H), *laws, *signals
 
-    def _shown(self, course: InputCourse, y: Array, s: Array, z: Array) -> NonlinearResponse:
-        return NonlinearResponse(measured(self.model, y + self._beside(course), course.time), s, z)
+    def _shown(
+        self, course: InputCourse, y: Array, s: Array, z: Array, c: Array
+    ) -> NonlinearResponse:
+        y = measured(self.model, y + self._beside(course), course.time)
+        return NonlinearResponse(y, s, z, c)
 
     def _beside(self, course: InputCourse) -> Array | float:
         """Return what outputs see of a sample that is no end of a line.
 
         An accelerometer sees a held force as it is.
         """
-        return 0.0 if course.beside is None else course.beside @ self.system.D.T
+        if course.beside is None:
+            return 0.0
+        D = self.system.D
+        if course.loop is not None:  # what a loop drives, outputs have seen in the run
+            mine = np.isin(self.model.matrices.sources, self.model.driven)
+            D = np.where(mine, 0.0, D)
+        return course.beside @ D.T
+
+
+def loop_poles(model: MechanicalData) -> AnyArray:
+    """Return the poles in rad/s of the linear part of a model in its loops.
+
+    Of a period so long that each loop samples, and all commands that wait are others: the map from
+    its beginning to its end is that of as many runs as there are states, controllers' included.
+    """
+    model = replace(model, effects=(), feedback=tuple(loop.linear for loop in model.feedback))
+    dt = min(loop.period for loop in model.feedback)
+    steps = loop_steps(model, dt)
+    stepper = Stepper(model, build_system(model, dt / steps), dt, steps)
+    loops, s = stepper.loops, stepper.system
+    ring, (count, nx, _), nc = waiting(loops), loops.A.shape, len(loops.owner)
+    samples = int(np.lcm.reduce(np.append(loops.every, steps))) * ring // steps
+    parts = [s.states, count * nx, nc * ring]
+    each = np.split(np.eye(sum(parts)), np.cumsum(parts)[:-1], axis=1)
+    pieces, ends = sum(parts), []
+    for n in (samples + 1, samples):  # machines go on until the last sample, controllers act at it
+        begun = each[1].reshape(pieces, count, nx).copy(), each[2].reshape(pieces, nc, ring).copy()
+        none = np.zeros((pieces * n, s.B.shape[1]))
+        asked = np.zeros((pieces * n, loops.B.shape[2] - nc - len(s.C)))
+        kept = run_pieces(
+            stepper.matrices, (s.C, s.D, s.H), s.addresses[:0], s.layout[:0], s.values,  # linear
+            none, none, loops, asked, np.zeros(pieces, dtype=np.int64), *begun, each[0].copy(),
+            np.zeros((pieces, 0)), np.zeros(pieces), n * np.arange(pieces + 1), dt, steps, True,
+        )[1]  # fmt: skip
+        ends.append((kept.reshape(pieces, n, -1)[:, -1], *begun))
+    found = np.hstack([ends[0][0], *(part.reshape(pieces, -1) for part in ends[1][1:])])
+    values = np.linalg.eigvals(found).astype(complex)
+    return np.log(values[np.abs(values) > 0]) / (samples * dt)
+
+
+@lru_cache(maxsize=16)
+def _no_loops(outputs: int) -> LoopMatrices:
+    """Return the matrices of no controllers at all."""
+    whole, none, empty = np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 0, 0))
+    each = (empty, empty, empty, empty, empty)
+    seen, actuator = np.zeros((3, outputs)), np.zeros((4, 0))
+    return LoopMatrices(
+        whole, whole, none, *each, whole, whole, none, none, none, none, seen, actuator
+    )
+
+
+def sensor_gains(model: MechanicalData) -> Array:
+    """Return gain and offset of what sensors show, shape (2, ny).
+
+    Raises
+    ------
+    InvalidInputError
+        If an effect on an output that a loop sees does more than that.
+    """
+    ny, time = len(model.outputs), np.zeros(2)
+    offset, unit = (measured(model, np.full((2, ny), x), time) for x in (0.0, 1.0))
+    raw_outputs(model, unit, time)  # refuses others
+    return np.array([unit[0] - offset[0], offset[0]])
 
 
 def simulate_model(
@@ -590,8 +708,9 @@ def simulate_model(
     ----------
     model : MechanicalData
     data : xarray.Dataset
-        Uniform ``time`` in s and the model's inputs by name, in SI units. Outputs are used
-        only for their amplitude, which decides on substeps.
+        Uniform ``time`` in s and the model's inputs by name, in SI units; references instead of
+        what its feedback drives. Outputs are used only for their amplitude, which decides on
+        substeps.
     initial_state : array_like, shape (n,), optional
         Free displacements, then their velocities; zero by default.
     internal_state : array_like, shape (nz,), optional
@@ -627,11 +746,12 @@ def simulate_model(
     dt = (time[-1] - time[0]) / max(time.size - 1, 1)
 
     def stepped(n: int) -> NonlinearResponse:
-        stepper = Stepper(model, build_system(model, dt / n), dt, n)
+        stepper = Stepper(model, build_system(model, dt / n), dt, n, rounds=True)
         s0 = _state("initial_state", initial_state, stepper.system.states)
         z0 = _state("internal_state", internal_state, stepper.system.internal)
         W, between = signals(model, data), lines(model, data)
-        return stepper.over(W, s0, z0, time, lines=between)
+        loop = still_course(asked_columns(model, data), stepper.loops) if model.feedback else None
+        return stepper.over(W, s0, z0, time, lines=between, loop=loop)
 
     shown = [
         float(np.percentile(np.abs(data[o.name].values), 99)) / model.frame.travel(o.of)
@@ -639,7 +759,7 @@ def simulate_model(
         if o.name in data and o.quantity == DISPLACEMENT
     ]
     amplitude = max(shown, default=0.0)
-    n = substeps or needed_substeps(model, dt, amplitude)
+    n = loop_steps(model, dt, substeps) if substeps else needed_substeps(model, dt, amplitude)
     found = stepped(n)
     if substeps is None and amplitude == 0:  # none is measured: that of the run, if it is finite
         sizes = model.frame.sizes[model.matrices.free]

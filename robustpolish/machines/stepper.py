@@ -9,7 +9,7 @@ therefore cost no small steps; only stiff or sharp effects do.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import expm, matrix_balance
@@ -207,11 +207,164 @@ def _apply_stopping(out, v0, v1, mean, push, tilt, by_push, by_tilt, ends, slow,
         held[d] = min(max(last[d] + more, ends[0][d]), ends[1][d])
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def run_steps(m, output, laws, layout, p, W, E, Y, K, s0, z0, t0, dt, substeps, keep):  # type: ignore[no-untyped-def]
-    """Step through the samples and return predictions, states and internal states.
+# Sampled controllers in a loop with the machine.
 
-    Signals are lines from W at a sample to E at the end of the step that begins there.
+
+class LoopMatrices(NamedTuple):
+    """Sampled controllers, one behind the other, for substeps of a given length.
+
+    What controllers see, v, are references, outputs, and the commands of those before them:
+    ``command = C x + D v``, ``x = A x + B v + W (command within its limits - command)``.
+
+    Attributes
+    ----------
+    every, whole : ndarray of int, shape (loops,)
+        Substeps of a period, and whole substeps of the delay.
+    part : ndarray, shape (loops,)
+        What is left of the delay, in substeps.
+    A, B, C, D, W : ndarray
+        Shapes (loops, nx, nx), (loops, nx, nv), (loops, nc, nx), (loops, nc, nv), (loops, nx, nc).
+    owner, signal : ndarray of int, shape (nc,)
+        Loop of each command, and the input signal that it drives, -1 if none.
+    low, high, rise, step : ndarray, shape (nc,)
+        Limits of commands and of their change over a period, and what they are rounded to.
+    seen : ndarray, shape (3, ny)
+        Gain and offset of sensors, and what they are rounded to.
+    actuator : ndarray, shape (4, nc)
+        Gain, dead zone and limit of actuators, and what is left of their lag after a substep.
+    """
+
+    every: Any
+    whole: Any
+    part: Array
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    W: Array
+    owner: Any
+    signal: Any
+    low: Array
+    high: Array
+    rise: Array
+    step: Array
+    seen: Array
+    actuator: Array
+
+
+@njit(cache=True, error_model="numpy")
+def _rounded(value, step):  # type: ignore[no-untyped-def]
+    return step * np.floor(value / step + 0.5) if step > 0.0 else value
+
+
+@njit(cache=True, error_model="numpy")
+def _sample(loops, now, v, y, x, sent):  # type: ignore[no-untyped-def]
+    """Let those controllers act that are due at a substep; `sent` is a ring of their commands."""
+    ny, nc, ring = y.size, loops.owner.size, sent.shape[1]
+    first = v.size - nc
+    for i in range(ny):
+        seen = loops.seen[0, i] * y[i] + loops.seen[1, i]
+        v[first - ny + i] = _rounded(seen, loops.seen[2, i])
+    for k in range(loops.every.size):
+        if now % loops.every[k] != 0:
+            continue
+        at = now // loops.every[k]
+        ahead = loops.A[k] @ x[k] + loops.B[k] @ v
+        for c in range(nc):
+            if loops.owner[c] != k:
+                continue
+            wanted, before = 0.0, sent[c, (at - 1) % ring]
+            for i in range(x.shape[1]):
+                wanted += loops.C[k, c, i] * x[k, i]
+            for i in range(v.size):
+                wanted += loops.D[k, c, i] * v[i]
+            given = min(max(wanted, before - loops.rise[c]), before + loops.rise[c])
+            given = min(max(given, loops.low[c]), loops.high[c])
+            sent[c, at % ring] = given = _rounded(given, loops.step[c])
+            for i in range(x.shape[1]):
+                ahead[i] += loops.W[k, i, c] * (given - wanted)
+            v[first + c] = given
+        x[k] = ahead
+
+
+@njit(cache=True, error_model="numpy")
+def _seen(loops, asked, ny, now, sent):  # type: ignore[no-untyped-def]
+    """Return what controllers see before a substep: the commands of those before them."""
+    nc, ring = loops.owner.size, sent.shape[1]
+    v = np.zeros(asked + ny + nc)
+    for c in range(nc):
+        v[asked + ny + c] = sent[c, ((now - 1) // loops.every[loops.owner[c]]) % ring]
+    return v
+
+
+@njit(cache=True, error_model="numpy")
+def _driven(loops, now, c, sent, before):  # type: ignore[no-untyped-def]
+    """Return the ends of the line of what a command drives, an actuator's lag included."""
+    begin, end = _acting(loops, now, c, sent)
+    left = loops.actuator[3, c]
+    if left > 0.0:
+        return before, (1 - left) * (begin + end) / 2 + left * before
+    return begin, end
+
+
+@njit(cache=True, error_model="numpy")
+def _acting(loops, now, c, sent):  # type: ignore[no-untyped-def]
+    """Return the ends of the line that acts like a command over a substep, as late as it is.
+
+    A command that changes within the substep gets the line of the same mean and first moment.
+    """
+    k, ring = loops.owner[c], sent.shape[1]
+    part, late = loops.part[k], now - loops.whole[k]
+    after = _acted(loops, c, sent[c, (late // loops.every[k]) % ring])
+    if part == 0.0:
+        return after, after
+    before = _acted(loops, c, sent[c, ((late - 1) // loops.every[k]) % ring])
+    mean, rise = part * before + (1 - part) * after, 6 * part * (1 - part) * (after - before)
+    return mean - rise / 2, mean + rise / 2
+
+
+@njit(cache=True, error_model="numpy")
+def _acted(loops, c, command):  # type: ignore[no-untyped-def]
+    """Return what an actuator makes of a command at once: its gain, dead zone and limit."""
+    dead, most = loops.actuator[1, c], loops.actuator[2, c]
+    size = loops.actuator[0, c] * command
+    size -= min(max(size, -dead), dead)
+    return min(max(size, -most), most)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def replay_loops(loops, R, Y, x, sent, substeps):  # type: ignore[no-untyped-def]
+    """Run controllers along measured outputs, linear between samples.
+
+    Returns their states and rings of commands before every sample, and the commands after it.
+    """
+    samples, nc = len(Y), loops.owner.size
+    xs = np.empty((samples, *x.shape))
+    rings = np.empty((samples, *sent.shape))
+    commands = np.empty((samples, nc))
+    v = _seen(loops, R.shape[1], Y.shape[1], 0, sent)
+    x, sent = x.copy(), sent.copy()
+    for k in range(samples):
+        xs[k], rings[k], later = x, sent, min(k + 1, samples - 1)
+        for j in range(substeps):
+            share = j / substeps
+            for i in range(R.shape[1]):
+                v[i] = (1 - share) * R[k, i] + share * R[later, i]
+            _sample(loops, k * substeps + j, v, (1 - share) * Y[k] + share * Y[later], x, sent)
+            if j == 0:
+                commands[k] = v[v.size - nc :]
+    return xs, rings, commands
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def run_steps(
+    m, output, laws, layout, p, W, E, loops, R, phase, controller, sent, Y, K, s0, z0, t0, dt,
+    substeps, keep,
+):  # type: ignore[no-untyped-def]  # fmt: skip
+    """Step through the samples and return predictions, states, internal states and commands.
+
+    Signals are lines from W at a sample to E at the end of the step that begins there; controllers
+    in the loop, the first sample being `phase` of theirs, see references R and put theirs in place.
 
     Without feedback (K all zero) this is a free run; otherwise K times the prediction error
     is added to the states after every sample.
@@ -241,6 +394,11 @@ def run_steps(m, output, laws, layout, p, W, E, Y, K, s0, z0, t0, dt, substeps, 
     v0, slow, held = np.zeros(len(dry)), np.zeros(len(dry)), np.zeros(len(dry))
     v1, mean, mid = np.empty(len(dry)), np.empty(len(dry)), np.zeros(len(dry))
     ends = np.empty(len(dry)), np.empty(len(dry))
+    nc = loops.owner.size
+    commands, lagging, y = np.empty((samples if nc else 0, nc)), np.zeros(nc), np.zeros(ny)
+    v = _seen(loops, R.shape[1], ny, phase * substeps, sent)
+    for c in range(nc):
+        lagging[c] = _acting(loops, phase * substeps - 1, c, sent)[1]
     for k in range(samples):
         for j in range(substeps):
             t = t0 + k * dt + j * h
@@ -248,6 +406,9 @@ def run_steps(m, output, laws, layout, p, W, E, Y, K, s0, z0, t0, dt, substeps, 
             for i in range(signals):
                 x[n + i] = (1 - x0) * W[k, i] + x0 * E[k, i]
                 x[n + signals + i] = (1 - x1) * W[k, i] + x1 * E[k, i]
+            for c in range(nc):  # as it was, until controllers have seen the outputs
+                if loops.signal[c] >= 0:
+                    x[n + loops.signal[c]] = x[n + signals + loops.signal[c]] = lagging[c]
             for turn in range(2):  # again where feedback moves the state
                 for r in range(rows):
                     out[r] = 0.0
@@ -267,9 +428,12 @@ def run_steps(m, output, laws, layout, p, W, E, Y, K, s0, z0, t0, dt, substeps, 
                         if abs(v0[d]) <= slow[d]:
                             v0[d] = 0.0
                     _hold(f0, layout, dry, v0, held)
-                if j > 0 or turn > 0:
+                if turn > 0 or (j > 0 and nc == 0):
                     break
-                for i in range(ny):
+                here, due = (phase + k) * substeps + j, False
+                for i in range(loops.every.size):
+                    due = due or here % loops.every[i] == 0
+                for i in range(ny if due or j == 0 else 0):
                     total = 0.0
                     for c in range(n):
                         total += C[i, c] * x[c]
@@ -277,7 +441,28 @@ def run_steps(m, output, laws, layout, p, W, E, Y, K, s0, z0, t0, dt, substeps, 
                         total += D[i, c] * x[n + c]
                     for c in range(ports):
                         total += H[i, c] * f0[c]
-                    predicted[k, i] = total
+                    y[i] = total
+                if nc > 0:
+                    if due:
+                        for i in range(R.shape[1]):
+                            v[i] = (1 - x0) * R[k, i] + x0 * R[min(k + 1, samples - 1), i]
+                        _sample(loops, here, v, y, controller, sent)
+                    for c in range(nc):
+                        begin, end = _driven(loops, here, c, sent, lagging[c])
+                        at = loops.signal[c]
+                        if at >= 0:
+                            first_change = begin - x[n + at]
+                            last_change = end - x[n + signals + at]
+                            for r in range(rows if first_change != 0 or last_change != 0 else 0):
+                                out[r] += wide[n + at, r] * first_change
+                                out[r] += wide[n + signals + at, r] * last_change
+                            x[n + at], x[n + signals + at] = begin, end
+                        lagging[c] = end
+                        if j == 0:
+                            commands[k, c] = begin
+                if j > 0:
+                    break
+                predicted[k] = y
                 if keep:
                     for i in range(n):
                         kept[k, i] = x[i]
@@ -350,30 +535,40 @@ def run_steps(m, output, laws, layout, p, W, E, Y, K, s0, z0, t0, dt, substeps, 
         if not np.isfinite(total):
             predicted[k + 1 :] = np.nan
             kept[k + 1 :] = np.nan
+            commands[k + 1 :] = np.nan
             break
-    return predicted, kept, kept_z
+    return predicted, kept, kept_z, commands
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def run_pieces(m, output, laws, layout, p, W, E, S0, Z0, t0, marks, dt, substeps, keep):  # type: ignore[no-untyped-def]
-    """Step freely through pieces that follow each other in W, each from a start of its own."""
+def run_pieces(
+    m, output, laws, layout, p, W, E, loops, R, phase, controller, sent, S0, Z0, t0, marks, dt,
+    substeps, keep,
+):  # type: ignore[no-untyped-def]  # fmt: skip
+    """Step freely through pieces that follow each other in W, each from a start of its own.
+
+    What controllers are and have sent is left as it is at the ends of the pieces.
+    """
     ny, n, nz = output[0].shape[0], S0.shape[1], Z0.shape[1]
     samples = W.shape[0]
     predicted = np.empty((samples, ny))
     kept = np.empty((samples if keep else 0, n))
     kept_z = np.empty((samples if keep else 0, nz))
     Y, K = np.zeros((1, ny)), np.zeros((n, ny))
+    commands = np.empty((samples if loops.owner.size else 0, loops.owner.size))
     for i in range(len(S0)):
         a, b = marks[i], marks[i + 1]
-        y, s, z = run_steps(
-            m, output, laws, layout, p, W[a:b], E[a:b], Y, K, S0[i], Z0[i], t0[i], dt, substeps,
-            keep,
+        y, s, z, c = run_steps(
+            m, output, laws, layout, p, W[a:b], E[a:b], loops, R[a:b], phase[i],
+            controller[i], sent[i], Y, K, S0[i], Z0[i], t0[i], dt, substeps, keep,
         )  # fmt: skip
         predicted[a:b] = y
+        if len(c):
+            commands[a:b] = c
         if keep:
             kept[a:b] = s
             kept_z[a:b] = z
-    return predicted, kept, kept_z
+    return predicted, kept, kept_z, commands
 
 
 class StepMatrices(NamedTuple):

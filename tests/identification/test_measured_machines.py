@@ -387,6 +387,22 @@ def test_an_arm_with_a_mode_that_its_sensor_sees_with_the_other_sign(diagnosed):
     assert diagnosis.verdict not in ALL_CLEAR
 
 
+def test_a_ruler_on_a_motor(shared):
+    """A resonator, dry friction, perhaps a delay; the plant integrates, its command is limited.
+
+    A fit by hand leaves 0.039 rad on the other record.
+    """
+    folder = shared / "data/real/flexible_link"
+    model = rp.MechanicalModel.from_toml(folder / "model.toml")
+    train, test = (
+        rp.read_measurement(folder / f"{name}.csv", at_limit=["v"]) for name in ("train", "test")
+    )
+    found = rp.diagnose(model, train)
+    assert found.effects[0].kind == "attached_resonator"
+    left = rp.compare(found.model, test).residual["theta"]
+    assert float(np.sqrt(np.mean(left**2))) < 1.3 * 0.039
+
+
 def test_what_the_model_has_no_part_for_is_no_noise(shared):
     folder = shared / "data/real/servo_rate_limit"
     model = rp.MechanicalModel.from_toml(folder / "model.toml")

@@ -126,7 +126,7 @@ def cart(value=0.3, **changes):
         "dampers": [rp.Damper(("x", "ground"), 0.5), rp.Damper(("theta", "ground"), 0.01)],
         "inputs": [rp.Input("F", ("x", "ground"))],
         "outputs": [rp.Output("a", ("theta", "ground"), "acceleration")],
-        "coupled_inertias": [rp.CoupledInertia(("x", "theta"), value)],
+        "coupled_inertias": [rp.machines.CoupledInertia(("x", "theta"), value)],
     }
     return rp.MechanicalModel(**{**parts, **changes})
 
@@ -204,7 +204,7 @@ def test_the_file_holds_what_is_coupled():
 )  # fmt: skip
 def test_bad_couplings_are_refused(between, value, message):
     with pytest.raises(InvalidInputError, match=message):
-        cart(coupled_inertias=[rp.CoupledInertia(between, value)])
+        cart(coupled_inertias=[rp.machines.CoupledInertia(between, value)])
 
 
 def test_three_couplings_that_are_too_much_together_are_refused():
@@ -213,7 +213,7 @@ def test_three_couplings_that_are_too_much_together_are_refused():
     outputs = [rp.Output("a", ("a", "ground"))]
 
     def with_all(value):
-        coupled = [rp.CoupledInertia(pair, value) for pair in pairs]
+        coupled = [rp.machines.CoupledInertia(pair, value) for pair in pairs]
         return rp.MechanicalModel(dofs, outputs=outputs, coupled_inertias=coupled)
 
     model = with_all(-0.49)

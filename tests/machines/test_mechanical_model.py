@@ -469,7 +469,7 @@ def model():
         [Spring(("a", "base"), 800.0), Spring(("a", "b"), 300.0)], [Damper(("a", "b"), 1.5)],
         [Input("F", ("a", "ground")), Input("q", ("base", "ground"), "displacement")],
         [Output("b", "b"), Output("acc", "a", "acceleration"), Output("f", ("a", "b"), "force")],
-        coupled_inertias=[rp.CoupledInertia(("a", "b"), 0.3)],
+        coupled_inertias=[rp.machines.CoupledInertia(("a", "b"), 0.3)],
     )  # fmt: skip
 
 

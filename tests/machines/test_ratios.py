@@ -173,7 +173,8 @@ def test_a_file_names_the_ratio_or_the_lead():
      ({"inputs": [rp.Input(name, name, "displacement") for name in ("nut", "motor")]},
       "rigid ratios tie, expected one imposed motion"),
      ({"dofs": [rp.Dof("table", 0), rp.Dof("motor", 0, True), rp.Dof("nut", 0, True)]}, "above 0"),
-     ({"coupled_inertias": [rp.CoupledInertia(("table", "nut"), -1e6)]}, "positive kinetic")],
+     ({"coupled_inertias": [rp.machines.CoupledInertia(("table", "nut"), -1e6)]},
+      "positive kinetic")],
 )  # fmt: skip
 def test_bad_ratios_are_refused(parts, message):
     with pytest.raises(InvalidInputError, match=message):

@@ -111,7 +111,8 @@ def _changes(option: str, texts: tuple[str, ...]) -> list[tuple[str, list[str], 
 def model_(name: str, added: tuple[str, ...], out: str | None, force: bool) -> tuple[Any, ...]:
     """Show a mechanical model as TOML, to be changed and given to other commands.
 
-    NAME is air-bearing, air-bearing:as-printed, air-bearing:as-corrected, or a TOML file.
+    NAME is air-bearing, air-bearing:as-printed, air-bearing:as-corrected, a TOML file, or a ready
+    machine such as cart_and_pendulum.
     """
     loaded = cli.mechanical_model(name)
     for kind, at, numbers in _changes("--add", added):

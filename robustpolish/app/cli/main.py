@@ -20,6 +20,7 @@ _COMMANDS = {
     "margins": "Tell what the loop of a saved design is like, and whether it can be built.",
     "export": "Sample a saved design, certify the loop and write C, MAT, JSON or an FMU.",
     "brush": "Simulate the brush on its mould and show the forces.",
+    "simulate": "Simulate a machine, its effects included, with the controller that runs it.",
     "model": "Show the polishing robot's air bearing, or any model, as a TOML file.",
     "look": "Show what a measurement holds before there is a model, and draft one.",
     "compare": "Compare a mechanical model with a measurement.",

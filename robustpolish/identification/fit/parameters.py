@@ -228,6 +228,13 @@ def free_parameters(
             other = f"effect[{i}].{p.at_least}" if p.at_least else ""
             scale = p.scale_from(value, values)
             result.append(FreeParameter(key, value, scale, lower, upper, at_least=other))
+    for i, loop in enumerate(model.feedback):
+        for name in loop.unknown:  # of any size, of the sign that it has
+            value = loop.numbers()[name]
+            low, high = (0.0, np.inf) if value >= 0 else (-np.inf, 0.0)
+            low = value / _STEEPER if "limit" in name else low
+            scale = abs(value) or loop.period
+            result.append(FreeParameter(f"feedback[{i}].{name}", value, scale, low, high))
     return result
 
 

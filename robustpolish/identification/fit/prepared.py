@@ -45,7 +45,7 @@ from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.mechanical.data import linear_model
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import ACCELERATION, FORCE
-from robustpolish.machines.simulation import needed_substeps
+from robustpolish.machines.simulation import loop_poles, needed_substeps
 from robustpolish.signals.forces import FLAT, decimate
 
 # Cross-validation split: held-out records, or held-out blocks of each.
@@ -265,7 +265,8 @@ def reduce_record(model: MechanicalModel, record: Record) -> ReducedRecord:
     if len(record.sets) > 1:
         return ReducedRecord(model, record, False, (), model)
     long, notes = record.samples > _LONGEST, []
-    fewer = _decimated(model, record) if long else record
+    # what controllers see is not to be filtered
+    fewer = _decimated(model, record) if long and not model.feedback else record
     thinned = fewer is not record
     if thinned:
         notes.append(
@@ -706,7 +707,8 @@ def has_integrator(model: MechanicalModel, length: float) -> bool:
 
     The free run of such a model forgets nothing, so that it is judged in windows.
     """
-    return bool(np.min(np.abs(poles_of(model)), initial=np.inf) * length < 1)
+    poles = loop_poles(model) if model.feedback else poles_of(model)
+    return bool(np.min(np.abs(poles), initial=np.inf) * length < 1)
 
 
 def _motion_sizes(model: MechanicalModel, motion: starts.SmoothedMotion) -> Array:

@@ -217,7 +217,8 @@ def _warn_of_omitted_effects(model: MechanicalModel, kept: Collection[str]) -> N
     if missing:
         warnings.warn(
             f"Left out of the uncertain machine: {', '.join(map(str, missing))}. What is proven "
-            "of it holds for the linear part: judge the rest by simulating the model.",
+            "of it holds for the linear part: judge the rest by rp.simulate(model, controller, "
+            "load).",
             RobustPolishWarning,
             stacklevel=3,
         )

@@ -14,6 +14,7 @@ from robustpolish.base.budget import parallel_map
 from robustpolish.identification.observer import kalman
 from robustpolish.identification.record import Record, joined_lines, output_sizes
 from robustpolish.machines.effects.effect import Effect
+from robustpolish.machines.loop import LoopCourse, straight
 from robustpolish.machines.mechanical.data import MechanicalData, connected, dynamic_effects
 from robustpolish.machines.mechanical.equations import slopes_at
 from robustpolish.machines.mechanical.model import MechanicalModel
@@ -25,6 +26,7 @@ from robustpolish.machines.simulation import (
     NonlinearSystem,
     Stepper,
     build_system,
+    loop_poles,
     needed_substeps,
 )
 
@@ -99,6 +101,7 @@ class Runner:
         self._moves_inputs = any(e.definition.domain == "input" for e in model.effects)
         self._signals: tuple[object, object, Array, IntersampleLines | None] | None = None
         self._course: tuple[object, object, InputCourse, Array] | None = None
+        self._followed: tuple[object, object, LoopCourse | None] | None = None
         self.gain: kalman.Gain | None = None
         if self._leak is not None and scales is not None:
             self.gain = kalman.observer_gain(self._system(model), dt, level, scales)
@@ -137,15 +140,26 @@ class Runner:
         course : InputCourse
         measured : ndarray, shape (samples, ny)
         """
-        mover = model if self._moves_inputs else None
+        mover = model if self._moves_inputs else model.feedback
         known = self._course
         if known is None or known[0] != records or known[1] is not mover:
             signals = np.concatenate([self.inputs(model, record) for record in records])
             time = np.concatenate([record.time for record in records])
             marks = np.cumsum([0, *(record.samples for record in records)])
-            course = InputCourse.of(signals, self.lines(model, records), time, marks)
+            loop = self.loop_course(model, records)
+            course = InputCourse.of(signals, self.lines(model, records), time, marks, loop)
             known = self._course = (records, mover, course, np.concatenate([r.Y for r in records]))
         return known[2:]
+
+    def loop_course(self, model: MechanicalModel, records: Sequence[Record]) -> LoopCourse | None:
+        """Return what controllers in the loop are told over pieces of record, None without any."""
+        known, sets = self._followed, records[0].sets
+        if known is None or known[0] is not sets or known[1] is not model.feedback:
+            known = self._followed = (sets, model.feedback, records[0].loop_course(model))
+        if known[2] is None:
+            return None
+        samples = [np.arange(r.first, r.first + r.samples) for r in records]
+        return known[2].at([r.first for r in records], np.concatenate(samples))
 
     def _known(
         self, model: MechanicalModel, record: Record
@@ -168,8 +182,8 @@ class RecordRun:
 
     @property
     def linear(self) -> bool:
-        """Whether no effect makes a force."""
-        return not self.run.system.effects
+        """Whether no effect makes a force, and nothing in a loop is limited."""
+        return not self.run.system.effects and straight(self.model)
 
     def finer(self) -> RecordRun:
         """Return the free run of the model in steps half as long."""
@@ -197,8 +211,9 @@ class RecordRun:
         inputs = self.runner.inputs(self.model, record)
         lines = self.runner.lines(self.model, [record])
         led = (None, None) if gain is None else (record.Y, gain.filter)
+        loop = self.runner.loop_course(self.model, [record]) if gain is None else None
         self.runner.spend(record.samples * self.run.substeps)
-        return self.run.over(inputs, state, start.internal, record.time, *led, keep, lines)
+        return self.run.over(inputs, state, start.internal, record.time, *led, keep, lines, loop)
 
     def over_all(self, pieces: Sequence[StartedPiece], keep: bool = False) -> NonlinearResponse:
         """Return what the model predicts for several pieces, one after the other in the arrays."""
@@ -290,6 +305,9 @@ class Chains:
         table, _, number = what.rstrip("]").partition("[")
         if not number:
             return -1
+        if table == "feedback":
+            loop = model.feedback[int(number)]
+            return self._of(next(o.of for o in model.outputs if o.name == loop.terms[0].of))
         if table != "effect":
             return self._of(getattr(model, f"{table}s")[int(number)].between)
         return self.effect(model.effects[int(number)])
@@ -398,6 +416,8 @@ def reproducibility(
     """
     record = piece.record
     bad = np.flatnonzero(~np.isfinite(outputs[-1:] if ahead else outputs).all(axis=1))
+    if span is None and run.model.feedback and (grows := _unstable_loop(run.model)):
+        return Reproducibility(False, np.inf, int(bad[0]) * record.dt if bad.size else None, grows)
     if bad.size:
         after = int(bad[0]) * record.dt
         reason = (
@@ -426,6 +446,19 @@ def reproducibility(
         f"noise within {after:.4g} s, so that its error judges nothing; {advice}"
     )
     return Reproducibility(False, growth, after, reason)
+
+
+def _unstable_loop(model: MechanicalModel) -> str:
+    """Say so if a model is unstable in its loop, without the effects and the limits."""
+    worst = max(loop_poles(model).tolist(), key=lambda pole: pole.real)
+    if not worst.real > 0:
+        return ""
+    turns = f", {abs(worst.imag) / (2 * np.pi):.3g} Hz" if worst.imag else ""
+    return (
+        f"the model is unstable in its loop (a pole at {worst.real:.3g} 1/s{turns}), so that the "
+        "error of a free run judges nothing: check signs and sizes of gains, masses and stiffness, "
+        "or refit, which begins with short windows"
+    )
 
 
 def _largest_change(run: RecordRun, piece: StartedPiece, size: Array) -> Array:
@@ -458,7 +491,8 @@ def _largest_change(run: RecordRun, piece: StartedPiece, size: Array) -> Array:
 
 def _drift_note(run: RecordRun, record: Record) -> str:
     """Warn of a plant that integrates, whose free run sums up every small error."""
-    poles = np.abs(np.linalg.eigvals(run.run.system.A))
+    poles = loop_poles(run.model) if run.model.feedback else np.linalg.eigvals(run.run.system.A)
+    poles = np.abs(poles)
     slow = poles * record.samples * record.dt < 1e-3
     if slow.any() and np.max(poles) > 0:
         return "the model integrates: a free run sums up small errors; windows judge it better"

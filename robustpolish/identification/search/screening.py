@@ -17,7 +17,13 @@ from robustpolish.base.budget import parallel_map
 from robustpolish.identification.fit.least_squares import independent_errors
 from robustpolish.identification.fit.parameters import free_parameters, is_guessed
 from robustpolish.identification.fit.prepared import PreparedRecord, has_integrator
-from robustpolish.identification.observer.kalman import FREE, Level, LinearObserver, force_sites
+from robustpolish.identification.observer.kalman import (
+    FREE,
+    Level,
+    LinearObserver,
+    force_sites,
+    rounding,
+)
 from robustpolish.identification.observer.starts import SmoothedMotion, known_forces
 from robustpolish.identification.policy import Policy
 from robustpolish.identification.record import Record
@@ -42,11 +48,13 @@ from robustpolish.machines.mechanical.data import (
     port_rows,
 )
 from robustpolish.machines.mechanical.model import MechanicalModel
-from robustpolish.machines.mechanical.parts import FORCE
+from robustpolish.machines.mechanical.parts import DISPLACEMENT, FORCE
 from robustpolish.machines.simulation import IntersampleLines, linear_interpolation
 
 # Places of effects, and their forces along a known motion.
 
+_STEPS_OF_WAVE = 3.0
+"""Steps of a sensor in the shortest force periodic in the displacement that is sought."""
 _DERIVATIVE_STEP = 1e-4
 """Share of a number of an equation by which it is moved for a derivative."""
 
@@ -168,10 +176,13 @@ def candidate_columns(
     if "clearance" in dict(kind.gives) and _needs_clearance(model, at):
         return _clearances(model, kind, at, motion, record)
     rows, pairs = port_rows(model, effect), port_pairs(effect)
-    return [
-        CandidateColumns(kind, at, shape, rows, pairs, shape.columns)
-        for shape in shapes_along(kind, replace(here, force=force))
-    ]
+    shapes = shapes_along(kind, replace(here, force=force))
+    if kind.wave:  # a wave as short as the steps in which a sensor counts is these steps
+        sensors = zip(model.outputs, record.Y.T, strict=True)
+        steps = [12**0.5 * rounding(y) for o, y in sensors if o.quantity == DISPLACEMENT]
+        least = _STEPS_OF_WAVE * max(steps, default=0.0)
+        shapes = [s for s in shapes if s.values(np.ones(len(s.signs)))[kind.wave] > least]
+    return [CandidateColumns(kind, at, shape, rows, pairs, shape.columns) for shape in shapes]
 
 
 def mutually_exclusive(one: EffectKind, other: EffectKind) -> bool:

@@ -246,7 +246,8 @@ def _proposals(run: EffectSearch, step: int) -> Iterator[tuple[EffectSet, int, b
     The problems are about different runs, so that their nats cannot be compared: each has its turn,
     the one with the largest expected gain first. A set that is expected to gain less than very
     strong evidence is not fitted, nor one of which a part with as large an expected gain was
-    fitted, unless that fit gained far less.
+    fitted, unless that fit gained far less. What swings by itself is fitted last, however much is
+    expected of others.
     """
     run.say(f"screening for effect {step}")
     prepared = run.prepared
@@ -271,7 +272,13 @@ def _proposals(run: EffectSearch, step: int) -> Iterator[tuple[EffectSet, int, b
                 done.append(proposed)
                 yield proposed, problem, proposed.nats >= sources[problem][0].nats - STRONG
         if not any(turn):
-            return
+            break
+    # a motion that lacks a mode tells little of it, and friction's laws resemble each other: what
+    # swings has a turn of its own
+    for proposed in run.expected.values():
+        swings = len(proposed.effects) == 1 and proposed.effects[0].definition.swinging
+        if swings and all(proposed.places != d.places for d in done):
+            yield proposed, -1, True
 
 
 def _next_of(

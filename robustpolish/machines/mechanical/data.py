@@ -26,6 +26,7 @@ from robustpolish.machines.mechanical.equations import (
     number_unit,
     with_numbers,
 )
+from robustpolish.machines.mechanical.feedback import Feedback, check_feedback
 from robustpolish.machines.mechanical.parts import (
     ACCELERATION,
     CONNECTIONS,
@@ -297,10 +298,14 @@ class MechanicalData:
     design: Mapping[str, Any] = field(default_factory=dict, hash=False)
     ratios: tuple[Ratio, ...] = ()
     equations: tuple[Equations, ...] = ()
+    feedback: tuple[Feedback, ...] = ()
 
     def __post_init__(self) -> None:
         for name, value in checked_fields(vars(self)).items():
             object.__setattr__(self, name, value)
+        forces = {item.name: item.imposes is None for item in self.inputs}
+        loops = check_feedback(tuple(self.feedback), forces, self.output_names)
+        object.__setattr__(self, "feedback", loops)
 
     @cached_property
     def frame(self) -> Frame:
@@ -359,6 +364,19 @@ class MechanicalData:
     def output_names(self) -> tuple[str, ...]:
         """Names of the outputs: data columns."""
         return tuple(item.name for item in self.outputs)
+
+    @property
+    def driven(self) -> tuple[str, ...]:
+        """Names of the inputs that a feedback commands."""
+        commands = {name for loop in self.feedback for name in loop.drives}
+        return tuple(name for name in self.input_names if name in commands)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of what drives the model and its loops in a record: inputs, then references."""
+        commands = {name for loop in self.feedback for name in loop.drives}
+        asked = [name for loop in self.feedback for name in loop.columns]
+        return tuple(n for n in dict.fromkeys((*self.input_names, *asked)) if n not in commands)
 
     def dof(self, name: str) -> Dof:
         """Return the degree of freedom with this name.
@@ -432,6 +450,9 @@ def _numbers(model: MechanicalData) -> Iterator[tuple[str, float, str, int, str]
                 max(i, 0),
                 name,
             )
+    for i, loop in enumerate(model.feedback):
+        for name, value in loop.numbers().items():
+            yield f"feedback[{i}].{name}", value, "feedback", i, name
 
 
 def values(model: MechanicalData) -> dict[str, float]:
@@ -455,11 +476,14 @@ def with_parameter_values(model: Model, changes: Mapping[str, float]) -> Model:
         if where[:-1] in CONNECTIONS:  # these parts check no numbers themselves
             numbers = {key: connection_number(where[:-1], i, v) for key, v in numbers.items()}
         part = parts[where][i]
-        if isinstance(part, Equations):
+        if isinstance(part, Effect):
+            parts[where][i] = part.with_parameters(**numbers)
+        elif isinstance(part, Equations):
             parts[where][i] = with_numbers(part, numbers)
-            continue
-        effect = isinstance(part, Effect)
-        parts[where][i] = part.with_parameters(**numbers) if effect else replace(part, **numbers)
+        elif isinstance(part, Feedback):
+            parts[where][i] = part.with_numbers(numbers)
+        else:
+            parts[where][i] = replace(part, **numbers)
     vars(found).update({where: tuple(items) for where, items in parts.items()})
     vars(found)["design"] = dict(model.design)
     if "ratios" in parts:
@@ -467,7 +491,7 @@ def with_parameter_values(model: Model, changes: Mapping[str, float]) -> Model:
     check_inertias(
         found.dofs, found.coupled_inertias, found.frame, imposed_by(found.inputs), found.equations
     )
-    if "matrices" in vars(model) and parts.keys() <= {"effects"}:
+    if "matrices" in vars(model) and parts.keys() <= {"effects", "feedback"}:
         vars(found)["matrices"] = model.matrices
     return found
 
@@ -507,6 +531,8 @@ def unit_of(model: MechanicalData, key: str) -> str:
     """Return the SI unit of the number with a key of :func:`values`."""
     where, i, name = next((at, i, n) for k, _, at, i, n in _numbers(model) if k == key)
     part = getattr(model, where)[i]
+    if where == "feedback":
+        return _feedback_unit(model, part, name)
     if where in ("dofs", "inputs"):
         return part.unit if where == "dofs" else "1"
     if where == "effects":
@@ -518,6 +544,21 @@ def unit_of(model: MechanicalData, key: str) -> str:
         return units[model.is_rotational(part.between)]
     first, second = (model.is_rotational((end,)) for end in part.between)
     return units[first + second if where != "ratios" else (1 + first) * (first != second)]
+
+
+def _feedback_unit(model: MechanicalData, loop: Feedback, name: str) -> str:
+    """Return the unit of a number of a loop; of inner commands none is known."""
+    units = {item.name: model.unit_of(item) for item in (*model.inputs, *model.outputs)}
+    command = units.get(loop.drives[0], "1")
+    of, _, which = name.rpartition(".")
+    if which in ("lag", "delay"):
+        return "s"
+    if not of:
+        return command if which == "limit" else f"{command}/s"
+    compound = " " in units[of] or "/" in units[of]
+    per = f"({units[of]})" if compound else units[of]
+    forms = {"gain": "{0}/{1}", "integral": "{0}/({1} s)", "derivative": "{0} s/{1}"}
+    return forms[which].format(command, per)
 
 
 def effect_unit(model: MechanicalData, effect: Effect, name: str) -> str:
@@ -666,6 +707,13 @@ def connected(model: MechanicalData, *, signals: bool = False) -> list[set[str]]
     joints += [tuple(item.coordinates) for item in model.equations]
     if signals:
         joints += [*(i.on for i in model.inputs), *(o.of for o in model.outputs)]
+        for loop in model.feedback:
+            seen, names = (
+                {*loop.drives, *(t.of for t in loop.terms)},
+                (*model.inputs, *model.outputs),
+            )
+            places = (p.on if isinstance(p, Input) else p.of for p in names if p.name in seen)
+            joints.append(tuple(end for place in places for end in place))
     for joint in joints:
         ends = {name for name in joint if name in model.dof_names}
         touched = [g for g in groups if g & ends]

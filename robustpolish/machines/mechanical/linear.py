@@ -21,7 +21,7 @@ from robustpolish.base.checks import closest_name_remedy, described, invalid, mi
 from robustpolish.base.results import Card, Table
 from robustpolish.errors import RobustPolishWarning
 from robustpolish.linear.arithmetic.dual_numbers import plus, times
-from robustpolish.linear.systems import resolvent_response
+from robustpolish.linear.systems import named_system, resolvent_response
 from robustpolish.machines.effects.effect import Effect
 from robustpolish.machines.effects.kind import SignalSlope
 from robustpolish.machines.mechanical.data import (
@@ -48,7 +48,6 @@ from robustpolish.machines.mechanical.parts import (
     VELOCITY,
     number,
 )
-from robustpolish.plants.blocks import named_system
 from robustpolish.plants.linearization import difference
 from robustpolish.plants.plant import GeneralizedPlant
 from robustpolish.plants.uncertain import lft
@@ -74,6 +73,7 @@ def mechanical_card(model: MechanicalData) -> Card:
         for i, part in enumerate(getattr(model, f"{what}s"))
     ]
     parts += [(f"effect[{i}].", e.kind, e.at) for i, e in enumerate(model.effects)]
+    parts += [(f"feedback[{i}].", "feedback", f.drives) for i, f in enumerate(model.feedback)]
     numbers = values(model)
     rows += [
         (part, " - ".join(at), key.removeprefix(start), float(numbers[key]), unit_of(model, key))
@@ -276,7 +276,8 @@ def _slopes(model: MechanicalData, effect: Effect, rest: Array, warn: bool = Tru
         if jumps.any() and warn:
             warnings.warn(
                 f"{effect} jumps at rest and has no linear part: left out of the linear model. "
-                "Judge the controller by simulating the model with it.",
+                "Judge the controller by simulating the model with it: "
+                "rp.simulate(model, controller, load).",
                 RobustPolishWarning,
                 stacklevel=6,
             )

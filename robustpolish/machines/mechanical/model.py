@@ -67,6 +67,9 @@ class MechanicalModel(MechanicalData, Displayed):
     equations : sequence of Equations, optional
         Equations of motion of your own, at most one set; its coordinates and inputs need not be
         declared again.
+    feedback : sequence of simulation.Feedback, optional
+        Sampled controllers in whose loop the machine was measured; simulations, comparisons and
+        fits run the loop. What is linearised is the machine without it.
 
     Raises
     ------
@@ -344,13 +347,13 @@ class MechanicalModel(MechanicalData, Displayed):
         return replace(self, dofs=(*self.dofs, Dof(name, 0.0)), inputs=(*self.inputs, source))
 
     def without_effects(self) -> MechanicalModel:
-        """Return the linear model.
+        """Return the linear model; its loops without limits and steps.
 
         Returns
         -------
         MechanicalModel
         """
-        return replace(self, effects=())
+        return replace(self, effects=(), feedback=tuple(loop.linear for loop in self.feedback))
 
     @property
     def parameters(self) -> dict[str, float]:

@@ -161,7 +161,7 @@ class CoupledInertia:
     Examples
     --------
     >>> import robustpolish as rp
-    >>> rp.CoupledInertia(("theta_1", "theta_2"), 0.12).value
+    >>> rp.machines.CoupledInertia(("theta_1", "theta_2"), 0.12).value
     0.12
     """
 

@@ -7,13 +7,22 @@ import math
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from robustpolish.base.atomic_writes import write_file
-from robustpolish.base.checks import Key, described, instance_of, invalid, known_keys, misfit
+from robustpolish.base.checks import (
+    Key,
+    described,
+    inside,
+    instance_of,
+    invalid,
+    known_keys,
+    misfit,
+)
 from robustpolish.base.input_files import FileSpec, check_tree
 from robustpolish.base.input_files import text as read_text
 from robustpolish.base.versions import __version__
@@ -24,6 +33,11 @@ from robustpolish.machines.effects.kind import GROUND
 from robustpolish.machines.effects.user_defined import own_kind, own_table
 from robustpolish.machines.mechanical.data import MechanicalData
 from robustpolish.machines.mechanical.equations import Equations
+from robustpolish.machines.mechanical.feedback import (
+    Feedback,
+    FeedbackTerm,
+    feedback_from_file,
+)
 from robustpolish.machines.mechanical.parts import (
     CONNECTIONS,
     DISPLACEMENT,
@@ -68,7 +82,7 @@ def line_of(text: str, key: Key) -> int | None:
     2
     """
     lines: dict[Key, int] = {}
-    entries: Counter[str] = Counter()
+    entries: Counter[Key] = Counter()
     named: dict[Key, Key] = {}
     table: Key = ()
     for i, line in enumerate(text.splitlines(), 1):
@@ -77,41 +91,50 @@ def line_of(text: str, key: Key) -> int | None:
         brackets, dotted, value = found.groups()
         parts: tuple[str, ...] = tuple(part.strip("\"'") for part in re.findall(_KEY, dotted))
         if brackets:
-            entries[parts[0]] += brackets == "[["
-            number = entries[parts[0]] - 1
-            table = parts if number < 0 else (parts[0], number, *parts[1:])
+            table = ()
+            for depth, part in enumerate(parts, 1):
+                table = (*table, part)
+                entries[table] += brackets == "[[" and depth == len(parts)
+                if entries[table]:
+                    table = (*table, entries[table] - 1)
         elif parts == ("name",) and value:  # of two with one name the later one is too many
             named[*table[:1], value.strip("\"'")] = table
         here = table if brackets else (*table, *parts)
         for length in range(1, len(here) + 1):
             lines.setdefault(here[:length], i)
     way = (*named.get(key[:2], key[:2]), *key[2:])
-    for length in range(len(way), 0, -1):
-        if way[:length] in lines:
-            return lines[way[:length]]
+    single = tuple(part for part in way if isinstance(part, str))  # one table instead of a list
+    parts_of = [each[:length] for each in (way, single) for length in range(len(each), 0, -1)]
+    for each in sorted(parts_of, key=lambda part: -sum(isinstance(p, str) for p in part)):
+        if each in lines:
+            return lines[each]
     return next((i for path, i in lines.items() if key and key[0] in path), None)
 
 
 Table = Mapping[str, Any]
 
 _READY = Path(__file__).parents[1] / "ready"
+_MATRICES = ("A", "B", "C", "D")
+
 _FILE = FileSpec(
     "model", "a TOML file with a mechanical model", "Check the path and the file.", 10_000_000
 )
 
 _TOP = (
-    "name", "spin_frequency", "dof", *CONNECTIONS, "input", "output", "effect", "design", "weights",
-    "equation", "parameter", "start",
+    "name", "spin_frequency", "dof", *CONNECTIONS, "input", "output", "effect", "feedback",
+    "design", "weights", "equation", "parameter", "start",
 )  # fmt: skip
 
 
 def read_model(source: str | Path, max_bytes: float | None = None) -> MechanicalData:
     """Read a model from a file, from TOML text if `source` has a line break, or by its name."""
     ready = _READY / f"{source}.toml"
-    if isinstance(source, str) and source.isidentifier() and ready.is_file():
+    named = isinstance(source, str | Path) and str(source).isidentifier()
+    if named and not Path(source).exists() and ready.is_file():
         source = ready
+    text_given = isinstance(source, str) and "\n" in source
     with toml_with_line_numbers(source, max_bytes) as table:
-        return _model(table)
+        return _model(table, Path() if text_given else Path(source).parent)
 
 
 @contextmanager
@@ -131,11 +154,11 @@ def toml_with_line_numbers(source: str | Path, max_bytes: float | None = None) -
         The tables.
     """
     if isinstance(source, str) and "\n" in source:
-        text, where = source, "model"
+        content, where = source, "model"
     else:
-        text, where = read_text(source, _FILE.limited(max_bytes)), str(source)
+        content, where = read_text(source, _FILE.limited(max_bytes)), str(source)
     try:
-        table = tomllib.loads(text)
+        table = tomllib.loads(content)
     except tomllib.TOMLDecodeError as error:
         raise InvalidInputError(f"{where}: not valid TOML: {error}.") from None
     except ValueError:  # Python reads no integers of thousands of digits
@@ -147,12 +170,12 @@ def toml_with_line_numbers(source: str | Path, max_bytes: float | None = None) -
         check_tree(table)
         yield table
     except InvalidInputError as error:
-        line = line_of(text, error.key)
+        line = line_of(content, error.key)
         at = f"{where}, line {line}" if line else where
         raise InvalidInputError(f"{at}: {error}", error.key) from None
 
 
-def _model(table: Table) -> MechanicalData:
+def _model(table: Table, folder: Path) -> MechanicalData:
     needed = () if "equation" in table else ("dof",)
     known_keys((), table, _TOP, required=(*needed, "output"))
     dofs = [_dof(name, item) for name, item in _table(("dof",), table.get("dof", {})).items()]
@@ -166,6 +189,7 @@ def _model(table: Table) -> MechanicalData:
         spin_frequency=table.get("spin_frequency"),
         name=table.get("name", ""),
         design=design_section(table),
+        feedback=_list(table, "feedback", lambda where, item: _feedback(where, item, folder)),
     )
 
 
@@ -204,6 +228,7 @@ def _table(where: Key, value: Any) -> Table:
 
 def _list(table: Table, key: str, make: Callable[[Key, Table], Any]) -> tuple[Any, ...]:
     items = table.get(key, [])
+    items = [items] if key == "feedback" and isinstance(items, dict) else items
     if not isinstance(items, list):
         raise misfit(key, "a single table", f"[[{key}]]", "Write two brackets: it is a list.")
     return tuple(make((key, i), _table((key, i), item)) for i, item in enumerate(items))
@@ -340,6 +365,40 @@ def _effect(where: Key, item: Table) -> Effect:
         raise InvalidInputError(message, (*where, *inside)) from None
 
 
+def _feedback(where: Key, item: Table, folder: Path) -> Feedback:
+    saved = ("controller", "references")
+    own = [each.name for each in fields(Feedback) if each.name not in ("terms", "matrices")]
+    known_keys(where, item, (*own, "term", *_MATRICES, *saved))
+    given: dict[str, Any] = {key: item[key] for key in own if key in item}
+    with inside(where):
+        if "controller" in item:
+            known_keys((), item, (*own, *saved))
+            references = _table((*where, "references"), item.get("references", {}))
+            path = instance_of("controller", item["controller"], str, "a file", "Write its name.")
+            path = folder / path
+            return feedback_from_file(path, references, **given)
+        known_keys((), item, (*own, "term", *_MATRICES), ("drives",))
+        keys, terms = [each.name for each in fields(FeedbackTerm)], []
+        for k, term in enumerate(item.get("term", ())):
+            known_keys(("term", k), _table(("term", k), term), keys, ("of",))
+            terms.append(FeedbackTerm(**term))
+        if any(name in item for name in _MATRICES):
+            known_keys((), item, item, _MATRICES)
+            given["matrices"] = tuple(item[name] for name in _MATRICES)
+        return Feedback(**{"period": None, **given, "terms": terms})
+
+
+def _feedback_table(loop: Feedback) -> dict[str, Any]:
+    def told(part: Any, left_out: Sequence[str]) -> dict[str, Any]:
+        each = ((f, getattr(part, f.name)) for f in fields(part) if f.name not in left_out)
+        return {f.name: value for f, value in each if value != f.default}
+
+    table = told(loop, ("terms", "matrices"))
+    if loop.matrices is not None:
+        table |= dict(zip(_MATRICES, loop.matrices, strict=True))
+    return {**table, "term": [told(term, ()) for term in loop.terms]}
+
+
 def write_model(model: MechanicalData, path: str | Path | None = None) -> str:
     """Return `model` as TOML text; write it to `path` whole or not at all."""
     lines: list[str] = [f"# A mechanical model of robustpolish {__version__}", ""]
@@ -367,6 +426,8 @@ def write_model(model: MechanicalData, path: str | Path | None = None) -> str:
         what = own_table(effect.definition) or {"kind": effect.kind}
         table = {**what, "at": effect.at, "parameters": dict(effect.parameters)}
         lines += _entry("effect", table)
+    for loop in model.feedback:
+        lines += _entry("feedback", _feedback_table(loop))
     lines += _section("design", model.design)
     text = "\n".join(lines).lstrip("\n") + "\n"
     if path is not None:

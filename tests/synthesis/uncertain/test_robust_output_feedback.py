@@ -1,9 +1,12 @@
+import importlib
+
 import control
 import numpy as np
 import pytest
 from uncertain_plants import column, lag, two_masses
 
 import robustpolish as rp
+from robustpolish.base.budget import DeadlineError
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +118,15 @@ def test_dynamics_enter_a_structure_by_their_worst_cases():
     assert max(known) > 2  # the nominal machine, a corner, and witnesses of proofs
 
 
-def test_when_the_time_is_over_no_controller_is_made_up():
+def test_when_the_time_is_over_what_was_proven_counts(monkeypatch):
+    def over(*_):
+        raise DeadlineError("The time was over.")
+
+    module = importlib.import_module("robustpolish.synthesis.uncertain.robust_output_feedback")
+    monkeypatch.setattr(module, "_by_scalings", over)
+    design = rp.robust_output_feedback(lag(), "y", "u", gamma=1.5)
+    assert design.status == "robust"
+    assert design.performance.proven
     late = rp.robust_output_feedback(lag(), "y", "u", gamma=1.5, time_limit=1e-6)
     assert (late.status, late.controller) == ("no controller", None)
     assert "time limit of 1e-06 s" in late.reason

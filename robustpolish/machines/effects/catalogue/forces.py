@@ -33,7 +33,7 @@ def _guide_spring_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
 
 
 def _position_dependent_friction_law(t, q, v, z, p, f, dz):  # type: ignore[no-untyped-def]
-    size = max(p[0] + p[1] * q[0], 0.0)
+    size = max(p[1] + p[0] * q[0], 0.0)
     width = max(p[2], size * p[3])
     f[0] = -size * (np.tanh(v[0] / width) if width > 0.0 else np.sign(v[0]))
 
