@@ -136,12 +136,13 @@ def simulate(
         machines = (fit.model.with_parameters(numbers) for numbers in drawn)
         runs = [simulate_machine(m, controller, load, reference, initial_state) for m in machines]
         return xr.concat(runs, "sample", combine_attrs="override")
-    if not hasattr(disturbance, "keys"):
+    table: Any = disturbance
+    if not hasattr(table, "keys"):
         remedy = "Pass forces over time, or a MechanicalModel first."
         raise misfit("disturbance", type(disturbance).__name__, "an xarray.Dataset", remedy)
     if isinstance(design, SampledDesign):
-        return design.simulate(disturbance)
-    return _simulated(*loop_with_units(design), disturbance)
+        return design.simulate(table)
+    return _simulated(*loop_with_units(design), table)
 
 
 def _simulated(
@@ -217,8 +218,9 @@ def loop_with_units(
         return as_state_space("design", design), {}
     expected = "a Design, a SampledDesign, a GeneralizedPlant or a control.StateSpace"
     remedy = "Pass what state_feedback(...) or air_bearing(...) returned."
-    plant = instance_of("design", design, Design, expected, remedy).plant
-    return plant.with_control_outputs().closed_loop(design.controller), dict(plant.units)
+    known = instance_of("design", design, Design, expected, remedy)
+    plant = known.plant
+    return plant.with_control_outputs().closed_loop(known.controller), dict(plant.units)
 
 
 SAME_LOAD = "every row is driven by the same disturbance"
