@@ -154,7 +154,7 @@ def test_the_quick_norm_is_not_slower_than_the_proof():
         found[exact] = rp.hinf_norm(system, exact=exact)
         seconds[exact] = time.process_time() - start
     peaks = np.sqrt(np.clip(1 - 2 * z * z, 0, None)) * w
-    reached = rp.singular_values(system, peaks / (2 * np.pi)).isel(singular_value=0).max()
+    reached = rp.linear.singular_values(system, peaks / (2 * np.pi)).isel(singular_value=0).max()
     assert float(reached) <= found[True].upper
     assert found[False].value == pytest.approx(found[True].value, rel=1e-6)
     assert seconds[False] < 2 * seconds[True]
