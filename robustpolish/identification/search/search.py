@@ -488,11 +488,8 @@ def _remove(run: EffectSearch) -> None:
 def _explain_surprise(run: EffectSearch) -> None:
     """Add the gain of an input or sensor that spares the model's own numbers a large surprise.
 
-    All masses and springs do not err by one factor by chance. Where more than noise is left, what
-    else is missing has bent them.
+    All masses and springs do not err by one factor by chance.
     """
-    if not run.at_noise_floor(run.best):
-        return
     tried = []
     for chain in connected(run.reference):
         own = (key for keys in chain_keys(run.reference, chain) for key in keys)

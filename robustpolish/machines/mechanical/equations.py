@@ -562,7 +562,7 @@ class _Remainder:
             function, varies = law, True
         else:
             function, varies = _functions(*self.key)
-        compiled = numba.njit(error_model="numpy")(function)
+        compiled = njit(error_model="numpy")(function)
         return machine_code(_remainder(compiled, names, self, varies), cache=False)
 
 
