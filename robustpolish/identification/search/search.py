@@ -402,6 +402,9 @@ def _elsewhere(run: EffectSearch, chosen: ScoredModel, effect: Effect) -> list[E
             (effect.kind, effect.at)
         }:
             found.append(moved)
+    if kind.domain == "output" and "gain" in effect.values:  # or the others are off, inversely
+        others = (o.name for o in run.reference.outputs if o.name != effect.at[0])
+        found = [Effect.of(kind, (o,), {"gain": 1 / effect.values["gain"]}) for o in others]
     late = Timing(*kind.timing(effect.values)) if kind.timing is not None else None
     if late is not None and late.order is None:
         found += [
