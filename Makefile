@@ -42,8 +42,8 @@ times: $(READY) ## Measure on an idle machine which tests are slow: tests/slow.t
 doctest: $(READY) ## Run the examples in docstrings
 	$(PYTEST) --doctest-modules robustpolish
 
-LINES := 53836
-FILES_AT_MOST := 257
+LINES := 55197
+FILES_AT_MOST := 262
 
 lint: $(READY) ## Check style, types, the direction of imports, cycles and the size of the package
 	$(BIN)/ruff check .
