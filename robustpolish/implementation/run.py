@@ -275,7 +275,8 @@ def disturbance_columns(
     InvalidInputError
         If the dataset has none of them, one that is not over `time` alone, or another unit.
     """
-    if hasattr(disturbance, "keys") and not isinstance(disturbance, xr.Dataset):
+    table = hasattr(disturbance, "keys") and not isinstance(disturbance, xr.Dataset)
+    if table and any(np.ndim(disturbance[key]) for key in disturbance):
         disturbance = _table(disturbance, names)
     remedy = "Build one with a variable per disturbance, or take simulate_brush(...)."
     instance_of(argument, disturbance, xr.Dataset, "an xarray.Dataset over time", remedy)

@@ -167,7 +167,8 @@ def test_every_method_ends_in_time(name):
     except rp.SolverError as error:
         refusal = str(error)
     assert all(each.certificate.valid for each in found)
-    assert found or "time" in refusal  # no certificate in time, no design
+    # no certificate in time, no design
+    assert found or "time" in refusal or "work allowed was spent" in refusal
     assert computing_time() - start < ALLOWED
 
 

@@ -158,8 +158,8 @@ def test_a_safety_net_that_was_reached_is_said(monkeypatch):
         shown[0] = 0.0 if next(looks) < 60 else 58.0
         return shown[0]
 
-    monkeypatch.setattr(time, "monotonic", jumping)
-    monkeypatch.setattr(time, "process_time", lambda: shown[0])
+    monkeypatch.setattr(time, "process_time", jumping)
+    monkeypatch.setattr(time, "monotonic", lambda: shown[0])
     design = output_feedback(random_plant(4, 1))
     assert design.certificate.valid
     assert design.status == "time_limit"
