@@ -190,9 +190,9 @@ class Fits:
     ) -> ScoredModel | None:
         fits = [f for f in found if f is not None] + ([known.fitted] if known else [])
         best = min(fits, key=lambda fitted: ranking_log_error(fitted, fits), default=None)
-        return self._rounded(self.scored(best))
+        return self.scored(best)
 
-    def _rounded(self, scored: ScoredModel | None) -> ScoredModel | None:
+    def rounded(self, scored: ScoredModel | None) -> ScoredModel | None:
         """Return a model with those turns of its friction rounded that are better so by far.
 
         Where a turn is felt, all other numbers of a sharp one are bent to it, and its kind may look
@@ -200,12 +200,13 @@ class Fits:
         """
         if scored is None or self.at_noise_floor(scored.fitted):
             return scored
+        key = scored.places
         for at in range(len(self.reference.effects), len(scored.model.effects)):
             begun = with_rounded_turn(scored.model, at, self.prepared)
             if begun is not None and not begun.sharpest:
                 rounded = self.near(begun.model)
                 if rounded is not None and nats(rounded, scored) > STRONG:
-                    scored = rounded
+                    self.done[key] = scored = rounded
         return scored
 
     def at_noise_floor(self, stage: EvaluatedFit) -> bool:

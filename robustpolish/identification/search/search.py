@@ -227,6 +227,8 @@ def _forward(run: EffectSearch) -> bool:
         named = " and ".join(map(str, proposed.effects))
         run.say(f"refit with {named}, expected to gain {proposed.nats:.0f} nats")
         fitted = run.fits.with_effects(run.best, *proposed.effects)
+        if rival:
+            fitted = run.fits.rounded(fitted)
         good = _determined_part(run, proposed, fitted)
         found += [good] if good is not None and good not in found else []
         if good is not None and run.at_noise_floor(good) and good.laws <= step:
