@@ -95,7 +95,7 @@ def synthesise(
             life.flush()
         out, complaints = worker.communicate(timeout=time_limit)
     except subprocess.TimeoutExpired:
-        return SlycotAnswer(None, None, f"{routine} was ended after {time_limit:.3g} s, the time that it had")
+        return SlycotAnswer(None, None, f"{routine} was ended after {time_limit:.3g} s, its time")
     finally:
         worker.kill()
         worker.communicate()
