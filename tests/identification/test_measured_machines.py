@@ -418,8 +418,8 @@ def test_a_force_periodic_in_the_position(shared):
     (effect,) = found.effects
     assert (found.verdict, effect.kind) == ("missing_effect", "cogging")
     assert effect.at == ("tool", "ground")
-    assert effect.values["period"] == pytest.approx(4e-3, rel=1e-3)
-    assert effect.values["force"] == pytest.approx(6.0, rel=0.03)
+    assert effect.parameters["period"].value == pytest.approx(4e-3, rel=1e-3)
+    assert effect.parameters["force"].value == pytest.approx(6.0, rel=0.03)
 
 
 def test_a_stop_under_the_tool_has_its_name(shared):
