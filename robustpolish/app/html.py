@@ -126,8 +126,8 @@ def _templates() -> jinja2.Environment:
 
 
 def paragraphs(block: str, **values: Any) -> tuple[str, ...]:
-    """Return the paragraphs of a block of ``results.jinja`` with values filled in."""
-    return results.paragraphs(_templates().get_template("results.jinja"), block, **values)
+    """Return the paragraphs of a block of ``texts.jinja`` with values filled in."""
+    return results.paragraphs(_templates().get_template("texts.jinja"), block, **values)
 
 
 def render_html(report: Report, version: str) -> str:
