@@ -18,7 +18,6 @@ from robustpolish.errors import InvalidInputError, SolverError
 from robustpolish.implementation.realization import anti_windup
 from robustpolish.implementation.run import disturbance_columns
 from robustpolish.implementation.sampled_design import SampledDesign
-from robustpolish.machines.loop import references
 from robustpolish.machines.mechanical.feedback import Feedback, feedback_of, limits_of
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import DISPLACEMENT, VELOCITY, Input, Output
@@ -145,7 +144,7 @@ def simulate_machine(
         name, (low, high) = loop.drives[i], loop.bounds[:, i]
         share = float(np.mean((column <= low) | (column >= high)))
         result[name] = ("time", column, {"units": units.get(name, ""), "at_limit": share})
-    result |= {name: over[name] for name in references(model)}
+    result |= {name: over[name] for name in model.references}
     return xr.Dataset(result, {"time": ("time", time, {"units": "s"})})
 
 

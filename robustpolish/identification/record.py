@@ -22,7 +22,7 @@ from robustpolish.base.arrays import AnyArray, Array
 from robustpolish.base.checks import described, invalid, misfit, one_of
 from robustpolish.errors import InvalidInputError
 from robustpolish.machines.effects.effect import Effect
-from robustpolish.machines.loop import LoopCourse, followed, references, with_commands
+from robustpolish.machines.loop import LoopCourse, followed, with_commands
 from robustpolish.machines.mechanical.model import MechanicalModel
 from robustpolish.machines.mechanical.parts import Input, Output
 from robustpolish.machines.simulation import IntersampleLines, lines, raw_outputs, signals
@@ -665,7 +665,7 @@ def checked_data(model: MechanicalModel, data: Any) -> xr.Dataset:
         remedy = "Read it with read_measurement, which resamples small irregularities."
         raise invalid("time", shown, "a uniform, rising grid", remedy)
     given = [i for i in model.inputs if i.name in data or i.name not in model.driven]
-    for item in [*given, *references(model), *model.outputs]:
+    for item in [*given, *model.references, *model.outputs]:
         _check_column(model, item, data)
     return with_commands(model, data)
 

@@ -183,9 +183,7 @@ def with_resolved_delay(effect: Effect, model: MechanicalModel, prepared: Prepar
 
     def left(late: Effect) -> float:
         delayed = model.with_effect(late.definition, late.at, late.values)
-        return float(
-            np.mean(np.log(least_squares.free_run_rms(delayed, prepared, prepared.windows)))
-        )
+        return least_squares.windows_log_error(delayed, prepared)
 
     return min(tried, key=left)
 

@@ -396,7 +396,7 @@ def _loop_warnings(model: MechanicalModel, data: xr.Dataset) -> list[str]:
 
 def _other_loop(model: MechanicalModel, data: xr.Dataset) -> list[str]:
     """Name the commands that differ from what the model's loops make of the measured outputs."""
-    found, names = followed(model, data).commands, [n for f in model.feedback for n in f.drives]
+    found, names = followed(model, data).commands, model.commands
     told = {n: np.asarray(data[n].values, dtype=float) for n in names if n in data}
     away = {n: float(np.std(u - found[:, names.index(n)])) for n, u in told.items()}
     size = {n: max(float(np.std(u)), 1e-300) for n, u in told.items()}

@@ -94,8 +94,7 @@ def loop_matrices(
         Whether converters round.
     """
     loops, outputs = model.feedback, model.output_names
-    names = [name for loop in loops for name in loop.drives]
-    asked = references(model)
+    names, asked = model.commands, model.references
     known = {name: i for i, name in enumerate((*asked, *(f"\0{o}" for o in outputs), *names))}
     parts = [loop.discrete() for loop in loops]
     count, nc, nv = len(loops), len(names), len(known)
@@ -155,13 +154,6 @@ def _actuator(model: MechanicalData, name: str, step: float) -> tuple[float, flo
     return *found.values(), math.exp(-step / sum(lags)) if lags else 0.0  # type: ignore[return-value]
 
 
-def references(model: MechanicalData) -> list[str]:
-    """Return the columns that loops read beside outputs."""
-    asked = dict.fromkeys(name for loop in model.feedback for name in loop.columns)
-    commands = {name for loop in model.feedback for name in loop.drives}
-    return [name for name in asked if name not in commands]
-
-
 class LoopCourse(NamedTuple):
     """What controllers are told along pieces of record, and how they are at the first samples.
 
@@ -218,7 +210,7 @@ def followed(model: MechanicalData, data: xr.Dataset) -> LoopCourse:
     sensors = np.outer([1.0, 0.0], np.ones(len(model.outputs)))  # what is measured has them in it
     loops = loop_matrices(model, dt / steps, sensors, rounds=False)
     asked = asked_columns(model, data)
-    Y = np.column_stack([np.asarray(data[name].values, dtype=float) for name in model.output_names])
+    Y = _columns(data, model.output_names)
     still = still_course(asked, loops)
     v = np.concatenate([asked[0], Y[0], np.zeros(len(loops.owner))])
     states, sent = still.states[0].copy(), still.sent[0].copy()
@@ -230,9 +222,8 @@ def followed(model: MechanicalData, data: xr.Dataset) -> LoopCourse:
         command = np.clip(command, loops.low[own], loops.high[own])
         v[v.size - len(loops.owner) + own] = command
         sent[own] = command[:, None]
-    names = [name for loop in model.feedback for name in loop.drives]
-    if states.size and all(name in data for name in names):
-        told = np.column_stack([np.asarray(data[name].values, dtype=float) for name in names])
+    if states.size and all(name in data for name in model.commands):
+        told = _columns(data, model.commands)
         states = _told_states(loops, asked, Y, states, sent, steps, told)
     found = replay_loops(loops, asked, Y, states, sent, steps)
     return LoopCourse(asked, np.arange(time.size), *found)
@@ -267,14 +258,17 @@ def _told_states(
 
 def asked_columns(model: MechanicalData, data: xr.Dataset) -> Array:
     """Return the references of a model's loops, shape (samples, references)."""
-    names = references(model)
-    for name in names:
+    for name in model.references:
         if name not in data:
             raise misfit(
                 "data", f"no column {name!r}", "every reference", "Check the column names."
             )
+    return _columns(data, model.references)
+
+
+def _columns(data: xr.Dataset, names: Sequence[str]) -> Array:
     columns = [np.asarray(data[name].values, dtype=float) for name in names]
-    return np.column_stack(columns) if names else np.zeros((data.sizes["time"], 0))
+    return np.column_stack([np.zeros((data.sizes["time"], 0)), *columns])
 
 
 def with_commands(model: MechanicalData, data: xr.Dataset) -> xr.Dataset:
@@ -283,10 +277,9 @@ def with_commands(model: MechanicalData, data: xr.Dataset) -> xr.Dataset:
     if not missing:
         return data
     course = followed(model, data)
-    names = [name for loop in model.feedback for name in loop.drives]
     units: dict[str, Any] = {item.name: model.unit_of(item) for item in model.inputs}
     columns = {
-        name: ("time", course.commands[:, names.index(name)], {"units": units[name]})
+        name: ("time", course.commands[:, model.commands.index(name)], {"units": units[name]})
         for name in missing
     }
     return data.assign(columns)

@@ -725,6 +725,11 @@ def short_window_log_error(model: MechanicalModel, prepared: PreparedRecord) -> 
     return float(np.mean(np.log(short_window_rms(model, prepared, prepared.trial))))
 
 
+def windows_log_error(model: MechanicalModel, prepared: PreparedRecord) -> float:
+    """Return the mean log of the errors over the windows of the whole record."""
+    return float(np.mean(np.log(free_run_rms(model, prepared, prepared.windows))))
+
+
 def free_run_rms(
     model: MechanicalModel, prepared: PreparedRecord, pieces: Sequence[StartedPiece]
 ) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -246,6 +246,11 @@ def is_guessed(key: str) -> bool:
 def has_smoothing(effect: Effect) -> bool:
     """Return whether an effect is dry friction that turns over within some speed, not at once."""
     return effect.values.get(effect.definition.turns_over, 0.0) > 0.0
+
+
+def with_effects_at(model: MechanicalModel, at: int, *instead: Effect) -> MechanicalModel:
+    """Return a model with others in place of one of its effects, or with none."""
+    return replace(model, effects=(*model.effects[:at], *instead, *model.effects[at + 1 :]))
 
 
 def makes_no_force(effect: Effect) -> bool:

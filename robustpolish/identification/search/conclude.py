@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -30,12 +29,16 @@ from robustpolish.identification.fit.least_squares import (
     homotopy,
     log_odds,
 )
+from robustpolish.identification.fit.parameters import with_effects_at
 from robustpolish.identification.fit.result import stderr_from_covariance
 from robustpolish.identification.observer.kalman import force_sites
 from robustpolish.identification.residual_tests import force_maps, residual_noise_floor
 from robustpolish.identification.search import score
-from robustpolish.identification.search.equivalents import find_force_equivalents, richer_kinds
-from robustpolish.identification.search.fits import with_rounded_turn
+from robustpolish.identification.search.equivalents import (
+    find_force_equivalents,
+    richer_kinds,
+    with_rounded_turn,
+)
 from robustpolish.identification.search.laws import CURVES, KINDS, OVER_TIME, learn
 from robustpolish.identification.search.search import NEAR, EffectSearch, told_alike
 from robustpolish.identification.search.verdict import (
@@ -289,10 +292,9 @@ def _finer(
     if turned is not None:
         yield turned.model, [effect.definition.turns_over]
     for richer in richer_kinds(model, at, prepared):
-        effects = (*model.effects[:at], richer, *model.effects[at + 1 :])
         more = [p.name for p in richer.definition.parameters if p.fitted]
         own = [p.name for p in effect.definition.parameters]
-        yield replace(model, effects=effects), [name for name in more if name not in own]
+        yield with_effects_at(model, at, richer), [name for name in more if name not in own]
 
 
 # The diagnosis as data.
@@ -369,8 +371,8 @@ def _alike_pairs(run: EffectSearch, found: Conclusion) -> list[tuple[Effect, Eff
             other = near.effect
             if (other.kind, other.at) in known:
                 continue
-            rest = (*final.model.effects[:index], other, *final.model.effects[index + 1 :])
-            error = whole_record_error(replace(final.model, effects=rest), run, final.predictable)
+            instead = with_effects_at(final.model, index, other)
+            error = whole_record_error(instead, run, final.predictable)
             counted = effective_samples(final.fit.errors)
             with np.errstate(divide="ignore"):
                 odds = float(np.sum(counted * np.log(error / final.error)))

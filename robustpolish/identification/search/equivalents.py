@@ -17,7 +17,8 @@ from scipy.optimize import least_squares
 
 from robustpolish.base.arrays import Array
 from robustpolish.base.budget import parallel_map
-from robustpolish.identification.fit.least_squares import free_run_rms
+from robustpolish.identification.fit.least_squares import windows_log_error
+from robustpolish.identification.fit.parameters import has_smoothing, with_effects_at
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.record import most_active_part
 from robustpolish.identification.search.screening import (
@@ -28,7 +29,7 @@ from robustpolish.identification.search.screening import (
 from robustpolish.machines.effects.effect import Effect, kinds
 from robustpolish.machines.effects.evaluate import MOST_SUBSTEPS, force_with
 from robustpolish.machines.effects.kind import EffectKind, Motion, Shape
-from robustpolish.machines.mechanical.data import motion_at
+from robustpolish.machines.mechanical.data import motion_at, port_rows
 from robustpolish.machines.mechanical.model import MechanicalModel
 
 _SAMPLES, _STARTS, _EVALUATIONS, _STEP = 1500, 2, 12, 1e-4
@@ -77,30 +78,16 @@ def find_force_equivalents(
         The nearest first; without what makes the effect's own force by another name.
     """
     effect = model.effects[at]
-    bare = replace(model, effects=(*model.effects[:at], *model.effects[at + 1 :]))
-    record = most_active_part(prepared.screened, _SAMPLES)
-    motion = prepared.motion(model, record)
-    if not np.isfinite(motion.q).all():  # which no observer can follow
-        motion = prepared.motion(bare, record)
-    # a law that is stiffer than any step can follow is told that step, or its force overflows
-    step = prepared.record.dt / MOST_SUBSTEPS
-
-    def moving(there: tuple[str, ...]) -> Motion:
-        like = replace(effect, at=there)
-        return motion_at(model, like, record.time, motion.q, motion.v, step)
-
-    here = moving(effect.at)
-    wanted = force_with(effect.definition, effect.values, here)
-    with np.errstate(over="ignore"):  # along a motion that diverges
-        if not 0 < np.sum(wanted**2) < np.inf:
-            return []
+    along = _Along(model, at, prepared)
+    here, wanted = along.here, along.force
+    if not along.usable:
+        return []
     tried = [(kind, given, effect.at, 1.0) for kind, given in _alternative_kinds(effect, here)]
     tried += [(effect.definition, {}, *place) for place in _other_places(model, effect)]
     found = []
     for kind, given, there, sign in tried:
-        seen, force = here if there == effect.at else moving(there), sign * wanted
-        shapes = candidate_columns(bare, kind, there, motion, record)
-        begun = _initial_values(kind, [entry.shape for entry in shapes], there, given, seen, force)
+        seen, force = here if there == effect.at else along.moving(there), sign * wanted
+        begun = _initial_values(kind, along.shapes(kind, there), there, given, seen, force)
         fits = [_fit_force(kind, values, seen, force) for values in begun[:_STARTS]]
         if fits:
             left, values = min(fits, key=lambda pair: pair[0])
@@ -126,35 +113,119 @@ def richer_kinds(model: MechanicalModel, at: int, prepared: PreparedRecord) -> l
     effect = model.effects[at]
     if effect.definition.domain != "pair" or effect.definition.over:
         return []
-    bare = replace(model, effects=(*model.effects[:at], *model.effects[at + 1 :]))
-    record = most_active_part(prepared.screened, _SAMPLES)
-    motion = prepared.motion(model, record)
-    if not np.isfinite(motion.q).all():
+    along = _Along(model, at, prepared)
+    if not along.usable:
         return []
-    step = prepared.record.dt / MOST_SUBSTEPS
-    here = motion_at(model, effect, record.time, motion.q, motion.v, step)
-    wanted = force_with(effect.definition, effect.values, here)
+    here, wanted = along.here, along.force
     own = _fitted(effect.definition)
     richer = {k: g for k, g in _alternative_kinds(effect, here) if _fitted(k) > own}
     nearest = [k for k in richer if not any(_fitted(k) > _fitted(other) for other in richer)]
-
-    def left(tried: Effect) -> float:
-        effects = (*model.effects[:at], tried, *model.effects[at + 1 :])
-        errors = free_run_rms(replace(model, effects=effects), prepared, prepared.windows)
-        return float(np.mean(np.log(errors)))
-
-    now, found = left(effect), []
+    now, found = windows_log_error(model, prepared), []
     for kind in nearest:
-        shapes = [e.shape for e in candidate_columns(bare, kind, effect.at, motion, record)]
+        shapes = along.shapes(kind, effect.at)
         begun = _initial_values(kind, shapes, effect.at, richer[kind], here, wanted)
         held = [s.parameter for s in kind.scan if s.kept and s.parameter not in effect.values]
         firsts = {tuple(values[name] for name in held): values for values in reversed(begun)}
         fits = [_fit_force(kind, values, here, wanted, held)[1] for values in firsts.values()]
         tried = [Effect.of(kind, effect.at, values) for values in fits]
-        errors = parallel_map(left, tried)
+        errors = _errors_with(model, at, tried, prepared)
         if errors and min(errors) < now - _SAME:
             found.append(tried[int(np.argmin(errors))])
     return found
+
+
+class RoundedTurn(NamedTuple):
+    """A model with a friction that turns over gently; whether no sharper turn was tried."""
+
+    model: MechanicalModel
+    sharpest: bool
+
+
+def with_rounded_turn(
+    model: MechanicalModel, at: int, prepared: PreparedRecord
+) -> RoundedTurn | None:
+    """Return a model in which a friction turns over within the speed that suits the data best.
+
+    Where the turn is far wider than the true one, the other numbers are bent by it, and where it is
+    far sharper, it makes no difference: from neither do slopes lead to the true one. So a ladder of
+    speeds is run through, all other numbers held.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    at : int
+        Where the effect stands.
+    prepared : PreparedRecord
+
+    Returns
+    -------
+    RoundedTurn or None
+        None for an effect that has no turn, or a rounded one.
+    """
+    effect = model.effects[at]
+    name = effect.definition.turns_over
+    if not name or has_smoothing(effect):
+        return None
+    motion = prepared.motion(model, prepared.screened)
+    speed = float(np.sqrt(np.mean((port_rows(model, effect) @ motion.v)[0] ** 2)))
+    if not speed > 0:
+        return None
+
+    # the sharpest first: it takes the most steps
+    tried = [
+        effect.with_values({**effect.parameters, name: share * speed})
+        for share in prepared.policy.smoothing_shares[::-1]
+    ]
+    best = int(np.argmin(_errors_with(model, at, tried, prepared)))
+    return RoundedTurn(with_effects_at(model, at, tried[best]), best == 0)
+
+
+def _errors_with(
+    model: MechanicalModel, at: int, tried: Sequence[Effect], prepared: PreparedRecord
+) -> list[float]:
+    """Return what a model leaves of the record with each of some effects in place of one."""
+    models = [with_effects_at(model, at, effect) for effect in tried]
+    return parallel_map(lambda each: windows_log_error(each, prepared), models)
+
+
+class _Along:
+    """The motion of the most active part of a record, and the force of an effect along it.
+
+    Parameters
+    ----------
+    model : MechanicalModel
+    at : int
+        Where the effect stands.
+    prepared : PreparedRecord
+    """
+
+    def __init__(self, model: MechanicalModel, at: int, prepared: PreparedRecord) -> None:
+        self.model, self.effect = model, model.effects[at]
+        self.bare = with_effects_at(model, at)
+        self.record = most_active_part(prepared.screened, _SAMPLES)
+        self.motion = prepared.motion(model, self.record)
+        if not np.isfinite(self.motion.q).all():  # which no observer can follow
+            self.motion = prepared.motion(self.bare, self.record)
+        # a law that is stiffer than any step can follow is told that step, or its force overflows
+        self.step = prepared.record.dt / MOST_SUBSTEPS
+        self.here = self.moving(self.effect.at)
+        self.force = force_with(self.effect.definition, self.effect.values, self.here)
+
+    def moving(self, there: tuple[str, ...]) -> Motion:
+        """Return the motion at a place."""
+        like, motion = replace(self.effect, at=there), self.motion
+        return motion_at(self.model, like, self.record.time, motion.q, motion.v, self.step)
+
+    def shapes(self, kind: EffectKind, there: tuple[str, ...]) -> list[Shape]:
+        """Return the forces of a kind at a place, with the effect taken out."""
+        found = candidate_columns(self.bare, kind, there, self.motion, self.record)
+        return [entry.shape for entry in found]
+
+    @property
+    def usable(self) -> bool:
+        """Whether there is a force, and the motion does not diverge."""
+        with np.errstate(over="ignore"):
+            return bool(0 < np.sum(self.force**2) < np.inf)
 
 
 def _fitted(kind: EffectKind) -> set[str]:

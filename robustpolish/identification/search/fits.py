@@ -4,86 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
-from robustpolish.base.budget import parallel_map
 from robustpolish.identification.fit.least_squares import (
     EvaluatedFit,
     best_stage,
-    free_run_rms,
     homotopy,
     ranking_log_error,
 )
-from robustpolish.identification.fit.parameters import (
-    has_smoothing,
-    makes_no_force,
-    scaled_effect,
-)
+from robustpolish.identification.fit.parameters import makes_no_force, scaled_effect
 from robustpolish.identification.fit.prepared import PreparedRecord
 from robustpolish.identification.policy import STRONG
 from robustpolish.identification.refit import with_resolved_delay
+from robustpolish.identification.search.equivalents import with_rounded_turn
 from robustpolish.identification.search.score import Place, ScoredModel, nats
 from robustpolish.machines.effects.effect import Effect
-from robustpolish.machines.mechanical.data import port_rows
 from robustpolish.machines.mechanical.model import MechanicalModel
 
 
 def _better(one: ScoredModel | None, other: ScoredModel | None) -> bool:
     """Return whether a model is better than another one by very strong evidence."""
     return one is not None and (other is None or nats(one, other) > STRONG)
-
-
-class RoundedTurn(NamedTuple):
-    """A model with a friction that turns over gently; whether no sharper turn was tried."""
-
-    model: MechanicalModel
-    sharpest: bool
-
-
-def with_rounded_turn(
-    model: MechanicalModel, at: int, prepared: PreparedRecord
-) -> RoundedTurn | None:
-    """Return a model in which a friction turns over within the speed that suits the data best.
-
-    Where the turn is far wider than the true one, the other numbers are bent by it, and where it is
-    far sharper, it makes no difference: from neither do slopes lead to the true one. So a ladder of
-    speeds is run through, all other numbers held.
-
-    Parameters
-    ----------
-    model : MechanicalModel
-    at : int
-        Where the effect stands.
-    prepared : PreparedRecord
-
-    Returns
-    -------
-    RoundedTurn or None
-        None for an effect that has no turn, or a rounded one.
-    """
-    effect = model.effects[at]
-    name = effect.definition.turns_over
-    if not name or has_smoothing(effect):
-        return None
-    motion = prepared.motion(model, prepared.screened)
-    speed = float(np.sqrt(np.mean((port_rows(model, effect) @ motion.v)[0] ** 2)))
-    if not speed > 0:
-        return None
-
-    def turned(share: float) -> MechanicalModel:
-        gentle = effect.with_values({**effect.parameters, name: share * speed})
-        return replace(model, effects=(*model.effects[:at], gentle, *model.effects[at + 1 :]))
-
-    # the sharpest first: it takes the most steps
-    tried = [turned(share) for share in prepared.policy.smoothing_shares[::-1]]
-
-    def left(tried: MechanicalModel) -> float:
-        return float(np.mean(np.log(free_run_rms(tried, prepared, prepared.windows))))
-
-    best = int(np.argmin(parallel_map(left, tried)))
-    return RoundedTurn(tried[best], best == 0)
 
 
 @dataclass
@@ -200,13 +142,12 @@ class Fits:
         """
         if scored is None or self.at_noise_floor(scored.fitted):
             return scored
-        key = scored.places
         for at in range(len(self.reference.effects), len(scored.model.effects)):
             begun = with_rounded_turn(scored.model, at, self.prepared)
             if begun is not None and not begun.sharpest:
                 rounded = self.near(begun.model)
                 if rounded is not None and nats(rounded, scored) > STRONG:
-                    self.done[key] = scored = rounded
+                    self.done[scored.places] = scored = rounded
         return scored
 
     def at_noise_floor(self, stage: EvaluatedFit) -> bool:

@@ -366,17 +366,26 @@ class MechanicalData:
         return tuple(item.name for item in self.outputs)
 
     @property
+    def commands(self) -> tuple[str, ...]:
+        """Names of what the feedback commands, loop by loop."""
+        return tuple(name for loop in self.feedback for name in loop.drives)
+
+    @property
     def driven(self) -> tuple[str, ...]:
         """Names of the inputs that a feedback commands."""
-        commands = {name for loop in self.feedback for name in loop.drives}
-        return tuple(name for name in self.input_names if name in commands)
+        return tuple(name for name in self.input_names if name in self.commands)
+
+    @property
+    def references(self) -> tuple[str, ...]:
+        """Names of the columns that the feedback reads beside outputs."""
+        asked = dict.fromkeys(name for loop in self.feedback for name in loop.columns)
+        return tuple(name for name in asked if name not in self.commands)
 
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of what drives the model and its loops in a record: inputs, then references."""
-        commands = {name for loop in self.feedback for name in loop.drives}
-        asked = [name for loop in self.feedback for name in loop.columns]
-        return tuple(n for n in dict.fromkeys((*self.input_names, *asked)) if n not in commands)
+        free = (name for name in self.input_names if name not in self.commands)
+        return tuple(dict.fromkeys((*free, *self.references)))
 
     def dof(self, name: str) -> Dof:
         """Return the degree of freedom with this name.
