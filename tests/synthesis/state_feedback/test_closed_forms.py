@@ -224,7 +224,7 @@ def test_a_slow_machine_finds_the_same_gain(options, monkeypatch):
 def test_the_end_of_the_work_is_no_lack_of_time(monkeypatch):
     from robustpolish.synthesis.state_feedback import state_feedback as module
 
-    monkeypatch.setattr(module, "_WORK", 4e2)
+    monkeypatch.setattr(module, "WORK", 4e2)
     design = rp.state_feedback(unpriced_plant(), gain_bound=6.0)
     assert design.certificate.valid
     assert design.status == "suboptimal"
